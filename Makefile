@@ -1,0 +1,54 @@
+.DEFAULT_GOAL := help
+.PHONY: help setup run test lint coverage bench lock clean
+
+PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
+	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$python" && break; done)
+BIN := .venv/bin
+LOCKED := .venv/locked
+READY := .venv/ready
+
+help:  ## this list
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|'
+
+setup: $(READY)  ## makes .venv with the locked packages and this project
+
+$(LOCKED): requirements.lock
+	@test -n "$(PYTHON)" || { echo "No Python 3.11 or newer found: install one, or name it: make PYTHON=/path/to/python3" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip' || { echo "$(PYTHON) cannot make environments: install its venv module (Debian: apt-get install python3-venv)" >&2; exit 1; }
+	$(PYTHON) -m venv --clear .venv
+	$(BIN)/pip install --quiet --require-hashes --requirement requirements.lock
+	@touch $@
+
+$(READY): $(LOCKED) pyproject.toml
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+run: $(READY)  ## the main job: cost against backlash of the RV-40E-121
+	$(BIN)/tolevo run configs/rv40e_backlash.toml --out runs/rv40e_backlash --overwrite
+
+test: $(READY)  ## the tests
+	$(BIN)/python -m pytest
+
+lint: $(READY)  ## style, types and the arrows between the rooms
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/python tools/link_packages.py
+	$(BIN)/mypy
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/pyright
+	PYTHONPATH=.links $(BIN)/lint-imports --no-cache
+
+coverage: $(READY)  ## the tests, with the lines and branches they miss
+	$(BIN)/python -m pytest --cov --cov-report=term --cov-report=html
+
+bench: $(READY)  ## the speeds that are promised
+	$(BIN)/python benchmarks/propagation.py
+
+lock: $(READY)  ## renews requirements.lock
+	$(BIN)/pip install --quiet uv
+	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --upgrade \
+		--generate-hashes --no-annotate --custom-compile-command "make lock" \
+		--extra dev --output-file requirements.lock pyproject.toml
+
+clean:  ## removes what make made, .venv included, but no results
+	rm -rf .venv .links build dist htmlcov *.egg-info .coverage .coverage.* .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

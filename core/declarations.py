@@ -1,0 +1,95 @@
+"""What a model or problem declares about itself: parameters, design variables, outputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from math import inf
+
+Value = float | int | str | bool
+
+
+class Kind(StrEnum):
+    """What the number of a design variable means."""
+
+    HALF_WIDTH = "half-width t of the zone mid +- t"
+    STANDARD_DEVIATION = "standard deviation"
+    FULL_CLEARANCE = "full clearance c of the zone [0, c]"
+    GRADE = "tolerance grade"
+    NOMINAL = "nominal value"
+
+
+TOLERANCES = frozenset({Kind.HALF_WIDTH, Kind.STANDARD_DEVIATION, Kind.FULL_CLEARANCE, Kind.GRADE})
+"""The kinds that are tolerances: narrower is tighter and dearer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A named input of a physical model.
+
+    `assumed` marks a default that no document prints; it is reported as an assumption.
+    """
+
+    name: str
+    default: Value
+    unit: str
+    meaning: str
+    source: str = ""
+    assumed: bool = False
+    low: float = -inf
+    high: float = inf
+    open_low: bool = False
+    choices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A design variable: its search range in `unit`, and the document's own choice."""
+
+    name: str
+    unit: str
+    kind: Kind
+    low: float
+    high: float
+    meaning: str
+    document: float | None = None
+    mid: float | None = None
+    integer: bool = False
+    valid_low: float = -inf
+    valid_high: float = inf
+    assumed: str = ""
+    random: bool = False
+
+    @property
+    def tolerance(self) -> bool:
+        """Whether the variable is a tolerance rather than a nominal value."""
+        return self.kind in TOLERANCES
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A named output of a model or problem.
+
+    `scale` normalises a limit whose bound is 0. `larger_is_better` makes a bare number in
+    `[limits]` a lower limit. `error_of` names the output whose numerical error this one states.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    scale: float = 1.0
+    larger_is_better: bool = False
+    low: float = -inf
+    high: float = inf
+    error_of: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Assumption:
+    """A default that no document prints, as `tolevo check` and `summary.json` name it."""
+
+    name: str
+    value: Value
+    unit: str
+    reason: str
+    set_by: str = "default"

@@ -1,0 +1,69 @@
+"""Everything tolevo raises on purpose.
+
+TolevoError            exit status 1
+|-- InputError         exit status 2: the user's input is wrong; carries every fault found
+|-- RunError           exit status 1: a run failed; says what is saved and how to go on
+`-- ModelError         exit status 1: a model returned what it must not (NaN, wrong shape)
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault in the user's input: where it is, and what would be right."""
+
+    place: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.message}"
+
+
+class TolevoError(Exception):
+    """Root of the tree; `exit_status` is what the command line returns."""
+
+    exit_status = 1
+
+
+class InputError(TolevoError):
+    """The user's input is wrong: configuration, data or arguments."""
+
+    exit_status = 2
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults = tuple(faults)
+        super().__init__("\n".join(str(fault) for fault in self.faults))
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[tuple[Fault, ...]]]:
+        return type(self), (self.faults,)
+
+
+class RunError(TolevoError):
+    """A run failed after it had begun."""
+
+
+class ModelError(TolevoError):
+    """A model or problem broke its own contract (shape, finiteness)."""
+
+
+def refuse(place: str, message: str) -> InputError:
+    """An `InputError` of one fault, to be raised."""
+    return InputError([Fault(place, message)])
+
+
+def raise_all(faults: Iterable[Fault]) -> None:
+    """Raise one `InputError` that carries all `faults`; do nothing where there are none."""
+    found = tuple(faults)
+    if found:
+        raise InputError(found)
+
+
+def nearest(name: str, valid: Iterable[str]) -> str:
+    """' (did you mean `x`?)' for the closest valid name, else an empty string."""
+    close = difflib.get_close_matches(name, list(valid), n=1, cutoff=0.6)
+    return f" (did you mean `{close[0]}`?)" if close else ""

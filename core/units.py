@@ -1,0 +1,58 @@
+"""Units at the edge: configuration strings in, SI inside (over pint).
+
+A quantity is either a bare number, whose unit its key names (`crank_bearing_um = 2`), or a string
+with a unit (`"0.002 mm"`) that is converted to the unit of the key.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import tokenize
+from functools import lru_cache
+from typing import Any
+
+ARCMIN = math.radians(1.0 / 60.0)
+"""Radians in an arc minute."""
+UM = 1e-6
+"""Metres in a micrometre."""
+MM = 1e-3
+"""Metres in a millimetre."""
+
+SUFFIXES = frozenset("um mm m arcmin arcsec deg rad mrad percent K C s rpm Nm kg N".split())
+"""The unit suffixes that names of parameters, variables and outputs end with."""
+
+_PINT_NAMES = {"Nm": "newton * meter", "C": "degC", "": "dimensionless"}
+_QUANTITY = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
+
+
+@lru_cache(maxsize=1)
+def _registry() -> Any:
+    from pint import UnitRegistry
+
+    return UnitRegistry(autoconvert_offset_to_baseunit=True)
+
+
+def to_unit(text: str, unit: str) -> float:
+    """The number in `unit` that `text` ("2 um") states.
+
+    Raises ValueError with the remedy where the text is not a number with a unit that fits.
+    """
+    from pint.errors import PintError
+
+    wanted = f"a string with a unit of {unit}" if unit else "a plain number"
+    match = _QUANTITY.match(text)
+    if match is None or bool(match[2]) != bool(unit):
+        raise ValueError(f'must be a number or {wanted}, got "{text}"')
+    given = _PINT_NAMES.get(match[2], match[2])
+    try:
+        quantity = _registry().Quantity(float(match[1]), given)
+        return float(quantity.to(_PINT_NAMES.get(unit, unit)).magnitude)
+    except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
+        raise ValueError(f'must be a number or {wanted}, got "{text}"') from error
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """`crank_bearing_um` as ("crank_bearing", "um"); the unit is empty where the name has none."""
+    stem, _, last = name.rpartition("_")
+    return (stem, last) if stem and last in SUFFIXES else (name, "")

@@ -1,0 +1,1 @@
+"""Physics: frozen parameter records and pure functions on batches."""

@@ -1,0 +1,31 @@
+"""Cost-tolerance curves; `CURVES` maps their configuration names."""
+
+from __future__ import annotations
+
+from .combined import Combined
+from .curve import CostCurve
+from .exponential import Exponential
+from .reciprocal import Reciprocal
+from .reciprocal_power import ReciprocalPower
+from .reciprocal_squared import ReciprocalSquared
+from .table import Table
+
+CURVES: dict[str, type[CostCurve]] = {
+    "reciprocal": Reciprocal,
+    "reciprocal_squared": ReciprocalSquared,
+    "reciprocal_power": ReciprocalPower,
+    "exponential": Exponential,
+    "combined": Combined,
+    "table": Table,
+}
+
+__all__ = [
+    "CURVES",
+    "Combined",
+    "CostCurve",
+    "Exponential",
+    "Reciprocal",
+    "ReciprocalPower",
+    "ReciprocalSquared",
+    "Table",
+]

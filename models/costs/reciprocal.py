@@ -1,0 +1,28 @@
+"""Reciprocal cost curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .curve import Array, CostCurve, not_negative
+
+
+@dataclass(frozen=True, slots=True)
+class Reciprocal(CostCurve):
+    """C(t) = a + b/t.
+
+    Reference: Chase & Greenwood (1988), Design issues in mechanical tolerance analysis,
+    Manufacturing Review 1(1), 50-59.
+    """
+
+    a: float
+    b: float
+
+    def cost(self, t: Array) -> Array:
+        return self.a + self.b / t
+
+    def slope(self, t: Array) -> Array:
+        return -self.b / t**2
+
+    def faults(self) -> list[tuple[str, str]]:
+        return not_negative(self, ("b",))

@@ -1,0 +1,28 @@
+"""Reciprocal squared cost curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .curve import Array, CostCurve, not_negative
+
+
+@dataclass(frozen=True, slots=True)
+class ReciprocalSquared(CostCurve):
+    """C(t) = a + b/t^2.
+
+    Reference: Spotts (1973), Allocation of tolerances to minimize cost of assembly, J. Engineering
+    for Industry 95(3), 762-764.
+    """
+
+    a: float
+    b: float
+
+    def cost(self, t: Array) -> Array:
+        return self.a + self.b / t**2
+
+    def slope(self, t: Array) -> Array:
+        return -2.0 * self.b / t**3
+
+    def faults(self) -> list[tuple[str, str]]:
+        return not_negative(self, ("b",))

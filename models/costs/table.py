@@ -1,0 +1,42 @@
+"""Tabulated cost curve: grade or tolerance against cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from .curve import Array, CostCurve
+
+
+@dataclass(frozen=True, slots=True)
+class Table(CostCurve):
+    """Cost at listed tolerances (or grades), linear between them; not defined outside the list.
+
+    `t` rises strictly and `cost_at` falls or stays. At a listed tolerance the slope is that of the
+    interval above it, at the last one that of the interval below. Outside the list C is infinite:
+    nobody quoted that tolerance.
+    """
+
+    t: tuple[float, ...]
+    cost_at: tuple[float, ...]
+
+    def cost(self, t: Array) -> Array:
+        return np.interp(t, self.t, self.cost_at, left=np.inf, right=np.inf)
+
+    def slope(self, t: Array) -> Array:
+        knots, slopes = np.array(self.t), np.diff(self.cost_at) / np.diff(self.t)
+        at = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(slopes) - 1)
+        return np.where((t < knots[0]) | (t > knots[-1]), np.nan, slopes[at])
+
+    def faults(self) -> list[tuple[str, str]]:
+        if len(self.t) != len(self.cost_at) or len(self.t) < 2:
+            return [("t", f"needs at least two entries, and as many as cost_at, got {len(self.t)} "
+                          f"and {len(self.cost_at)}")]  # fmt: skip
+        found = []
+        if any(after <= before for before, after in pairwise(self.t)):
+            found.append(("t", "must rise from entry to entry"))
+        if any(after > before for before, after in pairwise(self.cost_at)):
+            found.append(("cost_at", "must not rise with the tolerance"))
+        return found

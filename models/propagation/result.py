@@ -1,0 +1,50 @@
+"""What a propagation returns: estimates, each with the error that its method states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from ..inputs.distribution import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value per design and its stated numerical (or standard) error, both of shape (n,)."""
+
+    value: Array
+    error: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Propagated:
+    """Statistics of a `ClippedSum` over the units built to each of n designs.
+
+    `geometric_mean`, `geometric_std` are exact in every method. `mean`, `std` and `quantile` (at
+    the one-sided coverage) are those of the effective value, `conforming` is the probability that
+    it keeps the limit, `negative` the probability that the clipped part is below zero.
+    """
+
+    geometric_mean: Array
+    geometric_std: Array
+    mean: Estimate
+    std: Estimate
+    quantile: Estimate
+    conforming: Estimate
+    negative: Estimate
+
+
+def joined(parts: list[Propagated]) -> Propagated:
+    """The results of consecutive blocks of designs as one."""
+    found = {}
+    for field in fields(Propagated):
+        pieces = [getattr(part, field.name) for part in parts]
+        if isinstance(pieces[0], Estimate):
+            found[field.name] = Estimate(
+                np.concatenate([piece.value for piece in pieces]),
+                np.concatenate([piece.error for piece in pieces]),
+            )
+        else:
+            found[field.name] = np.concatenate(pieces)
+    return Propagated(**found)

@@ -1,0 +1,102 @@
+"""What is propagated: a sum of independent inputs, part of which cannot go below zero."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import comb
+
+import numpy as np
+
+from ..inputs.distribution import Array, Distribution
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """One independent contribution constant + linear z + quadratic z^2, z ~ `distribution`.
+
+    The three coefficients have shape (n,): one value per design. Unit: that of the sum.
+    """
+
+    distribution: Distribution
+    constant: Array
+    linear: Array
+    quadratic: Array | None = None
+
+    def rows(self, chosen: slice) -> Term:
+        """The same contribution for some of the designs."""
+        bent = None if self.quadratic is None else self.quadratic[chosen]
+        return replace(
+            self, constant=self.constant[chosen], linear=self.linear[chosen], quadratic=bent
+        )
+
+    def cumulants(self) -> Array:
+        """First four cumulants, shape (4, n)."""
+        if self.quadratic is None:
+            scale = self.linear ** np.arange(1, 5)[:, None]
+            found = scale * cumulants_of(self.distribution.raw_moments(4)[1:])[:, None]
+        else:
+            found = cumulants_of(self._centred_raw_moments(self.quadratic))
+        found[0] += self.constant
+        return found
+
+    def _centred_raw_moments(self, quadratic: Array) -> Array:
+        """E[(linear z + quadratic z^2)^k], k = 1..4, shape (4, n), by the binomial theorem."""
+        m = self.distribution.raw_moments(8)
+        return np.array([
+            sum(
+                comb(k, j) * self.linear ** (k - j) * quadratic**j * m[k + j] for j in range(k + 1)
+            )
+            for k in range(1, 5)
+        ])  # fmt: skip
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper end of the contribution, each (n,)."""
+        low, high = self.distribution.support
+        at = [self._value(low), self._value(high)]
+        if self.quadratic is not None:
+            safe = np.where(self.quadratic == 0.0, 1.0, self.quadratic)
+            vertex = np.where(self.quadratic == 0.0, 0.0, -0.5 * self.linear / safe)
+            at.append(self._value(np.clip(vertex, low, high)))
+        return np.min(at, axis=0), np.max(at, axis=0)
+
+    def _value(self, z: float | Array) -> Array:
+        bent = 0.0 if self.quadratic is None else self.quadratic * z * z
+        return self.constant + self.linear * z + bent
+
+
+@dataclass(frozen=True, slots=True)
+class ClippedSum:
+    """X = sum(free) + max(0, sum(clipped)) of independent terms, for n designs at once.
+
+    `sum(free) + sum(clipped)` is the geometric value, X the effective one; a negative clipped part
+    is interference (preload), which is no play.
+    """
+
+    free: tuple[Term, ...]
+    clipped: tuple[Term, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of designs n."""
+        return len(self.clipped[0].constant)
+
+    def rows(self, chosen: slice) -> ClippedSum:
+        """The same sum for some of the designs."""
+        return ClippedSum(
+            tuple(term.rows(chosen) for term in self.free),
+            tuple(term.rows(chosen) for term in self.clipped),
+        )
+
+
+def total_cumulants(terms: tuple[Term, ...]) -> Array:
+    """First four cumulants of a sum of independent terms, shape (4, n)."""
+    return np.sum([term.cumulants() for term in terms], axis=0)
+
+
+def cumulants_of(raw: Array) -> Array:
+    """Cumulants k1..k4 from raw moments E[x^1..4], both of shape (4, ...)."""
+    m1, m2, m3, m4 = raw
+    variance = m2 - m1**2
+    third = m3 - 3.0 * m1 * m2 + 2.0 * m1**3
+    fourth = m4 - 4.0 * m1 * m3 - 3.0 * m2**2 + 12.0 * m1**2 * m2 - 6.0 * m1**4
+    return np.array([m1, variance, third, fourth])

@@ -1,0 +1,1 @@
+"""The RV reducer: geometric backlash, tooth modification, and batches of units."""

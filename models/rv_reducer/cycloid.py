@@ -1,0 +1,56 @@
+"""Backlash of the cycloid stage: what each error of its parts contributes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .geometry import RvGeometry
+
+LINEAR_ERRORS = (
+    "pin_circle_radius",
+    "pin_position",
+    "pin_hole_radius",
+    "pin_radius",
+    "pitch",
+    "runout",
+    "equidistance",
+    "shift",
+)
+"""The errors that act at first order, in the order of document B's table."""
+
+
+def coefficients(geometry: RvGeometry) -> dict[str, float]:
+    """A of phi_2 = A . delta / (e z_c), by name of the error.
+
+    Twice the relative sensitivities that document B prints: with the factor two the printed
+    e z_c/(2 a_0) of the crank bearing agrees with the printed phi_3, the printed optimum with the
+    printed 0.11', and exact geometry with the formula (docs/decisions/0003).
+    """
+    k1, flank = geometry.k1, geometry.flank
+    return {
+        "pin_circle_radius": 2.0 * flank,
+        "pin_position": 2.0 * k1,
+        "pin_hole_radius": 2.0,
+        "pin_radius": -2.0,
+        "pitch": k1,
+        "runout": 0.5,
+        "equidistance": 2.0,
+        "shift": -2.0 * flank,
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class EccentricityLaw:
+    """phi_2 changes by 2/(e z_c) (linear d + quadratic d^2) with an eccentricity error d [m].
+
+    Document B has 0 at first order; the coefficients are fitted to exact 40-pin geometry of the
+    RV-40E-121 and hold for |d| <= 10 um.
+    """
+
+    linear: float = -0.055
+    quadratic: float = -12.6e3
+
+    def expanded(self, mid: float) -> tuple[float, float, float]:
+        """Constant, linear and quadratic coefficient about d = mid + x."""
+        constant = self.linear * mid + self.quadratic * mid**2
+        return constant, self.linear + 2.0 * self.quadratic * mid, self.quadratic

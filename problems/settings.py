@@ -1,0 +1,58 @@
+"""What a problem is set up from: plain frozen records, made by the configuration or by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import inf
+
+from ..declarations import Value
+from ..models.costs import CostCurve
+from ..models.inputs import Distribution
+
+METHODS = ("moments", "convolution", "monte_carlo")
+
+
+@dataclass(frozen=True, slots=True)
+class VariableSetting:
+    """A variable fixed at `value`, or searched in [low, high]; None means the problem's default."""
+
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+    distribution: Distribution | None = None
+    mid: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """A limit on an output: low <= output <= high."""
+
+    low: float = -inf
+    high: float = inf
+
+
+@dataclass(frozen=True, slots=True)
+class PropagationSetting:
+    """How spread is propagated: one of `METHODS`, one-sided coverage, sample size."""
+
+    method: str = "convolution"
+    coverage: float = 0.9973
+    samples: int = 65_536
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Everything that distinguishes one instance of a problem from its defaults.
+
+    Names that a mapping leaves out keep the problem's default; `objectives` empty means the
+    problem's own.
+    """
+
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+    variables: Mapping[str, VariableSetting] = field(default_factory=dict)
+    costs: Mapping[str, CostCurve] = field(default_factory=dict)
+    propagation: PropagationSetting = PropagationSetting()
+    objectives: tuple[str, ...] = ()
+    limits: Mapping[str, Bound] = field(default_factory=dict)
+    seed: int = 0
