@@ -34,7 +34,7 @@ lint: $(READY)  ## style, types and the arrows between the rooms
 	$(BIN)/ruff format --check .
 	$(BIN)/python tools/link_packages.py
 	$(BIN)/mypy
-	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/pyright
+	$(BIN)/pyright --project .links --pythonpath $(BIN)/python
 	PYTHONPATH=.links $(BIN)/lint-imports --no-cache
 
 coverage: $(READY)  ## the tests, with the lines and branches they miss

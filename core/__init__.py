@@ -1,0 +1,20 @@
+"""Tolerance allocation for mechanisms; everything here is imported when it is first used."""
+
+from __future__ import annotations
+
+from typing import Any
+
+_FROM_API = ("evaluate", "read", "run", "simulate")
+__all__ = ["__version__", *_FROM_API]  # noqa: PLE0604, RUF100
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("tolevo")
+    if name in _FROM_API:
+        from . import api
+
+        return getattr(api, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -2,7 +2,8 @@
 
 The folders ``core``, ``models``, ... become one package only when they are installed; mypy, pyright
 and the import linter do not follow an editable install. Every Python file is linked on its own:
-not every tool walks through a linked folder.
+not every tool walks through a linked folder. What stands beside the package is linked too, so that
+``.links`` is a project of its own.
 """
 
 import shutil
@@ -11,6 +12,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LINKS = ROOT / ".links"
+BESIDE = ("pyproject.toml", "tests", "benchmarks", "tools")
 
 
 def package_folders() -> dict[str, str]:
@@ -21,7 +23,7 @@ def package_folders() -> dict[str, str]:
 
 
 def link_folder(folder: Path, target: Path) -> None:
-    """Link the Python files below ``folder``, and ``py.typed``, at the same places of ``target``."""
+    """Link the Python files of ``folder``, and ``py.typed``, to the same places in ``target``."""
     for source in [*folder.rglob("*.py"), *folder.rglob("py.typed")]:
         link = target / source.relative_to(folder)
         link.parent.mkdir(parents=True, exist_ok=True)
@@ -33,6 +35,8 @@ def main() -> None:
     shutil.rmtree(LINKS, ignore_errors=True)
     for package, folder in package_folders().items():
         link_folder(ROOT / folder, LINKS.joinpath(*package.split(".")))
+    for name in BESIDE:
+        (LINKS / name).symlink_to(ROOT / name)
 
 
 if __name__ == "__main__":

@@ -43,10 +43,12 @@ def _stop_loss_bent(term: Term, away: Array) -> Array:
     """The same for linear z + quadratic z^2: the mass between the roots, or outside of them."""
     assert term.quadratic is not None
     b, a = term.linear[:, None], np.where(term.quadratic == 0.0, 1.0, term.quadratic)[:, None]
-    root = np.sqrt(np.maximum(b * b + 4.0 * a * away, 0.0))
+    square = b * b + 4.0 * a * away
+    root = np.sqrt(np.maximum(square, 0.0))
     stable = -0.5 * (b + np.where(b < 0.0, -root, root))
     one = stable / a
-    other = np.where(stable == 0.0, one, -away / np.where(stable == 0.0, 1.0, stable))
+    single = (square <= 0.0) | (stable == 0.0)  # beyond the vertex: no root, an empty interval
+    other = np.where(single, one, -away / np.where(single, 1.0, stable))
     low = term.distribution.partial_moments(np.minimum(one, other))
     high = term.distribution.partial_moments(np.maximum(one, other))
     inside = [upper - lower for lower, upper in zip(low, high, strict=True)]

@@ -1,0 +1,1 @@
+"""Optimisers through pymoo, the search loop, and indicators."""

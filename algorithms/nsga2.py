@@ -1,0 +1,33 @@
+"""NSGA-II: non-dominated sorting with crowding distance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from .settings import AlgorithmSettings, Crossover, Mutation
+
+if TYPE_CHECKING:
+    from ..problems.tolerance_problem import ToleranceProblem
+
+
+@dataclass(frozen=True, slots=True)
+class NSGA2(AlgorithmSettings):
+    """NSGA-II for two or more objectives (Deb, Pratap, Agarwal & Meyarivan 2002)."""
+
+    many_objectives: ClassVar[bool] = True
+    population: int = field(default=100, metadata={"low": 2})
+    crossover: Crossover = Crossover()
+    mutation: Mutation = Mutation()
+
+    def build(self, problem: ToleranceProblem) -> Any:
+        from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2  # noqa: N811
+        from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
+
+        from .operators import operators
+
+        return PymooNSGA2(
+            pop_size=self.population,
+            survival=RankAndCrowding(),
+            **operators(problem, self.crossover, self.mutation),
+        )

@@ -1,0 +1,249 @@
+"""The command line: `tolevo run | evaluate | simulate | check | list`."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
+
+import typer
+
+from .errors import Fault, InputError, TolevoError, raise_all
+from .files import unwritable
+
+if TYPE_CHECKING:
+    from .configuration import Configuration
+
+INTERRUPTED = 130
+STATUS = {"done": 0, "no_feasible_point": 1, "interrupted": INTERRUPTED}
+
+app = typer.Typer(
+    help="Tolerance allocation for mechanisms.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+Result = TypeVar("Result")
+Config = Annotated[Path, typer.Argument(help="Configuration (TOML).", show_default=False)]
+Out = Annotated[Path, typer.Option("--out", help="Where the results go.", show_default=False)]
+Set = Annotated[list[str], typer.Option("--set", help="key=value; may be repeated.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="No progress and no summary.")]
+
+
+def main() -> None:
+    """Entry point of the `tolevo` command."""
+    signal.signal(signal.SIGTERM, _terminated)
+    app()
+
+
+def _terminated(number: int, frame: object) -> NoReturn:
+    """A polite kill ends a run as Ctrl-C does."""
+    raise KeyboardInterrupt
+
+
+@app.callback(invoke_without_command=True)
+def _root(version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+          ) -> None:  # fmt: skip
+    if version:
+        from . import __version__
+
+        typer.echo(f"tolevo {__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def run(
+    config: Config,
+    out: Out,
+    workers: Annotated[int, typer.Option(help="Processes that evaluate designs.")] = 1,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a broken run.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
+    set_: Set = [],  # noqa: B006
+    quiet: Quiet = False,
+) -> None:
+    """Run one optimisation: from a configuration to a Pareto front."""
+    with _exit_status():
+        faults = _directory_faults(out, overwrite)
+        if workers < 1:
+            faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
+        if resume:
+            text = "is not available in this version; start again with --overwrite"
+            faults.append(Fault("--resume", text))
+        configuration = _collected(lambda: _problem_of(config, set_), faults)
+        raise_all(faults)
+        status = _run(configuration, out, workers, quiet)
+    raise typer.Exit(status)
+
+
+def _run(configuration: Configuration, out: Path, workers: int, quiet: bool) -> int:
+    from .progress import shown
+    from .workflows.run import RunPlan, run
+
+    assert configuration.problem is not None
+    assert configuration.algorithm is not None
+    plan = RunPlan(
+        problem=configuration.problem,
+        algorithm=configuration.algorithm,
+        budget=configuration.budget,
+        seed=configuration.seed,
+        references=configuration.references == "documents",
+        configuration=configuration.toml(),
+        title=configuration.problem_name,
+    )
+    if not quiet:
+        for warning in configuration.problem.warnings():
+            typer.echo(f"warning: {warning}", err=True)
+    with shown(quiet) as progress:
+        outcome = run(plan, out, workers, progress)
+    if not quiet:
+        for line in outcome.lines:
+            typer.echo(line, err=outcome.status != "done")
+    page = out / "report.html"
+    if page.is_file() and not quiet:
+        typer.echo(f"page: {page}")
+    return STATUS[outcome.status]
+
+
+@app.command()
+def evaluate(
+    config: Config,
+    designs: Annotated[Path, typer.Argument(help="Designs, one per row (CSV).")],
+    out: Out,
+    set_: Set = [],  # noqa: B006
+    quiet: Quiet = False,
+) -> None:
+    """Evaluate a configuration's problem at given designs."""
+    with _exit_status():
+        faults = _file_faults(out, designs)
+        configuration = _collected(lambda: _problem_of(config, set_), faults)
+        raise_all(faults)
+        from .workflows.evaluate import evaluate
+
+        assert configuration.problem is not None
+        _say(evaluate(configuration.problem, designs, out), out, quiet)
+
+
+@app.command()
+def simulate(
+    config: Config,
+    inputs: Annotated[Path, typer.Argument(help="Operating points, one per row.")],
+    out: Out,
+    set_: Set = [],  # noqa: B006
+    quiet: Quiet = False,
+) -> None:
+    """Predict a configuration's model at given operating points."""
+    with _exit_status():
+        faults = _file_faults(out, inputs)
+        configuration = _collected(lambda: _read(config, set_), faults)
+        raise_all(faults)
+        from .configuration.simulated import build_model
+        from .workflows.simulate import simulate
+
+        model = build_model(configuration)
+        _say(simulate(model, inputs, out, configuration.seed), out, quiet)
+
+
+@app.command()
+def check(config: Config, set_: Set = [], quiet: Quiet = False) -> None:  # noqa: B006
+    """Validate a configuration and print all it comes to; the output is itself one."""
+    with _exit_status():
+        configuration = _read(config, set_)
+        if not quiet:
+            from .configuration.description import describe
+
+            typer.echo(describe(configuration))
+
+
+@app.command("list")
+def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
+    """List models, problems, algorithms and effects, plugins included."""
+    from . import registry
+
+    with _exit_status():
+        if json_:
+            typer.echo(json.dumps(registry.listing(), indent=2))
+            return
+        for group, entries in registry.listing().items():
+            typer.echo(f"{group}:" if entries else f"{group}: none")
+            for entry in entries:
+                typer.echo(f"  {entry['name']:<16} {entry['summary']} [{entry['origin']}]")
+
+
+def _read(config: Path, settings: list[str]) -> Configuration:
+    from .configuration import read
+
+    return read(config, settings)
+
+
+def _problem_of(config: Path, settings: list[str]) -> Configuration:
+    """A configuration that has a problem, not a model alone."""
+    configuration = _read(config, settings)
+    if configuration.problem is None:
+        raise_all([Fault("problem", "is missing: a model alone can only be simulated")])
+    return configuration
+
+
+def _collected(read: Callable[[], Result], faults: list[Fault]) -> Result:
+    """The result of `read`; its faults are raised together with those found before."""
+    try:
+        return read()
+    except InputError as error:
+        raise InputError([*error.faults, *faults]) from None
+
+
+def _directory_faults(out: Path, overwrite: bool) -> list[Fault]:
+    """A directory that cannot be written, or that holds something."""
+    faults = unwritable(out, "--out")
+    if not faults and not overwrite and out.is_dir() and any(out.iterdir()):
+        text = f"{out} is not empty; name another directory, or add --overwrite"
+        faults.append(Fault("--out", text))
+    return faults
+
+
+def _file_faults(out: Path, source: Path) -> list[Fault]:
+    """An output file that cannot be written, or an input file that is not there."""
+    faults = []
+    if out.is_dir():
+        faults.append(Fault("--out", f"{out} is a directory; name a file"))
+    elif not out.parent.is_dir():
+        faults.append(Fault("--out", f"the directory {out.parent} does not exist"))
+    else:
+        faults += unwritable(out.parent, "--out")
+    if not source.exists():
+        faults.append(Fault(str(source), "does not exist"))
+    elif out.exists() and out.samefile(source):
+        faults.append(Fault("--out", f"would replace its own input {source}; name another file"))
+    return faults
+
+
+def _say(lines: Any, out: Path, quiet: bool) -> None:
+    """What a workflow has to say, and where its result is."""
+    if not quiet:
+        for line in lines or ():
+            typer.echo(line, err=True)
+        typer.echo(f"written: {out}")
+
+
+@contextmanager
+def _exit_status() -> Iterator[None]:
+    """Errors as lines on stderr and an exit status, never a traceback for what we foresee."""
+    try:
+        yield
+    except TolevoError as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(error.exit_status) from None
+    except KeyboardInterrupt:
+        typer.echo("interrupted: nothing more is written", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+    except OSError as error:
+        typer.echo(f"failed: {error}", err=True)
+        raise typer.Exit(1) from None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,50 @@
+"""A configuration that has been read, checked and completed."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import tomli_w
+
+from ..algorithms.settings import AlgorithmSettings, Budget
+from ..problems.settings import Settings
+
+if TYPE_CHECKING:
+    from ..problems.tolerance_problem import ToleranceProblem
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """What one TOML file asks for.
+
+    `problem` and `algorithm` are None where the configuration is `model = "..."` alone. `resolved`
+    holds every value, defaults included: reading it again gives the same configuration.
+    """
+
+    model_name: str
+    settings: Settings
+    references: str = "documents"
+    problem_name: str = ""
+    problem: ToleranceProblem | None = None
+    algorithm_name: str = ""
+    algorithm: AlgorithmSettings | None = None
+    budget: Budget = Budget()
+    resolved: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def seed(self) -> int:
+        """The one seed of everything random."""
+        return self.settings.seed
+
+    def toml(self) -> str:
+        """The resolved configuration as TOML."""
+        return tomli_w.dumps(dict(self.resolved))
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 of the resolved configuration."""
+        return hashlib.sha256(self.toml().encode()).hexdigest()

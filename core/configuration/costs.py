@@ -1,0 +1,87 @@
+"""`[costs.<variable>]`: cost curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from typing import Any
+
+import numpy as np
+
+from ..declarations import Variable
+from ..errors import nearest
+from ..models.costs import CURVES, CostCurve
+from ..problems.settings import VariableSetting
+from .section import Section
+
+
+def read_curve(section: Section, default: CostCurve | None) -> CostCurve | None:
+    """The curve of one table; without `model` the table changes coefficients of the default."""
+    name = section.text("model", CURVES)
+    base: dict[str, Any] = {}
+    if "model" not in section and default is not None:
+        name = name_of(default)
+        base = asdict(default)  # type: ignore[call-overload]
+    if name is None:
+        if "model" not in section:
+            section.fault("model", f"is missing; one of {', '.join(CURVES)}")
+        return None
+    kind = CURVES[name]
+    keys = [field.name for field in fields(kind)]  # type: ignore[arg-type]
+    given = {key: section.numbers(key) if name == "table" else section.number(key) for key in keys}
+    for key in keys:
+        if key not in section and key not in base:
+            section.fault(key, f"is missing: the cost model {name} needs {', '.join(keys)}")
+    section.finish()
+    stated = base | {key: value for key, value in given.items() if value is not None}
+    if len(stated) < len(keys):
+        return None
+    curve = kind(**stated)
+    faults = curve.faults()
+    for key, message in faults:
+        section.fault(key, message)
+    return None if faults else curve
+
+
+def name_of(curve: CostCurve) -> str:
+    """The configuration name of a curve."""
+    return next(name for name, kind in CURVES.items() if type(curve) is kind)
+
+
+def read_costs(section: Section, defaults: Mapping[str, CostCurve]) -> dict[str, CostCurve]:
+    """The curves that the configuration sets; only variables with a cost may have one."""
+    found = {
+        name: read_curve(section.section(name), default)
+        for name, default in defaults.items()
+        if name in section
+    }
+    section.known(defaults)
+    section.finish()
+    return {name: curve for name, curve in found.items() if curve is not None}
+
+
+def check_ends(
+    section: Section,
+    variable: Variable,
+    setting: VariableSetting | None,
+    curve: CostCurve | None,
+) -> None:
+    """Report a range or value at which the cost is not finite."""
+    given = setting or VariableSetting()
+    ends = {"value": given.value}
+    if given.value is None:
+        low = variable.low if given.low is None else given.low
+        ends = {"low": low, "high": variable.high if given.high is None else given.high}
+    for key, end in ends.items():
+        if curve is None or end is None:
+            continue
+        with np.errstate(all="ignore"):
+            cost = float(curve.cost(np.array([end]))[0])
+        if not np.isfinite(cost):
+            section.fault(key, f"must have a finite cost, but {end:g} {variable.unit} costs "
+                          f"{cost:g} by its cost curve ({name_of(curve)})")  # fmt: skip
+
+
+def unknown(name: str, valid: list[str], what: str) -> str:
+    """Message for a name that is none of `valid`."""
+    return f'"{name}" is not {what}{nearest(name, valid)}; one of {", ".join(valid)}'

@@ -1,0 +1,40 @@
+"""What `tolevo check` prints: the resolved configuration, and the rest as its comments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ..declarations import Assumption, Variable
+from ..problems.settings import VariableSetting
+from .configuration import Configuration
+
+
+def describe(configuration: Configuration) -> str:
+    """TOML that can be run as it stands, with variables, assumptions and warnings as comments."""
+    problem = configuration.problem
+    if problem is None:
+        return configuration.toml()
+    settings = configuration.settings.variables
+    lines = ["Variables", *(_variable(v, settings[v.name]) for v in problem.all_variables)]
+    lines += ["", "Assumptions (no document prints them)", *_assumptions(problem.assumptions())]
+    if warnings := problem.warnings():
+        lines += ["", "Warnings", *(f"  {warning}" for warning in warnings)]
+    comments = "\n".join(f"# {line}".rstrip() for line in lines)
+    return f"{configuration.toml()}\n{comments}"
+
+
+def _variable(variable: Variable, setting: VariableSetting) -> str:
+    if setting.value is not None:
+        where = f"fixed at {setting.value:g} {variable.unit}"
+    else:
+        where = f"{setting.low:g} to {setting.high:g} {variable.unit}"
+    if setting.mid is not None:
+        where += f", mid {setting.mid:g} {variable.unit}"
+    return f"  {variable.name}: {where.rstrip()}; {variable.kind}"
+
+
+def _assumptions(assumptions: Iterable[Assumption]) -> list[str]:
+    return [
+        f"  {one.name} = {one.value} {one.unit} ({one.set_by}): {one.reason}".replace("  (", " (")
+        for one in assumptions
+    ]

@@ -1,0 +1,173 @@
+"""Reads a configuration: all sections are checked before any fault is raised."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..declarations import Value
+from ..errors import Fault, InputError, raise_all
+from ..problems.settings import Settings, VariableSetting
+from .configuration import Configuration
+from .costs import check_ends, read_costs
+from .goals import read_limits, read_objectives, read_propagation
+from .parameters import read_parameters
+from .plugins import effect_faults, load_named
+from .resolved import resolved_problem, resolved_variables
+from .search import read_algorithm, read_budget, resolved_algorithm
+from .section import Range, Section
+from .source import load, override
+from .variables import mid_parameter, read_variable
+
+REFERENCES = ("documents", "none")
+PROBLEM_ONLY = ("references", "costs", "propagation", "objectives", "limits", "algorithm")
+
+
+def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
+    """The configuration in the TOML file `path`, with `key=value` overrides applied.
+
+    Raises InputError with every fault found.
+    """
+    faults: list[Fault] = []
+    table = load(path, faults)
+    if table is None:
+        raise_all(faults)
+    assert table is not None
+    override(table, overrides, faults)
+    top = Section(table, "", faults)
+    faults += effect_faults(top.take("effect"))
+    if "problem" in top or "model" not in top:
+        return _read_problem(top, faults)
+    return _read_model(top, faults)
+
+
+def _seed(top: Section) -> int:
+    seed = top.integer("seed", Range(low=0))
+    return 0 if seed is None else seed
+
+
+def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
+    """A configuration with a problem."""
+    if "problem" not in top:
+        top.fault("problem", 'is missing: name a problem (see `tolevo list`), or model = "..."')
+    kind = load_named(top, "problem", "problems")
+    model = load_named(top, "model", "models", kind.default_model if kind else "")
+    model_name = top.take("model") or (kind.default_model if kind else "")
+    references = top.text("references", REFERENCES) or "documents"
+    seed = _seed(top)
+    if kind is None:  # its sections cannot be judged
+        top.known(("parameters", "variables", *PROBLEM_ONLY))
+        top.finish()
+        raise InputError(faults)
+    settings = replace(_settings(top, kind, model if "model" in top else None), seed=seed)
+    section = top.section("algorithm")
+    objectives = settings.objectives or kind.default_objectives
+    budget = read_budget(section)
+    name, algorithm = read_algorithm(section, len(objectives))
+    top.finish()
+    raise_all(faults)
+    problem = kind(settings)
+    raise_all(problem.faults())
+    assert algorithm is not None
+    resolved = {
+        "problem": top.take("problem"),
+        "model": model_name,
+        "seed": seed,
+        "references": references,
+        **resolved_problem(problem.settings, kind.variables),
+        "algorithm": resolved_algorithm(name, algorithm, budget),
+    }
+    return Configuration(
+        model_name=model_name,
+        settings=problem.settings,
+        references=references,
+        problem_name=top.take("problem"),
+        problem=problem,
+        algorithm_name=name,
+        algorithm=algorithm,
+        budget=budget,
+        resolved=resolved,
+    )
+
+
+def _settings(top: Section, kind: Any, model: Any) -> Settings:
+    """The settings of a problem; parameters that only its model knows are accepted as well."""
+    declared = {p.name: p for p in (*(model.parameters if model else ()), *kind.parameters)}
+    parameters = read_parameters(top.section("parameters"), declared.values())
+    variables = _variables(top.section("variables"), kind, parameters)
+    costs = read_costs(top.section("costs"), kind.default_costs)
+    curves = dict(kind.default_costs) | costs
+    for variable in kind.variables:
+        section = top.section("variables").section(variable.name)
+        check_ends(section, variable, variables.get(variable.name), curves.get(variable.name))
+    return Settings(
+        parameters=parameters,
+        variables=variables,
+        costs=costs,
+        propagation=read_propagation(top.section("propagation")),
+        objectives=read_objectives(top.section("objectives"), kind.outputs),
+        limits=read_limits(top.section("limits"), kind.outputs, kind.variables),
+    )
+
+
+def _variables(
+    section: Section, kind: Any, parameters: dict[str, Value]
+) -> dict[str, VariableSetting]:
+    """Settings of the variables; a mid-limit is put into `parameters` as well, if it is one."""
+    found = {
+        v.name: setting
+        for v in kind.variables
+        if (setting := read_variable(section.section(v.name), v, parameters)) is not None
+    }
+    section.finish()
+    names = {p.name for p in kind.parameters}
+    for name, setting in found.items():
+        if setting.mid is not None and mid_parameter(name) in names:
+            parameters[mid_parameter(name)] = setting.mid
+    return found
+
+
+def _read_model(top: Section, faults: list[Fault]) -> Configuration:
+    """A configuration with a model alone, as `simulate` takes it."""
+    kind = load_named(top, "model", "models")
+    seed = _seed(top)
+    for key in PROBLEM_ONLY:
+        if top.take(key) is not None:
+            top.fault(key, "needs a problem: a model alone takes seed, parameters and variables")
+    if kind is None:
+        top.known(("parameters", "variables"))
+        top.finish()
+        raise InputError(faults)
+    parameters = read_parameters(top.section("parameters"), kind.parameters)
+    variables = _variables(top.section("variables"), kind, parameters)
+    for name, setting in variables.items():
+        if setting.low is not None or setting.high is not None:
+            top.section("variables").fault(name, "a model needs a value, not a range")
+    top.finish()
+    raise_all(faults)
+    complete = {
+        v.name: _at_document(v, variables.get(v.name, VariableSetting())) for v in kind.variables
+    }
+    settings = Settings(
+        parameters={p.name: p.default for p in kind.parameters} | parameters,
+        variables=complete,
+        seed=seed,
+    )
+    name = top.take("model")
+    resolved = {
+        "model": name,
+        "seed": seed,
+        "parameters": dict(settings.parameters),
+        "variables": resolved_variables(complete, kind.variables),
+    }
+    return Configuration(model_name=name, settings=settings, resolved=resolved)
+
+
+def _at_document(variable: Any, given: VariableSetting) -> VariableSetting:
+    """The setting with the document's value and mid-limit where none is given."""
+    value = variable.document if given.value is None else given.value
+    return replace(
+        given, value=value, low=None, high=None, mid=variable.mid if given.mid is None else given.mid
+    )

@@ -1,0 +1,73 @@
+"""`[algorithm]`: the algorithm with its settings, and when it ends."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, fields, is_dataclass
+from math import inf
+from typing import Any, get_type_hints
+
+from ..algorithms.settings import AlgorithmSettings, Budget
+from .plugins import load_named
+from .section import POSITIVE, Range, Section
+
+GENERATIONS = 200
+"""Budget of a run whose configuration names none."""
+
+
+def read_algorithm(section: Section, objectives: int) -> tuple[str, AlgorithmSettings | None]:
+    """Name and instance of the algorithm; by default NSGA-II for a front, else the GA."""
+    name = "ga" if objectives == 1 else "nsga2"
+    kind = load_named(section, "name", "algorithms", name)
+    name = section.take("name") or name
+    if section.text("engine", ("pymoo", "array")) == "array":
+        section.fault("engine", 'must be "pymoo": the array engine is not in this version')
+    section.integer("points", Range(low=2))
+    section.known(field.name for field in fields(Budget))
+    if kind is None:  # the settings of an unknown algorithm cannot be judged
+        return name, None
+    if not kind.many_objectives and objectives != 1:
+        section.fault("name", f"{name} takes exactly one objective, [objectives] minimise names "
+                      f"{objectives}")  # fmt: skip
+    elif kind.many_objectives and objectives == 1:
+        section.fault("name", f"{name} needs two or more objectives, got 1: use ga")
+    return name, _instance(section, kind)
+
+
+def _instance(section: Section, kind: type[Any]) -> Any:
+    """An instance of the dataclass `kind` whose fields are the keys of `section`."""
+    hints, given = get_type_hints(kind), {}
+    for field in fields(kind):
+        if is_dataclass(hints[field.name]):
+            given[field.name] = _instance(section.section(field.name), hints[field.name])
+            continue
+        within = Range(field.metadata.get("low", -inf), field.metadata.get("high", inf))
+        if hints[field.name] is bool:
+            value: Any = section.flag(field.name)
+        elif hints[field.name] is int:
+            value = section.integer(field.name, within)
+        elif hints[field.name] is str:
+            value = section.text(field.name, field.metadata.get("choices", ()))
+        else:
+            value = section.number(field.name, within=within)
+        if value is not None:
+            given[field.name] = value
+    section.finish()
+    return kind(**given)
+
+
+def read_budget(section: Section) -> Budget:
+    """When the search ends."""
+    whole = Range(low=1)
+    budget = Budget(
+        section.integer("generations", whole),
+        section.integer("evaluations", whole),
+        section.number("time_limit_s", within=POSITIVE),
+    )
+    return Budget(generations=GENERATIONS) if budget == Budget() else budget
+
+
+def resolved_algorithm(name: str, algorithm: AlgorithmSettings, budget: Budget) -> dict[str, Any]:
+    """The `[algorithm]` table that says all of this."""
+    limits = {key: value for key, value in asdict(budget).items() if value is not None}
+    table: dict[str, Any] = asdict(algorithm)  # type: ignore[call-overload]
+    return {"name": name, "engine": "pymoo"} | limits | table

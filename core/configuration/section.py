@@ -1,0 +1,182 @@
+"""One table of a configuration: hands out checked values and collects the faults."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+from ..errors import Fault, nearest
+from ..units import split_unit, to_unit
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """The numbers from `low` to `high`; an open end is not one of them."""
+
+    low: float = -inf
+    high: float = inf
+    open_low: bool = False
+    open_high: bool = False
+
+    def complaint(self, value: float) -> str:
+        """What is wrong with `value`, empty where nothing is."""
+        above = value > self.low or (value == self.low and not self.open_low)
+        below = value < self.high or (value == self.high and not self.open_high)
+        return "" if above and below else f"must {self}, got {value}"
+
+    def __str__(self) -> str:
+        if math.isfinite(self.low) and math.isfinite(self.high):
+            left, right = "(" if self.open_low else "[", ")" if self.open_high else "]"
+            return f"lie in {left}{self.low:.10g}, {self.high:.10g}{right}"
+        if math.isfinite(self.low):
+            return f"be {'above' if self.open_low else 'at least'} {self.low:.10g}"
+        return f"be {'below' if self.open_high else 'at most'} {self.high:.10g}"
+
+
+ANY = Range()
+POSITIVE = Range(low=0.0, open_low=True)
+
+
+def shown(value: object) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "a table"
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+class Section:
+    """A table and its place; what is missing or faulty is handed out as None.
+
+    A key that was never asked for is unknown: `finish` reports it.
+    """
+
+    def __init__(self, table: Mapping[str, Any], place: str, faults: list[Fault]) -> None:
+        self._table = table
+        self._place = place
+        self._faults = faults
+        self._known: dict[str, None] = {}
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._table
+
+    def place(self, key: str = "") -> str:
+        """Where `key` of this table stands, as faults name it."""
+        return ".".join(part for part in (self._place, key) if part)
+
+    def fault(self, key: str, message: str) -> None:
+        """Report a fault of `key`, or of the table where the key is empty."""
+        fault = Fault(self.place(key) or "configuration", message)
+        if fault not in self._faults:  # a table may be read twice
+            self._faults.append(fault)
+
+    def take(self, key: str) -> Any:
+        """The value as it stands in the file, or None."""
+        self._known[key] = None
+        return self._table.get(key)
+
+    def known(self, keys: Iterable[str]) -> None:
+        """Accept keys that are not read here."""
+        self._known |= dict.fromkeys(keys)
+
+    def finish(self) -> None:
+        """Report every key that was not asked for, with the nearest one that would be valid."""
+        for key in self._table:
+            if key not in self._known:
+                self.fault(key, f"is not a known key{nearest(key, self._known)}")
+
+    def number(self, key: str, unit: str = "", within: Range = ANY) -> float | None:
+        """A finite number in `unit`; where there is a unit, also a string that states one."""
+        value = self.take(key)
+        return None if value is None else self.as_number(key, value, unit, within)
+
+    def as_number(self, key: str, value: Any, unit: str, within: Range = ANY) -> float | None:
+        """`value` as a finite number in `unit`, any fault reported at `key`."""
+        if isinstance(value, str) and unit:
+            try:
+                number = to_unit(value, unit)
+            except ValueError as error:
+                return self.fault(key, str(error))
+        elif isinstance(value, bool) or not isinstance(value, int | float):
+            wanted = f"a number or a string with a unit of {unit}" if unit else "a number"
+            return self.fault(key, f"must be {wanted}, got {shown(value)}")
+        else:
+            number = value if abs(value) < 1e300 else inf
+        if not math.isfinite(number):
+            return self.fault(key, f"must be finite, got {shown(value)}")
+        if complaint := within.complaint(number):
+            return self.fault(key, complaint)
+        return float(number)
+
+    def quantity(self, name: str, unit: str, within: Range = ANY) -> float | None:
+        """`number` of `eccentricity_mm`, which may also be written `eccentricity = "1.3 mm"`."""
+        stem = split_unit(name)[0]
+        if stem == name or stem not in self._table:
+            return self.number(name, unit, within)
+        if name in self._table:
+            return self.fault(name, f"is given twice: as {name} and as {stem}")
+        self._known[name] = None
+        value = self.take(stem)
+        if not isinstance(value, str):
+            return self.fault(stem, f'needs a unit: write {stem} = "... {unit}", or {name}')
+        return self.as_number(stem, value, unit, within)
+
+    def integer(self, key: str, within: Range = ANY) -> int | None:
+        """A whole number."""
+        value = self.take(key)
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int):
+            return self.fault(key, f"must be a whole number, got {shown(value)}")
+        if complaint := within.complaint(value):
+            return self.fault(key, complaint)
+        return value
+
+    def flag(self, key: str) -> bool | None:
+        """A truth value."""
+        value = self.take(key)
+        if value is None or isinstance(value, bool):
+            return value
+        return self.fault(key, f"must be true or false, got {shown(value)}")
+
+    def text(self, key: str, choices: Iterable[str] = ()) -> str | None:
+        """A string, one of `choices` where there are any."""
+        value, valid = self.take(key), tuple(choices)
+        if value is None:
+            return None
+        if not isinstance(value, str):
+            return self.fault(key, f"must be a string, got {shown(value)}")
+        if valid and value not in valid:
+            known = ", ".join(valid)
+            return self.fault(key, f'must be one of {known}, got "{value}"{nearest(value, valid)}')
+        return value
+
+    def names(self, key: str) -> list[str] | None:
+        """A list of strings, at least one."""
+        value = self.take(key)
+        if value is None:
+            return None
+        if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+            return self.fault(key, f"must be a list of strings, got {shown(value)}")
+        return value or self.fault(key, "must name at least one")
+
+    def numbers(self, key: str) -> tuple[float, ...] | None:
+        """A list of finite numbers."""
+        value = self.take(key)
+        if value is None:
+            return None
+        if not isinstance(value, list):
+            return self.fault(key, f"must be a list of numbers, got {shown(value)}")
+        found = [self.as_number(f"{key}[{i}]", one, "") for i, one in enumerate(value)]
+        return tuple(one for one in found if one is not None) if None not in found else None
+
+    def section(self, key: str) -> Section:
+        """The table at `key`, empty where there is none."""
+        value = self.take(key)
+        if value is not None and not isinstance(value, dict):
+            self.fault(key, f"must be a table, got {shown(value)}")
+        return Section(value if isinstance(value, dict) else {}, self.place(key), self._faults)

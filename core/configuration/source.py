@@ -1,0 +1,77 @@
+"""From a file and the `--set` options of the command line to one raw table."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ..errors import Fault
+
+Table = dict[str, Any]
+
+
+def load(path: Path, faults: list[Fault]) -> Table | None:
+    """The tables of a TOML file, or None and the fault."""
+    place = str(path)
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except FileNotFoundError:
+        message = "does not exist"
+    except IsADirectoryError:
+        message = "is a directory, not a configuration file"
+    except UnicodeDecodeError as error:
+        message = f"is not UTF-8 (byte {error.start}): save it as UTF-8"
+    except (OSError, ValueError) as error:
+        message = f"cannot be read ({getattr(error, 'strerror', None) or error})"
+    else:
+        if text.strip():
+            return _parsed(text, place, faults)
+        message = "is empty: a configuration names at least a problem or a model"
+    faults.append(Fault(place, message))
+    return None
+
+
+def _parsed(text: str, place: str, faults: list[Fault]) -> Table | None:
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        faults.append(Fault(place, f"is not valid TOML: {error}"))
+        return None
+
+
+def override(table: Table, settings: Sequence[str], faults: list[Fault]) -> None:
+    """Apply `key=value` settings to `table`; a value that is not TOML is taken as a string."""
+    for setting in settings:
+        key, sign, value = setting.partition("=")
+        parsed = _setting(key.strip(), value.strip()) if sign else None
+        if parsed is None:
+            faults.append(Fault("--set", f'must be key=value, got "{setting}"'))
+        elif not _merge(table, parsed):
+            faults.append(Fault(f"--set {key.strip()}", "leads through a value, not a table"))
+
+
+def _setting(key: str, value: str) -> Table | None:
+    quoted = '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    for text in (value, quoted):
+        try:
+            return tomllib.loads(f"{key} = {text}") if "\n" not in key else None
+        except tomllib.TOMLDecodeError:
+            continue
+    return None
+
+
+def _merge(table: Table, setting: Table) -> bool:
+    """Put `setting` (one dotted key) into `table`; a fixed value takes the place of a range."""
+    for key, value in setting.items():
+        if isinstance(value, dict) and value and key in table:
+            if not isinstance(table[key], dict) or not _merge(table[key], value):
+                return False
+        else:
+            for other in {"value": ("low", "high"), "low": ("value",), "high": ("value",)}.get(
+                key, ()
+            ):
+                table.pop(other, None)
+            table[key] = value
+    return True

@@ -1,0 +1,121 @@
+"""`[variables.<name>]`: what is fixed, what is searched, and how it is distributed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from ..declarations import TOLERANCES, Kind, Value, Variable
+from ..models.inputs import DISTRIBUTIONS, Distribution, Zone
+from ..problems.settings import VariableSetting
+from ..units import split_unit
+from .section import POSITIVE, Range, Section
+
+
+def read_variable(section: Section, variable: Variable, parameters: Mapping[str, Value]) -> Any:
+    """The `VariableSetting` that one table states, None where it states nothing."""
+    value, low, high = (_bound(section, variable, key) for key in ("value", "low", "high"))
+    mid = _mid(section, variable)
+    zone = _zone(section, variable)
+    if zone is not None:
+        value, mid = zone.half_width, zone.mid
+        _outside(section, variable, "limits", value)
+    elif "value" in section and ("low" in section or "high" in section):
+        section.fault("", "give either value or low and high, not both")
+    elif "value" not in section:
+        _order(section, variable, low, high)
+    mid = _agreed(section, variable, mid, parameters)
+    setting = VariableSetting(value, low, high, _distribution(section, variable), mid)
+    section.finish()
+    return None if setting == VariableSetting() else setting
+
+
+def mid_parameter(variable: str) -> str:
+    """Name of the parameter that holds the mid-limit of a variable."""
+    return "{}_mid_{}".format(*split_unit(variable))
+
+
+def _bound(section: Section, variable: Variable, key: str) -> float | None:
+    number = section.number(key, variable.unit)
+    if number is None or not _outside(section, variable, key, number):
+        return number
+    return None
+
+
+def _outside(section: Section, variable: Variable, key: str, number: float) -> bool:
+    least = max(variable.valid_low, 0.0) if variable.kind in TOLERANCES else variable.valid_low
+    complaint = Range(least, variable.valid_high).complaint(number)
+    if variable.integer and not number.is_integer():
+        complaint = f"must be a whole number, got {number}"
+    if complaint:
+        section.fault(key, complaint)
+    return bool(complaint)
+
+
+def _order(section: Section, variable: Variable, low: float | None, high: float | None) -> None:
+    """A range that is reversed or empty; an end that is not given is the problem's own."""
+    least = variable.low if low is None else low
+    most = variable.high if high is None else high
+    if least >= most and not (low is None and high is None):
+        section.fault("low", f"must be below high ({most:g}), got {least:g}")
+
+
+def _mid(section: Section, variable: Variable) -> float | None:
+    mid = section.number("mid", variable.unit)
+    if "mid" in section and variable.mid is None:
+        return section.fault("mid", f"{variable.name} ({variable.kind}) has no mid-limit")
+    return mid
+
+
+def _zone(section: Section, variable: Variable) -> Zone | None:
+    text = section.text("limits")
+    if text is None:
+        return None
+    if variable.kind is not Kind.HALF_WIDTH:
+        return section.fault("limits", f"do not apply to a {variable.kind}: give value")
+    if other := [key for key in ("value", "low", "high", "mid") if key in section]:
+        return section.fault("limits", f"set value and mid: leave out {', '.join(other)}")
+    try:
+        zone = Zone.of_text(text)
+    except ValueError as error:
+        return section.fault("limits", str(error))
+    if not (math.isfinite(zone.mid) and math.isfinite(zone.half_width)):
+        return section.fault("limits", f'must be finite, got "{text}"')
+    return zone
+
+
+def _agreed(
+    section: Section, variable: Variable, mid: float | None, parameters: Mapping[str, Value]
+) -> float | None:
+    """The mid-limit, which `[parameters]` may state as well, or instead."""
+    name = mid_parameter(variable.name)
+    other = parameters.get(name)
+    if not isinstance(other, int | float) or isinstance(other, bool) or variable.mid is None:
+        return mid
+    if mid is not None and not math.isclose(mid, other, rel_tol=1e-9, abs_tol=1e-12):
+        key = "mid" if "mid" in section else "limits"
+        section.fault(key, f"differs from parameters.{name}: {mid:g} here, {other:g} there")
+    return float(other) if mid is None else mid
+
+
+def _distribution(section: Section, variable: Variable) -> Distribution | None:
+    name = section.text("distribution", DISTRIBUTIONS)
+    cp = section.number("cp", within=POSITIVE)
+    shift = section.number("shift", within=Range(-1.0, 1.0))
+    given = [key for key in ("distribution", "cp", "shift") if key in section]
+    if given and not variable.random:
+        for key in given:
+            section.fault(key, f"{variable.name} ({variable.kind}) has no distribution to set")
+        return None
+    if name is None and "distribution" not in section:
+        name = "uniform"
+    if name == "uniform":
+        for key in given:
+            if key != "distribution":
+                section.fault(key, "a uniform input fills its zone and takes none: set "
+                              'distribution = "normal" or "truncated_normal"')  # fmt: skip
+    if name is None or "distribution" not in section:
+        return None
+    shape = {key: number for key, number in (("cp", cp), ("shift", shift)) if number is not None}
+    return DISTRIBUTIONS[name](**({} if name == "uniform" else shape))

@@ -1,0 +1,1 @@
+"""pymoo problems over the models: variables, objectives, limits, known answers."""

@@ -1,0 +1,62 @@
+"""Which values in use no document prints."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..declarations import Assumption
+
+if TYPE_CHECKING:
+    from .tolerance_problem import ToleranceProblem
+
+
+def assumptions_of(problem: ToleranceProblem) -> tuple[Assumption, ...]:
+    """Assumed parameters, ranges and cost curves, each with its value and who set it."""
+    return (*_parameters(problem), *_variables(problem), *_costs(problem))
+
+
+def _set_by(name: str, given: object) -> str:
+    return "configuration" if name in given else "default"  # type: ignore[operator]
+
+
+def _parameters(problem: ToleranceProblem) -> list[Assumption]:
+    settings, given = problem.settings, problem.given
+    return [
+        Assumption(
+            f"parameters.{p.name}",
+            settings.parameters[p.name],
+            p.unit,
+            p.meaning,
+            _set_by(p.name, given.parameters),
+        )
+        for p in problem.parameters
+        if p.assumed
+    ]
+
+
+def _variables(problem: ToleranceProblem) -> list[Assumption]:
+    found = []
+    for v in problem.variables:
+        setting = problem.settings.variables[v.name]
+        set_by = _set_by(v.name, problem.given.variables)
+        if v.assumed and v.document is not None:
+            place = f"references.{v.name}"
+            found.append(Assumption(place, v.document, v.unit, v.assumed))
+        if setting.value is None:
+            text = f"{setting.low:g} .. {setting.high:g}"
+            reason = "search range; no document prints one"
+            found.append(Assumption(f"variables.{v.name}", text, v.unit, reason, set_by))
+        if v.random:
+            kind = type(setting.distribution).__name__ if setting.distribution else "Uniform"
+            reason = "distribution over units; the documents name none"
+            place = f"variables.{v.name}.distribution"
+            found.append(Assumption(place, kind, "", reason, set_by))
+    return found
+
+
+def _costs(problem: ToleranceProblem) -> list[Assumption]:
+    reason = "relative cost; the documents print no cost data"
+    return [
+        Assumption(f"costs.{name}", repr(curve), "", reason, _set_by(name, problem.given.costs))
+        for name, curve in problem.settings.costs.items()
+    ]

@@ -1,0 +1,78 @@
+"""Derivatives of cost and of the geometric backlash with respect to every variable."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.propagation.sums import Term, total_cumulants
+from ...models.rv_reducer.backlash import STAGGER_GAIN
+from ...models.rv_reducer.cycloid import LINEAR_ERRORS
+from ...units import ARCMIN, MM
+
+if TYPE_CHECKING:
+    from .problem import RvBacklash
+
+Array = NDArray[np.float64]
+
+
+def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
+    """d output / d variable, shape (n, all variables), in the units of output and variable.
+
+    A term constant + a t z + b t^2 z^2 has mean and variance that are polynomials in its tolerance
+    t, so both derivatives are exact. The grade counts as continuous (sqrt(2) per grade).
+    """
+    total = problem.total(designs)
+    names = (*LINEAR_ERRORS, "eccentricity")
+    terms = dict(zip((f"{name}_um" for name in names), total.clipped, strict=True))
+    mean, variance = np.zeros_like(designs), np.zeros_like(designs)
+    phi_1, phi_3 = total.free
+    slopes = {name: _by_tolerance(t, problem.column(designs, name)) for name, t in terms.items()}
+    slopes["crank_bearing_um"] = _scaled(phi_3, 1.0 / problem.column(designs, "crank_bearing_um"))
+    slopes["involute_grade"] = _scaled(phi_1, 0.5 * np.log(2.0))
+    for name, pair in slopes.items():
+        at = problem.names.index(name)
+        mean[:, at], variance[:, at] = pair
+    unit = 2.0 / problem.model.geometry.lever
+    fixed = {
+        "stagger_arcmin": -STAGGER_GAIN * ARCMIN,
+        "dr_rp_mm": unit * MM,
+        "dr_p_mm": -unit * problem.model.geometry.flank * MM,
+    }
+    for name, slope in fixed.items():
+        mean[:, problem.names.index(name)] = slope
+    std = np.sqrt(total_cumulants(total.clipped + total.free)[1])
+    return {
+        "cost": _cost(problem, designs),
+        "backlash_geometric_mean_arcmin": mean / ARCMIN,
+        "backlash_geometric_std_arcmin": 0.5 * variance / std[:, None] / ARCMIN,
+    }
+
+
+def _by_tolerance(term: Term, t: Array) -> tuple[Array, Array]:
+    """d mean/dt and d variance/dt of constant + linear z + quadratic z^2, linear ~ t, quad ~ t^2."""
+    _, m1, m2, m3, m4 = term.distribution.raw_moments(4)
+    linear = term.linear / t
+    bent = 0.0 if term.quadratic is None else term.quadratic / t**2
+    mean = linear * m1 + 2.0 * bent * t * m2
+    variance = (
+        2.0 * linear**2 * t * (m2 - m1**2)
+        + 6.0 * linear * bent * t**2 * (m3 - m1 * m2)
+        + 4.0 * bent**2 * t**3 * (m4 - m2**2)
+    )
+    return mean, variance
+
+
+def _scaled(term: Term, rate: Array | float) -> tuple[Array, Array]:
+    """The same of a term that grows as a whole at the relative `rate`."""
+    mean, variance = term.cumulants()[:2]
+    return mean * rate, 2.0 * variance * rate
+
+
+def _cost(problem: RvBacklash, designs: Array) -> Array:
+    found = np.zeros_like(designs)
+    for name, curve in problem.settings.costs.items():
+        found[:, problem.names.index(name)] = curve.slope(problem.column(designs, name))
+    return found

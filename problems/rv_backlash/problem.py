@@ -1,0 +1,236 @@
+"""Backlash of an RV reducer against manufacturing cost, by tolerances, modification and stagger."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import Fault
+from ...models.propagation import Convolution, Moments, MonteCarlo, Propagated, Propagation
+from ...models.propagation.sums import ClippedSum
+from ...models.rv_reducer import declared, modification
+from ...models.rv_reducer.backlash import Allocation, stage_means
+from ...units import ARCMIN, MM
+from ..settings import Bound, Settings
+from ..tolerance_problem import Interval, ToleranceProblem
+from .costs import DEFAULT_COSTS
+from .gradient import gradients
+from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
+
+Array = NDArray[np.float64]
+SEARCH_POINTS = 512
+"""Lattice of the search; its quantiles are within about 0.001 arcmin of the reported ones."""
+STAGGER_OF_DOCUMENT = 0.1
+"""Stagger of document B's structural adjustment [arcmin]."""
+
+
+class RvBacklash(ToleranceProblem):
+    """Backlash of an RV reducer against cost (default: RV-40E-121, document B).
+
+    Variables, outputs and limits: docs/rv_backlash.md. Known answer: none (`exact_front` is None).
+    """
+
+    parameters = declared.PARAMETERS
+    variables = declared.VARIABLES
+    outputs = OUTPUTS
+    default_costs = DEFAULT_COSTS
+    default_limits = DEFAULT_LIMITS
+    default_objectives = DEFAULT_OBJECTIVES
+    default_model = "rv_batch"
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        super().__init__(settings)
+        given = self.settings
+        self.model = declared.backlash_model(
+            given.parameters,
+            {_stem(name): s.mid for name, s in self.given.variables.items() if s.mid is not None},
+            {_stem(name): s.distribution for name, s in given.variables.items() if s.distribution},
+        )
+        self.limit = float(given.parameters["backlash_limit_arcmin"])
+
+    # ---------------------------------------------------------------- evaluation
+
+    @cached_property
+    def _reporting(self) -> Propagation:
+        return self._method(Convolution())
+
+    @cached_property
+    def _searching(self) -> Propagation:
+        return self._method(Convolution(SEARCH_POINTS, errors=False))
+
+    def _method(self, convolution: Convolution) -> Propagation:
+        given = self.settings.propagation
+        if given.method == "moments":
+            return Moments()
+        if given.method == "monte_carlo":
+            dimensions = len(declared.VARIABLES) - 3
+            return MonteCarlo.draw(
+                given.samples, dimensions, np.random.default_rng(self.settings.seed)
+            )
+        return convolution
+
+    def reported(self) -> RvBacklash:
+        """The same problem with every value by convolution, as reported points need it."""
+        convolution = replace(self.settings.propagation, method="convolution")
+        return RvBacklash(replace(self.given, propagation=convolution))
+
+    def allocation(self, designs: Array) -> Allocation:
+        """The model's view (SI) of full designs."""
+        return declared.allocation({name: self.column(designs, name) for name in self.names})
+
+    def total(self, designs: Array) -> ClippedSum:
+        """The sum over units that is propagated [rad]."""
+        return self.model.total(self.allocation(designs))
+
+    def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
+        total = self.total(designs)
+        method = self._searching if searching else self._reporting
+        coverage = self.settings.propagation.coverage
+        spread = method.propagate(total, coverage, self.limit * ARCMIN)
+        means = zip(("phi_1", "phi_2", "phi_3"), stage_means(total), strict=True)
+        found = {f"{name}_arcmin": value / ARCMIN for name, value in means}
+        return {"cost": self.cost_of(designs)} | found | _spread(spread) | self._profile(designs)
+
+    def _profile(self, designs: Array) -> dict[str, Array]:
+        """Outputs of the tooth modification."""
+        geometry = self.model.geometry
+        pair = (self.column(designs, "dr_rp_mm") * MM, self.column(designs, "dr_p_mm") * MM)
+        return {
+            "radial_gap_mm": (pair[0] - pair[1]) / MM,
+            "clearance_min_mm": modification.least_raw_clearance(geometry, *pair) / MM,
+            "conjugate_clearance_min_mm": modification.least_clearance(geometry, *pair) / MM,
+            "modification_backlash_arcmin": modification.modification_backlash(geometry, *pair)
+            / ARCMIN,
+        }
+
+    def gradient(self, designs: Array) -> dict[str, Array]:
+        return gradients(self, designs)
+
+    # ---------------------------------------------------------------- what is known
+
+    def references(self) -> dict[str, Array]:
+        """Document B's printed bands and modification, without and with its stagger."""
+        bands = np.array([float(v.document or 0.0) for v in self.variables])
+        staggered = bands.copy()
+        staggered[self.names.index("stagger_arcmin")] = STAGGER_OF_DOCUMENT
+        return {"document B": bands, "document B, staggered 0.1 arcmin": staggered}
+
+    def least_cost(self) -> tuple[str, RvBacklash]:
+        """Least cost at the backlash limit, the documents' single objective."""
+        already = self.settings.limits.get("backlash_arcmin", Bound())
+        limit = Bound(already.low, min(already.high, self.limit))
+        given = replace(
+            self.given,
+            objectives=("cost",),
+            limits=dict(self.given.limits) | {"backlash_arcmin": limit},
+        )
+        return f"GA, least cost at {limit.high:g} arcmin", RvBacklash(given)
+
+    def interval(self, output: str) -> Interval:
+        """Proven bounds: by monotonicity in the tolerances, or by leaving the cycloid stage out.
+
+        max(0, phi_2) >= 0, so no design has less effective backlash than the involute and output
+        stages alone at their tightest; the probability of keeping the limit is bounded likewise.
+        """
+        if output == "cost":
+            return self.cost_interval
+        if output in self._least:
+            return self._least[output], np.inf
+        if output == "yield_percent":
+            return 0.0, self._most_yield
+        if output in ("radial_gap_mm", "clearance_min_mm", "modification_backlash_arcmin"):
+            return self._modification_interval(output)
+        return super().interval(output)
+
+    @cached_property
+    def _tight_without_cycloid(self) -> Propagated:
+        """Effective backlash at the tightest corner with the cycloid stage taken out."""
+        tight = self.total(self._corner(tight=True)[None, :])
+        nothing = [
+            replace(t, constant=0.0 * t.constant, linear=0.0 * t.linear, quadratic=None)
+            for t in tight.clipped
+        ]
+        coverage = self.settings.propagation.coverage
+        only_free = ClippedSum(tight.free, tuple(nothing))
+        return Convolution().propagate(only_free, coverage, self.limit * ARCMIN)
+
+    @cached_property
+    def _least(self) -> dict[str, float]:
+        tight = self._corner(tight=True)[None, :]
+        phi_1, _, phi_3 = (float(value[0]) / ARCMIN for value in stage_means(self.total(tight)))
+        free = self._tight_without_cycloid
+        quantile = float(free.quantile.value[0] - free.quantile.error[0]) / ARCMIN
+        return {
+            "phi_1_arcmin": phi_1,
+            "phi_3_arcmin": phi_3,
+            "backlash_mean_arcmin": phi_1 + phi_3,
+            "backlash_arcmin": quantile,
+        }
+
+    @cached_property
+    def _most_yield(self) -> float:
+        conforming = self._tight_without_cycloid.conforming
+        return min(100.0, 100.0 * float(conforming.value[0] + conforming.error[0]))
+
+    def _modification_interval(self, output: str) -> Interval:
+        pairs = np.repeat(self._corner(tight=True)[None, :], 4, axis=0)
+        for name, ends in (("dr_rp_mm", (0, 0, 1, 1)), ("dr_p_mm", (0, 1, 0, 1))):
+            bounds = np.array(super().interval(name))
+            pairs[:, self.names.index(name)] = bounds[list(ends)]
+        found = self._profile(pairs)[output]
+        return float(found.min()), float(found.max())
+
+    def _corners(self) -> Array:
+        """Tightest and loosest tolerances with the zero-backlash pair, without and with stagger."""
+        gap = max(0.0, float(self.settings.limits["radial_gap_mm"].low))
+        gap = gap if np.isfinite(gap) else 0.0
+        pair = modification.zero_backlash_pair(self.model.geometry, gap * MM)
+        rows = np.repeat(super()._corners(), 2, axis=0)
+        for name, value in zip(("dr_rp_mm", "dr_p_mm"), pair, strict=True):
+            low, high = super().interval(name)
+            rows[:, self.names.index(name)] = np.clip(value / MM, low, high)
+        rows[:, self.names.index("stagger_arcmin")] = list(super().interval("stagger_arcmin")) * 2
+        return rows
+
+    # ---------------------------------------------------------------- faults and warnings
+
+    def faults(self) -> list[Fault]:
+        if not 0.0 < self.model.geometry.k1 < 1.0:
+            k1 = self.model.geometry.k1
+            text = f"eccentricity * pins / pin circle radius must lie in (0, 1), got {k1:.4g}"
+            return [Fault("parameters.eccentricity_mm", text)]
+        return super().faults()
+
+    def warnings(self) -> tuple[str, ...]:
+        if "interference_probability" in self.settings.limits:
+            return ()
+        return (
+            "no limit on interference_probability: backlash can always be bought with "
+            "interference; set [limits] interference_probability",
+        )
+
+
+def _stem(name: str) -> str:
+    return name.removesuffix("_um")
+
+
+def _spread(spread: Propagated) -> dict[str, Array]:
+    """Outputs of the propagation, at the edge's units."""
+    estimates = {
+        "backlash_mean_arcmin": (spread.mean, ARCMIN),
+        "backlash_std_arcmin": (spread.std, ARCMIN),
+        "backlash_arcmin": (spread.quantile, ARCMIN),
+        "yield_percent": (spread.conforming, 0.01),
+        "interference_probability": (spread.negative, 1.0),
+    }
+    found = {
+        "backlash_geometric_mean_arcmin": spread.geometric_mean / ARCMIN,
+        "backlash_geometric_std_arcmin": spread.geometric_std / ARCMIN,
+    }
+    found |= {name: estimate.value / unit for name, (estimate, unit) in estimates.items()}
+    return found | {
+        f"{name}_error": estimate.error / unit for name, (estimate, unit) in estimates.items()
+    }

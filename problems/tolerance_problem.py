@@ -1,0 +1,255 @@
+"""The one base class of all problems here, over pymoo's `Problem`."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from pymoo.core.problem import Problem
+
+from ..declarations import Assumption, Output, Parameter, Value, Variable
+from ..errors import Fault, ModelError
+from ..models.costs import CostCurve
+from .assumptions import assumptions_of
+from .limits import Limit, impossible, limits_of
+from .settings import Bound, Settings, VariableSetting
+
+Array = NDArray[np.float64]
+Interval = tuple[float, float]
+"""Proven lower and upper bound of an output over the search space; infinite where not known."""
+
+
+class ToleranceProblem(Problem):  # type: ignore[misc]
+    """A tolerance allocation problem: some variables are searched, the others fixed.
+
+    A subclass declares `parameters`, `variables`, `outputs` and defaults, and gives `_outputs`.
+    Guarded against pymoo's silent failures: objectives are always set, unknown keywords are
+    refused, shapes and finiteness are checked, bounds are never reversed.
+    """
+
+    parameters: ClassVar[tuple[Parameter, ...]]
+    variables: ClassVar[tuple[Variable, ...]]
+    outputs: ClassVar[tuple[Output, ...]]
+    default_costs: ClassVar[Mapping[str, CostCurve]]
+    default_limits: ClassVar[Mapping[str, Bound]]
+    default_objectives: ClassVar[tuple[str, ...]]
+    default_model: ClassVar[str] = ""
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        given = settings or Settings()
+        self.given = given
+        self.settings = self._completed(given)
+        self.objectives = self.settings.objectives
+        self.limits = limits_of(self.settings.limits, self.outputs, self.variables)
+        set_to = self.settings.variables
+        self.fixed: dict[str, float] = {
+            v.name: float(value)
+            for v in self.variables
+            if (value := set_to[v.name].value) is not None
+        }
+        self.free = tuple(v for v in self.variables if v.name not in self.fixed)
+        low = np.array([set_to[v.name].low for v in self.free], dtype=float)
+        high = np.array([set_to[v.name].high for v in self.free], dtype=float)
+        if not np.all(low < high):
+            raise ModelError(f"lower bounds must be below upper ones, got {low} and {high}")
+        super().__init__(
+            n_var=len(self.free),
+            n_obj=len(self.objectives),
+            n_ieq_constr=sum(limit.count for limit in self.limits),
+            xl=low,
+            xu=high,
+        )
+
+    # ---------------------------------------------------------------- what a subclass gives
+
+    @abstractmethod
+    def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
+        """Every output, shape (n,), of designs (n, all variables).
+
+        With `searching` a faster, coarser propagation may be used and errors of estimates omitted.
+        """
+
+    def interval(self, output: str) -> Interval:
+        """Proven bounds of an output (or variable) over the search space."""
+        if output in self.names:
+            column = self.names.index(output)
+            return float(self._corner(tight=True)[column]), float(self._corner(False)[column])
+        return -np.inf, np.inf
+
+    def box(self) -> tuple[Array, Array]:
+        """Ideal and nadir of the normalised hypervolume, fixed by the problem."""
+        corners = self.outputs_of(self._corners())
+        values = np.array([corners[name] for name in self.objectives])
+        proven = np.array([self.interval(name)[0] for name in self.objectives])
+        ideal = np.where(np.isfinite(proven), proven, values.min(axis=1))
+        return ideal, np.maximum(values.max(axis=1), ideal + 1e-12)
+
+    def references(self) -> dict[str, Array]:
+        """Allocations that the documents print, by label: full designs (all variables,)."""
+        return {}
+
+    def reported(self) -> ToleranceProblem:
+        """The same problem at the accuracy that reported points need."""
+        return self
+
+    def least_cost(self) -> tuple[str, ToleranceProblem] | None:
+        """Label and problem of the documents' single-objective allocation, or None."""
+        return None
+
+    def relaxed(self, limits: Mapping[str, Bound]) -> ToleranceProblem:
+        """The same problem with some limits replaced."""
+        return type(self)(replace(self.given, limits=dict(self.given.limits) | dict(limits)))
+
+    def exact_front(self) -> Array | None:
+        """The exact front (k, objectives) where it is known, else None."""
+        return None
+
+    def gradient(self, designs: Array) -> dict[str, Array]:
+        """Derivatives (n, all variables) of the outputs for which the model gives them."""
+        return {}
+
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know before trusting a run of this problem."""
+        return ()
+
+    # ---------------------------------------------------------------- set-up
+
+    def _completed(self, given: Settings) -> Settings:
+        """The settings with every default filled in."""
+        parameters: dict[str, Value] = {p.name: p.default for p in self.parameters}
+        return replace(
+            given,
+            parameters=parameters | dict(given.parameters),
+            variables={
+                v.name: self._variable(v, given.variables.get(v.name)) for v in self.variables
+            },
+            costs=dict(self.default_costs) | dict(given.costs),
+            objectives=given.objectives or self.default_objectives,
+            limits=dict(self.default_limits) | dict(given.limits),
+        )
+
+    def _variable(self, variable: Variable, given: VariableSetting | None) -> VariableSetting:
+        given = given or VariableSetting()
+        mid = variable.mid if given.mid is None else given.mid
+        if given.value is not None:
+            return replace(given, low=None, high=None, mid=mid)
+        low = variable.low if given.low is None else given.low
+        return replace(
+            given, low=low, high=variable.high if given.high is None else given.high, mid=mid
+        )
+
+    def assumptions(self) -> tuple[Assumption, ...]:
+        """Every default in use that no document prints."""
+        return assumptions_of(self)
+
+    def faults(self) -> list[Fault]:
+        """What is wrong with the settings as a whole: limits that no design can meet, ..."""
+        return impossible(self)
+
+    # ---------------------------------------------------------------- designs and outputs
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all variables, in the order of a full design."""
+        return [v.name for v in self.variables]
+
+    @property
+    def all_variables(self) -> tuple[Variable, ...]:
+        """All variables, fixed ones included."""
+        return self.variables
+
+    def column(self, designs: Array, name: str) -> Array:
+        """One variable (n,) of full designs (n, all variables)."""
+        return designs[:, self.names.index(name)]
+
+    def complete(self, x: Array) -> Array:
+        """Full designs (n, all variables) of search vectors (n, free variables)."""
+        designs = np.empty((len(x), len(self.variables)))
+        free = {v.name: i for i, v in enumerate(self.free)}
+        for at, v in enumerate(self.variables):
+            designs[:, at] = x[:, free[v.name]] if v.name in free else self.fixed[v.name]
+            if v.integer:
+                designs[:, at] = np.rint(designs[:, at])
+        return designs
+
+    def outputs_of(self, designs: Array, searching: bool = False) -> dict[str, Array]:
+        """Every output (n,) of full designs (n, all variables), checked for shape."""
+        found = self._outputs(np.asarray(designs, dtype=float), searching)
+        for output in self.outputs:
+            shape = np.shape(found.get(output.name))
+            if shape != (len(designs),):
+                raise ModelError(f"{output.name}: expected shape ({len(designs)},), got {shape}")
+        return found
+
+    def values(self, designs: Array, found: Mapping[str, Array], name: str) -> Array:
+        """An output or variable by name."""
+        return found[name] if name in found else self.column(designs, name)
+
+    def objective_values(self, found: Mapping[str, Array]) -> Array:
+        """F, shape (n, objectives)."""
+        return np.stack([found[name] for name in self.objectives], axis=1)
+
+    def violations(self, designs: Array, found: Mapping[str, Array]) -> Array:
+        """G, shape (n, constraints): normalised by the bound, above 0 where a limit is broken."""
+        columns = [
+            column
+            for limit in self.limits
+            for column in limit.violations(self.values(designs, found, limit.name))
+        ]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(designs), 0))
+
+    def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
+        designs = self.complete(np.atleast_2d(x))
+        found = self.outputs_of(designs, searching=True)
+        out["F"] = self.objective_values(found)
+        if self.limits:
+            out["G"] = self.violations(designs, found)
+        for name, values in out.items():
+            if values is not None and not np.all(np.isfinite(values)):
+                row = int(np.argmin(np.all(np.isfinite(values), axis=1)))
+                where = dict(zip(self.names, designs[row].tolist(), strict=True))
+                raise ModelError(f"{name} is not finite at {where}")
+
+    def frame(self, designs: Array) -> pd.DataFrame:
+        """Variables, outputs (at full accuracy) and limit margins of full designs, one row each."""
+        found = self.outputs_of(designs)
+        columns = {v.name: self.column(designs, v.name) for v in self.variables}
+        columns |= {output.name: found[output.name] for output in self.outputs}
+        for limit in self.limits:
+            columns |= limit.margins(self.values(designs, found, limit.name))
+        frame = pd.DataFrame(columns)
+        whole = {v.name: "int64" for v in self.variables if v.integer}
+        frame = frame.astype(whole)
+        frame["feasible"] = np.all(self.violations(designs, found) <= 0.0, axis=1)
+        return frame
+
+    # ---------------------------------------------------------------- corners
+
+    def _corner(self, tight: bool) -> Array:
+        """The design with every free variable at its lower (tight) or upper bound, (all,)."""
+        return self.complete(np.atleast_2d(self.xl if tight else self.xu))[0]
+
+    def _corners(self) -> Array:
+        """Designs (k, all variables) whose outputs span the hypervolume's box."""
+        return np.stack([self._corner(tight=True), self._corner(tight=False)])
+
+    @cached_property
+    def cost_interval(self) -> Interval:
+        """Least and largest cost of the search space: costs fall with every tolerance."""
+        ends = np.stack([self._corner(tight=False), self._corner(tight=True)])
+        low, high = self.cost_of(ends)
+        return float(low), float(high)
+
+    def cost_of(self, designs: Array) -> Array:
+        """Sum of the cost curves (n,) at full designs."""
+        with np.errstate(divide="ignore"):
+            return np.sum(
+                [c.cost(self.column(designs, name)) for name, c in self.settings.costs.items()],
+                axis=0,
+            )

@@ -1,0 +1,6 @@
+"""Pages, figures and tables from results; nothing is computed here."""
+
+from .figure import front_figure, save
+from .page import page
+
+__all__ = ["front_figure", "page", "save"]

@@ -1,0 +1,74 @@
+"""What all figures share: a canvas without global state, labels, and reproducible bytes."""
+
+from __future__ import annotations
+
+import warnings
+from io import BytesIO
+
+import matplotlib as mpl
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ..records import Axis
+from ..units import split_unit
+
+SIZE = (7.0, 4.6)
+"""Width and height [inch]: a text column and a half."""
+DOTS_PER_INCH = 200
+FIXED = {"svg.hashsalt": "tolevo", "svg.fonttype": "path"}
+"""The same identifiers in every process; letters as outlines, so that no font is needed."""
+NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
+
+
+def new_figure(height: float = SIZE[1]) -> Figure:
+    """An empty figure that pyplot does not know."""
+    figure = Figure(figsize=(SIZE[0], height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def axis_label(axis: Axis) -> str:
+    """`backlash_arcmin` in arcmin as "backlash [arcmin]"."""
+    stem, _ = split_unit(axis.name)
+    words = stem.replace("_", " ")
+    return f"{words} [{axis.unit}]" if axis.unit else words
+
+
+def plain(axes: Axes) -> None:
+    """A quiet frame and grid, and every text as it is: a dollar sign is no formula."""
+    axes.grid(True, color="#dddddd", linewidth=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    legend = axes.get_legend()
+    for text in (axes.xaxis.label, axes.yaxis.label, axes.title, *axes.get_yticklabels()):
+        text.set_parse_math(False)
+    for text in legend.get_texts() if legend else ():
+        text.set_parse_math(False)
+
+
+def flags(table: pd.DataFrame, column: str) -> list[bool]:
+    """A column of booleans, all false where it is missing or empty."""
+    if column not in table:
+        return [False] * len(table)
+    return [not pd.isna(value) and bool(value) for value in table[column]]
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as PNG, the same bytes every time."""
+    return _saved(figure, "png", {"Software": None})
+
+
+def svg(figure: Figure) -> bytes:
+    """The figure as SVG, the same bytes every time."""
+    return _saved(figure, "svg", NO_METADATA)
+
+
+def _saved(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
+    buffer = BytesIO()
+    with mpl.rc_context(FIXED), warnings.catch_warnings():
+        # A letter that the font lacks becomes a box; the page's tables still have it.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH, metadata=metadata)
+    return buffer.getvalue()

@@ -1,0 +1,92 @@
+"""The figure of a Pareto front with the references beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..records import RunResult
+from .drawing import axis_label, flags, new_figure, plain, png, svg
+
+FRONT_COLOUR = "#1f5fa8"
+COLOURS = ("#c4501b", "#2b7a3d", "#7b3fa0", "#8a6d00", "#b0245f")
+MARKERS = "s^DvPX<>"
+"""Eight markers and five colours: forty references before a pair repeats."""
+
+
+def front_figure(result: RunResult) -> Figure:
+    """The front in the plane of its first two objectives; one objective on a line."""
+    figure = new_figure()
+    axes = figure.add_subplot()
+    if len(result.objectives) > 1:
+        _draw_plane(axes, result)
+    else:
+        _draw_line(axes, result)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(frameon=False, fontsize="small")
+    else:
+        axes.text(0.5, 0.5, "no feasible point", ha="center", transform=axes.transAxes)
+    plain(axes)
+    return figure
+
+
+def save(result: RunResult, write: Callable[[str, bytes], object]) -> None:
+    """Hand `front.png` and `front.svg` to `write(name, content)`."""
+    figure = front_figure(result)
+    write("front.png", png(figure))
+    write("front.svg", svg(figure))
+
+
+def _draw_plane(axes: Axes, result: RunResult) -> None:
+    x, y = result.objectives[:2]
+    axes.set_xlabel(axis_label(x))
+    axes.set_ylabel(axis_label(y))
+    if len(result.objectives) > 2:
+        axes.set_title("projection: there are further objectives", fontsize="small")
+    if not result.front.empty:
+        _draw_front(axes, result, x.name, y.name)
+    for at, (_, row) in enumerate(result.references.iterrows()):
+        _draw_reference(axes, row, at, float(row[x.name]), float(row[y.name]))
+
+
+def _draw_front(axes: Axes, result: RunResult, x: str, y: str) -> None:
+    front = result.front.sort_values([x, y])
+    style = "-" if len(result.objectives) == 2 else "none"
+    axes.plot(front[x], front[y], linestyle=style, linewidth=1.0, marker="o", markersize=3.0,
+              color=FRONT_COLOUR, label=f"front, {len(front)} points")  # fmt: skip
+    knee = front[flags(front, "knee")]
+    if not knee.empty:
+        axes.plot(knee[x], knee[y], linestyle="none", marker="*", markersize=14,
+                  color=FRONT_COLOUR, markeredgecolor="white", label="knee")  # fmt: skip
+
+
+def _draw_line(axes: Axes, result: RunResult) -> None:
+    """One objective: the optimum and the references one below the other."""
+    if not result.objectives:
+        return
+    name = result.objectives[0].name
+    rows = len(result.references)
+    axes.set_xlabel(axis_label(result.objectives[0]))
+    axes.set_yticks([])
+    if not result.front.empty:
+        axes.plot(result.front[name], [rows] * len(result.front), linestyle="none", marker="*",
+                  markersize=12, color=FRONT_COLOUR, label="optimum")  # fmt: skip
+    for at, (_, row) in enumerate(result.references.iterrows()):
+        _draw_reference(axes, row, at, float(row[name]), float(rows - 1 - at))
+
+
+def _draw_reference(axes: Axes, row: pd.Series, at: int, x: float, y: float) -> None:
+    """Filled where it meets the limits of the run, hollow where it breaks one."""
+    feasible = flags(row.to_frame().T, "feasible")[0]
+    colour = COLOURS[at % len(COLOURS)]
+    axes.plot([x], [y], linestyle="none", marker=MARKERS[at % len(MARKERS)], markersize=8,
+              markerfacecolor=colour if feasible else "white", markeredgecolor=colour,
+              label=_legend_text(str(row["label"]), feasible))  # fmt: skip
+
+
+def _legend_text(label: str, feasible: bool) -> str:
+    shown = label.lstrip("_") or "reference"  # matplotlib hides labels that begin with _
+    return shown if feasible else f"{shown} (breaks limits)"

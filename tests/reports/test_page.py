@@ -1,0 +1,177 @@
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pandas as pd
+import pytest
+
+from tolevo.records import Axis, RunResult
+from tolevo.reports import page
+from tolevo.reports.tables import shown, table
+
+EVIL = '<script>alert("x")</script>'
+
+
+@pytest.fixture
+def result() -> RunResult:
+    references = pd.DataFrame(
+        {
+            "label": ["document B", "single-objective GA"],
+            "feasible": [False, True],
+            "violated_limits": ["interference_probability", ""],
+            "cost": [12.5, 11.0],
+            "backlash_arcmin": [1.4, 1.0],
+            "cost_saving_percent": [7.25, 0.5],
+            "relaxed_cost_saving_percent": [8.75, float("nan")],
+        }
+    )
+    return RunResult(
+        title="Backlash",
+        front=pd.DataFrame(
+            {"knee": [False, True], "cost": [12.0, 10.0], "backlash_arcmin": [1.0, 1.23456789]}
+        ),
+        references=references,
+        convergence=pd.DataFrame(
+            {
+                "generation": [1, 2],
+                "evaluations": [100, 200],
+                "seconds": [0.1, 0.2],
+                "hypervolume": [0.5, 0.6],
+                "hypervolume_ratio": [None, None],
+                "feasible_fraction": [0.2, 0.9],
+            }
+        ),
+        summary={
+            "status": "done",
+            "seed": 0,
+            "versions": {"numpy": "2.0"},
+            "ideal": [5.0, 0.2],
+            "assumptions": [
+                {"name": "a_0", "value": 36.0, "unit": "mm", "reason": "A", "set_by": "default"}
+            ],
+        },
+        objectives=(Axis("cost", ""), Axis("backlash_arcmin", "arcmin")),
+        notes=("No reference dominates a point.",),
+        configuration='problem = "rv_backlash"\n',
+    )
+
+
+class Tree(HTMLParser):
+    """Collects tags, and checks that those with an end have one."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+        if tag not in {"meta", "wbr"}:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def parsed(text: str) -> Tree:
+    tree = Tree()
+    tree.feed(text)
+    tree.close()
+    assert tree.open == []
+    return tree
+
+
+def test_every_text_is_escaped(result: RunResult) -> None:
+    evil = replace(
+        result,
+        title=EVIL,
+        notes=(EVIL,),
+        configuration=f'# {EVIL}\nx = "</pre>"\n',
+        references=result.references.assign(label=[EVIL, '"><img src=x>']),
+        front=result.front.assign(**{EVIL: EVIL}),
+        summary={"status": EVIL, EVIL: {"x": EVIL}, "assumptions": [{"name": EVIL}]},
+        objectives=(Axis("cost", EVIL), Axis("backlash_arcmin", '--><img src=x>"')),
+    )
+    tags = {tag for tag, _ in parsed(page(evil)).seen}
+    assert not tags & {"script", "img"}
+
+
+def test_no_network(result: RunResult) -> None:
+    text = page(result)
+    for tag, attributes in parsed(text).seen:
+        assert tag not in {"link", "script", "iframe", "img"}
+        assert "src" not in attributes
+        for name in ("href", "xlink:href"):
+            assert (attributes.get(name) or "#").startswith("#")
+    addresses = re.findall(r"""(\S+)=["']https?://([^"']*)""", text)
+    assert {name.partition(":")[0] for name, _ in addresses} <= {"xmlns"}
+    assert len(addresses) == text.count("http://") + text.count("https://")
+    assert "@import" not in text
+
+
+def test_identifiers_are_unique(result: RunResult) -> None:
+    tree = parsed(page(result))
+    names = [attributes["id"] for _, attributes in tree.seen if "id" in attributes]
+    assert len(names) == len(set(names))
+    targets = {a["xlink:href"] for _, a in tree.seen if "xlink:href" in a}
+    assert targets <= {f"#{name}" for name in names}
+
+
+def test_all_references_are_named_with_what_they_break(result: RunResult) -> None:
+    text = page(result)
+    for expected in ("document B", "single-objective GA", "interference_probability", "8.75"):
+        assert f">{expected}</td>" in text
+
+
+def test_notes_assumptions_configuration_and_points_are_there(result: RunResult) -> None:
+    text = page(result)
+    assert "<li>No reference dominates a point.</li>" in text
+    assert ">a_0</td>" in text
+    assert "problem = &quot;rv_backlash&quot;" in text
+    assert ">1.235</td>" in text
+    assert text.count("class=mark") == 1
+    assert "numpy 2.0" in text
+    assert "prefers-color-scheme: dark" in text
+
+
+def test_same_text_every_time(result: RunResult) -> None:
+    assert page(result) == page(result)
+
+
+def test_nothing_found(result: RunResult) -> None:
+    nothing = pd.DataFrame()
+    empty = replace(
+        result, front=nothing, references=nothing, convergence=nothing, summary={}, notes=()
+    )
+    assert "None." in page(empty)
+    parsed(page(empty))
+
+
+def test_references_alone(result: RunResult) -> None:
+    assert "document B" in page(replace(result, front=result.front.iloc[:0]))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (True, "yes"),
+        (float("nan"), ""),
+        (None, ""),
+        (1.23456, "1.235"),
+        (123456.7, "123457"),
+        (100000, "100000"),
+        (float("inf"), "inf"),
+        (0.0, "0"),
+        ("<", "<"),
+    ],
+)
+def test_numbers_are_rounded_for_reading(value: object, text: str) -> None:
+    assert shown(value) == text
+
+
+def test_table_escapes_headings_and_cells() -> None:
+    assert "&lt;b&gt;" in table(pd.DataFrame({"<b>": ["<i>"]}))
+    assert "&lt;i&gt;" in table(pd.DataFrame({"<b>": ["<i>"]}))

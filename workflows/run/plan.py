@@ -1,0 +1,33 @@
+"""What a run needs and what it returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...algorithms.settings import AlgorithmSettings, Budget
+from ...problems.tolerance_problem import ToleranceProblem
+from ...records import RunResult
+
+
+@dataclass(frozen=True, slots=True)
+class RunPlan:
+    """A resolved run; `configuration` is the TOML text that repeats it."""
+
+    problem: ToleranceProblem
+    algorithm: AlgorithmSettings
+    budget: Budget
+    seed: int
+    references: bool
+    configuration: str
+    title: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunOutcome:
+    """How a run ended: "done", "interrupted" or "no_feasible_point", and where its files are."""
+
+    status: str
+    folder: Path
+    lines: tuple[str, ...]
+    result: RunResult

@@ -1,0 +1,147 @@
+"""The documents' allocations and the single-objective optimum, beside the front."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...algorithms.ga import GA
+from ...algorithms.search import search
+from ...algorithms.settings import AlgorithmSettings, Budget
+from ...problems.settings import Bound
+from ...problems.tolerance_problem import ToleranceProblem
+from .front import reported_front
+from .plan import RunPlan
+
+Array = NDArray[np.float64]
+GA_BUDGET = Budget(generations=200)
+"""Budget of the single-objective reference, with the GA's default settings."""
+
+
+@dataclass(frozen=True, slots=True)
+class SideSearch:
+    """A search beside the main one: the GA reference, or a front with relaxed limits."""
+
+    label: str
+    problem: ToleranceProblem
+    algorithm: AlgorithmSettings
+    budget: Budget
+    seed: int
+    relaxed: bool
+
+    def front(self) -> pd.DataFrame | None:
+        """Its reported front; None where it was interrupted."""
+        found = search(self.problem, self.algorithm, self.budget, self.seed)
+        return None if found.interrupted else reported_front(self.problem, found)
+
+
+def documents(problem: ToleranceProblem) -> pd.DataFrame:
+    """The printed allocations, evaluated by the same model: one row each, with `label`."""
+    printed = problem.references()
+    if not printed:
+        return pd.DataFrame()
+    frame = problem.reported().frame(np.stack(list(printed.values())))
+    frame.insert(0, "label", list(printed))
+    return frame
+
+
+def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...]:
+    """The searches that the references need, each with a seed of its own."""
+    problem, found = plan.problem, []
+    seeds = iter(np.random.SeedSequence(plan.seed).generate_state(1 + len(printed)).tolist())
+    optimum = problem.least_cost()
+    first = next(seeds)
+    if optimum is not None:
+        found.append(SideSearch(*optimum, GA(), GA_BUDGET, first, relaxed=False))
+    for row in printed.to_dict("records"):
+        seed, bounds = next(seeds), relaxed_bounds(problem, row)
+        if bounds:
+            wider = problem.relaxed(bounds)
+            label = str(row["label"])
+            found.append(SideSearch(label, wider, plan.algorithm, plan.budget, seed, relaxed=True))
+    return tuple(found)
+
+
+def violated(problem: ToleranceProblem, row: Mapping[str, object]) -> list[str]:
+    """Names of the limits that a row breaks."""
+    return [
+        limit.name
+        for limit in problem.limits
+        if any(v[0] > 0.0 for v in limit.violations(np.array([float(str(row[limit.name]))])))
+    ]
+
+
+def relaxed_bounds(problem: ToleranceProblem, row: Mapping[str, object]) -> dict[str, Bound]:
+    """The broken limits of a row, moved to the row's own values."""
+    limits = {limit.name: limit for limit in problem.limits}
+    found = {}
+    for name in violated(problem, row):
+        own, limit = float(str(row[name])), limits[name]
+        found[name] = Bound(min(limit.low, own), max(limit.high, own))
+    return found
+
+
+def table(
+    plan: RunPlan,
+    printed: pd.DataFrame,
+    fronts: Mapping[SideSearch, pd.DataFrame | None],
+) -> pd.DataFrame:
+    """All references, one row each, before comparison with the front."""
+    frames = [printed] if len(printed) else []
+    for side, front in fronts.items():
+        if not side.relaxed and front is not None and len(front):
+            row = plan.problem.reported().frame(front[plan.problem.names].to_numpy()[:1])
+            row.insert(0, "label", side.label)
+            frames.append(row)
+    if not frames:
+        return pd.DataFrame({"label": [], "feasible": [], "violated_limits": []})
+    found = pd.concat(frames, ignore_index=True)
+    broken = [" ".join(violated(plan.problem, row)) for row in found.to_dict("records")]
+    found.insert(1, "feasible", found.pop("feasible"))
+    found.insert(2, "violated_limits", broken)
+    return found
+
+
+def compare(
+    references: pd.DataFrame,
+    front: pd.DataFrame,
+    relaxed: Mapping[str, pd.DataFrame | None],
+    objectives: tuple[str, ...],
+) -> pd.DataFrame:
+    """By how much the front beats each reference, in percent of the reference's own value.
+
+    Per objective: the best front point that is at least as good in all others. Empty where there
+    is none. `relaxed_...`: the same against the front whose broken limits are moved to the
+    reference's own values.
+    """
+    found = references.copy()
+    names = list(objectives)
+    for prefix in ("", "relaxed_"):
+        rows = []
+        for row in references.to_dict("records"):
+            other = relaxed.get(str(row["label"])) if prefix else front
+            own = np.array([float(row[name]) for name in names])
+            values = np.empty((0, len(names))) if other is None else other[names].to_numpy()
+            rows.append(gains(own, values))
+        for at, name in enumerate(names):
+            found[prefix + gain_column(name)] = [row[at] for row in rows]
+    return found
+
+
+def gain_column(objective: str) -> str:
+    """Name of the column that says by how much an objective is beaten."""
+    return "cost_saving_percent" if objective == "cost" else f"{objective}_gain_percent"
+
+
+def gains(own: Array, front: Array) -> list[float]:
+    """Gain in percent per objective at equal or better other objectives; NaN where none is."""
+    found = []
+    for at in range(len(own)):
+        others = np.delete(front, at, axis=1) <= np.delete(own, at)
+        best = front[np.all(others, axis=1), at]
+        found.append(100.0 * (own[at] - best.min()) / abs(own[at]) if len(best) else np.nan)
+    return found

@@ -1,0 +1,179 @@
+"""`tolevo run`: search, references, comparison, files."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
+from dataclasses import asdict
+from importlib.metadata import version
+from multiprocessing import get_context
+from pathlib import Path
+
+import pandas as pd
+
+from ...algorithms.search import Progress, SearchResult, search
+from ...files import write_text
+from ...problems.tolerance_problem import ToleranceProblem
+from ...records import Axis, RunResult
+from .front import drop_dominated, nearest_miss, reported_front
+from .plan import RunOutcome, RunPlan
+from .references import SideSearch, compare, documents, side_searches, table
+from .write import write
+
+Fronts = dict[SideSearch, pd.DataFrame | None]
+
+
+def run(
+    plan: RunPlan,
+    out: Path,
+    workers: int = 1,
+    progress: Callable[[Progress], None] | None = None,
+) -> RunOutcome:
+    """Run `plan` and write its files to `out`.
+
+    The result does not depend on `workers`: side searches have seeds of their own and run in other
+    processes where there are some. An interrupt ends the search; what was found is written.
+    """
+    start = time.monotonic()
+    printed = documents(plan.problem) if plan.references else pd.DataFrame()
+    sides = side_searches(plan, printed) if plan.references else ()
+    with ExitStack() as stack:
+        futures = _submit(sides, workers, stack)
+        found = search(plan.problem, plan.algorithm, plan.budget, plan.seed, progress)
+        fronts: Fronts = dict.fromkeys(sides) if found.interrupted else _gather(sides, futures)
+    front = reported_front(plan.problem, found)
+    references = table(plan, printed, fronts)
+    front, dropped = drop_dominated(front, references, plan.problem.objectives)
+    relaxed = {side.label: other for side, other in fronts.items() if side.relaxed}
+    if len(references):
+        references = compare(references, front, relaxed, plan.problem.objectives)
+    cut = found.interrupted or any(other is None for other in fronts.values())
+    status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
+    notes = (*plan.problem.warnings(), *_notes(references, dropped))
+    summary = _summary(plan, found, front, status, notes, time.monotonic() - start)
+    result = _result(plan, found, front, references, summary, notes)
+    write(result, out)
+    if not len(front):
+        write_text(out / "nearest_miss.csv", nearest_miss(plan.problem, found).to_csv(index=False))
+    return RunOutcome(status, out, _lines(result, status, out), result)
+
+
+def _submit(
+    sides: tuple[SideSearch, ...], workers: int, stack: ExitStack
+) -> dict[SideSearch, Future[pd.DataFrame | None]]:
+    """Start the side searches in other processes, where there are workers for them."""
+    if workers < 2 or not sides:
+        return {}
+    size = min(workers - 1, len(sides))
+    pool = ProcessPoolExecutor(size, mp_context=get_context("spawn"))
+    stack.callback(pool.shutdown, wait=True, cancel_futures=True)
+    return {side: pool.submit(side.front) for side in sides}
+
+
+def _gather(
+    sides: tuple[SideSearch, ...], futures: dict[SideSearch, Future[pd.DataFrame | None]]
+) -> Fronts:
+    """The side fronts; a search whose process was lost is done again here."""
+    found: Fronts = {}
+    for side in sides:
+        try:
+            found[side] = futures[side].result() if side in futures else side.front()
+        except BrokenProcessPool:
+            found[side] = side.front()
+    return found
+
+
+def _summary(
+    plan: RunPlan,
+    found: SearchResult,
+    front: pd.DataFrame,
+    status: str,
+    notes: tuple[str, ...],
+    seconds: float,
+) -> dict[str, object]:
+    ideal, nadir = plan.problem.box()
+    last = found.history[-1] if found.history else None
+    names = plan.problem.objectives
+    packages = ("tolevo", "pymoo", "numpy", "scipy", "pandas", "moocore")
+    return {
+        "status": status,
+        "seed": plan.seed,
+        "versions": {"python": platform.python_version()} | {p: version(p) for p in packages},
+        "configuration_hash": hashlib.sha256(plan.configuration.encode()).hexdigest(),
+        "evaluations": len(found.x),
+        "seconds": seconds,
+        "points": len(front),
+        "hypervolume": last.hypervolume if last else None,
+        "hypervolume_ratio": None,
+        "ideal": dict(zip(names, ideal.tolist(), strict=True)),
+        "nadir": dict(zip(names, nadir.tolist(), strict=True)),
+        "notes": list(notes),
+        "assumptions": [asdict(a) for a in plan.problem.assumptions()],
+    }
+
+
+def _result(
+    plan: RunPlan,
+    found: SearchResult,
+    front: pd.DataFrame,
+    references: pd.DataFrame,
+    summary: dict[str, object],
+    notes: tuple[str, ...],
+) -> RunResult:
+    columns = ["generation", "evaluations", "seconds", "hypervolume", "feasible_fraction"]
+    convergence = pd.DataFrame([asdict(p) for p in found.history], columns=columns)
+    convergence.insert(4, "hypervolume_ratio", float("nan"))
+    return RunResult(
+        plan.title,
+        front,
+        references,
+        convergence,
+        summary,
+        objectives=_axes(plan.problem, plan.problem.objectives),
+        variables=tuple(Axis(v.name, v.unit, v.meaning) for v in plan.problem.variables),
+        notes=notes,
+        configuration=plan.configuration,
+    )
+
+
+def _axes(problem: ToleranceProblem, names: tuple[str, ...]) -> tuple[Axis, ...]:
+    outputs = {o.name: o for o in problem.outputs}
+    return tuple(Axis(n, outputs[n].unit, outputs[n].meaning) for n in names)
+
+
+def _notes(references: pd.DataFrame, dropped: int) -> list[str]:
+    """What the page and the summary say about the references."""
+    found = [
+        f"{row['label']} breaks {row['violated_limits'].replace(' ', ', ')}: it is outside of what "
+        "this run may choose, so the front cannot be expected to beat it; see the relaxed columns"
+        for row in references.to_dict("records")
+        if row["violated_limits"]
+    ]
+    if dropped:
+        found.append(
+            f"{dropped} points of the search's front were removed: a reference dominates them"
+        )
+    return found
+
+
+def _lines(result: RunResult, status: str, out: Path) -> tuple[str, ...]:
+    """A short summary for the terminal."""
+    lines = [f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
+             f"evaluations, {float(str(result.summary['seconds'])):.1f} s"]  # fmt: skip
+    for row in result.references.to_dict("records"):
+        kept = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
+        values = ", ".join(f"{axis.name} {row[axis.name]:.4g}" for axis in result.objectives)
+        lines.append(f"reference {row['label']}: {values}; {kept}")
+    lines += [f"note: {note}" for note in result.notes]
+    if status == "no_feasible_point":
+        lines.append(f"the nearest miss is in {out / 'nearest_miss.csv'}; relax the limit it "
+                     "breaks, widen the ranges or raise the budget")  # fmt: skip
+    if status == "interrupted":
+        lines.append("what was found until then is saved; run the same configuration again with "
+                     "--overwrite for the whole")  # fmt: skip
+    return tuple(lines)
