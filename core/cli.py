@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -243,7 +242,3 @@ def _exit_status() -> Iterator[None]:
     except OSError as error:
         typer.echo(f"failed: {error}", err=True)
         raise typer.Exit(1) from None
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .workflows.run import Progress
+    from .algorithms.search import Progress
 
 LINE_EVERY = 10.0
 """Seconds between two lines where stderr is not a terminal."""
@@ -35,7 +35,7 @@ def fraction(progress: Progress) -> float | None:
     )
     shares = [done / total for done, total in pairs if total]
     if not shares and progress.remaining is not None:
-        shares = [progress.elapsed / max(progress.elapsed + progress.remaining, 1e-9)]
+        shares = [progress.seconds / max(progress.seconds + progress.remaining, 1e-9)]
     return min(1.0, max(shares)) if shares else None
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from io import BytesIO
+from typing import Any
 
 import matplotlib as mpl
 import pandas as pd
@@ -17,7 +18,7 @@ from ..units import split_unit
 SIZE = (7.0, 4.6)
 """Width and height [inch]: a text column and a half."""
 DOTS_PER_INCH = 200
-FIXED = {"svg.hashsalt": "tolevo", "svg.fonttype": "path"}
+FIXED: dict[Any, Any] = {"svg.hashsalt": "tolevo", "svg.fonttype": "path"}
 """The same identifiers in every process; letters as outlines, so that no font is needed."""
 NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
@@ -55,12 +56,12 @@ def flags(table: pd.DataFrame, column: str) -> list[bool]:
     return [not pd.isna(value) and bool(value) for value in table[column]]
 
 
-def png(figure: Figure) -> bytes:
+def as_png(figure: Figure) -> bytes:
     """The figure as PNG, the same bytes every time."""
     return _saved(figure, "png", {"Software": None})
 
 
-def svg(figure: Figure) -> bytes:
+def as_svg(figure: Figure) -> bytes:
     """The figure as SVG, the same bytes every time."""
     return _saved(figure, "svg", NO_METADATA)
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..records import RunResult
-from .drawing import axis_label, flags, new_figure, plain, png, svg
+from .drawing import as_png, as_svg, axis_label, flags, new_figure, plain
 
 FRONT_COLOUR = "#1f5fa8"
 COLOURS = ("#c4501b", "#2b7a3d", "#7b3fa0", "#8a6d00", "#b0245f")
@@ -33,11 +31,14 @@ def front_figure(result: RunResult) -> Figure:
     return figure
 
 
-def save(result: RunResult, write: Callable[[str, bytes], object]) -> None:
-    """Hand `front.png` and `front.svg` to `write(name, content)`."""
-    figure = front_figure(result)
-    write("front.png", png(figure))
-    write("front.svg", svg(figure))
+def png(result: RunResult) -> bytes:
+    """`front.png`."""
+    return as_png(front_figure(result))
+
+
+def svg(result: RunResult) -> bytes:
+    """`front.svg`."""
+    return as_svg(front_figure(result))
 
 
 def _draw_plane(axes: Axes, result: RunResult) -> None:

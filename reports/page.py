@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from ..records import RunResult
 from .convergence import convergence_figure
-from .drawing import flags, svg
+from .drawing import as_svg, flags
 from .figure import front_figure
 from .style import STYLE
 from .tables import chosen, shown, table
@@ -58,7 +58,7 @@ def _section(title: str, body: str) -> str:
 
 
 def _picture(name: str, figure: Figure, caption: str) -> str:
-    drawing = svg(figure).decode()
+    drawing = as_svg(figure).decode()
     drawing = drawing[drawing.index("<svg") :]
     # Two drawings on one page must not share identifiers.
     drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
@@ -85,7 +85,7 @@ def _notes(notes: Sequence[str]) -> str:
 def _references(result: RunResult) -> str:
     if result.references.empty:
         return "<p>None.</p>"
-    gains = [name for name in result.references if _is_gain(str(name))]
+    gains = [name for name in map(str, result.references.columns) if _is_gain(name)]
     axes = [axis.name for axis in result.objectives]
     names = ["label", "feasible", "violated_limits", *axes, *gains]
     short = table(chosen(result.references, names))

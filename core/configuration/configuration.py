@@ -32,7 +32,7 @@ class Configuration:
     problem: ToleranceProblem | None = None
     algorithm_name: str = ""
     algorithm: AlgorithmSettings | None = None
-    budget: Budget = Budget()
+    budget: Budget = field(default_factory=Budget)
     resolved: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     @property

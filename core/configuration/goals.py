@@ -65,9 +65,11 @@ def _limit(section: Section, name: str, unit: str, within: Range, lower: bool) -
     low, high = (table.number(key, unit, within) for key in ("min", "max"))
     table.finish()
     if not value.keys() & {"min", "max"}:
-        return section.fault(name, "needs min, max or both")
+        section.fault(name, "needs min, max or both")
+        return None
     if low is not None and high is not None and low > high:
-        return table.fault("min", f"must not be above max ({high:g}), got {low:g}")
+        table.fault("min", f"must not be above max ({high:g}), got {low:g}")
+        return None
     return Bound(-inf if low is None else low, inf if high is None else high)
 
 

@@ -73,7 +73,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     assert algorithm is not None
     resolved = {
         "problem": top.take("problem"),
-        "model": model_name,
+        **({"model": model_name} if model_name else {}),
         "seed": seed,
         "references": references,
         **resolved_problem(problem.settings, kind.variables),
@@ -169,5 +169,9 @@ def _at_document(variable: Any, given: VariableSetting) -> VariableSetting:
     """The setting with the document's value and mid-limit where none is given."""
     value = variable.document if given.value is None else given.value
     return replace(
-        given, value=value, low=None, high=None, mid=variable.mid if given.mid is None else given.mid
+        given,
+        value=value,
+        low=None,
+        high=None,
+        mid=variable.mid if given.mid is None else given.mid,
     )

@@ -25,7 +25,7 @@ class Range:
         """What is wrong with `value`, empty where nothing is."""
         above = value > self.low or (value == self.low and not self.open_low)
         below = value < self.high or (value == self.high and not self.open_high)
-        return "" if above and below else f"must {self}, got {value}"
+        return "" if above and below else f"must {self}, got {_plain(value)}"
 
     def __str__(self) -> str:
         if math.isfinite(self.low) and math.isfinite(self.high):
@@ -34,6 +34,11 @@ class Range:
         if math.isfinite(self.low):
             return f"be {'above' if self.open_low else 'at least'} {self.low:.10g}"
         return f"be {'below' if self.open_high else 'at most'} {self.high:.10g}"
+
+
+def _plain(value: float) -> str:
+    """A number without the `.0` of a whole one."""
+    return str(int(value)) if value == int(value) else str(value)
 
 
 ANY = Range()
@@ -100,16 +105,20 @@ class Section:
             try:
                 number = to_unit(value, unit)
             except ValueError as error:
-                return self.fault(key, str(error))
+                self.fault(key, str(error))
+                return None
         elif isinstance(value, bool) or not isinstance(value, int | float):
             wanted = f"a number or a string with a unit of {unit}" if unit else "a number"
-            return self.fault(key, f"must be {wanted}, got {shown(value)}")
+            self.fault(key, f"must be {wanted}, got {shown(value)}")
+            return None
         else:
             number = value if abs(value) < 1e300 else inf
         if not math.isfinite(number):
-            return self.fault(key, f"must be finite, got {shown(value)}")
+            self.fault(key, f"must be finite, got {shown(value)}")
+            return None
         if complaint := within.complaint(number):
-            return self.fault(key, complaint)
+            self.fault(key, complaint)
+            return None
         return float(number)
 
     def quantity(self, name: str, unit: str, within: Range = ANY) -> float | None:
@@ -118,11 +127,13 @@ class Section:
         if stem == name or stem not in self._table:
             return self.number(name, unit, within)
         if name in self._table:
-            return self.fault(name, f"is given twice: as {name} and as {stem}")
+            self.fault(name, f"is given twice: as {name} and as {stem}")
+            return None
         self._known[name] = None
         value = self.take(stem)
         if not isinstance(value, str):
-            return self.fault(stem, f'needs a unit: write {stem} = "... {unit}", or {name}')
+            self.fault(stem, f'needs a unit: write {stem} = "... {unit}", or {name}')
+            return None
         return self.as_number(stem, value, unit, within)
 
     def integer(self, key: str, within: Range = ANY) -> int | None:
@@ -131,9 +142,11 @@ class Section:
         if value is None:
             return None
         if isinstance(value, bool) or not isinstance(value, int):
-            return self.fault(key, f"must be a whole number, got {shown(value)}")
+            self.fault(key, f"must be a whole number, got {shown(value)}")
+            return None
         if complaint := within.complaint(value):
-            return self.fault(key, complaint)
+            self.fault(key, complaint)
+            return None
         return value
 
     def flag(self, key: str) -> bool | None:
@@ -141,7 +154,8 @@ class Section:
         value = self.take(key)
         if value is None or isinstance(value, bool):
             return value
-        return self.fault(key, f"must be true or false, got {shown(value)}")
+        self.fault(key, f"must be true or false, got {shown(value)}")
+        return None
 
     def text(self, key: str, choices: Iterable[str] = ()) -> str | None:
         """A string, one of `choices` where there are any."""
@@ -149,10 +163,12 @@ class Section:
         if value is None:
             return None
         if not isinstance(value, str):
-            return self.fault(key, f"must be a string, got {shown(value)}")
+            self.fault(key, f"must be a string, got {shown(value)}")
+            return None
         if valid and value not in valid:
             known = ", ".join(valid)
-            return self.fault(key, f'must be one of {known}, got "{value}"{nearest(value, valid)}')
+            self.fault(key, f'must be one of {known}, got "{value}"{nearest(value, valid)}')
+            return None
         return value
 
     def names(self, key: str) -> list[str] | None:
@@ -161,8 +177,12 @@ class Section:
         if value is None:
             return None
         if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-            return self.fault(key, f"must be a list of strings, got {shown(value)}")
-        return value or self.fault(key, "must name at least one")
+            self.fault(key, f"must be a list of strings, got {shown(value)}")
+            return None
+        if not value:
+            self.fault(key, "must name at least one")
+            return None
+        return value
 
     def numbers(self, key: str) -> tuple[float, ...] | None:
         """A list of finite numbers."""
@@ -170,7 +190,8 @@ class Section:
         if value is None:
             return None
         if not isinstance(value, list):
-            return self.fault(key, f"must be a list of numbers, got {shown(value)}")
+            self.fault(key, f"must be a list of numbers, got {shown(value)}")
+            return None
         found = [self.as_number(f"{key}[{i}]", one, "") for i, one in enumerate(value)]
         return tuple(one for one in found if one is not None) if None not in found else None
 

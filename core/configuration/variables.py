@@ -64,7 +64,8 @@ def _order(section: Section, variable: Variable, low: float | None, high: float 
 def _mid(section: Section, variable: Variable) -> float | None:
     mid = section.number("mid", variable.unit)
     if "mid" in section and variable.mid is None:
-        return section.fault("mid", f"{variable.name} ({variable.kind}) has no mid-limit")
+        section.fault("mid", f"{variable.name} ({variable.kind}) has no mid-limit")
+        return None
     return mid
 
 
@@ -73,15 +74,19 @@ def _zone(section: Section, variable: Variable) -> Zone | None:
     if text is None:
         return None
     if variable.kind is not Kind.HALF_WIDTH:
-        return section.fault("limits", f"do not apply to a {variable.kind}: give value")
+        section.fault("limits", f"do not apply to a {variable.kind}: give value")
+        return None
     if other := [key for key in ("value", "low", "high", "mid") if key in section]:
-        return section.fault("limits", f"set value and mid: leave out {', '.join(other)}")
+        section.fault("limits", f"set value and mid: leave out {', '.join(other)}")
+        return None
     try:
         zone = Zone.of_text(text)
     except ValueError as error:
-        return section.fault("limits", str(error))
+        section.fault("limits", str(error))
+        return None
     if not (math.isfinite(zone.mid) and math.isfinite(zone.half_width)):
-        return section.fault("limits", f'must be finite, got "{text}"')
+        section.fault("limits", f'must be finite, got "{text}"')
+        return None
     return zone
 
 

@@ -64,7 +64,8 @@ def masses(term: Term, step: Array) -> tuple[Array, Integers]:
     count = int(np.max(np.ceil(high / step).astype(np.int64) - start)) + 3
     x = (start[:, None] + np.arange(count)) * step[:, None]
     found = np.diff(stop_loss(term, x), n=2, axis=1) / step[:, None]
-    return np.maximum(found, 0.0), start + 1
+    near = (x > (low - step)[:, None]) & (x < (high + step)[:, None])
+    return np.where(near[:, 1:-1], np.maximum(found, 0.0), 0.0), start + 1
 
 
 def spectrum(terms: tuple[Term, ...], step: Array, points: int) -> tuple[NDArray, Integers]:

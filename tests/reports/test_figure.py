@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 
 from tolevo.records import Axis, RunResult
-from tolevo.reports import front_figure, save
-from tolevo.reports.drawing import axis_label, png, svg
+from tolevo.reports import front_figure
+from tolevo.reports.drawing import as_png, as_svg, axis_label
+from tolevo.reports.figure import png, svg
 
 COST = Axis("cost", "")
 BACKLASH = Axis("backlash_arcmin", "arcmin")
@@ -34,9 +35,7 @@ def result() -> RunResult:
 
 
 def saved(result: RunResult) -> dict[str, bytes]:
-    files: dict[str, bytes] = {}
-    save(result, files.__setitem__)
-    return files
+    return {"front.png": png(result), "front.svg": svg(result)}
 
 
 def test_axis_label_has_the_unit_once() -> None:
@@ -107,8 +106,8 @@ def test_nothing_found(result: RunResult, objectives: tuple[Axis, ...]) -> None:
     empty = replace(result, front=pd.DataFrame(), references=pd.DataFrame(), objectives=objectives)
     figure = front_figure(empty)
     assert figure.axes[0].texts[0].get_text() == "no feasible point"
-    assert png(figure)
-    assert svg(figure)
+    assert as_png(figure)
+    assert as_svg(figure)
 
 
 def test_letters_that_the_font_lacks_do_not_stop_a_run(result: RunResult) -> None:

@@ -12,7 +12,7 @@ from ...algorithms.search import SearchResult
 from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
-CANDIDATES = 1500
+CANDIDATES = 1000
 """Archive points recomputed at full accuracy: those of the lowest non-domination ranks."""
 
 

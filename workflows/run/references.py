@@ -18,7 +18,7 @@ from .front import reported_front
 from .plan import RunPlan
 
 Array = NDArray[np.float64]
-GA_BUDGET = Budget(generations=200)
+GA_BUDGET = Budget(generations=120)
 """Budget of the single-objective reference, with the GA's default settings."""
 
 

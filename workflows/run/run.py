@@ -78,13 +78,17 @@ def _submit(
 def _gather(
     sides: tuple[SideSearch, ...], futures: dict[SideSearch, Future[pd.DataFrame | None]]
 ) -> Fronts:
-    """The side fronts; a search whose process was lost is done again here."""
-    found: Fronts = {}
-    for side in sides:
-        try:
-            found[side] = futures[side].result() if side in futures else side.front()
-        except BrokenProcessPool:
+    """The side fronts; those not begun elsewhere, or whose process was lost, are made here."""
+    found: Fronts = dict.fromkeys(sides)
+    for side in reversed(sides):
+        if side not in futures or futures[side].cancel():
             found[side] = side.front()
+    for side, future in futures.items():
+        if not future.cancelled():
+            try:
+                found[side] = future.result()
+            except BrokenProcessPool:
+                found[side] = side.front()
     return found
 
 

@@ -1,0 +1,184 @@
+"""What the RV backlash models declare, by the names of configurations: parameters and variables.
+
+Shared by the problem `rv_backlash` and the model `rv_batch`. Defaults are document B's RV-40E-121.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import radians
+
+from ...declarations import Kind, Parameter, Value, Variable
+from ...units import ARCMIN, MM, UM
+from ..inputs.distribution import Array, Distribution
+from .backlash import Allocation, BacklashModel
+from .cycloid import LINEAR_ERRORS, EccentricityLaw
+from .geometry import RvGeometry
+from .involute import InvoluteStage
+
+ERRORS = (*LINEAR_ERRORS, "eccentricity")
+"""The errors of the cycloid stage that have a half-width and a mid-limit."""
+MAX_ECCENTRICITY_UM = 10.0
+"""The eccentricity law is fitted up to here."""
+
+_B = "document B"
+_MID_UM = {
+    "pin_circle_radius": -1.0,
+    "pin_position": -1.0,
+    "pin_hole_radius": 2.5,
+    "pin_radius": -1.0,
+    "pitch": -3.0,
+    "runout": 0.0,
+    "eccentricity": 0.0,
+    "equidistance": -1.0,
+    "shift": 1.0,
+}
+
+
+def _printed(name: str, default: float, unit: str, meaning: str, high: float) -> Parameter:
+    return Parameter(name, default, unit, meaning, _B, low=0.0, high=high, open_low=True)
+
+
+def _whole(name: str, default: int, meaning: str, low: float, high: float) -> Parameter:
+    return Parameter(name, default, "", meaning, _B, low=low, high=high)
+
+
+def _size(name: str, default: float, unit: str, meaning: str, high: float) -> Parameter:
+    source = "z1 = 12, z2 = 36, m = 1.5 mm"
+    return Parameter(
+        name, default, unit, meaning, source, assumed=True, low=0.0, high=high, open_low=True
+    )
+
+
+def _deviation(name: str, default: float, meaning: str) -> Parameter:
+    meaning, source = f"{meaning}, at ISO grade 7", "typical of gears of this size"
+    return Parameter(name, default, "um", meaning, source, assumed=True, low=0.0, high=1000.0)
+
+
+def _mid(error: str) -> Parameter:
+    assumed = error == "eccentricity"
+    source = "the document prints no zone for the eccentricity" if assumed else _B
+    bound = MAX_ECCENTRICITY_UM if assumed else 1000.0
+    meaning = f"mid-limit of the {error.replace('_', ' ')} error"
+    default = _MID_UM[error]
+    return Parameter(
+        f"{error}_mid_um", default, "um", meaning, source, assumed, low=-bound, high=bound
+    )
+
+
+PARAMETERS: tuple[Parameter, ...] = (
+    _printed("pin_circle_radius_mm", 64.0, "mm", "radius r_p of the pin circle", 1e4),
+    _printed("pin_radius_mm", 3.0, "mm", "radius r_rp of the pins", 1e3),
+    _printed("eccentricity_mm", 1.3, "mm", "eccentricity e of the crankshafts", 1e3),
+    _whole("cycloid_teeth", 39, "teeth z_c of a cycloid disc", 3, 1000),
+    _whole("pins", 40, "pins z_p of the housing", 4, 1001),
+    _printed("reduction_ratio", 121.0, "", "reduction ratio i, sun in, carrier out", 1e5),
+    _size("sun_pitch_radius_mm", 9.0, "mm", "pitch radius r_1 of the sun gear", 1e4),
+    _size("centre_distance_mm", 36.0, "mm", "centre distance a_0 = radius of the crank circle", 1e4),
+    Parameter("pressure_angle_deg", 20.0, "deg", "pressure angle of the involute gears",
+              "usual value", assumed=True, low=0.0, high=45.0, open_low=True),
+    _deviation("gear_runout_um", 36.0, "runout F_r of sun and planet"),
+    _deviation("base_pitch_deviation_um", 13.0, "base pitch deviation f_pb"),
+    _deviation("helix_deviation_um", 11.0, "helix deviation F_beta"),
+    _deviation("axis_parallelism_x_um", 11.0, "axis parallelism f_x"),
+    _deviation("axis_parallelism_y_um", 5.5, "axis parallelism f_y"),
+    _deviation("centre_distance_deviation_um", 19.5, "centre distance deviation f_a"),
+    _deviation("thickness_deviation_upper_um", 56.0, "magnitude of E_ss of either gear"),
+    _deviation("thickness_deviation_lower_um", 112.0, "magnitude of E_si of either gear"),
+    Parameter("eccentricity_linear", -0.055, "", "part of an eccentricity error that acts as play, "
+              "first order", "fitted to exact 40-pin geometry", assumed=True, low=-10.0, high=10.0),
+    Parameter("eccentricity_quadratic_per_mm", -12.6, "1/mm", "the same, second order",
+              "fitted to exact 40-pin geometry", assumed=True, low=-1e4, high=1e4),
+    *(_mid(error) for error in ERRORS),
+    _printed("backlash_limit_arcmin", 1.0, "arcmin", "backlash that conforming units keep", 1e4),
+)  # fmt: skip
+
+
+def _half_width(error: str, low: float, high: float, document: float, meaning: str) -> Variable:
+    return Variable(f"{error}_um", "um", Kind.HALF_WIDTH, low, high, meaning, document,
+                    mid=_MID_UM[error], valid_low=0.0, valid_high=1000.0, random=True)  # fmt: skip
+
+
+VARIABLES: tuple[Variable, ...] = (
+    _half_width("pin_circle_radius", 0.5, 10.0, 3.0, "pin-circle radius r_p"),
+    _half_width("pin_position", 0.5, 10.0, 2.0, "circumferential position of the pins"),
+    _half_width("pin_hole_radius", 0.5, 8.0, 1.5, "radius of the pin holes"),
+    _half_width("pin_radius", 0.25, 5.0, 1.0, "pin radius r_rp"),
+    _half_width("pitch", 1.0, 15.0, 4.0, "cumulative pitch of the discs"),
+    _half_width("runout", 0.25, 8.0, 1.0, "runout of the discs"),
+    Variable("eccentricity_um", "um", Kind.HALF_WIDTH, 0.25, 8.0, "eccentricity of the cranks", 1.0,
+             mid=_MID_UM["eccentricity"], valid_low=0.0, valid_high=MAX_ECCENTRICITY_UM,
+             assumed="the document prints no zone for the eccentricity; +-1 um in every reference",
+             random=True),
+    _half_width("equidistance", 0.25, 6.0, 1.0, "equidistance modification as ground"),
+    _half_width("shift", 0.25, 6.0, 1.0, "shift modification as ground"),
+    Variable("crank_bearing_um", "um", Kind.FULL_CLEARANCE, 0.5, 20.0,
+             "clearance of the crank-arm bearings", 2.0, valid_low=0.0, valid_high=1000.0,
+             assumed="the document's table prints 0..0.002 mm, its Monte Carlo text 0..0.02 mm; "
+                     "only the table agrees with its figures", random=True),
+    Variable("involute_grade", "", Kind.GRADE, 4, 8, "ISO grade of sun and planets; deviations "
+             "grow by sqrt(2) per grade", 7, integer=True, valid_low=0.0, valid_high=12.0,
+             random=True),
+    Variable("stagger_arcmin", "arcmin", Kind.NOMINAL, 0.0, 0.2, "stagger of the two discs", 0.0,
+             valid_low=0.0, valid_high=60.0),
+    Variable("dr_rp_mm", "mm", Kind.NOMINAL, -0.08, 0.0, "equidistance modification", -0.040,
+             valid_low=-1.0, valid_high=1.0),
+    Variable("dr_p_mm", "mm", Kind.NOMINAL, -0.12, 0.0, "shift modification", -0.070,
+             valid_low=-1.0, valid_high=1.0),
+)  # fmt: skip
+
+
+def backlash_model(
+    parameters: Mapping[str, Value],
+    mids_um: Mapping[str, float] | None,
+    inputs: Mapping[str, Distribution],
+) -> BacklashModel:
+    """The model (SI) of `parameters` by declared name; left-out ones keep their defaults.
+
+    `mids_um` replaces mid-limits by name of the error (`pin_radius`); `inputs` has distributions by
+    the same names and `crank_bearing`, `involute_grade`.
+    """
+    p = {one.name: float(parameters.get(one.name, one.default)) for one in PARAMETERS}
+    mids = {error: p[f"{error}_mid_um"] for error in ERRORS} | dict(mids_um or {})
+    law = EccentricityLaw(p["eccentricity_linear"], p["eccentricity_quadratic_per_mm"] / MM)
+    mid = {error: value * UM for error, value in mids.items()}
+    return BacklashModel(_geometry(p), _stage(p), law, mid, dict(inputs))
+
+
+def _geometry(p: Mapping[str, float]) -> RvGeometry:
+    return RvGeometry(
+        pin_circle_radius=p["pin_circle_radius_mm"] * MM,
+        pin_radius=p["pin_radius_mm"] * MM,
+        eccentricity=p["eccentricity_mm"] * MM,
+        cycloid_teeth=int(p["cycloid_teeth"]),
+        pins=int(p["pins"]),
+        reduction_ratio=p["reduction_ratio"],
+        sun_pitch_radius=p["sun_pitch_radius_mm"] * MM,
+        centre_distance=p["centre_distance_mm"] * MM,
+    )
+
+
+def _stage(p: Mapping[str, float]) -> InvoluteStage:
+    return InvoluteStage(
+        pressure_angle=radians(p["pressure_angle_deg"]),
+        runout=p["gear_runout_um"] * UM,
+        base_pitch=p["base_pitch_deviation_um"] * UM,
+        helix=p["helix_deviation_um"] * UM,
+        parallelism_x=p["axis_parallelism_x_um"] * UM,
+        parallelism_y=p["axis_parallelism_y_um"] * UM,
+        centre_distance=p["centre_distance_deviation_um"] * UM,
+        thickness_upper=p["thickness_deviation_upper_um"] * UM,
+        thickness_lower=p["thickness_deviation_lower_um"] * UM,
+    )
+
+
+def allocation(designs: Mapping[str, Array]) -> Allocation:
+    """The allocation (SI) of designs given by variable name in the variable's unit, each (n,)."""
+    return Allocation(
+        half_width={error: designs[f"{error}_um"] * UM for error in ERRORS},
+        crank_bearing=designs["crank_bearing_um"] * UM,
+        involute_grade=designs["involute_grade"],
+        stagger=designs["stagger_arcmin"] * ARCMIN,
+        dr_rp=designs["dr_rp_mm"] * MM,
+        dr_p=designs["dr_p_mm"] * MM,
+    )

@@ -1,0 +1,80 @@
+"""Units at the edge: text in, the unit of the key out."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tolevo.units import ARCMIN, MM, SUFFIXES, UM, split_unit, to_unit
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("0.002 mm", "um", 2.0),
+        ("2um", "um", 2.0),
+        ("1 deg", "arcmin", 60.0),
+        ("60 arcsec", "arcmin", 1.0),
+        ("1 rad", "mrad", 1000.0),
+        ("412 Nm", "Nm", 412.0),
+        ("20 C", "K", 293.15),
+        ("3600 rpm", "rpm", 3600.0),
+        ("-4e-3 mm", "um", -4.0),
+        ("99.73 percent", "percent", 99.73),
+        ("7", "", 7.0),
+        (".5", "", 0.5),
+    ],
+)
+def test_quantity_is_converted_to_the_unit_of_its_key(text: str, unit: str, value: float) -> None:
+    np.testing.assert_allclose(to_unit(text, unit), value, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("", "um"),
+        ("2", "um"),  # a string must say its unit
+        ("2 um", ""),
+        ("two um", "um"),
+        ("2 kg", "um"),
+        ("2 umm", "um"),
+        ("2 um um um", "um"),
+        ("2 (", "um"),
+        ("2 1", "um"),
+        ("nan um", "um"),
+        ("1e5", "um"),
+    ],
+)
+def test_other_text_is_refused_with_the_remedy(text: str, unit: str) -> None:
+    with pytest.raises(ValueError, match="must be a number or"):
+        to_unit(text, unit)
+
+
+@given(st.floats(-1e6, 1e6))
+def test_millimetres_and_micrometres_agree(value: float) -> None:
+    np.testing.assert_allclose(to_unit(f"{value!r} mm", "um"), 1000.0 * value, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [
+        ("crank_bearing_um", ("crank_bearing", "um")),
+        ("backlash_limit_arcmin", ("backlash_limit", "arcmin")),
+        ("involute_grade", ("involute_grade", "")),
+        ("um", ("um", "")),
+        ("_um", ("_um", "")),
+        ("cost", ("cost", "")),
+    ],
+)
+def test_name_is_split_from_its_unit(name: str, parts: tuple[str, str]) -> None:
+    assert split_unit(name) == parts
+
+
+@pytest.mark.parametrize("unit", sorted(SUFFIXES))
+def test_every_suffix_is_a_unit(unit: str) -> None:
+    np.testing.assert_allclose(to_unit(f"3 {unit}", unit), 3.0, rtol=1e-12)
+
+
+def test_constants() -> None:
+    np.testing.assert_allclose(ARCMIN, np.pi / 10800.0, rtol=1e-15)
+    assert (UM, MM) == (1e-6, 1e-3)
