@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
 
 import typer
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from .configuration import Configuration
 
 INTERRUPTED = 130
+WORKERS = min(4, os.cpu_count() or 1)
+"""Default of --workers."""
 STATUS = {"done": 0, "no_feasible_point": 1, "interrupted": INTERRUPTED}
 
 app = typer.Typer(
@@ -31,7 +34,7 @@ Result = TypeVar("Result")
 Config = Annotated[Path, typer.Argument(help="Configuration (TOML).", show_default=False)]
 Out = Annotated[Path, typer.Option("--out", help="Where the results go.", show_default=False)]
 Set = Annotated[list[str], typer.Option("--set", help="key=value; may be repeated.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="No progress and no summary.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Nothing on stderr but errors.")]
 
 
 def main() -> None:
@@ -59,7 +62,7 @@ def _root(version: Annotated[bool, typer.Option("--version", help="Print the ver
 def run(
     config: Config,
     out: Out,
-    workers: Annotated[int, typer.Option(help="Processes that evaluate designs.")] = 1,
+    workers: Annotated[int, typer.Option(help="Processes; no result depends on it.")] = WORKERS,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a broken run.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
     set_: Set = [],  # noqa: B006
@@ -99,11 +102,10 @@ def _run(configuration: Configuration, out: Path, workers: int, quiet: bool) -> 
             typer.echo(f"warning: {warning}", err=True)
     with shown(quiet) as progress:
         outcome = run(plan, out, workers, progress)
-    if not quiet:
-        for line in outcome.lines:
-            typer.echo(line, err=outcome.status != "done")
+    for line in outcome.lines:
+        typer.echo(line, err=outcome.status != "done")
     page = out / "report.html"
-    if page.is_file() and not quiet:
+    if page.is_file():
         typer.echo(f"page: {page}")
     return STATUS[outcome.status]
 
@@ -124,7 +126,8 @@ def evaluate(
         from .workflows.evaluate import evaluate
 
         assert configuration.problem is not None
-        _say(evaluate(configuration.problem, designs, out), out, quiet)
+        evaluate(configuration.problem, designs, out)
+        typer.echo(f"written: {out}")
 
 
 @app.command()
@@ -143,8 +146,10 @@ def simulate(
         from .configuration.simulated import build_model
         from .workflows.simulate import simulate
 
-        model = build_model(configuration)
-        _say(simulate(model, inputs, out, configuration.seed), out, quiet)
+        _, notes = simulate(build_model(configuration), inputs, out, configuration.seed)
+        for note in () if quiet else notes:
+            typer.echo(f"note: {note}", err=True)
+        typer.echo(f"written: {out}")
 
 
 @app.command()
@@ -170,7 +175,7 @@ def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = Fals
         for group, entries in registry.listing().items():
             typer.echo(f"{group}:" if entries else f"{group}: none")
             for entry in entries:
-                typer.echo(f"  {entry['name']:<16} {entry['summary']} [{entry['origin']}]")
+                typer.echo(f"  {entry['name']:<16} {entry['description']} [{entry['origin']}]")
 
 
 def _read(config: Path, settings: list[str]) -> Configuration:
@@ -218,14 +223,6 @@ def _file_faults(out: Path, source: Path) -> list[Fault]:
     elif out.exists() and out.samefile(source):
         faults.append(Fault("--out", f"would replace its own input {source}; name another file"))
     return faults
-
-
-def _say(lines: Any, out: Path, quiet: bool) -> None:
-    """What a workflow has to say, and where its result is."""
-    if not quiet:
-        for line in lines or ():
-            typer.echo(line, err=True)
-        typer.echo(f"written: {out}")
 
 
 @contextmanager

@@ -43,7 +43,7 @@ BY_HAND = [
 ]
 
 
-@pytest.mark.parametrize(("curve", "cost"), zip(SMOOTH, BY_HAND, strict=True), ids=repr)
+@pytest.mark.parametrize(("curve", "cost"), list(zip(SMOOTH, BY_HAND, strict=True)))
 def test_cost_at_two_by_hand(curve: CostCurve, cost: float) -> None:
     np.testing.assert_allclose(curve.cost(np.array([2.0])), cost, rtol=1e-8)
 

@@ -1,0 +1,212 @@
+"""The command line: exit statuses, what goes where, and that faults write nothing."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from tolevo.algorithms.search import Progress
+from tolevo.cli import app
+from tolevo.errors import RunError
+from tolevo.progress import describe, fraction
+
+CONFIG = """
+problem = "rv_backlash"
+[limits]
+interference_probability = 0.05
+[algorithm]
+name = "nsga2"
+population = 8
+generations = 2
+"""
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    path = tmp_path / "c.toml"
+    path.write_text(CONFIG, encoding="utf-8")
+    return path
+
+
+def tolevo(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def fake_run(monkeypatch: pytest.MonkeyPatch, status: str) -> list[Any]:
+    plans: list[Any] = []
+
+    def run(plan: Any, out: Path, workers: int, progress: Any) -> Any:
+        plans.append(SimpleNamespace(plan=plan, workers=workers, progress=progress))
+        if progress is not None:
+            progress(Progress(1, 2, 8, None, 0.5, 0.5, 0.25, 1.0))
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "report.html").write_text("page", encoding="utf-8")
+        return SimpleNamespace(status=status, lines=("a summary",))
+
+    monkeypatch.setattr("tolevo.workflows.run.run", run)
+    return plans
+
+
+@pytest.mark.parametrize(
+    ("status", "code"), [("done", 0), ("no_feasible_point", 1), ("interrupted", 130)]
+)
+def test_run_returns_what_became_of_it(
+    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, status: str, code: int
+) -> None:
+    calls = fake_run(monkeypatch, status)
+    result = tolevo("run", config, "--out", tmp_path / "o", "--workers", 2, "--set", "seed=7")
+    assert result.exit_code == code
+    assert result.stdout.splitlines()[-1] == f"page: {tmp_path / 'o' / 'report.html'}"
+    assert "generation 1/2, evaluations 8, hypervolume 0.2500, 0 s left" in result.stderr
+    assert calls[0].plan.seed == 7
+    assert calls[0].workers == 2
+    assert tomllib.loads(calls[0].plan.configuration)["seed"] == 7
+
+
+def test_quiet_keeps_stderr_empty(
+    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = fake_run(monkeypatch, "done")
+    result = tolevo("run", config, "--out", tmp_path / "o", "--quiet")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert calls[0].progress is None
+
+
+def test_a_run_that_fails_or_is_interrupted(
+    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for error, code in ((RunError("lost"), 1), (KeyboardInterrupt(), 130), (OSError("full"), 1)):
+
+        def run(*_: object, error: BaseException = error) -> None:
+            raise error
+
+        monkeypatch.setattr("tolevo.workflows.run.run", run)
+        result = tolevo("run", config, "--out", tmp_path / "o")
+        assert result.exit_code == code
+        assert "Traceback" not in result.output
+
+
+def test_every_fault_is_on_its_own_line_and_nothing_is_written(
+    config: Path, tmp_path: Path
+) -> None:
+    full = tmp_path / "full"
+    full.mkdir()
+    (full / "kept.txt").write_text("kept", encoding="utf-8")
+    bad = ("--set", "algorithm.mutation.probability=1.3", "--set", "sed=1")
+    result = tolevo("run", config, "--out", full, "--workers", 0, "--resume", *bad)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.splitlines() == [
+        "algorithm.mutation.probability: must lie in [0, 1], got 1.3",
+        "sed: is not a known key (did you mean `seed`?)",
+        f"--out: {full} is not empty; name another directory, or add --overwrite",
+        "--workers: must be at least 1, got 0",
+        "--resume: is not available in this version; start again with --overwrite",
+    ]
+    assert [path.name for path in full.iterdir()] == ["kept.txt"]
+
+
+def test_overwrite_accepts_a_directory_that_is_not_empty(
+    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake_run(monkeypatch, "done")
+    assert tolevo("run", config, "--out", tmp_path, "--overwrite").exit_code == 0
+
+
+def test_an_output_below_a_file_is_refused(config: Path) -> None:
+    result = tolevo("run", config, "--out", config / "o")
+    assert result.exit_code == 2
+    assert result.stderr.startswith("--out: cannot be written")
+
+
+def test_an_impossible_limit_is_found_before_the_run(config: Path, tmp_path: Path) -> None:
+    limit = ("--set", "limits.backlash_arcmin=0.001")
+    result = tolevo("run", config, "--out", tmp_path / "o", *limit)
+    assert result.exit_code == 2
+    assert result.stderr.startswith("limits.backlash_arcmin: ")
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_model_alone_cannot_be_run(tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text('model = "rv_batch"\n', encoding="utf-8")
+    result = tolevo("run", path, "--out", tmp_path / "o")
+    assert result.exit_code == 2
+    assert result.stderr == "problem: is missing: a model alone can only be simulated\n"
+
+
+def test_check_prints_a_configuration_that_checks_the_same(config: Path, tmp_path: Path) -> None:
+    once = tolevo("check", config)
+    assert once.exit_code == 0
+    path = tmp_path / "resolved.toml"
+    path.write_text(once.stdout, encoding="utf-8")
+    again = tolevo("check", path)
+    assert tomllib.loads(again.stdout) == tomllib.loads(once.stdout)
+
+
+def test_check_says_what_each_variable_is(config: Path) -> None:
+    text = tolevo("check", config, "--set", "variables.stagger_arcmin.value=0.1").stdout
+    assert "# Assumptions" in text
+    assert "crank_bearing_um: 0.5 to 20 um; full clearance c of the zone [0, c]" in text
+    assert "stagger_arcmin: fixed at 0.1 arcmin; nominal value" in text
+    assert "half-width t of the zone mid +- t" in text
+    assert "# Warnings" not in text
+
+
+@pytest.mark.parametrize("name", ["rv40e_backlash", "rv40e_least_cost"])
+def test_shipped_configurations_are_valid(name: str) -> None:
+    from importlib.resources import files
+
+    result = tolevo("check", files("tolevo.configs") / f"{name}.toml")
+    assert (result.exit_code, result.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("command", ["evaluate", "simulate"])
+def test_files_that_cannot_be_read_or_written(config: Path, tmp_path: Path, command: str) -> None:
+    missing = tmp_path / "none.csv"
+    result = tolevo(command, config, missing, "--out", tmp_path / "no" / "o.csv", "--set", "sed=1")
+    assert result.exit_code == 2
+    assert result.stderr.splitlines() == [
+        "sed: is not a known key (did you mean `seed`?)",
+        f"--out: the directory {tmp_path / 'no'} does not exist",
+        f"{missing}: does not exist",
+    ]
+    result = tolevo(command, config, config, "--out", config)
+    assert "would replace its own input" in result.stderr
+
+
+def test_list_names_what_is_installed() -> None:
+    groups = json.loads(tolevo("list", "--json").stdout)
+    assert "rv_backlash" in json.dumps(groups)
+    assert "nsga2" in tolevo("list").stdout
+
+
+def test_progress_without_a_budget() -> None:
+    open_end = Progress(3, None, 24, None, 1.0, None, 0.5, 1.0)
+    assert fraction(open_end) is None
+    assert describe(open_end) == "generation 3, evaluations 24, hypervolume 0.5000"
+    assert fraction(Progress(3, None, 24, None, 1.0, 3.0, 0.5, 1.0)) == 0.25
+    assert fraction(Progress(3, 4, 24, 100, 1.0, None, 0.5, 1.0)) == 0.75
+
+
+def test_a_polite_kill_ends_like_an_interrupt(config: Path, tmp_path: Path) -> None:
+    out = tmp_path / "o"
+    command = [sys.executable, "-m", "tolevo", "run", str(config), "--out", str(out)]
+    command += ["--set", "algorithm.generations=100000", "--set", "references=none"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, env=os.environ.copy()) as process:
+        assert process.stderr is not None
+        process.stderr.readline()  # the first progress line: the search is under way
+        time.sleep(0.5)
+        process.send_signal(signal.SIGTERM)
+        errors = process.stderr.read().decode()
+    assert process.returncode == 130, errors
+    assert "Traceback" not in errors

@@ -1,0 +1,22 @@
+from pathlib import Path
+
+import pytest
+
+from tolevo.problems.rv_backlash import RvBacklash
+
+DOCS = Path(__file__).resolve().parent.parent / "docs"
+
+
+@pytest.mark.source_tree
+def test_every_name_of_the_problem_is_documented() -> None:
+    text = (DOCS / "rv_backlash.md").read_text(encoding="utf-8")
+    declared = (*RvBacklash.variables, *RvBacklash.outputs, *RvBacklash.parameters)
+    assert [one.name for one in declared if f"`{one.name}`" not in text] == []
+
+
+@pytest.mark.source_tree
+def test_defaults_in_the_documentation() -> None:
+    text = (DOCS / "rv_backlash.md").read_text(encoding="utf-8")
+    for variable in RvBacklash.variables:
+        row = next(line for line in text.splitlines() if line.startswith(f"| `{variable.name}`"))
+        assert f"| {variable.low:g} .. {variable.high:g} |" in row
