@@ -21,7 +21,7 @@ class NSGA2(AlgorithmSettings):
     mutation: Mutation = Mutation()
 
     def build(self, problem: ToleranceProblem) -> Any:
-        from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2  # noqa: N811
+        from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2
         from pymoo.operators.survival.rank_and_crowding import RankAndCrowding
 
         from .operators import operators

@@ -24,7 +24,7 @@ class RoundIntegers(Repair):  # type: ignore[misc]
         super().__init__()
         self.integer = integer
 
-    def _do(self, problem: Any, X: NDArray[np.float64], **kwargs: Any) -> NDArray[np.float64]:  # noqa: N803
+    def _do(self, problem: Any, X: NDArray[np.float64], **kwargs: Any) -> NDArray[np.float64]:
         return np.where(self.integer, np.rint(X), X)
 
 

@@ -68,7 +68,9 @@ def compare_batch_with_rows(model: BacklashModel) -> None:
     tracemalloc.stop()
     extrapolated = rows * BATCH / ROWS
     print(f"moments, {BATCH} designs in one batch: {batch:.3f} s")
-    print(f"moments, row by row: {extrapolated:.1f} s (extrapolated from {ROWS} rows, {rows:.3f} s)")
+    print(
+        f"moments, row by row: {extrapolated:.1f} s (extrapolated from {ROWS} rows, {rows:.3f} s)"
+    )
     print(f"ratio: {extrapolated / batch:.0f} (at least 200 wanted)")
     print(f"peak memory of the batch: {peak / 2**20:.0f} MiB (under 1024 wanted)")
 

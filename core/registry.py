@@ -1,14 +1,16 @@
-"""Models, problems, algorithms and effects, found by entry points; ours are plugins like any other.
+"""Models, problems, algorithms and effects by name, ours and those of plugins.
 
-Groups: `tolevo.models`, `tolevo.problems`, `tolevo.algorithms`, `tolevo.effects`. Names and origins
-are read from metadata; a plugin is imported only when it is used.
+Names, origins and summaries come from the metadata of installed distributions (entry points) and
+from source text; a plugin is imported only when it is used.
 """
 
 from __future__ import annotations
 
 import ast
-import importlib.util
+import sys
+from importlib.machinery import ModuleSpec
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
 
@@ -17,83 +19,118 @@ from .errors import nearest, refuse
 GROUPS = ("models", "problems", "algorithms", "effects")
 
 
-def entries(group: str) -> dict[str, EntryPoint]:
-    """The entry points of a group, by name; ours win over a plugin of the same name."""
-    found = sorted(entry_points(group=f"tolevo.{group}"), key=lambda e: _owner(e) == "tolevo")
-    return {entry.name: entry for entry in found}
+def _offers(group: str) -> list[EntryPoint]:
+    """The entry points of a group, by name."""
+    return sorted(entry_points(group=f"tolevo.{group}"), key=lambda one: (one.name, _origin(one)))
+
+
+def _origin(offer: EntryPoint) -> str:
+    dist = offer.dist
+    return f"{dist.name} {dist.version}" if dist is not None else "unknown"
 
 
 def names(group: str) -> list[str]:
-    """Names of a group, sorted."""
-    return sorted(entries(group))
+    """Every registered name of a group."""
+    return list(dict.fromkeys(offer.name for offer in _offers(group)))
+
+
+def _find(group: str, name: str) -> EntryPoint:
+    """The one entry point of that name.
+
+    Raises InputError where there is none, or where two distributions offer it.
+    """
+    offers = [offer for offer in _offers(group) if offer.name == name]
+    kind = group.removesuffix("s")
+    if not offers:
+        known = names(group)
+        listed = f"installed: {', '.join(known)}" if known else "none is installed"
+        text = f'"{name}" is not an installed {kind}{nearest(name, known)}; {listed}'
+        raise refuse(kind, text)
+    if len(offers) > 1:
+        both = " and ".join(_origin(offer) for offer in offers)
+        raise refuse(kind, f'"{name}" is offered by {both}; uninstall one of them')
+    return offers[0]
+
+
+def origin(group: str, name: str) -> str:
+    """Distribution and version that offer `name`."""
+    return _origin(_find(group, name))
 
 
 def load(group: str, name: str) -> Any:
-    """The class behind a name.
+    """The class registered as `name`.
 
-    Raises InputError where the name is unknown or its plugin cannot be imported.
+    Raises InputError where the name is unknown, or where its plugin cannot be imported.
     """
-    known = entries(group)
-    if name not in known:
-        listed = ", ".join(sorted(known)) or "none"
-        raise refuse(group, f"`{name}` is not installed{nearest(name, known)}; there are: {listed}")
+    offer = _find(group, name)
     try:
-        return known[name].load()
-    except (ImportError, AttributeError) as error:
-        raise refuse(group, f"`{name}` of {origin(known[name])} cannot be used: {error}") from error
+        return offer.load()
+    except Exception as error:  # a plugin may raise anything while it is imported
+        kind, reason = group.removesuffix("s"), f"{type(error).__name__}: {error}"
+        text = f'"{name}" of {_origin(offer)} cannot be imported ({offer.value}): {reason}'
+        raise refuse(kind, text) from error
 
 
-def _owner(entry: EntryPoint) -> str:
-    return entry.dist.name if entry.dist is not None else "unknown"
-
-
-def origin(entry: EntryPoint) -> str:
-    """Distribution and version that an entry point comes from."""
-    return f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "unknown"
-
-
-def describe(entry: EntryPoint) -> str:
-    """First line of the class's docstring, read from its source without importing the plugin."""
-    path = _source(entry.module)
-    if path is None:
-        return ""
-    try:
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-    except (OSError, SyntaxError, UnicodeDecodeError):
-        return ""
-    for node in tree.body:
-        if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == entry.attr:
-            return _first_line(node)
-    return _first_line(tree)
-
-
-def _first_line(node: ast.Module | ast.ClassDef | ast.FunctionDef) -> str:
-    return (ast.get_docstring(node) or "").partition("\n")[0]
-
-
-def _source(module: str) -> Path | None:
-    """Source file of a dotted module: only our own packages may be imported on the way."""
-    top, *rest = module.split(".")
-    try:
-        spec = importlib.util.find_spec(module if top == "tolevo" else top)
-    except (ImportError, ValueError):
-        return None
-    if spec is None or spec.origin is None:
-        return None
-    path = Path(spec.origin)
-    if top == "tolevo" or not rest:
-        return path
-    below = path.parent.joinpath(*rest)
-    options = (below.with_suffix(".py"), below / "__init__.py")
-    return next((option for option in options if option.is_file()), None)
+def describe(group: str, name: str) -> str:
+    """First line of the docstring of `name`, read from its source without importing it."""
+    return _summary(_find(group, name))
 
 
 def listing() -> dict[str, list[dict[str, str]]]:
-    """Everything installed, by group: name, description, origin."""
+    """Every group with its entries: name, description, origin."""
     return {
         group: [
-            {"name": name, "description": describe(entry), "origin": origin(entry)}
-            for name, entry in sorted(entries(group).items())
+            {"name": offer.name, "description": _summary(offer), "origin": _origin(offer)}
+            for offer in _offers(group)
         ]
         for group in GROUPS
     }
+
+
+# ---------------------------------------------------------------- source text, never executed
+
+
+def _summary(offer: EntryPoint) -> str:
+    document = _docstring(offer.module, offer.attr) or ""
+    return document.strip().partition("\n")[0].strip() or "(no description)"
+
+
+def _docstring(module: str, attribute: str, depth: int = 5) -> str | None:
+    """Docstring of a class or function, followed through re-exports."""
+    spec = _spec(module)
+    if spec is None or depth == 0:
+        return None
+    try:
+        tree = ast.parse(Path(spec.origin or "").read_text(encoding="utf-8"))
+    except (OSError, ValueError, SyntaxError):
+        return None
+    package = module if spec.submodule_search_locations is not None else module.rpartition(".")[0]
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == attribute:
+            return ast.get_docstring(node)
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                if (alias.asname or alias.name) == attribute:
+                    source = "." * node.level + (node.module or "")
+                    return _docstring(resolve_name(source, package), alias.name, depth - 1)
+    return None
+
+
+def _spec(module: str) -> ModuleSpec | None:
+    """Where a module lies; unlike importlib.util.find_spec it imports no parent package."""
+    found: ModuleSpec | None = None
+    parts = module.split(".")
+    for end in range(1, len(parts) + 1):
+        if end > 1 and (found is None or found.submodule_search_locations is None):
+            return None
+        where = None if found is None else list(found.submodule_search_locations or ())
+        found = _ask(".".join(parts[:end]), where)
+    return found
+
+
+def _ask(name: str, where: list[str] | None) -> ModuleSpec | None:
+    for finder in sys.meta_path:
+        found = finder.find_spec(name, where)
+        if found is not None:
+            return found
+    return None

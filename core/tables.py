@@ -1,126 +1,187 @@
-"""CSV and Parquet tables from the user, every fault found with its row and column."""
+"""Tables of the user's: read with every fault and its place, written whole or not at all.
+
+The index of a table is the line number in its CSV file (the row number in a Parquet file, from 1).
+"""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from .errors import Fault, InputError, nearest, raise_all, refuse
+from .errors import Fault, nearest, raise_all, refuse
+from .files import write_text, write_with
 
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """Cells as text, the line of the file each row stands on, and a name for messages."""
-
-    place: str
-    header: tuple[str, ...]
-    cells: tuple[tuple[str, ...], ...]
-    lines: tuple[int, ...]
-
-    def column(self, name: str) -> list[str]:
-        """Cells of a column."""
-        at = self.header.index(name)
-        return [row[at] for row in self.cells]
-
-    def where(self, row: int, column: str) -> str:
-        """Place of a cell."""
-        return f"{self.place}: row {self.lines[row]}, column {column}"
+SHOWN = 100
+"""Bad cells of one column that are named; the rest is counted."""
+PARQUET = (".parquet", ".pq")
 
 
-def read_text(path: Path, place: str) -> str:
-    """The text of a file; raises InputError where it is missing, not UTF-8 or empty."""
+def read(path: Path, place: str) -> pd.DataFrame:
+    """A table from CSV or, by its suffix, Parquet. Raises InputError."""
+    return _read_parquet(path, place) if path.suffix.lower() in PARQUET else read_csv(path, place)
+
+
+def write(frame: pd.DataFrame, path: Path) -> None:
+    """Write CSV or, by the suffix, Parquet; the index is left out."""
+    if path.suffix.lower() in PARQUET:
+        write_with(path, lambda part: frame.to_parquet(part, index=False))
+    else:
+        write_text(path, frame.to_csv(index=False, lineterminator="\n"))
+
+
+def _content(path: Path, place: str) -> bytes:
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        content = path.read_bytes()
     except FileNotFoundError:
-        raise refuse(place, f"no such file: {path}") from None
+        raise refuse(place, "does not exist") from None
+    except IsADirectoryError:
+        raise refuse(place, "is a directory; name a file") from None
     except OSError as error:
-        raise refuse(place, f"cannot be read ({error.strerror}): {path}") from error
-    except UnicodeDecodeError as error:
-        raise refuse(place, f"is not UTF-8 (byte {error.start}); save it as UTF-8") from error
-    if not text.strip():
-        raise refuse(place, "is empty")
-    return text
+        raise refuse(place, f"cannot be read: {error.strerror}") from error
+    if not content.strip():
+        raise refuse(
+            place, "is empty; it needs a line of column names and one row or more below it"
+        )
+    return content
 
 
-def read_table(path: Path) -> Table:
-    """A table with unique column names and rows of equal length.
-
-    Raises InputError with every row that is ragged.
-    """
-    place = path.name
-    if path.suffix == ".parquet":
-        return _from_parquet(path, place)
-    text = read_text(path, place)
-    reader = csv.reader(io.StringIO(text))
-    rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
-    (_, header), body = rows[0], rows[1:]
-    faults = [Fault(f"{place}: header", f"column `{name}` stands there twice")
-              for name in sorted({n for n in header if header.count(n) > 1})]  # fmt: skip
-    faults += [Fault(f"{place}: row {line}", f"has {len(row)} cells, the header has {len(header)}")
-               for line, row in body if len(row) != len(header)]  # fmt: skip
-    if not body:
-        faults.append(Fault(place, "has a header and no rows"))
-    raise_all(faults)
-    return Table(
-        place, tuple(header), tuple(tuple(row) for _, row in body), tuple(line for line, _ in body)
-    )
-
-
-def _from_parquet(path: Path, place: str) -> Table:
+def _read_parquet(path: Path, place: str) -> pd.DataFrame:
+    content = _content(path, place)
     try:
-        frame = pd.read_parquet(path)
-    except FileNotFoundError:
-        raise refuse(place, f"no such file: {path}") from None
+        frame = pd.read_parquet(io.BytesIO(content))
     except (OSError, ValueError) as error:
-        raise refuse(place, f"is not a Parquet file: {error}") from error
+        raise refuse(place, f"is not a Parquet file ({error})") from error
     if frame.empty:
         raise refuse(place, "has no rows")
-    cells = tuple(tuple("" if pd.isna(c) else str(c) for c in row) for row in frame.to_numpy())
-    return Table(place, tuple(map(str, frame.columns)), cells, tuple(range(1, len(cells) + 1)))
+    return frame.set_axis(pd.RangeIndex(1, len(frame) + 1)).rename(columns=str)
 
 
-def column_faults(
-    table: Table, needed: Collection[str], optional: Collection[str] = ()
-) -> list[Fault]:
-    """A fault for every needed column that is missing and every column that is not known."""
-    known = [*needed, *optional]
-    faults = [
-        Fault(table.place, f"column `{name}` is missing")
-        for name in needed
-        if name not in table.header
-    ]
-    return faults + [
-        Fault(f"{table.place}: header", f"unknown column `{name}`{nearest(name, known)}; remove it")
-        for name in table.header
-        if name not in known
-    ]
+def read_csv(path: Path, place: str) -> pd.DataFrame:
+    """Every cell of a CSV file as stripped text. Raises InputError with all faults of its form."""
+    try:
+        text = _content(path, place).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        text = f"is not UTF-8 (byte {error.start}); save it as CSV in UTF-8"
+        raise refuse(place, text) from error
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    try:
+        numbered = ((reader.line_num, [cell.strip() for cell in row]) for row in reader)
+        lines = {at: row for at, row in numbered if any(row)}
+    except csv.Error as error:
+        raise refuse(f"{place}: row {reader.line_num}", f"is not CSV ({error})") from error
+    if not lines:
+        raise refuse(
+            place, "is empty; it needs a line of column names and one row or more below it"
+        )
+    header = lines.pop(min(lines))
+    raise_all(_form_faults(header, lines, place))
+    return pd.DataFrame(list(lines.values()), index=list(lines), columns=header, dtype=object)
 
 
-def numbers(table: Table, names: Sequence[str]) -> tuple[NDArray[np.float64], list[Fault]]:
-    """The named columns as finite numbers (rows, names), and a fault for every cell that is not."""
-    found, faults = np.zeros((len(table.cells), len(names))), []
-    for at, name in enumerate(names):
-        for row, text in enumerate(table.column(name)):
-            try:
-                found[row, at] = value = float(text)
-            except ValueError:
-                value = np.nan if not text else None
-            if value is None or not np.isfinite(value):
-                wrong = f'must be a finite number, got "{text}"' if text else "is empty"
-                faults.append(Fault(table.where(row, name), wrong))
-    return found, faults
+def _form_faults(header: list[str], lines: dict[int, list[str]], place: str) -> list[Fault]:
+    """Faults of column names and of rows of the wrong length."""
+    found = []
+    if len(header) == 1 and (";" in header[0] or "\t" in header[0]):
+        found.append(Fault(place, "columns must be separated by commas"))
+    for name in dict.fromkeys(header):
+        if not name:
+            found.append(Fault(place, f"column {header.index(name) + 1} has no name"))
+        elif header.count(name) > 1:
+            found.append(Fault(place, f"column {name} appears {header.count(name)} times"))
+    if not lines:
+        found.append(Fault(place, "has no rows below its column names"))
+    wrong = [(at, len(row)) for at, row in lines.items() if len(row) != len(header)]
+    text = f"{len(header)} cells expected, as many as there are column names, got"
+    found += [Fault(f"{place}: row {at}", f"{text} {count}") for at, count in wrong[:SHOWN]]
+    if len(wrong) > SHOWN:
+        found.append(Fault(place, f"{len(wrong) - SHOWN} more rows of another length"))
+    return found
 
 
-def refuse_all(faults: list[Fault], limit: int = 50) -> None:
-    """Raise the faults; of more than `limit`, the rest is counted."""
-    if len(faults) > limit:
-        rest = Fault("...", f"and {len(faults) - limit} more faults of this table")
-        raise InputError([*faults[:limit], rest])
+def numbers(
+    frame: pd.DataFrame,
+    place: str,
+    needed: Iterable[str],
+    optional: Iterable[str] = (),
+    text: Iterable[str] = (),
+) -> pd.DataFrame:
+    """The table with its columns as float64, those in `text` as they are.
+
+    Raises InputError with every missing or unknown column and every cell that is no finite number.
+    """
+    typed, faults = parsed(frame, place, needed, optional, text)
     raise_all(faults)
+    return typed
+
+
+def parsed(
+    frame: pd.DataFrame,
+    place: str,
+    needed: Iterable[str],
+    optional: Iterable[str] = (),
+    text: Iterable[str] = (),
+) -> tuple[pd.DataFrame, list[Fault]]:
+    """`numbers` that hands back the faults; bad cells are NaN, unknown columns are left out."""
+    needed, text = list(needed), set(text)
+    known = list(dict.fromkeys([*needed, *optional]))
+    extra = [name for name in frame.columns if name not in known]
+    missing = [name for name in needed if name not in frame.columns]
+    found = [Fault(place, f"column {name} is missing") for name in missing]
+    free = [name for name in known if name not in frame.columns]
+    found += [Fault(place, f"column {name} is not known{nearest(name, free or known)}; remove it")
+              for name in extra]  # fmt: skip
+    typed = {}
+    for name in (name for name in frame.columns if name in known):
+        cells = frame[name].tolist()
+        faults = {at: _label_fault(cell) for at, cell in zip(frame.index, cells, strict=True)}
+        if name not in text:
+            typed[name], faults = _numeric(frame.index, cells)
+        else:
+            typed[name] = cells
+        found += cell_faults(place, name, {at: why for at, why in faults.items() if why})
+    return pd.DataFrame(typed, index=frame.index), found
+
+
+def cell_faults(place: str, column: str, bad: dict[Any, str]) -> list[Fault]:
+    """A fault per bad cell of a column, by row; beyond `SHOWN` they are counted."""
+    shown = list(bad.items())[:SHOWN]
+    found = [Fault(f"{place}: row {at}, column {column}", why) for at, why in shown]
+    if len(bad) > SHOWN:
+        found.append(Fault(f"{place}: column {column}", f"{len(bad) - SHOWN} more bad cells"))
+    return found
+
+
+def _label_fault(cell: Any) -> str:
+    empty = cell is None or cell == "" or (isinstance(cell, float) and math.isnan(cell))
+    return "is empty" if empty else ""
+
+
+def _numeric(rows: pd.Index[Any], cells: list[Any]) -> tuple[list[float], dict[Any, str]]:
+    """The cells as numbers, NaN where a message says why not."""
+    values, bad = [], {}
+    for at, cell in zip(rows, cells, strict=True):
+        value, why = _number(cell)
+        values.append(value)
+        if why:
+            bad[at] = why
+    return values, bad
+
+
+def _number(cell: Any) -> tuple[float, str]:
+    if cell is None or cell == "":
+        return math.nan, "is empty; give a number"
+    try:
+        if isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell):
+            raise ValueError
+        value = float(cell)
+    except (TypeError, ValueError):
+        return math.nan, f'must be a number, got "{cell}"'
+    if not math.isfinite(value):
+        return math.nan, f"must be a finite number, got {cell}"
+    return value, ""

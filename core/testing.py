@@ -1,7 +1,7 @@
 """Contract tests that plugins inherit, ours first.
 
-    class TestMyProblem(ProblemContract):
-        problem_type = MyProblem
+class TestMyProblem(ProblemContract):
+problem_type = MyProblem
 """
 
 from __future__ import annotations

@@ -19,7 +19,26 @@ UM = 1e-6
 MM = 1e-3
 """Metres in a millimetre."""
 
-SUFFIXES = frozenset("um mm m arcmin arcsec deg rad mrad percent K C s rpm Nm kg N".split())
+SUFFIXES = frozenset(
+    [
+        "um",
+        "mm",
+        "m",
+        "arcmin",
+        "arcsec",
+        "deg",
+        "rad",
+        "mrad",
+        "percent",
+        "K",
+        "C",
+        "s",
+        "rpm",
+        "Nm",
+        "kg",
+        "N",
+    ]
+)
 """The unit suffixes that names of parameters, variables and outputs end with."""
 
 _PINT_NAMES = {"Nm": "newton * meter", "C": "degC", "": "dimensionless"}

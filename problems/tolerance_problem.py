@@ -17,7 +17,7 @@ from ..declarations import Assumption, Output, Parameter, Value, Variable
 from ..errors import Fault, ModelError
 from ..models.costs import CostCurve
 from .assumptions import assumptions_of
-from .limits import Limit, impossible, limits_of
+from .limits import impossible, limits_of
 from .settings import Bound, Settings, VariableSetting
 
 Array = NDArray[np.float64]

@@ -1,64 +1,49 @@
-"""`tolevo evaluate`: the problem at given designs."""
+"""`tolevo evaluate`: a problem at given designs."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
-from ..errors import Fault
-from ..files import write_text
-from ..problems.tolerance_problem import Array, ToleranceProblem
-from ..tables import Table, column_faults, numbers, read_table, refuse_all
+from .. import tables
+from ..declarations import Variable
+from ..errors import raise_all
+from ..problems.tolerance_problem import ToleranceProblem
 
 
 def evaluate(problem: ToleranceProblem, path: Path, out: Path) -> pd.DataFrame:
-    """Every variable, output and limit margin at the designs of a CSV, one row each, into `out`.
+    """Every variable, output and limit margin at the designs in `path`, written to `out`.
 
-    A column may be left out where the problem fixes that variable. Designs need not lie in the
-    search ranges. Raises InputError with every fault of the table.
+    A column may be left out where the problem fixes that variable; where it is given, it counts.
+    A tolerance of 0 is evaluated as the limit it is: its cost may be infinite (`inf`).
+    Raises InputError with every fault of the table; nothing is written then.
     """
-    frame = problem.frame(read_designs(problem, path))
-    write_text(out, frame.to_csv(index=False))
-    return frame
+    place = path.name
+    given = tables.read(path, place)
+    names = [variable.name for variable in problem.all_variables]
+    needed = [name for name in names if name not in problem.fixed]
+    frame, faults = tables.parsed(given, place, needed, names)
+    for variable in problem.all_variables:
+        if variable.name in frame:
+            bad = _outside(variable, frame[variable.name])
+            faults += tables.cell_faults(place, variable.name, bad)
+    raise_all(faults)
+    frame = frame.assign(**{n: v for n, v in problem.fixed.items() if n not in frame})
+    found = problem.frame(frame[names].to_numpy(dtype=float))
+    tables.write(found, out)
+    return found
 
 
-def read_designs(problem: ToleranceProblem, path: Path) -> Array:
-    """Full designs (n, all variables) of a CSV."""
-    table = read_table(path)
-    faults = column_faults(table, [v.name for v in problem.free], list(problem.fixed))
-    names = [name for name in problem.names if name in table.header]
-    values, wrong = numbers(table, names)
-    faults += wrong
-    if not faults:
-        faults += _invalid(problem, table, names, values)
-    refuse_all(faults)
-    designs = np.empty((len(values), len(problem.names)))
-    for at, name in enumerate(problem.names):
-        given = name in table.header
-        designs[:, at] = values[:, names.index(name)] if given else problem.fixed[name]
-    return designs
-
-
-def _invalid(
-    problem: ToleranceProblem, table: Table, names: list[str], values: Array
-) -> list[Fault]:
-    """A fault for every value that has no physical meaning."""
-    faults = []
-    for variable in problem.variables:
-        if variable.name not in names:
-            continue
-        column = values[:, names.index(variable.name)]
-        wrong = (column < variable.valid_low) | (column > variable.valid_high)
-        faults += [
-            Fault(table.where(int(row), variable.name), f"must lie in [{variable.valid_low:g}, "
-                  f"{variable.valid_high:g}], got {column[row]:g}")
-            for row in np.flatnonzero(wrong)
-        ]  # fmt: skip
-        if variable.integer:
-            faults += [
-                Fault(table.where(int(row), variable.name), f"must be whole, got {column[row]:g}")
-                for row in np.flatnonzero(column != np.rint(column))
-            ]
-    return faults
+def _outside(variable: Variable, column: pd.Series[float]) -> dict[object, str]:
+    """What is wrong with the values of a variable, by row."""
+    low, high, unit = variable.valid_low, variable.valid_high, f" {variable.unit}".rstrip()
+    bad: dict[object, str] = {}
+    for at, value in column.items():
+        if value < low:
+            bad[at] = f"must be at least {low:g}{unit}, got {value:g}"
+        elif value > high:
+            bad[at] = f"must be at most {high:g}{unit}, got {value:g}"
+        elif variable.integer and value == value and value != round(value):
+            bad[at] = f"must be a whole number, got {value:g}"
+    return bad

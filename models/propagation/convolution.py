@@ -66,9 +66,15 @@ def _statistics(total: ClippedSum, coverage: float, limit: float, points: int) -
 def _range(terms: tuple[Term, ...]) -> tuple[Array, Array, Array]:
     """Lower end, upper end and width of what a sum of terms can be, each (n,)."""
     ends = np.array([term.bounds() for term in terms]).sum(axis=0)
-    mean, variance = total_cumulants(terms)[:2]
-    low = np.maximum(ends[0], mean - REACH * np.sqrt(variance))
-    high = np.minimum(ends[1], mean + REACH * np.sqrt(variance))
+    # z^2 of a normal z has a tail that no number of standard deviations covers: its own bounds
+    bent = [term.bounds() for term in terms if term.quadratic is not None]
+    straight = tuple(term for term in terms if term.quadratic is None)
+    low, high = np.array(bent).sum(axis=0) if bent else np.zeros_like(ends)
+    if straight:
+        mean, variance = total_cumulants(straight)[:2]
+        low = low + mean - REACH * np.sqrt(variance)
+        high = high + mean + REACH * np.sqrt(variance)
+    low, high = np.maximum(ends[0], low), np.minimum(ends[1], high)
     return low, high, high - low
 
 

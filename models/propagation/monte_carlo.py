@@ -56,7 +56,10 @@ class MonteCarlo(Propagation):
 def _replicate(total: ClippedSum, points: Array, coverage: float, limit: float) -> Array:
     """Mean, std, quantile, conforming and negative probability of one sample, shape (5, n)."""
     split = len(total.clipped)
-    clipped, free = _Part.of(total.clipped, points[:, :split]), _Part.of(total.free, points[:, split:])
+    clipped, free = (
+        _Part.of(total.clipped, points[:, :split]),
+        _Part.of(total.free, points[:, split:]),
+    )
     blocks = [slice(at, at + BLOCK) for at in range(0, total.size, BLOCK)]
     return np.concatenate(
         [_unit_statistics(clipped.units(b), free.units(b), coverage, limit) for b in blocks], axis=1

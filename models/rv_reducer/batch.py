@@ -1,40 +1,43 @@
-"""A batch of RV reducers: the backlash of units drawn from an allocation."""
+"""A batch of RV reducers: one unit per row, as a test bench measures them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...declarations import Output, Value
+from ...errors import refuse
 from ...units import ARCMIN
-from ..inputs import Distribution
+from ..inputs.distribution import Array, Distribution
 from ..measurable import Column, MeasurableModel
-from ..propagation.sums import Term
+from ..propagation import Term
 from . import declared
-
-Array = NDArray[np.float64]
 
 
 class RvBatch(MeasurableModel):
-    """Backlash of RV reducer units, one per row, drawn from their tolerances.
+    """Backlash of a batch of RV reducers, each unit built to the same allocation.
 
-    `designs` gives tolerances and modification by variable name (the document's allocation where
-    not named), `inputs` distributions by variable name. The base model knows no temperature and no
-    lots: uniform heating of an all-steel unit changes nothing.
+    phi_1 + max(0, phi_2) + phi_3 with every error drawn from its distribution (document B). Rows of
+    the same `unit` (and `lot`) are the same unit where the table has a column `repeat`; otherwise
+    every row is a unit. Temperature and lot act through effects only.
     """
 
     columns = (
-        Column("unit", "", "name of the unit", label=True),
+        Column("unit", "", "name or number of the unit", text=True),
         Column("temperature_C", "C", "temperature of the unit", needed=False),
-        Column("lot", "", "lot of its parts", needed=False, label=True),
+        Column("lot", "", "production lot", needed=False, text=True),
     )
-    outputs = (Output("backlash_arcmin", "arcmin", "phi_1 + max(0, phi_2) + phi_3 of the unit"),)
+    outputs = (Output("backlash_arcmin", "arcmin", "effective backlash of the unit", low=0.0),)
     parameters = declared.PARAMETERS
     variables = declared.VARIABLES
-    free = tuple(f"{name}_mid_um" for name in declared.ERRORS)
+    free: ClassVar[Mapping[str, float]] = {
+        f"{v.name.removesuffix('_um')}_mid_um": float(v.document)
+        for v in declared.VARIABLES
+        if v.mid is not None and v.document is not None
+    }
 
     def __init__(
         self,
@@ -42,24 +45,41 @@ class RvBatch(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
-        stems = {name.removesuffix("_um"): d for name, d in (inputs or {}).items()}
-        self.model = declared.backlash_model(parameters or {}, None, stems)
-        printed = {v.name: float(v.document or 0.0) for v in self.variables}
-        self.design = printed | dict(designs or {})
+        laws = {name.removesuffix("_um"): law for name, law in (inputs or {}).items()}
+        self.model = declared.backlash_model(parameters or {}, None, laws)
+        k1 = self.model.geometry.k1
+        if not k1 < 1.0:
+            text = f"e z_p/r_p must be below 1 (no undercut), got {k1:.4g}; lower the eccentricity"
+            raise refuse("parameters.eccentricity_mm", text)
+        at = {v.name: float(v.document or 0.0) for v in self.variables} | dict(designs or {})
+        one = {name: np.array([value], dtype=float) for name, value in at.items()}
+        self.total = self.model.total(declared.allocation(one))
 
-    def predict(self, table: Mapping[str, Any], rng: np.random.Generator) -> dict[str, Array]:
-        count = len(table["unit"])
-        one = {name: np.array([value]) for name, value in self.design.items()}
-        total = self.model.total(declared.allocation(one))
-        phi_2 = _drawn(total.clipped, count, rng)
-        return {"backlash_arcmin": (_drawn(total.free, count, rng) + np.maximum(0.0, phi_2)) / ARCMIN}
+    def predict(
+        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator
+    ) -> dict[str, Array]:
+        row = _units(table)
+        count = int(row.max(initial=-1)) + 1
+        cycloid = drawn(self.total.clipped, count, rng)
+        effective = np.maximum(cycloid, 0.0) + drawn(self.total.free, count, rng)
+        return {"backlash_arcmin": effective[row] / ARCMIN}
 
 
-def _drawn(terms: tuple[Term, ...], count: int, rng: np.random.Generator) -> Array:
-    """The sum of one draw of each term for `count` units, shape (count,)."""
+def _units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
+    """Number (n,) of the unit that each row is about, in the order of first appearance."""
+    if "repeat" not in table:
+        return np.arange(len(table["unit"]))
+    lots = table.get("lot", np.zeros(len(table["unit"])))
+    seen: dict[tuple[Any, Any], int] = {}
+    pairs = zip(lots.tolist(), table["unit"].tolist(), strict=True)
+    return np.array([seen.setdefault(pair, len(seen)) for pair in pairs], dtype=np.int64)
+
+
+def drawn(terms: tuple[Term, ...], count: int, rng: np.random.Generator) -> Array:
+    """The sum of `terms` (of one design) in `count` units, (count,)."""
     total = np.zeros(count)
     for term in terms:
         z = term.distribution.quantile(rng.random(count))
-        bent = 0.0 if term.quadratic is None else term.quadratic * z**2
+        bent = 0.0 if term.quadratic is None else term.quadratic * z * z
         total += term.constant + term.linear * z + bent
     return total

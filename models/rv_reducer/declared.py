@@ -74,7 +74,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     _whole("pins", 40, "pins z_p of the housing", 4, 1001),
     _printed("reduction_ratio", 121.0, "", "reduction ratio i, sun in, carrier out", 1e5),
     _size("sun_pitch_radius_mm", 9.0, "mm", "pitch radius r_1 of the sun gear", 1e4),
-    _size("centre_distance_mm", 36.0, "mm", "centre distance a_0 = radius of the crank circle", 1e4),
+    _size("centre_distance_mm", 36.0, "mm", "centre distance a_0 (radius of crank circle)", 1e4),
     Parameter("pressure_angle_deg", 20.0, "deg", "pressure angle of the involute gears",
               "usual value", assumed=True, low=0.0, high=45.0, open_low=True),
     _deviation("gear_runout_um", 36.0, "runout F_r of sun and planet"),

@@ -60,9 +60,7 @@ def grade_factor(grade: Array) -> Array:
     return np.sqrt(2.0) ** (grade - REFERENCE_GRADE)
 
 
-def backlash_zone(
-    stage: InvoluteStage, geometry: RvGeometry, grade: Array
-) -> tuple[Array, Array]:
+def backlash_zone(stage: InvoluteStage, geometry: RvGeometry, grade: Array) -> tuple[Array, Array]:
     """Mid value and half-width [rad] of phi_1 = j_n/(i r_1), each of the shape of `grade`."""
     least, most = stage.flank_clearance()
     unit = grade_factor(grade) / (geometry.reduction_ratio * geometry.sun_pitch_radius)

@@ -75,7 +75,7 @@ def test_interrupt_keeps_what_was_found() -> None:
 
 def test_time_limit_ends_a_search() -> None:
     found = search(RvBacklash(SMALL), NSGA2(population=20), Budget(time_limit_s=0.3), seed=0)
-    assert 0.25 <= found.history[-1].seconds
+    assert found.history[-1].seconds >= 0.25
     assert len(found.x) == 20 * len(found.history)
 
 

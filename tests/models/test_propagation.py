@@ -26,9 +26,7 @@ ESTIMATES = ("mean", "std", "quantile", "conforming", "negative")
 UNIT = Normal(cp=1.0 / 3.0)  # standard normal
 
 
-def term(
-    law: Distribution, constant: float, linear: float, quadratic: float | None = None
-) -> Term:
+def term(law: Distribution, constant: float, linear: float, quadratic: float | None = None) -> Term:
     bent = None if quadratic is None else np.array([quadratic])
     return Term(law, np.array([constant]), np.array([linear]), bent)
 
@@ -209,7 +207,9 @@ def test_geometric_mean_and_spread_are_exact(method: Propagation) -> None:
     np.testing.assert_allclose(found.geometric_std, np.sqrt(variance), rtol=1e-12)
 
 
-def distance(one: Propagated, other: Propagated, name: str) -> tuple[np.ndarray, Estimate, Estimate]:
+def distance(
+    one: Propagated, other: Propagated, name: str
+) -> tuple[np.ndarray, Estimate, Estimate]:
     a, b = getattr(one, name), getattr(other, name)
     return np.abs(a.value - b.value), a, b
 
@@ -219,7 +219,9 @@ def distance(one: Propagated, other: Propagated, name: str) -> tuple[np.ndarray,
 def test_monte_carlo_agrees_with_convolution(name: str, seed: int) -> None:
     total = designs(20, seed)
     exact = Convolution().propagate(total, 0.99, 3.0)
-    away, sampled, stated = distance(monte_carlo(1 << 16, seed).propagate(total, 0.99, 3.0), exact, name)
+    away, sampled, stated = distance(
+        monte_carlo(1 << 16, seed).propagate(total, 0.99, 3.0), exact, name
+    )
     # 16 replicates: the standard error itself is known to 18 %, so 4 becomes 5.5 at its worst
     assert np.all(away <= 4.0 * sampled.error + stated.error + 1e-6)
 

@@ -22,8 +22,10 @@ def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFra
     The search may have ranked by a coarser propagation, so the best ranks are recomputed and
     filtered anew. Sorted by the objectives; empty where no point is feasible.
     """
-    designs = problem.complete(found.x[_candidates(found)])
-    frame = problem.reported().frame(designs)
+    chosen = _candidates(found)
+    if not len(chosen):
+        return pd.DataFrame(columns=[*problem.names, *(o.name for o in problem.outputs)])
+    frame = problem.reported().frame(problem.complete(found.x[chosen]))
     frame = frame[frame.pop("feasible").to_numpy(dtype=bool)]
     frame = frame[nondominated(frame[list(problem.objectives)].to_numpy())]
     frame = frame.sort_values(list(problem.objectives), kind="stable").reset_index(drop=True)

@@ -1,0 +1,76 @@
+"""Plugins that are really installed (as far as importlib.metadata can tell) in a scratch folder."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from tolevo import registry
+from tolevo.errors import InputError
+
+ENTRIES = """[tolevo.effects]
+creep = tolevo_fake.inner:Creep
+broken = tolevo_fake.broken:Broken
+again = tolevo_fake:Creep
+lost = tolevo_fake.nowhere:Lost
+"""
+
+
+def install(folder: Path, name: str, version: str, entries: str) -> None:
+    info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+    (info / "entry_points.txt").write_text(entries)
+
+
+@pytest.fixture
+def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    package = tmp_path / "tolevo_fake"
+    package.mkdir()
+    (package / "__init__.py").write_text("from .inner import Creep as Creep\n")
+    (package / "inner.py").write_text('class Creep:\n    """Slow creep.\n\n    More.\n    """\n')
+    (package / "broken.py").write_text('"""x"""\nraise RuntimeError("no licence")\n')
+    install(tmp_path, "tolevo-fake", "1.2", ENTRIES)
+    monkeypatch.syspath_prepend(tmp_path)
+    imported = [name for name in sys.modules if name.startswith("tolevo_fake")]
+    for name in imported:
+        monkeypatch.delitem(sys.modules, name)
+    return tmp_path
+
+
+def entry(name: str) -> dict[str, str]:
+    return next(one for one in registry.listing()["effects"] if one["name"] == name)
+
+
+def test_listing_reads_metadata_and_source_without_importing(plugin: Path) -> None:
+    expected = {"description": "Slow creep.", "origin": "tolevo-fake 1.2"}
+    assert entry("creep") == {"name": "creep", **expected}
+    assert entry("again") == {"name": "again", **expected}  # through a re-export
+    assert entry("broken")["description"] == entry("lost")["description"] == "(no description)"
+    assert not [name for name in sys.modules if name.startswith("tolevo_fake")]
+
+
+def test_describe_and_origin(plugin: Path) -> None:
+    assert registry.describe("effects", "creep") == "Slow creep."
+    assert registry.origin("effects", "creep") == "tolevo-fake 1.2"
+
+
+def test_load(plugin: Path) -> None:
+    assert registry.load("effects", "creep").__name__ == "Creep"
+
+
+def test_unknown_name_gets_the_nearest(plugin: Path) -> None:
+    with pytest.raises(InputError, match=r'effect: "crep" is not .*did you mean `creep`'):
+        registry.load("effects", "crep")
+
+
+def test_plugin_that_cannot_be_imported(plugin: Path) -> None:
+    with pytest.raises(InputError, match=r"broken.*tolevo-fake 1.2.*RuntimeError: no licence"):
+        registry.load("effects", "broken")
+
+
+def test_name_offered_twice(plugin: Path) -> None:
+    install(plugin, "tolevo-other", "3", "[tolevo.effects]\ncreep = os:path\n")
+    assert registry.names("effects").count("creep") == 1
+    with pytest.raises(InputError, match=r"tolevo-fake 1.2 and tolevo-other 3"):
+        registry.load("effects", "creep")

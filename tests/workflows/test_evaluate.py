@@ -1,0 +1,55 @@
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tolevo.errors import InputError
+from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.problems.settings import Settings, VariableSetting
+from tolevo.workflows.evaluate import evaluate
+
+
+def problem() -> RvBacklash:
+    return RvBacklash(Settings(variables={"stagger_arcmin": VariableSetting(value=0.1)}))
+
+
+def designs(**changes: float) -> pd.DataFrame:
+    document = {v.name: [float(v.document or 0.0)] * 2 for v in problem().all_variables}
+    return pd.DataFrame(document).assign(**changes)
+
+
+def test_fixed_column_may_be_left_out_or_given(tmp_path: Path) -> None:
+    path, out = tmp_path / "d.csv", tmp_path / "out.csv"
+    designs().drop(columns="stagger_arcmin").to_csv(path, index=False)
+    left_out = evaluate(problem(), path, out)
+    assert left_out["stagger_arcmin"].tolist() == [0.1, 0.1]
+    designs(stagger_arcmin=0.0).to_csv(path, index=False)
+    given = evaluate(problem(), path, out)
+    assert given["stagger_arcmin"].tolist() == [0.0, 0.0]
+    np.testing.assert_allclose(given["backlash_mean_arcmin"], 0.701, atol=1e-3)  # issue 2's table
+    written = pd.read_csv(out)
+    assert written["backlash_arcmin"].tolist() == given["backlash_arcmin"].tolist()
+
+
+def test_every_fault_at_once_and_nothing_written(tmp_path: Path) -> None:
+    path = tmp_path / "d.csv"
+    bad = designs(pitch_um=-1.0, involute_grade=6.5, eccentricity_um=11.0, odd=1.0)
+    bad.drop(columns="runout_um").to_csv(path, index=False)
+    with pytest.raises(InputError) as caught:
+        evaluate(problem(), path, tmp_path / "out.csv")
+    said = str(caught.value)
+    assert "d.csv: column runout_um is missing" in said
+    assert "d.csv: column odd is not known" in said
+    assert "d.csv: row 3, column pitch_um: must be at least 0 um, got -1" in said
+    assert "d.csv: row 2, column involute_grade: must be a whole number, got 6.5" in said
+    assert "d.csv: row 2, column eccentricity_um: must be at most 10 um, got 11" in said
+    assert [file.name for file in tmp_path.iterdir()] == ["d.csv"]
+
+
+@pytest.mark.filterwarnings("default")
+def test_design_without_a_finite_cost_is_a_fault(tmp_path: Path) -> None:
+    path = tmp_path / "d.csv"
+    designs(involute_grade=9).to_csv(path, index=False)
+    with pytest.raises(InputError, match=r"row 3: cost is infinite"):
+        evaluate(problem(), path, tmp_path / "out.csv")

@@ -1,0 +1,180 @@
+"""`run` from a plan to its files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tolevo.algorithms.ga import GA
+from tolevo.algorithms.nsga2 import NSGA2
+from tolevo.algorithms.settings import AlgorithmSettings, Budget
+from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting
+from tolevo.workflows.run import RunOutcome, RunPlan, run
+from tolevo.workflows.run.front import drop_dominated, knee
+from tolevo.workflows.run.references import gains, relaxed_bounds
+
+FILES = {
+    "front.csv", "front.parquet", "front.json", "references.csv", "convergence.csv",
+    "summary.json", "config.toml", "report.html", "front.png", "front.svg",
+}  # fmt: skip
+NEAR = {
+    "dr_rp_mm": VariableSetting(low=-0.05, high=-0.03),
+    "dr_p_mm": VariableSetting(low=-0.09, high=-0.06),
+}
+
+
+def plan(
+    settings: Settings,
+    algorithm: AlgorithmSettings | None = None,
+    seed: int = 0,
+    generations: int = 25,
+    references: bool = False,
+) -> RunPlan:
+    algorithm = algorithm or NSGA2(population=40)
+    budget = Budget(generations=generations)
+    return RunPlan(RvBacklash(settings), algorithm, budget, seed, references, "# none\n", "test")
+
+
+def limited(interference: float = 0.5, **more: Bound) -> Settings:
+    limits = {"interference_probability": Bound(high=interference)} | more
+    return Settings(limits=limits, variables=NEAR)
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> RunOutcome:
+    return run(plan(limited(), references=True), tmp_path_factory.mktemp("run") / "a", workers=1)
+
+
+def test_all_files_of_the_contract(outcome: RunOutcome) -> None:
+    assert {path.name for path in outcome.folder.iterdir()} == FILES
+    assert outcome.status == "done"
+
+
+def test_front_is_feasible_and_nondominated(outcome: RunOutcome) -> None:
+    front = pd.read_csv(outcome.folder / "front.csv")
+    margins = front.filter(like="margin_")
+    assert margins.shape[1] == 6
+    assert np.all(margins >= 0.0)
+    assert np.all(np.diff(front["cost"]) > 0.0)
+    assert np.all(np.diff(front["backlash_arcmin"]) < 0.0)
+    assert front["knee"].sum() == 1
+    assert front["involute_grade"].dtype == np.int64
+
+
+def test_front_is_what_evaluation_gives(outcome: RunOutcome) -> None:
+    front = pd.read_csv(outcome.folder / "front.csv")
+    problem = RvBacklash(limited())
+    again = problem.frame(front[problem.names].to_numpy())
+    for output in problem.outputs:
+        np.testing.assert_allclose(front[output.name], again[output.name], rtol=1e-6, atol=1e-8)
+
+
+def test_no_admissible_reference_dominates(outcome: RunOutcome) -> None:
+    front = pd.read_csv(outcome.folder / "front.csv")
+    references = pd.read_csv(outcome.folder / "references.csv")
+    for _, row in references[references["feasible"]].iterrows():
+        better = (row["cost"] <= front["cost"]) & (
+            row["backlash_arcmin"] < front["backlash_arcmin"]
+        )
+        assert not better.any(), row["label"]
+    assert references["feasible"].sum() == 2
+    assert references["label"].tolist()[0] == "document B"
+
+
+def test_broken_limits_are_named_and_relaxed(outcome: RunOutcome) -> None:
+    row = pd.read_csv(outcome.folder / "references.csv").iloc[1].to_dict()
+    assert row["violated_limits"] == "interference_probability"
+    own = row["interference_probability"]
+    assert own > 0.9
+    bounds = relaxed_bounds(RvBacklash(limited()), row)
+    assert bounds == {"interference_probability": Bound(high=own)}
+    assert {"relaxed_cost_saving_percent", "relaxed_backlash_arcmin_gain_percent"} <= set(row)
+
+
+def test_tables_agree(outcome: RunOutcome) -> None:
+    front = pd.read_csv(outcome.folder / "front.csv")
+    pd.testing.assert_frame_equal(
+        front, pd.read_parquet(outcome.folder / "front.parquet"), check_exact=True
+    )
+    rows = json.loads((outcome.folder / "front.json").read_text())
+    assert [row["cost"] for row in rows] == front["cost"].tolist()
+
+
+def test_summary(outcome: RunOutcome) -> None:
+    summary = json.loads((outcome.folder / "summary.json").read_text())
+    assert summary["status"] == "done"
+    assert summary["evaluations"] == 1000
+    assert summary["seed"] == 0
+    names = {a["name"] for a in summary["assumptions"]}
+    assert "references.eccentricity_um" in names
+    convergence = pd.read_csv(outcome.folder / "convergence.csv")
+    assert convergence["evaluations"].tolist() == list(range(40, 1001, 40))
+    assert summary["hypervolume"] == pytest.approx(convergence["hypervolume"].iloc[-1])
+
+
+def test_workers_change_nothing(outcome: RunOutcome, tmp_path: Path) -> None:
+    run(plan(limited(), references=True), tmp_path / "b", workers=2)
+    for name in ("front.csv", "references.csv"):
+        assert (tmp_path / "b" / name).read_bytes() == (outcome.folder / name).read_bytes()
+
+
+def test_single_objective_run(tmp_path: Path) -> None:
+    settings = limited(backlash_arcmin=Bound(high=1.5))
+    one = Settings(variables=NEAR, limits=settings.limits, objectives=("cost",))
+    found = run(plan(one, GA(population=30)), tmp_path / "a")
+    assert len(found.result.front) == 1
+    assert found.result.front["backlash_arcmin"][0] <= 1.5
+
+
+@pytest.mark.parametrize("method", ["moments", "monte_carlo"])
+def test_reported_points_are_by_convolution(method: str, tmp_path: Path) -> None:
+    propagation = PropagationSetting(method=method, samples=2048)
+    settings = Settings(limits=limited().limits, variables=NEAR, propagation=propagation)
+    found = run(plan(settings, NSGA2(population=20), generations=8), tmp_path / "a")
+    front, problem = found.result.front, RvBacklash(limited())
+    again = problem.frame(front[problem.names].to_numpy())
+    np.testing.assert_allclose(front["backlash_arcmin"], again["backlash_arcmin"], rtol=1e-9)
+
+
+def test_no_feasible_point_says_the_nearest_miss(tmp_path: Path) -> None:
+    hard = limited(0.01, backlash_arcmin=Bound(high=0.4))
+    found = run(plan(hard, NSGA2(population=10), generations=2), tmp_path / "a")
+    assert found.status == "no_feasible_point"
+    assert len(pd.read_csv(tmp_path / "a" / "nearest_miss.csv")) == 1
+    assert any("nearest miss" in line for line in found.lines)
+
+
+def test_interrupt_writes_what_was_found(tmp_path: Path) -> None:
+    def stop(state: object) -> None:
+        if getattr(state, "generation", 0) == 10:
+            raise KeyboardInterrupt
+
+    found = run(plan(limited(), references=True), tmp_path / "a", progress=stop)
+    assert found.status == "interrupted"
+    assert json.loads((tmp_path / "a" / "summary.json").read_text())["evaluations"] == 400
+    assert len(pd.read_csv(tmp_path / "a" / "references.csv")) == 2
+
+
+def test_gains_at_equal_performance_and_at_equal_cost() -> None:
+    front = np.array([[1.0, 4.0], [2.0, 2.0], [4.0, 1.0]])
+    assert gains(np.array([4.0, 2.0]), front) == pytest.approx([50.0, 50.0])
+    assert np.isnan(gains(np.array([0.5, 0.5]), front)).all()
+
+
+def test_knee_is_farthest_from_the_chord() -> None:
+    values = np.array([[0.0, 1.0], [0.1, 0.2], [0.5, 0.15], [1.0, 0.0]])
+    np.testing.assert_array_equal(knee(values), [False, True, False, False])
+    assert not knee(values[:2]).any()
+
+
+def test_dominated_points_are_dropped_and_counted() -> None:
+    front = pd.DataFrame({"a": [1.0, 2.0, 3.0], "b": [3.0, 2.0, 1.0], "knee": False})
+    references = pd.DataFrame({"a": [1.5, 0.0], "b": [2.0, 0.0], "feasible": [True, False]})
+    kept, dropped = drop_dominated(front, references, ("a", "b"))
+    assert dropped == 1
+    assert kept["a"].tolist() == [1.0, 3.0]

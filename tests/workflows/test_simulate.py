@@ -1,0 +1,62 @@
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from tolevo.errors import InputError
+from tolevo.models.rv_reducer.batch import RvBatch
+from tolevo.workflows.simulate import simulate
+
+
+def table(folder: Path, content: str) -> Path:
+    path = folder / "units.csv"
+    path.write_text(content)
+    return path
+
+
+def test_outputs_beside_the_inputs(tmp_path: Path) -> None:
+    path = table(tmp_path, "unit,lot,time_s,backlash_arcmin_std\n007,A,0,0.01\nx,B,5,0.01\n")
+    found, _ = simulate(RvBatch(), path, tmp_path / "out.csv", seed=0)
+    names = ["unit", "lot", "time_s", "backlash_arcmin_std", "backlash_arcmin"]
+    assert found.columns.tolist() == names
+    written = pd.read_csv(tmp_path / "out.csv", dtype={"unit": str})
+    assert written.columns.tolist() == names
+    assert written["unit"].tolist() == ["007", "x"]
+    assert written["backlash_arcmin"].tolist() == found["backlash_arcmin"].tolist()
+
+
+def test_missing_optional_columns_are_said(tmp_path: Path) -> None:
+    _, notes = simulate(RvBatch(), table(tmp_path, "unit\n1\n"), tmp_path / "out.csv")
+    said = "\n".join(notes)
+    assert "temperature_C" in said
+    assert "lot" in said
+
+
+def test_parquet_by_suffix(tmp_path: Path) -> None:
+    path = table(tmp_path, "unit\n1\n2\n")
+    out = tmp_path / "out.parquet"
+    first, _ = simulate(RvBatch(), path, out)
+    pd.read_parquet(out)[["unit"]].to_parquet(tmp_path / "in.parquet")
+    again, _ = simulate(RvBatch(), tmp_path / "in.parquet", tmp_path / "out.csv")
+    assert again["backlash_arcmin"].tolist() == first["backlash_arcmin"].tolist()
+
+
+def test_seed_zero_is_a_seed(tmp_path: Path) -> None:
+    path = table(tmp_path, "unit\n1\n2\n")
+    one, two, other = (
+        simulate(RvBatch(), path, tmp_path / "out.csv", seed=seed)[0]["backlash_arcmin"].tolist()
+        for seed in (0, 0, 1)
+    )
+    assert one == two != other
+
+
+def test_every_fault_at_once_and_nothing_written(tmp_path: Path) -> None:
+    path = table(tmp_path, "backlash_arcmin,temperatur_C,time_s\n1,2,x\n")
+    with pytest.raises(InputError) as caught:
+        simulate(RvBatch(), path, tmp_path / "out.csv")
+    said = str(caught.value)
+    assert "units.csv: column backlash_arcmin is an output of the model" in said
+    assert "units.csv: column unit is missing" in said
+    assert "temperatur_C is not known (did you mean `temperature_C`?)" in said
+    assert 'units.csv: row 2, column time_s: must be a number, got "x"' in said
+    assert [file.name for file in tmp_path.iterdir()] == ["units.csv"]
