@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ..problems.tolerance_problem import ToleranceProblem
 
 
-class RoundIntegers(Repair):  # type: ignore[misc]
+class RoundIntegers(Repair):
     """Rounds the integer variables, leaves the others."""
 
     def __init__(self, integer: NDArray[np.bool_]) -> None:

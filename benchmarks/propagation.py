@@ -1,3 +1,4 @@
+# ruff: noqa: E402 - the number of threads is fixed before numpy is imported
 """Speed of the propagation on one core: `python benchmarks/propagation.py`.
 
 Everything compared is measured in this one process, one after the other, on one thread.
@@ -6,7 +7,7 @@ Everything compared is measured in this one process, one after the other, on one
 import os
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ[_name] = "1"  # before numpy is imported
+    os.environ[_name] = "1"
 
 import resource
 import time
@@ -15,7 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tolevo.models.propagation import ClippedSum, Moments, MonteCarlo
+from tolevo.models.propagation import ClippedSum, Moments, MonteCarlo, Propagated
 from tolevo.models.rv_reducer.backlash import Allocation, BacklashModel
 from tolevo.models.rv_reducer.cycloid import LINEAR_ERRORS
 from tolevo.units import ARCMIN, UM
@@ -53,8 +54,8 @@ def best(function: Callable[[], object]) -> float:
     return min(times)
 
 
-def by_moments(model: BacklashModel, allocation: Allocation) -> None:
-    Moments().propagate(model.total(allocation), COVERAGE, ARCMIN)
+def by_moments(model: BacklashModel, allocation: Allocation) -> Propagated:
+    return Moments().propagate(model.total(allocation), COVERAGE, ARCMIN)
 
 
 def compare_batch_with_rows(model: BacklashModel) -> None:
@@ -68,9 +69,7 @@ def compare_batch_with_rows(model: BacklashModel) -> None:
     tracemalloc.stop()
     extrapolated = rows * BATCH / ROWS
     print(f"moments, {BATCH} designs in one batch: {batch:.3f} s")
-    print(
-        f"moments, row by row: {extrapolated:.1f} s (extrapolated from {ROWS} rows, {rows:.3f} s)"
-    )
+    print(f"moments, by rows: {extrapolated:.1f} s (extrapolated from {ROWS} rows: {rows:.3f} s)")
     print(f"ratio: {extrapolated / batch:.0f} (at least 200 wanted)")
     print(f"peak memory of the batch: {peak / 2**20:.0f} MiB (under 1024 wanted)")
 

@@ -25,7 +25,7 @@ Interval = tuple[float, float]
 """Proven lower and upper bound of an output over the search space; infinite where not known."""
 
 
-class ToleranceProblem(Problem):  # type: ignore[misc]
+class ToleranceProblem(Problem):
     """A tolerance allocation problem: some variables are searched, the others fixed.
 
     A subclass declares `parameters`, `variables`, `outputs` and defaults, and gives `_outputs`.
@@ -182,7 +182,7 @@ class ToleranceProblem(Problem):  # type: ignore[misc]
         """Every output (n,) of full designs (n, all variables), checked for shape."""
         found = self._outputs(np.asarray(designs, dtype=float), searching)
         for output in self.outputs:
-            shape = np.shape(found.get(output.name))
+            shape = np.shape(found[output.name]) if output.name in found else None
             if shape != (len(designs),):
                 raise ModelError(f"{output.name}: expected shape ({len(designs)},), got {shape}")
         return found
@@ -233,7 +233,7 @@ class ToleranceProblem(Problem):  # type: ignore[misc]
 
     def _corner(self, tight: bool) -> Array:
         """The design with every free variable at its lower (tight) or upper bound, (all,)."""
-        return self.complete(np.atleast_2d(self.xl if tight else self.xu))[0]
+        return np.asarray(self.complete(np.atleast_2d(self.xl if tight else self.xu))[0])
 
     def _corners(self) -> Array:
         """Designs (k, all variables) whose outputs span the hypervolume's box."""
@@ -249,7 +249,5 @@ class ToleranceProblem(Problem):  # type: ignore[misc]
     def cost_of(self, designs: Array) -> Array:
         """Sum of the cost curves (n,) at full designs."""
         with np.errstate(divide="ignore"):
-            return np.sum(
-                [c.cost(self.column(designs, name)) for name, c in self.settings.costs.items()],
-                axis=0,
-            )
+            each = [c.cost(self.column(designs, name)) for name, c in self.settings.costs.items()]
+        return np.asarray(np.sum(each, axis=0))

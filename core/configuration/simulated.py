@@ -22,8 +22,13 @@ def build_model(configuration: Configuration) -> Any:
         for name, (variable, setting) in settings.items()
     }
     known = {parameter.name for parameter in kind.parameters}
+    parameters = {name: value for name, value in given.parameters.items() if name in known}
+    for name, (_, setting) in settings.items():
+        mid = f"{name.removesuffix('_um')}_mid_um"
+        if setting.mid is not None and mid in known:
+            parameters[mid] = setting.mid
     return kind(
-        parameters={name: value for name, value in given.parameters.items() if name in known},
+        parameters=parameters,
         designs={name: value for name, value in designs.items() if value is not None},
         inputs={name: s.distribution for name, (_, s) in settings.items() if s.distribution},
     )

@@ -15,7 +15,7 @@ TAIL = 8.0
 
 def density(x: Array) -> Array:
     """Standard normal density."""
-    return np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi)
+    return np.asarray(np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi))
 
 
 @dataclass(frozen=True, slots=True)

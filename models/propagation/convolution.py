@@ -49,7 +49,7 @@ class Convolution(Propagation):
 
 def _statistics(total: ClippedSum, coverage: float, limit: float, points: int) -> Array:
     """Mean, std, quantile, conforming and negative probability, shape (5, n)."""
-    (low, _, width), (_, _, free_width) = _range(total.clipped), _range(total.free)
+    (low, _, width), (free_low, _, free_width) = _range(total.clipped), _range(total.free)
     pad = 4 * (len(total.clipped) + len(total.free))
     step = np.maximum(width + free_width, np.finfo(float).tiny) / (points - pad)
     transform, start = spectrum(total.clipped, step, points)
@@ -58,8 +58,9 @@ def _statistics(total: ClippedSum, coverage: float, limit: float, points: int) -
     negative = _below(mass, -first)
     effective, base = _clip(mass, first)
     free, free_start = spectrum(total.free, step, points)
-    spread = fft.irfft(fft.rfft(effective, axis=1) * free, n=points, axis=1)
-    x = (base + free_start)[:, None] * step[:, None] + np.arange(points) * step[:, None]
+    begin = base + np.floor(free_low / step).astype(np.int64) - 2 * len(total.free)
+    spread = window(fft.rfft(effective, axis=1) * free, base + free_start, begin, points)
+    x = (begin[:, None] + np.arange(points)) * step[:, None]
     return np.array([*_moments(spread, x), *_levels(spread, x, step, coverage, limit), negative])
 
 
@@ -82,7 +83,7 @@ def _below(mass: Array, zero: Integers) -> Array:
     """Probability of a negative value: all mass below index `zero` and half of that on it."""
     at = np.arange(mass.shape[1])
     weight = np.where(at < zero[:, None], 1.0, np.where(at == zero[:, None], 0.5, 0.0))
-    return np.clip(np.sum(mass * weight, axis=1), 0.0, 1.0)
+    return np.asarray(np.clip(np.sum(mass * weight, axis=1), 0.0, 1.0))
 
 
 def _clip(mass: Array, first: Integers) -> tuple[Array, Integers]:

@@ -16,6 +16,7 @@ from ..inputs.distribution import Array
 from .sums import Term
 
 Integers = NDArray[np.int64]
+Spectrum = NDArray[np.complex128]
 
 
 def stop_loss(term: Term, x: Array) -> Array:
@@ -68,9 +69,9 @@ def masses(term: Term, step: Array) -> tuple[Array, Integers]:
     return np.where(near[:, 1:-1], np.maximum(found, 0.0), 0.0), start + 1
 
 
-def spectrum(terms: tuple[Term, ...], step: Array, points: int) -> tuple[NDArray, Integers]:
+def spectrum(terms: tuple[Term, ...], step: Array, points: int) -> tuple[Spectrum, Integers]:
     """Transform (n, points // 2 + 1) of the sum of `terms`, and the lattice index of its start."""
-    product: NDArray | None = None
+    product: Spectrum | None = None
     start = np.zeros(len(step), dtype=np.int64)
     for term in terms:
         mass, first = masses(term, step)
@@ -88,10 +89,10 @@ def _wrapped(mass: Array, points: int) -> Array:
     folds = -(-mass.shape[1] // points)
     padded = np.zeros((len(mass), folds * points))
     padded[:, : mass.shape[1]] = mass
-    return padded.reshape(len(mass), folds, points).sum(axis=1)
+    return np.asarray(padded.reshape(len(mass), folds, points).sum(axis=1))
 
 
-def window(transform: NDArray, start: Integers, first: Integers, points: int) -> Array:
+def window(transform: Spectrum, start: Integers, first: Integers, points: int) -> Array:
     """Masses at lattice indices first .. first + points - 1, shape (n, points)."""
     periodic = fft.irfft(transform, n=points, axis=1)
     at = (first - start)[:, None] + np.arange(points)

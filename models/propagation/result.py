@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,7 @@ class Propagated:
 
 def joined(parts: list[Propagated]) -> Propagated:
     """The results of consecutive blocks of designs as one."""
-    found = {}
+    found: dict[str, Any] = {}
     for field in fields(Propagated):
         pieces = [getattr(part, field.name) for part in parts]
         if isinstance(pieces[0], Estimate):

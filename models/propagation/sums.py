@@ -90,7 +90,7 @@ class ClippedSum:
 
 def total_cumulants(terms: tuple[Term, ...]) -> Array:
     """First four cumulants of a sum of independent terms, shape (4, n)."""
-    return np.sum([term.cumulants() for term in terms], axis=0)
+    return np.asarray(np.sum([term.cumulants() for term in terms], axis=0))
 
 
 def cumulants_of(raw: Array) -> Array:

@@ -57,7 +57,7 @@ class InvoluteStage:
 
 def grade_factor(grade: Array) -> Array:
     """sqrt(2)^(grade - 7), the growth of gear deviations with the ISO grade (ISO 1328-1)."""
-    return np.sqrt(2.0) ** (grade - REFERENCE_GRADE)
+    return np.asarray(np.sqrt(2.0) ** (grade - REFERENCE_GRADE))
 
 
 def backlash_zone(stage: InvoluteStage, geometry: RvGeometry, grade: Array) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ def test_text_is_written_as_utf8_and_replaces(tmp_path: Path) -> None:
 def test_failing_move_leaves_nothing(tmp_path: Path) -> None:
     target = tmp_path / "taken"
     target.mkdir()
-    with pytest.raises(OSError):
+    with pytest.raises(IsADirectoryError):
         write_bytes(target, b"content")
     assert os.listdir(tmp_path) == ["taken"]
 

@@ -1,5 +1,6 @@
 """Distributions of toleranced inputs against scipy, and zones given by their limits."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -38,8 +39,7 @@ def integral(distribution: Distribution, order: int, upper: float) -> float:
     middle = float(law.mean())
     ends = sorted({low, *(p for p in (middle,) if low < p < min(upper, high)), min(upper, high)})
     pieces = [
-        quad(lambda u: u**order * law.pdf(u), a, b, epsabs=1e-13)[0]
-        for a, b in zip(ends[:-1], ends[1:], strict=True)
+        quad(lambda u: u**order * law.pdf(u), a, b, epsabs=1e-13)[0] for a, b in pairwise(ends)
     ]
     return float(sum(pieces))
 
@@ -82,8 +82,8 @@ def test_inspection_does_nothing_to_a_capable_process() -> None:
 
 
 def test_incapable_process_after_inspection_is_uniform() -> None:
-    found = TruncatedNormal(cp=1e-3).raw_moments(4)  # scale 333 half-widths: flat to 1e-5
-    np.testing.assert_allclose(found, Uniform().raw_moments(4), atol=1e-5)
+    found = TruncatedNormal(cp=0.02).raw_moments(4)  # scale 17 half-widths: flat to 2e-3
+    np.testing.assert_allclose(found, Uniform().raw_moments(4), atol=1e-3)
 
 
 any_input = st.one_of(
@@ -113,7 +113,7 @@ def test_partial_moments_end_at_the_raw_moments(case: Distribution) -> None:
 @given(any_input)
 def test_moments_are_those_of_a_distribution(case: Distribution) -> None:
     m = case.raw_moments(4)
-    assert m[0] == 1.0
+    np.testing.assert_allclose(m[0], 1.0, rtol=1e-12)
     assert m[2] - m[1] ** 2 >= 0.0
     assert m[4] - m[2] ** 2 >= -1e-12
 
@@ -140,7 +140,7 @@ def test_zone_of_text(text: str, mid: float, half: float) -> None:
 
 @pytest.mark.parametrize("text", ["", "0.02", "+-0.02", "a/b", "0.1/0.2/0.3", "1.2.3/0", "./0"])
 def test_zone_refuses_text_that_is_no_pair_of_limits(text: str) -> None:
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match=r"write limits|could not convert"):
         Zone.of_text(text)
 
 

@@ -47,9 +47,15 @@ def test_every_fault_at_once_and_nothing_written(tmp_path: Path) -> None:
     assert [file.name for file in tmp_path.iterdir()] == ["d.csv"]
 
 
-@pytest.mark.filterwarnings("default")
-def test_design_without_a_finite_cost_is_a_fault(tmp_path: Path) -> None:
+def test_tolerance_of_zero_is_a_limit_of_infinite_cost(tmp_path: Path) -> None:
+    path = tmp_path / "d.csv"
+    designs(eccentricity_um=0.0).to_csv(path, index=False)
+    found = evaluate(problem(), path, tmp_path / "out.csv")
+    assert np.isinf(found["cost"].iloc[-1])
+    assert np.all(np.isfinite(found["backlash_arcmin"]))
+
+
+def test_grade_without_a_cost_is_a_limit_too(tmp_path: Path) -> None:
     path = tmp_path / "d.csv"
     designs(involute_grade=9).to_csv(path, index=False)
-    with pytest.raises(InputError, match=r"row 3: cost is infinite"):
-        evaluate(problem(), path, tmp_path / "out.csv")
+    assert np.isinf(evaluate(problem(), path, tmp_path / "out.csv")["cost"].iloc[-1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,7 +56,8 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
     optimum = problem.least_cost()
     first = next(seeds)
     if optimum is not None:
-        found.append(SideSearch(*optimum, GA(), GA_BUDGET, first, relaxed=False))
+        label, cheapest = optimum
+        found.append(SideSearch(label, cheapest, GA(), GA_BUDGET, first, relaxed=False))
     for row in printed.to_dict("records"):
         seed, bounds = next(seeds), relaxed_bounds(problem, row)
         if bounds:
@@ -66,7 +67,7 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
     return tuple(found)
 
 
-def violated(problem: ToleranceProblem, row: Mapping[str, object]) -> list[str]:
+def violated(problem: ToleranceProblem, row: Mapping[Hashable, object]) -> list[str]:
     """Names of the limits that a row breaks."""
     return [
         limit.name
@@ -75,7 +76,7 @@ def violated(problem: ToleranceProblem, row: Mapping[str, object]) -> list[str]:
     ]
 
 
-def relaxed_bounds(problem: ToleranceProblem, row: Mapping[str, object]) -> dict[str, Bound]:
+def relaxed_bounds(problem: ToleranceProblem, row: Mapping[Hashable, object]) -> dict[str, Bound]:
     """The broken limits of a row, moved to the row's own values."""
     limits = {limit.name: limit for limit in problem.limits}
     found = {}
