@@ -24,6 +24,8 @@ from tolevo.units import ARCMIN, UM
 BATCH, ROWS, REPEATS = 100_000, 300, 5
 COVERAGE = 0.9973
 
+REST = ("crank_bearing", "involute_grade", "stagger", "dr_rp", "dr_p")
+
 
 def random_allocation(n: int, rng: np.random.Generator) -> Allocation:
     names = (*LINEAR_ERRORS, "eccentricity")
@@ -40,7 +42,7 @@ def random_allocation(n: int, rng: np.random.Generator) -> Allocation:
 def row(allocation: Allocation, i: int) -> Allocation:
     at = slice(i, i + 1)
     half = {name: value[at] for name, value in allocation.half_width.items()}
-    rest = (getattr(allocation, name)[at] for name in Allocation.__slots__[1:])
+    rest = (getattr(allocation, name)[at] for name in REST)
     return Allocation(half, *rest)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 _FROM_API = ("evaluate", "read", "run", "simulate")
-__all__ = ["__version__", *_FROM_API]  # noqa: PLE0604, RUF100
 
 
 def __getattr__(name: str) -> Any:

@@ -10,8 +10,10 @@ DOCS = Path(__file__).resolve().parent.parent / "docs"
 @pytest.mark.source_tree
 def test_every_name_of_the_problem_is_documented() -> None:
     text = (DOCS / "rv_backlash.md").read_text(encoding="utf-8")
-    declared = (*RvBacklash.variables, *RvBacklash.outputs, *RvBacklash.parameters)
-    assert [one.name for one in declared if f"`{one.name}`" not in text] == []
+    names = [one.name for one in RvBacklash.variables]
+    names += [one.name for one in RvBacklash.outputs]
+    names += [one.name for one in RvBacklash.parameters]
+    assert [name for name in names if f"`{name}`" not in text] == []
 
 
 @pytest.mark.source_tree

@@ -55,7 +55,7 @@ def _doubt(clipped: Array, free: Array, coverage: float) -> tuple[Array, ...]:
     effective = cumulants_of(_upper_moments(clipped)[1:]) + free
     part, whole = _series_size(clipped), _series_size(effective)
     sigma, std = np.sqrt(clipped[1]), np.sqrt(np.maximum(effective[1], 0.0))
-    stretch = 1.0 / float(density(ndtri(coverage)))
+    stretch = 1.0 / float(density(np.asarray(ndtri(coverage))))
     tail = np.minimum(whole * stretch, 1.0) * std
     return part * sigma, part * sigma, tail, whole + part, part
 
@@ -63,7 +63,7 @@ def _doubt(clipped: Array, free: Array, coverage: float) -> tuple[Array, ...]:
 def _series_size(cumulants: Array) -> Array:
     sigma = np.maximum(np.sqrt(cumulants[1]), np.finfo(float).tiny)
     skew, excess = np.abs(cumulants[2]) / sigma**3, np.abs(cumulants[3]) / sigma**4
-    return 0.40 * skew / 6.0 + 0.55 * excess / 24.0 + 1.4 * skew**2 / 72.0
+    return np.asarray(0.40 * skew / 6.0 + 0.55 * excess / 24.0 + 1.4 * skew**2 / 72.0)
 
 
 def _effective(

@@ -15,6 +15,9 @@ from .sums import ClippedSum, Term, total_cumulants
 
 BLOCK = 8
 """Designs whose units are worked on at once: with 4096 units each they stay in the cache."""
+QUANTILE_BIAS = 2.0
+"""Quantiles of the replicates are biased by up to about their standard error (measured at 0.9973
+with 4096 units each), so that error is stated twice."""
 REPLICATES = 16
 """Independent scrambles; their scatter is the standard error (Owen 1997, Ann. Stat. 25(4))."""
 
@@ -48,6 +51,7 @@ class MonteCarlo(Propagation):
         found = np.array([_replicate(total, one, coverage, limit) for one in self.points])
         value = found.mean(axis=0)
         error = found.std(axis=0, ddof=1) / np.sqrt(len(found))
+        error[2] *= QUANTILE_BIAS
         error[3:] = np.maximum(error[3:], 1.0 / self.points[..., 0].size)
         estimates = [Estimate(v, e) for v, e in zip(value, error, strict=True)]
         return Propagated(cumulants[0], np.sqrt(cumulants[1]), *estimates)

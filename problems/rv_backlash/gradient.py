@@ -52,7 +52,7 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
 
 
 def _by_tolerance(term: Term, t: Array) -> tuple[Array, Array]:
-    """d mean/dt and d variance/dt of constant + linear z + quadratic z^2, linear ~ t, quad ~ t^2."""
+    """d mean/dt and d variance/dt of a term whose linear part grows with t, the bent with t^2."""
     _, m1, m2, m3, m4 = term.distribution.raw_moments(4)
     linear = term.linear / t
     bent = 0.0 if term.quadratic is None else term.quadratic / t**2
