@@ -69,13 +69,14 @@ def impossible(problem: ToleranceProblem) -> list[Fault]:
     found = []
     for limit in problem.limits:
         low, high = problem.interval(limit.name)
+        corner = "loosest" if limit.name == "cost" else "tightest"
         place, unit = f"limits.{limit.name}", f" {limit.unit}".rstrip()
         if limit.high < low:
             found.append(Fault(place, f"at most {limit.high:g}{unit} cannot be met: the best that "
-                               f"the tightest corner allows is {low:.4g}{unit}; raise the limit or "
+                               f"the {corner} corner allows is {low:.4g}{unit}; raise the limit or "
                                "widen the ranges"))  # fmt: skip
         if limit.low > high:
             found.append(Fault(place, f"at least {limit.low:g}{unit} cannot be met: the best that "
-                               f"the tightest corner allows is {high:.4g}{unit}; lower the limit "
+                               f"the {corner} corner allows is {high:.4g}{unit}; lower the limit "
                                "or widen the ranges"))  # fmt: skip
     return found
