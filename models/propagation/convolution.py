@@ -39,9 +39,10 @@ class Convolution(Propagation):
     def _propagate(self, total: ClippedSum, coverage: float, limit: float) -> Propagated:
         cumulants = total_cumulants(total.clipped + total.free)
         fine = _statistics(total, coverage, limit, self.points)
-        coarse = _statistics(total, coverage, limit, self.points // 2) if self.errors else None
-        floor = self._floor(total, fine)
-        error = np.full_like(fine, np.nan) if coarse is None else np.abs(fine - coarse) + floor
+        error = np.full_like(fine, np.nan)
+        if self.errors:
+            coarse = _statistics(total, coverage, limit, self.points // 2)
+            error = np.abs(fine - coarse) + self._floor(total, fine)
         estimates = [Estimate(value, err) for value, err in zip(fine, error, strict=True)]
         return Propagated(cumulants[0], np.sqrt(cumulants[1]), *estimates)
 

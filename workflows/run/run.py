@@ -78,11 +78,16 @@ def _submit(
 def _gather(
     sides: tuple[SideSearch, ...], futures: dict[SideSearch, Future[pd.DataFrame | None]]
 ) -> Fronts:
-    """The side fronts; those not begun elsewhere, or whose process was lost, are made here."""
+    """The side fronts; those not begun elsewhere, or whose process was lost, are made here.
+
+    An interrupt leaves what has not been made at None.
+    """
     found: Fronts = dict.fromkeys(sides)
     for side in reversed(sides):
         if side not in futures or futures[side].cancel():
             found[side] = side.front()
+            if found[side] is None:
+                return found
     for side, future in futures.items():
         if not future.cancelled():
             try:
