@@ -15,7 +15,7 @@ from tolevo.algorithms.settings import AlgorithmSettings, Budget
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting
 from tolevo.workflows.run import RunOutcome, RunPlan, run
-from tolevo.workflows.run.front import drop_dominated, knee
+from tolevo.workflows.run.front import knee, with_references
 from tolevo.workflows.run.references import gains, relaxed_bounds
 
 FILES = {
@@ -172,9 +172,36 @@ def test_knee_is_farthest_from_the_chord() -> None:
     assert not knee(values[:2]).any()
 
 
-def test_dominated_points_are_dropped_and_counted() -> None:
-    front = pd.DataFrame({"a": [1.0, 2.0, 3.0], "b": [3.0, 2.0, 1.0], "knee": False})
-    references = pd.DataFrame({"a": [1.5, 0.0], "b": [2.0, 0.0], "feasible": [True, False]})
-    kept, dropped = drop_dominated(front, references, ("a", "b"))
-    assert dropped == 1
-    assert kept["a"].tolist() == [1.0, 3.0]
+def test_better_references_of_the_search_space_join_the_front() -> None:
+    problem = RvBacklash(limited())
+    printed = problem.references()["document B"]
+    worse, outside = printed.copy(), printed.copy()
+    worse[0], outside[0] = 2.9, 50.0
+    front = problem.frame(worse[None, :]).drop(columns="feasible")
+    worse_all = front.assign(cost=30.0, backlash_arcmin=3.0, bound=np.nan, gap_percent=np.nan)
+    worse_all["knee"] = False
+    references = problem.frame(np.stack([printed, outside]))
+    found, dropped, joined = with_references(worse_all, references, problem)
+    assert (dropped, joined) == (1, 1)
+    assert found["pin_circle_radius_um"].tolist() == [3.0]
+    assert found["involute_grade"].dtype == np.int64
+    assert list(found.columns) == list(worse_all.columns)
+
+
+def test_reference_stands_in_where_the_search_found_nothing() -> None:
+    problem = RvBacklash(limited())
+    references = problem.frame(np.stack(list(problem.references().values())))
+    found, dropped, joined = with_references(pd.DataFrame(), references, problem)
+    assert (len(found), dropped, joined) == (1, 0, 1)
+
+
+def test_single_objective_run_never_ends_worse_than_its_reference(tmp_path: Path) -> None:
+    one = Settings(
+        variables=NEAR,
+        limits=limited(backlash_arcmin=Bound(high=1.0)).limits,
+        objectives=("cost",),
+    )
+    found = run(plan(one, GA(population=30), references=True), tmp_path / "a")
+    assert found.status == "done"
+    best = found.result.references.query("feasible")["cost"].min()
+    assert found.result.front["cost"].tolist() == pytest.approx([best])

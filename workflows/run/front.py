@@ -65,16 +65,32 @@ def knee(values: Array) -> NDArray[np.bool_]:
     return marked
 
 
-def drop_dominated(
-    front: pd.DataFrame, references: pd.DataFrame, objectives: tuple[str, ...]
-) -> tuple[pd.DataFrame, int]:
-    """The front without points that a reference meeting all limits dominates, and their number."""
-    if not len(references) or not len(front):
-        return front, 0
-    names = list(objectives)
-    values, others = front[names].to_numpy(), references[references["feasible"]][names].to_numpy()
-    better = np.all(others[None] <= values[:, None], axis=2)
-    better &= np.any(others[None] < values[:, None], axis=2)
-    kept = front[~np.any(better, axis=1)].reset_index(drop=True)
-    kept["knee"] = knee(kept[names].to_numpy())
-    return kept, len(front) - len(kept)
+def with_references(
+    front: pd.DataFrame, references: pd.DataFrame, problem: ToleranceProblem
+) -> tuple[pd.DataFrame, int, int]:
+    """The front with the references that could have been found joined, and what they dominate gone.
+
+    A reference can join where it meets all limits and lies in the search space. Returns the front,
+    the number of points removed and the number of references joined.
+    """
+    if not len(references):
+        return front, 0, 0
+    names = list(problem.objectives)
+    inside = references[references["feasible"].astype(bool) & _inside(references, problem)]
+    inside = inside.drop(columns=["label", "feasible", "violated_limits"], errors="ignore")
+    inside = inside.assign(bound=np.nan, gap_percent=np.nan, knee=False)
+    merged = pd.concat([front, inside]) if len(front) else inside
+    kept = nondominated(merged[names].to_numpy())
+    joined = int(kept[len(front) :].sum())
+    merged = merged[kept].sort_values(names, kind="stable").reset_index(drop=True)
+    merged = merged.astype({v.name: "int64" for v in problem.variables if v.integer})
+    merged["knee"] = knee(merged[names].to_numpy())
+    return merged, len(front) - int(kept[: len(front)].sum()), joined
+
+
+def _inside(references: pd.DataFrame, problem: ToleranceProblem) -> NDArray[np.bool_]:
+    """Which rows lie in the search ranges and have the fixed values."""
+    bounds = {v.name: (problem.xl[i], problem.xu[i]) for i, v in enumerate(problem.free)}
+    bounds |= {name: (value, value) for name, value in problem.fixed.items()}
+    within = [references[name].between(low, high) for name, (low, high) in bounds.items()]
+    return np.asarray(np.all(within, axis=0), dtype=bool)

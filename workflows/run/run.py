@@ -20,7 +20,7 @@ from ...algorithms.search import Progress, SearchResult, search
 from ...files import write_text
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult
-from .front import drop_dominated, nearest_miss, reported_front
+from .front import nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
 from .references import SideSearch, compare, documents, side_searches, table
 from .write import write
@@ -48,13 +48,14 @@ def run(
         fronts: Fronts = dict.fromkeys(sides) if found.interrupted else _gather(sides, futures)
     front = reported_front(plan.problem, found)
     references = table(plan, printed, fronts)
-    front, dropped = drop_dominated(front, references, plan.problem.objectives)
+    searched = front
+    front, dropped, joined = with_references(front, references, plan.problem)
     relaxed = {side.label: other for side, other in fronts.items() if side.relaxed}
     if len(references):
-        references = compare(references, front, relaxed, plan.problem.objectives)
+        references = compare(references, searched, relaxed, plan.problem.objectives)
     cut = found.interrupted or any(other is None for other in fronts.values())
     status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
-    notes = (*plan.problem.warnings(), *_notes(references, dropped))
+    notes = (*plan.problem.warnings(), *_notes(references, dropped, joined))
     summary = _summary(plan, found, front, status, notes, time.monotonic() - start)
     result = _result(plan, found, front, references, summary, notes)
     write(result, out)
@@ -155,7 +156,7 @@ def _axes(problem: ToleranceProblem, names: tuple[str, ...]) -> tuple[Axis, ...]
     return tuple(Axis(n, outputs[n].unit, outputs[n].meaning) for n in names)
 
 
-def _notes(references: pd.DataFrame, dropped: int) -> list[str]:
+def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
     """What the page and the summary say about the references."""
     found = [
         f"{row['label']} breaks {row['violated_limits'].replace(' ', ', ')}: it is outside of what "
@@ -163,9 +164,11 @@ def _notes(references: pd.DataFrame, dropped: int) -> list[str]:
         for row in references.to_dict("records")
         if row["violated_limits"]
     ]
-    if dropped:
+    if joined:
         found.append(
-            f"{dropped} points of the search's front were removed: a reference dominates them"
+            f"{joined} of the references joined the front: the search had not found anything as "
+            f"good; {dropped} points that they dominate were removed. The gains in the table of "
+            "references are those of the search's own front"
         )
     return found
 
