@@ -56,7 +56,7 @@ def _doubt(clipped: Array, free: Array, coverage: float) -> tuple[Array, ...]:
     part, whole = _series_size(clipped), _series_size(effective)
     sigma, std = np.sqrt(clipped[1]), np.sqrt(np.maximum(effective[1], 0.0))
     stretch = 1.0 / float(density(np.asarray(ndtri(coverage))))
-    tail = np.minimum(whole * stretch, 1.0) * std
+    tail = np.minimum(whole * stretch, 1.5) * std
     return part * sigma, part * sigma, tail, whole + part, part
 
 
