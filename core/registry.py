@@ -17,6 +17,9 @@ from typing import Any
 from .errors import nearest, refuse
 
 GROUPS = ("models", "problems", "algorithms", "effects")
+PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError,
+                 RuntimeError, SyntaxError, TypeError, ValueError)  # fmt: skip
+"""What importing a plugin that is broken may raise; it is the user's to mend, with a name."""
 
 
 def _offers(group: str) -> list[EntryPoint]:
@@ -65,7 +68,7 @@ def load(group: str, name: str) -> Any:
     offer = _find(group, name)
     try:
         return offer.load()
-    except Exception as error:  # a plugin may raise anything while it is imported
+    except PLUGIN_FAULTS as error:  # a plugin may raise anything while it is imported
         kind, reason = group.removesuffix("s"), f"{type(error).__name__}: {error}"
         text = f'"{name}" of {_origin(offer)} cannot be imported ({offer.value}): {reason}'
         raise refuse(kind, text) from error
