@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
+from typing import Any
 
 from ..declarations import Value
 from ..models.costs import CostCurve
@@ -46,7 +47,8 @@ class Settings:
     """Everything that distinguishes one instance of a problem from its defaults.
 
     Names that a mapping leaves out keep the problem's default; `objectives` empty means the
-    problem's own.
+    problem's own. `definition` is what a problem that is written in the configuration (`stack`)
+    was read from.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -56,3 +58,4 @@ class Settings:
     objectives: tuple[str, ...] = ()
     limits: Mapping[str, Bound] = field(default_factory=dict)
     seed: int = 0
+    definition: Any = None

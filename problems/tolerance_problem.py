@@ -16,7 +16,9 @@ from pymoo.core.problem import Problem
 from ..declarations import Assumption, Output, Parameter, Value, Variable
 from ..errors import Fault, ModelError
 from ..models.costs import CostCurve
+from ..section import Section
 from .assumptions import assumptions_of
+from .forms import Form
 from .limits import impossible, limits_of
 from .settings import Bound, Settings, VariableSetting
 
@@ -68,6 +70,16 @@ class ToleranceProblem(Problem):
 
     # ---------------------------------------------------------------- what a subclass gives
 
+    @classmethod
+    def configured(cls, top: Section) -> Any:
+        """What makes the problem that a configuration with these tables means; None if faulty.
+
+        It is called with `Settings` and declares `parameters`, `variables`, `outputs` and the
+        defaults as this class does. A problem that is written in its configuration reads its own
+        tables here.
+        """
+        return cls
+
     @abstractmethod
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         """Every output, shape (n,), of designs (n, all variables).
@@ -108,6 +120,10 @@ class ToleranceProblem(Problem):
 
     def exact_front(self) -> Array | None:
         """The exact front (k, objectives) where it is known, else None."""
+        return None
+
+    def form(self) -> Form | None:
+        """The convex form that bounds of the cost are proven with, None where there is none."""
         return None
 
     def gradient(self, designs: Array) -> dict[str, Array]:
@@ -158,11 +174,6 @@ class ToleranceProblem(Problem):
     def names(self) -> list[str]:
         """Names of all variables, in the order of a full design."""
         return [v.name for v in self.variables]
-
-    @property
-    def all_variables(self) -> tuple[Variable, ...]:
-        """All variables, fixed ones included."""
-        return self.variables
 
     def column(self, designs: Array, name: str) -> Array:
         """One variable (n,) of full designs (n, all variables)."""

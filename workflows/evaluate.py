@@ -21,10 +21,10 @@ def evaluate(problem: ToleranceProblem, path: Path, out: Path) -> pd.DataFrame:
     """
     place = path.name
     given = tables.read(path, place)
-    names = [variable.name for variable in problem.all_variables]
+    names = [variable.name for variable in problem.variables]
     needed = [name for name in names if name not in problem.fixed]
     frame, faults = tables.parsed(given, place, needed, names)
-    for variable in problem.all_variables:
+    for variable in problem.variables:
         if variable.name in frame:
             bad = _outside(variable, frame[variable.name])
             faults += tables.cell_faults(place, variable.name, bad)

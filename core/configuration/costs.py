@@ -12,7 +12,7 @@ from ..declarations import Variable
 from ..errors import nearest
 from ..models.costs import CURVES, CostCurve
 from ..problems.settings import VariableSetting
-from .section import Section
+from ..section import Section
 
 
 def read_curve(section: Section, default: CostCurve | None) -> CostCurve | None:

@@ -15,7 +15,7 @@ def describe(configuration: Configuration) -> str:
     if problem is None:
         return configuration.toml()
     settings = configuration.settings.variables
-    lines = ["Variables", *(_variable(v, settings[v.name]) for v in problem.all_variables)]
+    lines = ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
     lines += ["", "Assumptions (no document prints them)", *_assumptions(problem.assumptions())]
     if warnings := problem.warnings():
         lines += ["", "Warnings", *(f"  {warning}" for warning in warnings)]

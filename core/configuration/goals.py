@@ -7,8 +7,8 @@ from math import inf
 
 from ..declarations import Output, Variable
 from ..problems.settings import METHODS, Bound, PropagationSetting
+from ..section import Range, Section
 from .costs import unknown
-from .section import Range, Section
 
 INSIDE = Range(0.0, 1.0, open_low=True, open_high=True)
 

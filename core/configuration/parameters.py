@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ..declarations import Parameter, Value
-from .section import Range, Section
+from ..section import Range, Section
 
 
 def read_parameters(section: Section, declared: Iterable[Parameter]) -> dict[str, Value]:

@@ -6,7 +6,7 @@ from typing import Any
 
 from .. import registry
 from ..errors import Fault, InputError
-from .section import Section
+from ..section import Section
 
 
 def load_named(section: Section, key: str, group: str, default: str = "") -> Any:

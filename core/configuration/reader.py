@@ -10,6 +10,7 @@ from typing import Any
 from ..declarations import Value
 from ..errors import Fault, InputError, raise_all
 from ..problems.settings import Settings, VariableSetting
+from ..section import Range, Section
 from .configuration import Configuration
 from .costs import check_ends, read_costs
 from .goals import read_limits, read_objectives, read_propagation
@@ -17,7 +18,6 @@ from .parameters import read_parameters
 from .plugins import effect_faults, load_named
 from .resolved import resolved_problem, resolved_variables
 from .search import read_algorithm, read_budget, resolved_algorithm
-from .section import Range, Section
 from .source import load, override
 from .variables import mid_parameter, read_variable
 
@@ -52,7 +52,8 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     """A configuration with a problem."""
     if "problem" not in top:
         top.fault("problem", 'is missing: name a problem (see `tolevo list`), or model = "..."')
-    kind = load_named(top, "problem", "problems")
+    named = load_named(top, "problem", "problems")
+    kind = named.configured(top) if named else None
     model = load_named(top, "model", "models", kind.default_model if kind else "")
     model_name = top.take("model") or (kind.default_model if kind else "")
     references = top.text("references", REFERENCES) or "documents"

@@ -7,8 +7,8 @@ from math import inf
 from typing import Any, get_type_hints
 
 from ..algorithms.settings import AlgorithmSettings, Budget
+from ..section import POSITIVE, Range, Section
 from .plugins import load_named
-from .section import POSITIVE, Range, Section
 
 GENERATIONS = 200
 """Budget of a run whose configuration names none."""

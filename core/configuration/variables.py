@@ -9,8 +9,8 @@ from typing import Any
 from ..declarations import TOLERANCES, Kind, Value, Variable
 from ..models.inputs import DISTRIBUTIONS, Distribution, Zone
 from ..problems.settings import VariableSetting
+from ..section import POSITIVE, Range, Section
 from ..units import split_unit
-from .section import POSITIVE, Range, Section
 
 
 def read_variable(section: Section, variable: Variable, parameters: Mapping[str, Value]) -> Any:

@@ -15,7 +15,7 @@ def problem() -> RvBacklash:
 
 
 def designs(**changes: float) -> pd.DataFrame:
-    document = {v.name: [float(v.document or 0.0)] * 2 for v in problem().all_variables}
+    document = {v.name: [float(v.document or 0.0)] * 2 for v in problem().variables}
     return pd.DataFrame(document).assign(**changes)
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any
 
-from ..errors import Fault, nearest
-from ..units import split_unit, to_unit
+from .errors import Fault, nearest
+from .units import split_unit, to_unit
 
 
 @dataclass(frozen=True, slots=True)
