@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize.elementwise import find_root
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,42 @@ class CostCurve(ABC):
     @abstractmethod
     def slope(self, t: Array) -> Array:
         """dC/dt, same shape as t."""
+
+    @property
+    def convex(self) -> bool:
+        """Whether C is convex over its whole range."""
+        return True
+
+    def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
+        """The t in [low, high] that minimises C(t) + linear t + square t^2, shape (n,).
+
+        `linear` and `square` (n,) are the prices of a tolerance, square >= 0; 0 < low <= high.
+        """
+        found = self._stationary(linear, square)
+        if found is None:
+            return self._root(linear, square, low, high)
+        return np.clip(found, low, high)
+
+    def _stationary(self, linear: Array, square: Array) -> Array | None:
+        """The stationary point in closed form, inf where there is none; None if not known."""
+        return None
+
+    def _root(self, linear: Array, square: Array, low: float, high: float) -> Array:
+        """`best` by a safeguarded root of the derivative, which rises with t."""
+
+        def rise(x: Array, p: Array, q: Array) -> Array:
+            t = np.exp(x)
+            return t * (self.slope(t) + p + 2.0 * q * t)
+
+        ends = np.log(low), np.log(high)
+        falls = rise(np.full_like(linear, ends[1]), linear, square) <= 0.0
+        rises = rise(np.full_like(linear, ends[0]), linear, square) >= 0.0
+        found = np.where(falls, high, low)
+        inner = ~(falls | rises)
+        if np.any(inner):
+            root = find_root(rise, ends, args=(linear[inner], square[inner]))
+            found[inner] = np.exp(root.x)
+        return np.clip(found, low, high)
 
     def faults(self) -> list[tuple[str, str]]:
         """(field, message) for every coefficient that makes the curve rise or meaningless."""

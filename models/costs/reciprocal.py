@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .curve import Array, CostCurve, not_negative
+from .reciprocal_power import stationary_power
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +24,9 @@ class Reciprocal(CostCurve):
 
     def slope(self, t: Array) -> Array:
         return -self.b / t**2
+
+    def _stationary(self, linear: Array, square: Array) -> Array | None:
+        return stationary_power(self.b, 1.0, linear, square)
 
     def faults(self) -> list[tuple[str, str]]:
         return not_negative(self, ("b",))

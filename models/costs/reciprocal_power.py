@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from .curve import Array, CostCurve, not_negative
+
+STEPS = 6
+"""Newton steps: the error falls at least by a third in the first and is squared after."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,5 +30,32 @@ class ReciprocalPower(CostCurve):
     def slope(self, t: Array) -> Array:
         return -self.k * self.b / t ** (self.k + 1.0)
 
+    def _stationary(self, linear: Array, square: Array) -> Array | None:
+        return stationary_power(self.b, self.k, linear, square)
+
     def faults(self) -> list[tuple[str, str]]:
         return not_negative(self, ("b", "k"))
+
+
+def stationary_power(b: float, k: float, linear: Array, square: Array) -> Array | None:
+    """The t at which k b / t^(k + 1) = linear + 2 square t; inf where it falls for ever.
+
+    With both prices, Newton's method on the logarithm of both sides in x = ln t. Their difference is
+    concave with a slope between -(k + 2) and -(k + 1), so that it converges from everywhere, and
+    `STEPS` steps are more than enough for the last digit.
+    """
+    if b == 0.0 or np.any(linear < 0.0):
+        return None
+    with np.errstate(divide="ignore", over="ignore"):
+        found = (k * b / linear) ** (1.0 / (k + 1.0))
+        if not np.any(square):
+            return found
+        other = (0.5 * k * b / square) ** (1.0 / (k + 2.0))
+        if not np.any(linear):
+            return other
+    x = np.log(np.minimum(found, other))
+    for _ in range(STEPS):
+        bent = 2.0 * square * np.exp(x)
+        level = linear + bent
+        x = x + (np.log(k * b / level) - (k + 1.0) * x) / (k + 1.0 + bent / level)
+    return np.exp(x)

@@ -30,6 +30,26 @@ class Table(CostCurve):
         at = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(slopes) - 1)
         return np.where((t < knots[0]) | (t > knots[-1]), np.nan, slopes[at])
 
+    @property
+    def convex(self) -> bool:
+        return bool(np.all(np.diff(np.diff(self.cost_at) / np.diff(self.t)) >= 0.0))
+
+    def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
+        """As in the base class; global although a table need not be convex.
+
+        The candidates are the ends, the entries between, and each piece's own stationary point.
+        """
+        inner = [t for t in self.t if low < t < high]
+        knots = np.array([low, *inner, high])
+        slopes = self.slope(0.5 * (knots[1:] + knots[:-1]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            free = -(slopes[:, None] + linear) / (2.0 * square)
+        free = np.clip(np.where(np.isnan(free), low, free), knots[:-1, None], knots[1:, None])
+        fixed = np.broadcast_to(knots[:, None], (len(knots), len(linear)))
+        candidates = np.vstack([fixed, free])
+        values = self.cost(candidates) + linear * candidates + square * candidates**2
+        return np.asarray(candidates[np.argmin(values, axis=0), np.arange(len(linear))])
+
     def faults(self) -> list[tuple[str, str]]:
         if len(self.t) != len(self.cost_at) or len(self.t) < 2:
             return [("t", f"needs at least two entries, and as many as cost_at, got {len(self.t)} "

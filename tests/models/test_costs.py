@@ -94,3 +94,38 @@ def test_table_outside_its_range_is_infinite() -> None:
 
 def test_registry_names_every_curve() -> None:
     assert set(CURVES.values()) == {*map(type, SMOOTH), Table}
+
+
+PRICES = [(0.7, 0.0), (0.0, 0.3), (0.4, 0.2), (1e-9, 0.0), (0.0, 1e9), (-0.1, 0.5)]
+BENT = Table((0.5, 1.0, 2.0, 3.0, 4.0), (9.0, 8.5, 5.0, 4.9, 1.0))
+"""A table that is not convex."""
+
+
+@pytest.mark.parametrize("prices", PRICES)
+@pytest.mark.parametrize("curve", [*SMOOTH, TABLE, BENT], ids=repr)
+def test_best_tolerance_is_that_of_a_dense_grid(
+    curve: CostCurve, prices: tuple[float, float]
+) -> None:
+    low, high = 1.1, 3.7
+    t = np.linspace(low, high, 200_001)
+
+    def total(t: np.ndarray) -> np.ndarray:
+        return curve.cost(t) + prices[0] * t + prices[1] * t**2
+
+    found = curve.best(np.array([prices[0]]), np.array([prices[1]]), low, high)
+    assert np.all((found >= low) & (found <= high))
+    # the grid can miss the minimum by its own curvature over half a step
+    assert total(found)[0] <= total(t).min() * (1.0 + 1e-15)
+
+
+@given(st.sampled_from(SMOOTH), st.floats(1e-3, 1e3), st.floats(0.0, 1e3))
+def test_best_tolerance_balances_cost_and_price(curve: CostCurve, p: float, q: float) -> None:
+    t = curve.best(np.array([p]), np.array([q]), 1e-6, 1e6)
+    rise = (curve.slope(t) + p + 2.0 * q * t) / (p + 2.0 * q * t)
+    at_low = t <= 1e-6  # an exponential falls nowhere fast enough for a high price
+    np.testing.assert_allclose(np.where(at_low, np.minimum(rise, 0.0), rise), 0.0, atol=1e-9)
+
+
+def test_only_a_bent_table_is_not_convex() -> None:
+    assert all(curve.convex for curve in [*SMOOTH, TABLE])
+    assert not BENT.convex

@@ -1,0 +1,139 @@
+"""One combination of ways: what is left is convex, and separable at given prices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.forms import Form, Way
+from .prices import Prices
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """Least cost at n sets of r limits.
+
+    Tolerances `t` (n, features), `cost` and proven lower `bound` (n,), `multiplier` (n, r): by how
+    much the cost falls per unit of each limit. Cost and bound are inf where limits cannot be kept.
+    """
+
+    t: Array
+    cost: Array
+    bound: Array
+    multiplier: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Combination:
+    """A `Form` with one way chosen per feature (`chosen`: index per feature).
+
+    Tolerances have shape (n, features), values of the requirements (n, requirements).
+    """
+
+    form: Form
+    chosen: tuple[int, ...]
+
+    @cached_property
+    def ways(self) -> tuple[Way, ...]:
+        """The chosen ways."""
+        return tuple(f.ways[i] for f, i in zip(self.form.features, self.chosen, strict=True))
+
+    @cached_property
+    def counts(self) -> Array:
+        """Like parts per feature."""
+        return np.array([float(feature.count) for feature in self.form.features])
+
+    @cached_property
+    def low(self) -> Array:
+        """Least tolerances (features,)."""
+        return np.array([way.low for way in self.ways])
+
+    @cached_property
+    def high(self) -> Array:
+        """Largest tolerances (features,)."""
+        return np.array([way.high for way in self.ways])
+
+    @cached_property
+    def linear(self) -> Array:
+        """m, shape (requirements, features)."""
+        return _columns([way.linear for way in self.ways])
+
+    @cached_property
+    def spread(self) -> Array:
+        """a, shape (requirements, features)."""
+        return _columns([way.spread for way in self.ways])
+
+    @cached_property
+    def offset(self) -> Array:
+        """Constant part of each value (requirements,)."""
+        nothing = (0.0,) * len(self.form.outputs)
+        each = _columns([way.offset or nothing for way in self.ways])
+        return np.asarray(self.form.offset + each.sum(axis=1))
+
+    @property
+    def convex(self) -> bool:
+        """Whether every cost curve is convex, so that local optima are global."""
+        return all(way.curve.convex for way in self.ways)
+
+    def cost(self, t: Array) -> Array:
+        """Total cost (n,) of tolerances (n, features)."""
+        each = [
+            count * way.curve.cost(t[:, at])
+            for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True))
+        ]
+        return np.asarray(self.form.base + np.sum(each, axis=0))
+
+    def slopes(self, t: Array) -> Array:
+        """d cost / d t, shape (n, features)."""
+        each = [way.curve.slope(t[:, at]) for at, way in enumerate(self.ways)]
+        return np.stack(each, axis=1) * self.counts
+
+    def parts(self, t: Array) -> Array:
+        """s = a t, shape (n, requirements, features)."""
+        return np.asarray(t[:, None, :] * self.spread)
+
+    def root(self, t: Array) -> Array:
+        """S of each requirement (n, requirements): sqrt(constant + s' R s)."""
+        s = self.parts(t)
+        towards = s if self.form.correlation is None else s @ self.form.correlation
+        return np.sqrt(np.maximum(self.form.constant + np.sum(towards * s, axis=2), 0.0))
+
+    def values(self, t: Array) -> Array:
+        """The requirements' values (n, requirements)."""
+        return np.asarray(self.offset + t @ self.linear.T + self.root(t))
+
+    def gradients(self, t: Array) -> Array:
+        """d value / d t, shape (n, requirements, features)."""
+        s, root = self.parts(t), self.root(t)
+        towards = s if self.form.correlation is None else s @ self.form.correlation
+        safe = np.where(root > 0.0, root, 1.0)
+        return np.asarray(self.linear + self.spread * towards / safe[..., None])
+
+    def best(self, linear: Array, square: Array) -> Array:
+        """Tolerances (n, features) of least cost + linear . t + square . t^2 at prices (n, f)."""
+        each = [
+            way.curve.best(linear[:, at] / count, square[:, at] / count, way.low, way.high)
+            for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True))
+        ]
+        return np.stack(each, axis=1)
+
+    def dual(self, multiplier: Array, limit: Array, t: Array) -> Array:
+        """A proven lower bound (n,) of the cost at limits (n, r), for any multipliers (n, r) >= 0.
+
+        `t` (n, features) is the reference point; at the optimum and its multipliers the bound is
+        the optimum's cost.
+        """
+        prices = Prices.at(self.form, multiplier, limit, self.parts(t))
+        ways = enumerate(zip(self.ways, self.counts, strict=True))
+        total = np.sum([prices.tolerance(w, at, count)[1] for at, (w, count) in ways], axis=0)
+        return prices.bound(self.form, total)
+
+
+def _columns(rows: Sequence[Sequence[float]]) -> Array:
+    return np.array(rows, dtype=float).reshape(len(rows), -1).T

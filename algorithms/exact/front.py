@@ -1,0 +1,93 @@
+"""The exact front of a form: from the least cost at given limits to a whole curve."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from ...problems.forms import Form
+from .choices import Optimum, least_cost
+from .combination import Combination
+from .path import Path
+
+Array = NDArray[np.float64]
+COARSE = 128
+"""Limits at which the course of a front with alternatives is found first."""
+
+
+def front(form: Form, points: int, upper: Array) -> Optimum:
+    """About `points` allocations along the front of cost and the form's requirements.
+
+    `upper` (r,) are limits that all of them keep; inf where there is none. With one requirement the
+    points are spread evenly by arc length, with several by a Sobol sequence over the limits.
+    """
+    low, high = value_range(form)
+    high = np.minimum(high, upper)
+    if np.any(high < low):
+        return least_cost(form, high[None, :])
+    if len(form.outputs) > 1:
+        sample = qmc.Sobol(len(low), scramble=False).random(points)
+        return least_cost(form, low + (high - low) * sample)
+    if form.combinations == 1 and form.correlation is None:
+        return _along_path(form, points, float(high[0]))
+    coarse = np.linspace(float(low[0]), float(high[0]), COARSE)
+    first = least_cost(form, coarse[:, None])
+    length = _length(np.stack([coarse, first.cost]))
+    even = np.interp(np.linspace(0.0, length[-1], points), length, coarse)
+    return least_cost(form, even[:, None])
+
+
+def _along_path(form: Form, points: int, upper: float) -> Optimum:
+    """In closed form, by price; bounds are left to who asks for them."""
+    combination = Combination(form, (0,) * len(form.features))
+    path = Path(combination)
+    t = path.front(points)
+    keeps = path.value(t) <= upper
+    if not np.all(keeps):
+        last = path.least_cost(np.array([[upper]])).t
+        t = np.vstack([t[keeps], last])
+    nothing = np.full(len(t), np.nan)
+    chosen = np.zeros(t.shape, dtype=np.int64)
+    return Optimum(chosen, t, combination.cost(t), nothing, nothing[:, None])
+
+
+def _length(drawn: Array) -> Array:
+    """Arc length (n,) along points (2, n), each axis in units of its span."""
+    finite = np.where(np.isfinite(drawn), drawn, np.nan)
+    span = np.nanmax(finite, axis=1) - np.nanmin(finite, axis=1)
+    steps = np.nan_to_num(np.diff(finite, axis=1)) / np.where(span > 0.0, span, 1.0)[:, None]
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*steps))])
+
+
+def value_range(form: Form) -> tuple[Array, Array]:
+    """Least and largest value (r,) of each requirement that an allocation of least cost can have.
+
+    The largest is that of the cheapest allocation without any limit.
+    """
+    no_limit = np.full((1, len(form.outputs)), np.inf)
+    cheapest = least_cost(form, no_limit)
+    combination = Combination(form, tuple(cheapest.chosen[0].tolist()))
+    return tightest(form), combination.values(cheapest.t)[0]
+
+
+def tightest(form: Form) -> Array:
+    """Least value (r,) of each requirement; of correlated ones, that of all tolerances at least.
+
+    Every feature is made in the way that contributes least: exact for one requirement without
+    correlation and either part zero, else a lower bound.
+    """
+    r = range(len(form.outputs))
+    linear, square = form.offset.astype(float), form.constant.astype(float)
+    for feature in form.features:
+        parts = np.array([
+            [(way.offset[i] if way.offset else 0.0) + way.linear[i] * way.low for i in r]
+            for way in feature.ways
+        ])  # fmt: skip
+        spread = np.array([np.multiply(way.spread, way.low) for way in feature.ways])
+        linear = linear + parts.min(axis=0)
+        square = square + (spread**2).min(axis=0)
+    if form.correlation is not None:
+        combination = Combination(form, (0,) * len(form.features))
+        return np.asarray(combination.values(combination.low[None, :])[0])
+    return np.asarray(linear + np.sqrt(square))

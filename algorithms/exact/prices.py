@@ -1,0 +1,77 @@
+"""Multipliers that make the requirements separable, and with it a lower bound of the cost.
+
+For multipliers lambda_i >= 0, least cost under V_i(t) <= L_i is at least
+
+    min_t  cost(t) + sum_i lambda_i (V_i(t) - L_i)
+
+(weak duality; Boyd & Vandenberghe, Convex Optimization, 2004, ch. 5), and it stays a lower bound
+where V_i is replaced by something smaller that is separable: the root S is at least its tangent at
+any reference point (Cauchy and Schwarz). A requirement that is a root alone is priced by its square,
+constant + sum a_j^2 t_j^2 <= (L - offset)^2, which needs no reference point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.forms import Form, Way
+
+Array = NDArray[np.float64]
+ROUNDING = 1e-13
+"""Relative allowance for rounding in a bound."""
+
+
+def only_roots(form: Form) -> NDArray[np.bool_]:
+    """Which requirements (r,) are priced by their square: no linear part, no correlation."""
+    ways = [way for feature in form.features for way in feature.ways]
+    linear = np.any([way.linear for way in ways], axis=0)
+    offset = np.any([way.offset or np.zeros(len(form.outputs)) for way in ways], axis=0)
+    spread = np.any([way.spread for way in ways], axis=0) | (form.constant > 0.0)
+    return np.asarray(~linear & ~offset & spread & (form.correlation is None))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prices:
+    """What tolerances pay for r requirements at n sets of limits.
+
+    `linear` (n, r) is the price of V, `square` (n, r) that of its root's square, one of them zero;
+    `direction` (n, r, features) is dS/ds at the reference point, `received` (n,) what the limits
+    are worth.
+    """
+
+    linear: Array
+    square: Array
+    direction: Array
+    received: Array
+
+    @classmethod
+    def at(cls, form: Form, multiplier: Array, limit: Array, s: Array) -> Prices:
+        """Prices from multipliers and limits (n, r) and parts s_ij = a_ij t_j (n, r, features)."""
+        towards = s if form.correlation is None else s @ form.correlation
+        root = np.sqrt(form.constant + np.sum(towards * s, axis=2))
+        safe = np.where(root > 0.0, root, 1.0)
+        multiplier = np.where(np.isfinite(limit), multiplier, 0.0)
+        squared = only_roots(form) & (root > 0.0)
+        linear = np.where(squared, 0.0, multiplier)
+        square = np.where(squared, multiplier / (2.0 * safe), 0.0)
+        room = np.where(np.isfinite(limit), limit - form.offset, 0.0)
+        received = linear * (room - form.constant / safe)
+        received = received + square * (np.maximum(room, 0.0) ** 2 - form.constant)
+        return cls(linear, square, towards / safe[..., None], received.sum(axis=1))
+
+    def tolerance(self, way: Way, feature: int, count: float) -> tuple[Array, Array]:
+        """The t (n,) at which a feature made in a `way` is cheapest, and cost plus price there."""
+        m, a = np.array(way.linear), np.array(way.spread)
+        linear = np.sum(self.linear * (m + self.direction[:, :, feature] * a), axis=1)
+        square = self.square @ (a * a)
+        t = way.curve.best(linear / count, square / count, way.low, way.high)
+        offset = self.linear @ np.array(way.offset) if way.offset else 0.0
+        return t, count * way.curve.cost(t) + linear * t + square * t * t + offset
+
+    def bound(self, form: Form, total: Array) -> Array:
+        """The proven bound (n,) from the sum (n,) over the features of what `tolerance` states."""
+        slack = ROUNDING * (np.abs(total) + np.abs(self.received))
+        return np.asarray(form.base + total - self.received - slack)
