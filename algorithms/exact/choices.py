@@ -1,10 +1,10 @@
 """Alternative ways of making a feature: branch and bound over them, for many limits at once.
 
-Every node fixes the ways of the first features. Its bound is a Lagrangian one at a few prices around
-those of the best allocation known: separable, so that the ways still open are each taken at their
-best. A node is left at all limits where its bound shows that it cannot be cheaper; where nothing is
-left open the allocation is solved (`Path`). What the search did not enter, because `LEAVES` solved
-allocations are enough, counts with its bound: the bound that is returned is always proven.
+Every node fixes the ways of the first features. Its bound is a Lagrangian one at a few prices
+around those of the best allocation known: separable, so that the ways still open are each taken at
+their best. A node is left at all limits where its bound shows that it cannot be cheaper; where
+nothing is left open the allocation is solved. What the search did not enter, because `LEAVES`
+solved allocations are enough, counts with its bound: what is returned is always proven.
 """
 
 from __future__ import annotations

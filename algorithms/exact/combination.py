@@ -102,7 +102,8 @@ class Combination:
         """S of each requirement (n, requirements): sqrt(constant + s' R s)."""
         s = self.parts(t)
         towards = s if self.form.correlation is None else s @ self.form.correlation
-        return np.sqrt(np.maximum(self.form.constant + np.sum(towards * s, axis=2), 0.0))
+        square = np.maximum(self.form.constant + np.sum(towards * s, axis=2), 0.0)
+        return np.asarray(np.sqrt(square))
 
     def values(self, t: Array) -> Array:
         """The requirements' values (n, requirements)."""

@@ -38,7 +38,7 @@ class Path:
     @cached_property
     def ends(self) -> tuple[float, float]:
         """Logarithms of a price at which all is loosest, and one at which all is tightest."""
-        x = np.linspace(-DECADES, DECADES, 321) * np.log(10.0)
+        x = np.linspace(-DECADES, DECADES, 81) * np.log(10.0)
         value = self.value(self.at(np.exp(x)))
         loosest = np.flatnonzero(value >= value[0])[-1]
         tightest = np.flatnonzero(value <= value[-1])[0]

@@ -6,8 +6,8 @@ For multipliers lambda_i >= 0, least cost under V_i(t) <= L_i is at least
 
 (weak duality; Boyd & Vandenberghe, Convex Optimization, 2004, ch. 5), and it stays a lower bound
 where V_i is replaced by something smaller that is separable: the root S is at least its tangent at
-any reference point (Cauchy and Schwarz). A requirement that is a root alone is priced by its square,
-constant + sum a_j^2 t_j^2 <= (L - offset)^2, which needs no reference point.
+any reference point (Cauchy and Schwarz). A requirement that is a root alone is priced by its
+square, constant + sum a_j^2 t_j^2 <= (L - offset)^2, which needs no reference point.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ ROUNDING = 1e-13
 def only_roots(form: Form) -> NDArray[np.bool_]:
     """Which requirements (r,) are priced by their square: no linear part, no correlation."""
     ways = [way for feature in form.features for way in feature.ways]
-    linear = np.any([way.linear for way in ways], axis=0)
-    offset = np.any([way.offset or np.zeros(len(form.outputs)) for way in ways], axis=0)
-    spread = np.any([way.spread for way in ways], axis=0) | (form.constant > 0.0)
+    nothing = (0.0,) * len(form.outputs)
+    linear = np.any(np.array([way.linear for way in ways]), axis=0)
+    offset = np.any(np.array([way.offset or nothing for way in ways]), axis=0)
+    spread = np.any(np.array([way.spread for way in ways]), axis=0) | (form.constant > 0.0)
     return np.asarray(~linear & ~offset & spread & (form.correlation is None))
 
 

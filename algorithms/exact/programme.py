@@ -8,11 +8,10 @@ Nocedal & Zhu 1995) on the concave dual where a gap is left.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import Bounds, minimize
 
 from .combination import Combination, Solved
 
@@ -53,17 +52,24 @@ class Programme:
         if not np.any(movable):
             return c.low, np.zeros(len(limit))
         unit = float(c.cost(c.low[None, :])[0] - c.cost(c.high[None, :])[0]) or 1.0
-        constraint: dict[str, Any] = {
-            "type": "ineq",
-            "fun": lambda x: (limit - c.values(whole(x))[0]) / scale,
-            "jac": lambda x: -((c.gradients(t := whole(x))[0] * t)[:, movable]) / scale[:, None],
-        }
-        found = minimize(
+
+        def margin(x: Array) -> Array:
+            return np.asarray((limit - c.values(whole(x))[0]) / scale)
+
+        def margin_slopes(x: Array) -> Array:
+            t = whole(x)
+            return np.asarray(-(c.gradients(t)[0] * t)[:, movable] / scale[:, None])
+
+        def cost_slopes(x: Array) -> Array:
+            t = whole(x)
+            return np.asarray((c.slopes(t) * t)[0, movable] / unit)
+
+        found = minimize(  # type: ignore[call-overload]
             lambda x: float(c.cost(whole(x))[0]) / unit,
             np.log(start[movable]),
-            jac=lambda x: (c.slopes(t := whole(x)) * t)[0, movable] / unit,
-            bounds=np.log(np.stack([c.low[movable], c.high[movable]], axis=1)),
-            constraints=[constraint],
+            jac=cost_slopes,
+            bounds=Bounds(np.log(c.low[movable]), np.log(c.high[movable])),
+            constraints=[{"type": "ineq", "fun": margin, "jac": margin_slopes}],
             method="SLSQP",
             options={"ftol": 1e-15, "maxiter": 500},
         )
@@ -93,10 +99,10 @@ class Programme:
         if cost - found <= GAP * abs(cost):
             return found, multiplier
         unit = np.where(multiplier > 0.0, multiplier, max(float(multiplier.max()), 1e-9) * 1e-3)
-        result = minimize(
+        result = minimize(  # type: ignore[call-overload]
             lambda y: -bound(y * unit) / abs(cost),
             multiplier / unit,
-            bounds=[(0.0, None)] * len(limit),
+            bounds=Bounds(np.zeros(len(limit)), np.full(len(limit), np.inf)),
             method="L-BFGS-B",
         )
         better = np.asarray(result.x * unit)

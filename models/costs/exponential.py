@@ -5,8 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import wrightomega
 
 from .curve import Array, CostCurve, not_negative
+
+STRAIGHT = 1e8
+"""Ratio of the prices from which on the square one makes no difference."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +30,17 @@ class Exponential(CostCurve):
 
     def slope(self, t: Array) -> Array:
         return -self.m * self.b * np.exp(-self.m * t)
+
+    def _stationary(self, linear: Array, square: Array) -> Array | None:
+        """m b exp(-m t) = p + 2 q t by Wright's omega function, for q = 0 by a logarithm."""
+        if self.b == 0.0 or self.m == 0.0 or np.any(linear < 0.0):
+            return None
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            alone = np.log(self.m * self.b / linear) / self.m
+            shift = 0.5 * linear / square
+            bent = wrightomega(np.log(0.5 * self.m**2 * self.b / square) + self.m * shift)
+            straight = ~(self.m * shift < STRAIGHT)
+            return np.asarray(np.where(straight, alone, bent / self.m - shift))
 
     def faults(self) -> list[tuple[str, str]]:
         return not_negative(self, ("b", "m"))

@@ -40,8 +40,8 @@ class ReciprocalPower(CostCurve):
 def stationary_power(b: float, k: float, linear: Array, square: Array) -> Array | None:
     """The t at which k b / t^(k + 1) = linear + 2 square t; inf where it falls for ever.
 
-    With both prices, Newton's method on the logarithm of both sides in x = ln t. Their difference is
-    concave with a slope between -(k + 2) and -(k + 1), so that it converges from everywhere, and
+    With both prices, Newton's method on the logarithm of both sides in x = ln t. Their difference
+    is concave with a slope between -(k + 2) and -(k + 1), so that it converges from everywhere, and
     `STEPS` steps are more than enough for the last digit.
     """
     if b == 0.0 or np.any(linear < 0.0):

@@ -1,0 +1,109 @@
+"""How far points are from the best possible: proven lower bounds of their cost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import ModelError
+from ...problems.forms import Feature, Form, Way
+from ...problems.tolerance_problem import ToleranceProblem
+from .choices import least_cost
+
+Array = NDArray[np.float64]
+LOOSER = 1e-11
+"""Relative widening of a limit, so that a point always keeps its own values."""
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """What is proven of n points: lower bounds (n,) of their cost, NaN where there is none.
+
+    `statement` says in words what the bound holds for, or why there is none.
+    """
+
+    bound: Array
+    statement: str
+
+    def gap_percent(self, cost: Array) -> Array:
+        """Distance (n,) of costs from their bounds, in percent of the bound."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(100.0 * np.maximum(cost - self.bound, 0.0) / np.abs(self.bound))
+
+
+def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -> Proof:
+    """Bounds of the cost of `points` points at equal or better other objectives.
+
+    `values` holds the objectives (n,) of the points. No design of the problem that keeps the limits
+    and is as good in all other objectives costs less than the bound.
+    """
+    form = problem.form()
+    missing = reason(problem, form)
+    if missing or form is None:
+        return Proof(np.full(points, np.nan), missing)
+    limits = np.stack(
+        [
+            np.minimum(_own(problem, values, name, points), upper_limit(problem, name))
+            for name in form.outputs
+        ],
+        axis=1,
+    )
+    limits = np.where(np.isfinite(limits), limits + LOOSER * np.abs(limits), np.inf)
+    used = np.any(np.isfinite(limits), axis=0)
+    used[0] |= not np.any(used)
+    form, limits = restricted(form, used), limits[:, used]
+    each, place = np.unique(limits, axis=0, return_inverse=True)
+    bound = least_cost(form, each).bound[np.ravel(place)]
+    cost = np.asarray(values["cost"])
+    if np.any(bound > cost * (1.0 + 1e-9)):
+        at = int(np.argmax(bound - cost))
+        raise ModelError(f"the proven bound {bound[at]} lies above a cost of {cost[at]}: the form "
+                         f"of {type(problem).__name__} does not bound it")  # fmt: skip
+    return Proof(bound, form.statement)
+
+
+def reason(problem: ToleranceProblem, form: Form | None) -> str:
+    """Why nothing can be proven of the points of a problem; empty where something can."""
+    if "cost" not in problem.objectives:
+        return "nothing is proven: cost is not an objective"
+    if form is None:
+        return "nothing is proven: the problem has no convex form"
+    others = [name for name in problem.objectives if name not in ("cost", *form.outputs)]
+    if others:
+        return f"nothing is proven: no convex form of {', '.join(others)}"
+    return ""
+
+
+def upper_limit(problem: ToleranceProblem, name: str) -> float:
+    """The upper limit of an output, inf where there is none."""
+    return next((limit.high for limit in problem.limits if limit.name == name), np.inf)
+
+
+def _own(problem: ToleranceProblem, values: Mapping[str, Array], name: str, points: int) -> Array:
+    """The points' own values of an objective; inf for what is none."""
+    return np.asarray(values[name]) if name in problem.objectives else np.full(points, np.inf)
+
+
+def restricted(form: Form, used: NDArray[np.bool_]) -> Form:
+    """The form with some of its requirements only."""
+    kept = np.flatnonzero(used).tolist()
+
+    def way(one: Way) -> Way:
+        linear, spread = (tuple(part[i] for i in kept) for part in (one.linear, one.spread))
+        offset = tuple(one.offset[i] for i in kept) if one.offset else ()
+        return replace(one, linear=linear, spread=spread, offset=offset)
+
+    features = tuple(
+        Feature(f.variable, tuple(way(one) for one in f.ways), f.choice, f.count)
+        for f in form.features
+    )
+    return replace(
+        form,
+        outputs=tuple(form.outputs[i] for i in kept),
+        features=features,
+        offset=form.offset[kept],
+        constant=form.constant[kept],
+    )

@@ -1,0 +1,26 @@
+"""From allocations of a form to designs of its problem."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.forms import Form
+from ...problems.tolerance_problem import ToleranceProblem
+from .choices import Optimum
+
+Array = NDArray[np.float64]
+
+
+def search_vectors(problem: ToleranceProblem, form: Form, found: Optimum) -> Array:
+    """Search vectors (k, free variables) of the allocations that exist, within the bounds."""
+    real = np.isfinite(found.cost)
+    columns = {name: np.full(int(real.sum()), value) for name, value in form.settled.items()}
+    for at, feature in enumerate(form.features):
+        if feature.variable:
+            columns[feature.variable] = found.t[real, at]
+        if feature.choice:
+            choices = np.array([way.choice for way in feature.ways])
+            columns[feature.choice] = choices[found.chosen[real, at]]
+    x = np.stack([columns[variable.name] for variable in problem.free], axis=1)
+    return np.asarray(np.clip(x, problem.xl, problem.xu))

@@ -1,0 +1,93 @@
+"""Alternative ways of making a part: branch and bound against enumeration by another solver."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from tolevo.algorithms.exact import choices
+from tolevo.algorithms.exact.choices import least_cost
+from tolevo.models.costs import Reciprocal
+from tolevo.problems.forms import Feature, Form, Way
+
+
+def mixed(ways: tuple[int, ...], shift: float = 0.0, seed: int = 0) -> Form:
+    rng = np.random.default_rng(seed)
+
+    def way(index: int) -> Way:
+        low = rng.uniform(0.01, 0.1)
+        curve = Reciprocal(rng.uniform(0.0, 3.0), rng.uniform(0.02, 0.3))
+        linear, spread = shift * rng.uniform(0.5, 2.0), rng.uniform(0.5, 2.0)
+        return Way(curve, low, low * rng.uniform(1.5, 4.0), (linear,), (spread,), (), float(index))
+
+    features = tuple(
+        Feature(f"part_{at}_t", tuple(way(i) for i in range(count)), f"part_{at}_process")
+        for at, count in enumerate(ways)
+    )
+    return Form(("variation",), features, np.zeros(1), np.zeros(1), "")
+
+
+def by_enumeration(form: Form, limit: float) -> float:
+    """Least cost by scipy's SLSQP in t for every set of ways."""
+    best = np.inf
+    for chosen in itertools.product(*(feature.ways for feature in form.features)):
+        low, high = np.array([w.low for w in chosen]), np.array([w.high for w in chosen])
+        m = np.array([w.linear[0] for w in chosen])
+        a = np.array([w.spread[0] for w in chosen])
+        b = np.array([w.curve.b for w in chosen])  # type: ignore[attr-defined]
+        if m @ low + np.linalg.norm(a * low) > limit:
+            continue
+        found = minimize(  # type: ignore[call-overload]
+            lambda x, b=b: np.sum(b / np.exp(x)),
+            np.log(low),
+            bounds=np.log(np.stack([low, high], axis=1)),
+            constraints=[{
+                "type": "ineq",
+                "fun": lambda x, m=m, a=a: limit - m @ np.exp(x) - np.linalg.norm(a * np.exp(x)),
+            }],
+            method="SLSQP",
+            options={"ftol": 1e-13, "maxiter": 400},
+        )  # fmt: skip
+        best = min(best, float(found.fun) + sum(w.curve.a for w in chosen))  # type: ignore[attr-defined]
+    return best
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3])
+@pytest.mark.parametrize("limit", [0.2, 0.3, 0.5])
+def test_optimum_is_that_of_enumeration(shift: float, limit: float) -> None:
+    form = mixed((3, 3, 2, 2), shift)
+    found = least_cost(form, np.array([[limit]]))
+    by_hand = by_enumeration(form, limit)
+    if np.isinf(by_hand):
+        assert np.isinf(found.cost[0])
+        return
+    np.testing.assert_allclose(found.cost[0], by_hand, rtol=1e-7)  # SLSQP stops at 1e-8 or so
+    np.testing.assert_allclose(found.bound[0], found.cost[0], rtol=1e-9)
+
+
+def test_many_limits_at_once_are_each_solved() -> None:
+    form = mixed((3, 2, 2), seed=4)
+    limits = np.linspace(0.1, 0.8, 40)[:, None]
+    together = least_cost(form, limits)
+    for row, limit in enumerate(limits):
+        alone = least_cost(form, limit[None, :])
+        np.testing.assert_allclose(together.cost[row], alone.cost[0], rtol=1e-12)
+
+
+def test_bounds_stay_proven_when_the_search_is_cut_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    form = mixed((3, 3, 3, 3), 0.2, seed=2)
+    limits = np.linspace(0.3, 0.8, 9)[:, None]
+    whole = least_cost(form, limits)
+    monkeypatch.setattr(choices, "LEAVES", 1)
+    cut = least_cost(form, limits)
+    real = np.isfinite(whole.cost)
+    assert real.any()
+    assert np.all(cut.bound[real] <= whole.cost[real])
+    assert np.all(cut.cost[real] >= whole.cost[real] * (1.0 - 1e-12))
+
+
+def test_wide_choice_is_proven() -> None:
+    form = mixed((3,) * 10, seed=5)  # 59,049 sets of ways
+    found = least_cost(form, np.array([[0.35]]))
+    np.testing.assert_allclose(found.bound, found.cost, rtol=1e-9)

@@ -1,0 +1,125 @@
+"""Closed forms of the literature, and the bound against allocations drawn at random."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tolevo.algorithms.exact.combination import Combination
+from tolevo.algorithms.exact.path import Path
+from tolevo.models.costs import CostCurve, Exponential, Reciprocal, ReciprocalSquared, Table
+from tolevo.problems.forms import Feature, Form, Way
+
+SENSITIVITY = np.array([1.0, 2.0, 0.5, 1.0])
+A = np.array([2.0, 1.5, 1.0, 0.5])
+B = np.array([0.04, 0.09, 0.01, 0.16])
+LIMIT = np.array([[0.5]])
+
+
+def form_of(
+    curves: list[CostCurve],
+    linear: np.ndarray,
+    spread: np.ndarray,
+    ends: tuple[float, float] = (1e-4, 10.0),
+    constant: float = 0.0,
+) -> Form:
+    features = tuple(
+        Feature(f"part_{at}_t", (Way(curve, *ends, (float(m),), (float(a),)),))
+        for at, (curve, m, a) in enumerate(zip(curves, linear, spread, strict=True))
+    )
+    return Form(("variation",), features, np.zeros(1), np.array([constant]), "")
+
+
+def path_of(*args: object, **kwargs: object) -> Path:
+    return Path(Combination(form_of(*args, **kwargs), (0,) * 4))  # type: ignore[arg-type]
+
+
+def reciprocals() -> list[CostCurve]:
+    return [Reciprocal(a, b) for a, b in zip(A, B, strict=True)]
+
+
+NONE = np.zeros(4)
+
+
+def test_worst_case_of_reciprocal_costs_by_lagrange() -> None:
+    found = path_of(reciprocals(), SENSITIVITY, NONE).least_cost(LIMIT)
+    # t_j = sqrt(b_j/S_j) L / sum sqrt(b_i S_i); cost = sum a + (sum sqrt(b_i S_i))^2 / L
+    by_hand = A.sum() + np.sqrt(B * SENSITIVITY).sum() ** 2 / 0.5
+    np.testing.assert_allclose(found.cost, by_hand, rtol=1e-12)
+    np.testing.assert_allclose(found.cost, 7.397939, atol=5e-7)  # published
+    np.testing.assert_allclose(found.bound, by_hand, rtol=1e-11)
+
+
+def test_root_sum_square_of_reciprocal_costs_by_lagrange() -> None:
+    found = path_of(reciprocals(), NONE, SENSITIVITY).least_cost(LIMIT)
+    by_hand = A.sum() + np.sum((B * SENSITIVITY) ** (2.0 / 3.0)) ** 1.5 / 0.5
+    np.testing.assert_allclose(found.cost, by_hand, rtol=1e-12)
+    np.testing.assert_allclose(found.cost, 6.324376, atol=5e-7)  # published
+    np.testing.assert_allclose(found.bound, by_hand, rtol=1e-11)
+
+
+def test_root_sum_square_of_squared_reciprocal_costs() -> None:
+    curves: list[CostCurve] = [ReciprocalSquared(a, b) for a, b in zip(A, B, strict=True)]
+    found = path_of(curves, NONE, SENSITIVITY).least_cost(LIMIT)
+    np.testing.assert_allclose(found.cost, 11.25, rtol=1e-12)  # published
+    np.testing.assert_allclose(found.bound, 11.25, rtol=1e-11)
+
+
+def test_multiplier_is_the_price_of_the_limit() -> None:
+    for linear, spread in ((SENSITIVITY, NONE), (NONE, SENSITIVITY), (0.3 * SENSITIVITY, A)):
+        path, step = path_of(reciprocals(), linear, spread), 1e-5
+        found = path.least_cost(np.array([[0.5 - step], [0.5], [0.5 + step]]))
+        slope = (found.cost[2] - found.cost[0]) / (2.0 * step)
+        np.testing.assert_allclose(found.multiplier[1, 0], -slope, rtol=1e-6)
+
+
+CURVES: list[list[CostCurve]] = [
+    reciprocals(),
+    [Exponential(a, 8.0 * b, 3.0) for a, b in zip(A, B, strict=True)],
+    [Table((0.0, 0.05, 0.2, 1.0, 10.0), (9.0 * b, 4.0 * b, 2.0 * b, b, 0.5 * b)) for b in B],
+]
+PARTS = [(SENSITIVITY, NONE), (NONE, SENSITIVITY), (0.3 * SENSITIVITY, SENSITIVITY)]
+
+
+@pytest.mark.parametrize("curves", CURVES, ids=["reciprocal", "exponential", "table"])
+@pytest.mark.parametrize(("linear", "spread"), PARTS, ids=["worst case", "rss", "shifted"])
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.02, 2.0))
+def test_no_allocation_costs_less_than_the_bound(
+    curves: list[CostCurve], linear: np.ndarray, spread: np.ndarray, seed: int, limit: float
+) -> None:
+    path = path_of(curves, linear, spread, ends=(0.005, 2.0), constant=1e-5)
+    found = path.least_cost(np.array([[limit]]))
+    t = np.exp(np.random.default_rng(seed).uniform(np.log(0.005), np.log(2.0), (400, 4)))
+    near = np.clip(found.t * np.random.default_rng(seed).uniform(0.7, 1.4, (400, 4)), 0.005, 2.0)
+    t = np.vstack([t, near])
+    kept = path.value(t) <= limit
+    if np.isinf(found.cost[0]):
+        assert not np.any(kept)
+        return
+    assert path.value(found.t)[0] <= limit
+    assert np.all(path.combination.cost(t[kept]) >= found.bound[0])
+    # tight: no gap is left where every curve is convex
+    assert found.cost[0] - found.bound[0] <= 1e-9 * found.cost[0]
+
+
+def test_loose_limit_leaves_everything_at_its_widest() -> None:
+    found = path_of(reciprocals(), NONE, SENSITIVITY).least_cost(np.array([[1e3]]))
+    np.testing.assert_array_equal(found.t, 10.0)
+    assert found.multiplier[0, 0] == 0.0
+    np.testing.assert_allclose(found.cost, A.sum() + B.sum() / 10.0)
+
+
+def test_impossible_limit_is_proven_impossible() -> None:
+    found = path_of(reciprocals(), SENSITIVITY, NONE).least_cost(np.array([[4e-4]]))
+    assert np.isinf(found.cost[0]) and np.isinf(found.bound[0])
+
+
+def test_a_table_that_is_not_convex_leaves_an_honest_gap() -> None:
+    bent = [Table((0.01, 0.1, 0.2, 1.0), (9.0, 8.5, 2.0, 1.9)) for _ in B]
+    path = path_of(bent, SENSITIVITY, NONE, ends=(0.01, 1.0))
+    found = path.least_cost(np.array([[0.7]]))
+    grid = np.stack(np.meshgrid(*[np.linspace(0.01, 1.0, 34)] * 4), axis=-1).reshape(-1, 4)
+    kept = path.value(grid) <= 0.7
+    assert found.bound[0] <= path.combination.cost(grid[kept]).min()
+    assert found.bound[0] < found.cost[0]
