@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -25,8 +25,8 @@ class TruncatedNormal(Distribution):
     Univariate Distributions I, ch. 13) loses all digits for small Cp.
     """
 
-    cp: float = 1.0
-    shift: float = 0.0
+    cp: float = field(default=1.0, metadata={"low": 0.0, "open_low": True})
+    shift: float = field(default=0.0, metadata={"low": -1.0, "high": 1.0})
 
     @property
     def sigma(self) -> float:
