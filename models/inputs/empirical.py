@@ -62,7 +62,7 @@ class Empirical(Distribution):
 
     def quantile(self, probability: Array) -> Array:
         x = np.sort(self.values)
-        return np.interp(probability, np.linspace(0.0, 1.0, len(x)), x)
+        return np.asarray(np.interp(probability, np.linspace(0.0, 1.0, len(x)), x))
 
 
 def _piece(low: Array, high: Array) -> tuple[Array, Array, Array]:

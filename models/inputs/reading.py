@@ -25,9 +25,7 @@ KEYS = (
 """Every key that `read_distribution` takes from a table."""
 
 
-def read_distribution(
-    section: Section, default: Distribution | None = None
-) -> Distribution | None:
+def read_distribution(section: Section, default: Distribution | None = None) -> Distribution | None:
     """The distribution that `section` states by `KEYS`, which are then known to it.
 
     Without `distribution` its other keys change parameters of `default`, which comes back as it is
@@ -85,11 +83,11 @@ def _built(
     taken = {*parameters, *(["cpk"] if "shift" in parameters else [])}
     unsuited = [key for key in stated if key not in taken]
     for key in unsuited:
-        section.fault(key, f"does not apply to a {name_of(kind)} input: {_taking(key)}")
-    missing = [key for key, parameter in parameters.items()
-               if parameter.default is MISSING and default is None and key not in stated]  # fmt: skip
+        section.fault(key, f"does not apply to {name_of(kind)}: {_taking(key)}")
+    needed = [key for key, one in parameters.items() if one.default is MISSING]
+    missing = [key for key in needed if default is None and key not in stated]
     for key in missing:
-        section.fault(key, f"is missing: a {name_of(kind)} input needs {' and '.join(parameters)}")
+        section.fault(key, f"is missing: {name_of(kind)} needs {' and '.join(needed)}")
     if "cpk" in stated and "cpk" in taken:
         cp = parameters["cp"].default if default is None else getattr(default, "cp", None)
         stated = _shifted(section, {"cp": cp} | stated)

@@ -50,13 +50,17 @@ class SkewNormal(Distribution):
 
     def raw_moments(self, order: int) -> Array:
         k = np.arange(order + 1)
+
+        def powers(base: float) -> Array:
+            return np.asarray(base**k, dtype=float)
+
         half = np.array([2.0 ** (j / 2) * gamma((j + 1) / 2) / sqrt(pi) for j in k])  # E|U|^j
         even = np.where(k % 2 == 0, half, 0.0)
-        centred = _of_sum(half, (-sqrt(2.0 / pi)) ** k)
+        centred = _of_sum(half, powers(-sqrt(2.0 / pi)))
         _, scale = self._line
         rest = scale / hypot(1.0, self.skew)
-        around = _of_sum(centred * (scale * self._delta) ** k, even * rest**k)
-        return _of_sum(around, self.shift**k)
+        around = _of_sum(centred * powers(scale * self._delta), even * powers(rest))
+        return _of_sum(around, powers(self.shift))
 
     def partial_moments(self, z: Array) -> tuple[Array, Array, Array]:
         origin, scale = self._line
