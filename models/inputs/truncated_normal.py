@@ -10,8 +10,10 @@ from scipy.special import ndtr, ndtri
 from .distribution import Array, Distribution
 from .normal import density
 
-NODES = 96
-"""Quadrature nodes of the raw moments: exact to rounding for a normal density."""
+NODE, WEIGHT = np.polynomial.legendre.leggauss(96)
+"""Quadrature of the raw moments, exact to rounding for a normal density; 10 ms to find, so once."""
+NODE.setflags(write=False)
+WEIGHT.setflags(write=False)
 REACH = 12.0
 """Standard deviations beyond which the density is left out."""
 
@@ -43,9 +45,8 @@ class TruncatedNormal(Distribution):
     def raw_moments(self, order: int) -> Array:
         low = max(-1.0, self.shift - REACH * self.sigma)
         high = min(1.0, self.shift + REACH * self.sigma)
-        node, weight = np.polynomial.legendre.leggauss(NODES)
-        z = 0.5 * (low + high) + 0.5 * (high - low) * node
-        weight = weight * density((z - self.shift) / self.sigma)
+        z = 0.5 * (low + high) + 0.5 * (high - low) * NODE
+        weight = WEIGHT * density((z - self.shift) / self.sigma)
         return np.asarray(z ** np.arange(order + 1)[:, None] @ weight / weight.sum())
 
     def partial_moments(self, z: Array) -> tuple[Array, Array, Array]:
