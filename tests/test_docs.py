@@ -1,7 +1,9 @@
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
+from tolevo.models.inputs import DISTRIBUTIONS
 from tolevo.problems.rv_backlash import RvBacklash
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -22,3 +24,15 @@ def test_defaults_in_the_documentation() -> None:
     for variable in RvBacklash.variables:
         row = next(line for line in text.splitlines() if line.startswith(f"| `{variable.name}`"))
         assert f"| {variable.low:g} .. {variable.high:g} |" in row
+
+
+@pytest.mark.source_tree
+@pytest.mark.parametrize("name", DISTRIBUTIONS)
+def test_every_distribution_is_documented_with_its_parameters(name: str) -> None:
+    text = (DOCS / "inputs.md").read_text(encoding="utf-8")
+    row = next(line for line in text.splitlines() if line.startswith(f"| `{name}`"))
+    if name == "truncated_normal":
+        assert "as `normal`" in row
+    else:
+        parameters = [one.name for one in fields(DISTRIBUTIONS[name])]  # type: ignore[arg-type]
+        assert [one for one in parameters if f"`{one}`" not in row] == []

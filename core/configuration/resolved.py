@@ -9,7 +9,8 @@ from typing import Any
 
 from ..declarations import Variable
 from ..models.costs import CostCurve
-from ..models.inputs import DISTRIBUTIONS, Distribution, Uniform
+from ..models.inputs import Uniform
+from ..models.inputs.reading import written
 from ..problems.settings import Bound, Settings, VariableSetting
 from .costs import name_of
 
@@ -38,13 +39,7 @@ def _variable(setting: VariableSetting, variable: Variable) -> dict[str, Any]:
     found: dict[str, Any] = {key: end for key, end in ends.items() if end is not None}
     if variable.integer:
         found = {key: int(end) if key != "mid" else end for key, end in found.items()}
-    return found | (_distribution(setting.distribution or Uniform()) if variable.random else {})
-
-
-def _distribution(distribution: Distribution) -> dict[str, Any]:
-    name = next(name for name, kind in DISTRIBUTIONS.items() if type(distribution) is kind)
-    shape: dict[str, Any] = asdict(distribution)  # type: ignore[call-overload]
-    return {"distribution": name} | shape
+    return found | (written(setting.distribution or Uniform()) if variable.random else {})
 
 
 def _curve(curve: CostCurve) -> dict[str, Any]:

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..declarations import TOLERANCES, Kind, Value, Variable
-from ..models.inputs import DISTRIBUTIONS, Distribution, Zone
+from ..models.inputs import Distribution, Zone
+from ..models.inputs.reading import KEYS, read_distribution
 from ..problems.settings import VariableSetting
-from ..section import POSITIVE, Range, Section
+from ..section import Range, Section
 from ..units import split_unit
 
 
@@ -105,22 +106,17 @@ def _agreed(
 
 
 def _distribution(section: Section, variable: Variable) -> Distribution | None:
-    name = section.text("distribution", DISTRIBUTIONS)
-    cp = section.number("cp", within=POSITIVE)
-    shift = section.number("shift", within=Range(-1.0, 1.0))
-    given = [key for key in ("distribution", "cp", "shift") if key in section]
-    if given and not variable.random:
-        for key in given:
-            section.fault(key, f"{variable.name} ({variable.kind}) has no distribution to set")
+    if not variable.random:
+        for key in KEYS:
+            if section.take(key) is not None:
+                section.fault(key, f"{variable.name} ({variable.kind}) has no distribution to set")
         return None
-    if name is None and "distribution" not in section:
-        name = "uniform"
-    if name == "uniform":
-        for key in given:
-            if key != "distribution":
-                section.fault(key, "a uniform input fills its zone and takes none: set "
-                              'distribution = "normal" or "truncated_normal"')  # fmt: skip
-    if name is None or "distribution" not in section:
-        return None
-    shape = {key: number for key, number in (("cp", cp), ("shift", shift)) if number is not None}
-    return DISTRIBUTIONS[name](**({} if name == "uniform" else shape))
+    found = read_distribution(section)
+    if found is None or not found.one_sided:
+        return found
+    radius = "is a radius, from mid to mid + t"
+    if variable.kind is not Kind.HALF_WIDTH:
+        section.fault("distribution", f"{radius}: it does not apply to a {variable.kind}")
+    elif "limits" in section:
+        section.fault("limits", f"do not apply: the input {radius}. Give value and mid")
+    return found

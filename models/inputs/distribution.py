@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import Field, fields
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...section import Range
+
 Array = NDArray[np.float64]
+
+
+def allowed(parameter: Field[Any]) -> Range:
+    """The range that a parameter declares in its metadata: low, high, open_low, open_high."""
+    return Range(**parameter.metadata)
 
 
 class Distribution(ABC):
     """Distribution of the standardised deviation z = (x - mid)/t of an input x from its mid-limit.
 
     z = -1 and z = +1 are the limits of the zone. Because z does not depend on the half-width t, one
-    base sample and one set of moments serve every design of a batch.
+    base sample and one set of moments serve every design of a batch. A distribution is a frozen
+    dataclass whose fields are its parameters; the metadata of a field states the numbers allowed.
     """
+
+    one_sided: ClassVar[bool] = False
+    """Whether z is a radius: never below 0, so that only mid .. mid + t of the zone is used."""
 
     @property
     @abstractmethod
@@ -33,3 +46,12 @@ class Distribution(ABC):
     @abstractmethod
     def quantile(self, probability: Array) -> Array:
         """The z below which `probability` of the units lie, same shape."""
+
+    def faults(self) -> list[tuple[str, str]]:
+        """(parameter, message) for every parameter that is outside of its range."""
+        found = []
+        for parameter in fields(self):  # type: ignore[arg-type]
+            values = np.atleast_1d(getattr(self, parameter.name))
+            complaints = [allowed(parameter).complaint(float(value)) for value in values]
+            found += [(parameter.name, complaint) for complaint in complaints if complaint]
+        return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -30,8 +30,8 @@ class Normal(Distribution):
     fractional mean shift is that of Chase & Greenwood (1988), Manufacturing Review 1(1), 50-59.
     """
 
-    cp: float = 1.0
-    shift: float = 0.0
+    cp: float = field(default=1.0, metadata={"low": 0.0, "open_low": True})
+    shift: float = field(default=0.0, metadata={"low": -1.0, "high": 1.0})
 
     @property
     def sigma(self) -> float:

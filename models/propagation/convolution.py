@@ -15,6 +15,8 @@ from .sums import ClippedSum, Term, total_cumulants
 
 REACH = 9.0
 """Standard deviations that the lattice covers on either side where the inputs are unbounded."""
+HEAVY = 1e-9
+"""Mass that an input may have beyond REACH of its own standard deviations; else its own bounds."""
 ROUNDING = 1e-12
 """Floor of the stated errors: rounding of the transforms, relative to the step or probability."""
 
@@ -83,16 +85,29 @@ def _statistics(total: ClippedSum, coverage: float, limit: float, points: int) -
 def _range(terms: tuple[Term, ...]) -> tuple[Array, Array, Array]:
     """Lower end, upper end and width of what a sum of terms can be, each (n,)."""
     ends = np.array([term.bounds() for term in terms]).sum(axis=0)
-    # z^2 of a normal z has a tail that no number of standard deviations covers: its own bounds
-    bent = [term.bounds() for term in terms if term.quadratic is not None]
-    straight = tuple(term for term in terms if term.quadratic is None)
-    low, high = np.array(bent).sum(axis=0) if bent else np.zeros_like(ends)
+    light = [_light(term) for term in terms]
+    wide = [term.bounds() for term, covered in zip(terms, light, strict=True) if not covered]
+    straight = tuple(term for term, covered in zip(terms, light, strict=True) if covered)
+    low, high = np.array(wide).sum(axis=0) if wide else np.zeros_like(ends)
     if straight:
         mean, variance = total_cumulants(straight)[:2]
         low = low + mean - REACH * np.sqrt(variance)
         high = high + mean + REACH * np.sqrt(variance)
     low, high = np.maximum(ends[0], low), np.minimum(ends[1], high)
     return low, high, high - low
+
+
+def _light(term: Term) -> bool:
+    """Whether REACH standard deviations cover the contribution.
+
+    They never do for z^2 of a normal z, nor for a rare outlier.
+    """
+    if term.quadratic is not None:
+        return False
+    _, mean, square = term.distribution.raw_moments(2)
+    reach = REACH * np.sqrt(max(square - mean**2, 0.0))
+    below, upto = term.distribution.partial_moments(np.array([mean - reach, mean + reach]))[0]
+    return bool(below + 1.0 - upto <= HEAVY)
 
 
 def _below(mass: Array, zero: Integers) -> Array:
