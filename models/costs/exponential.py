@@ -32,7 +32,10 @@ class Exponential(CostCurve):
         return -self.m * self.b * np.exp(-self.m * t)
 
     def _stationary(self, linear: Array, square: Array) -> Array | None:
-        """m b exp(-m t) = p + 2 q t by Wright's omega function, for q = 0 by a logarithm."""
+        """m b exp(-m t) = p + 2 q t by Wright's omega function, for q = 0 by a logarithm.
+
+        A last step of Newton's method gives back the digits that the difference loses.
+        """
         if self.b == 0.0 or self.m == 0.0 or np.any(linear < 0.0):
             return None
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
@@ -40,7 +43,10 @@ class Exponential(CostCurve):
             shift = 0.5 * linear / square
             bent = wrightomega(np.log(0.5 * self.m**2 * self.b / square) + self.m * shift)
             straight = ~(self.m * shift < STRAIGHT)
-            return np.asarray(np.where(straight, alone, bent / self.m - shift))
+            t = np.where(straight, alone, bent / self.m - shift)
+            level = linear + 2.0 * square * t
+            step = (np.log(self.m * self.b / level) - self.m * t) / (self.m + 2.0 * square / level)
+        return np.asarray(np.where(np.isfinite(step), t + step, t))
 
     def faults(self) -> list[tuple[str, str]]:
         return not_negative(self, ("b", "m"))
