@@ -37,8 +37,9 @@ class Proof:
 def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -> Proof:
     """Bounds of the cost of `points` points at equal or better other objectives.
 
-    `values` holds the objectives (n,) of the points. No design of the problem that keeps the limits
-    and is as good in all other objectives costs less than the bound.
+    `values` holds the objectives (n,) of points that keep the limits. No design of the problem that
+    keeps them and is as good in all other objectives costs less than the bound.
+    Raises ModelError where a point disproves its bound.
     """
     form = problem.form()
     missing = reason(problem, form)

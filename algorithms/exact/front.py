@@ -81,7 +81,8 @@ def tightest(form: Form) -> Array:
     linear, square = form.offset.astype(float), form.constant.astype(float)
     for feature in form.features:
         parts = np.array([
-            [(way.offset[i] if way.offset else 0.0) + way.linear[i] * way.low for i in r]
+            [(way.offset[i] if way.offset else 0.0)
+             + min(way.linear[i] * way.low, way.linear[i] * way.high) for i in r]
             for way in feature.ways
         ])  # fmt: skip
         spread = np.array([np.multiply(way.spread, way.low) for way in feature.ways])

@@ -45,6 +45,11 @@ class Path:
         return float(x[loosest]), float(x[max(tightest, loosest + 1)])
 
     @cached_property
+    def tightest(self) -> Array:
+        """The tolerances (features,) of least V; a feature that lowers it is at its widest."""
+        return np.asarray(self.at(np.exp(np.array([self.ends[1]])))[0])
+
+    @cached_property
     def _rooted(self) -> bool:
         return bool(self.combination.root(self.combination.high[None, :])[0, 0] > 0.0)
 
@@ -80,8 +85,8 @@ class Path:
     def least_cost(self, limits: Array) -> Solved:
         """Least cost at upper limits (n, 1) of the requirement."""
         c, limit = self.combination, limits[:, 0]
-        loosest, tightest = (float(self.value(end[None, :])[0]) for end in (c.high, c.low))
-        t = np.where((limit >= loosest)[:, None], c.high, c.low)
+        loosest, tightest = (float(self.value(t[None, :])[0]) for t in (c.high, self.tightest))
+        t = np.where((limit >= loosest)[:, None], c.high, self.tightest)
         cost, bound, multiplier = c.cost(t), c.cost(t), np.zeros_like(limits)
         impossible = limit < tightest
         cost[impossible], bound[impossible] = np.inf, np.inf
@@ -103,7 +108,7 @@ class Path:
         outside, inside = (self.at(price) for price in prices)
         met = self.value(outside) <= limit  # a root to the last digit
         inside = np.where(met[:, None], outside, inside)
-        inside = np.where((self.value(inside) <= limit)[:, None], inside, self.combination.low)
+        inside = np.where((self.value(inside) <= limit)[:, None], inside, self.tightest)
         multiplier = self._multiplier(prices[1], inside)
         bounds = [
             self.combination.dual(self._multiplier(price, t), limits, t)

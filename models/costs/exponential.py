@@ -39,6 +39,7 @@ class Exponential(CostCurve):
         if self.b == 0.0 or self.m == 0.0 or np.any(linear < 0.0):
             return None
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            linear = linear + 0.0  # no negative zero
             alone = np.log(self.m * self.b / linear) / self.m
             shift = 0.5 * linear / square
             bent = wrightomega(np.log(0.5 * self.m**2 * self.b / square) + self.m * shift)

@@ -46,6 +46,7 @@ def stationary_power(b: float, k: float, linear: Array, square: Array) -> Array 
     """
     if b == 0.0 or np.any(linear < 0.0):
         return None
+    linear = linear + 0.0  # no negative zero: it has no price, and its reciprocal no root
     with np.errstate(divide="ignore", over="ignore"):
         found = (k * b / linear) ** (1.0 / (k + 1.0))
         if not np.any(square):

@@ -11,6 +11,7 @@ from ...models.propagation.sums import Term, total_cumulants
 from ...models.rv_reducer.backlash import STAGGER_GAIN
 from ...models.rv_reducer.cycloid import LINEAR_ERRORS
 from ...units import ARCMIN, MM
+from .form import deviations
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
@@ -44,10 +45,12 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     for name, slope in fixed.items():
         mean[:, problem.names.index(name)] = slope
     std = np.sqrt(total_cumulants(total.clipped + total.free)[1])
+    spread = 0.5 * variance / std[:, None]
     return {
         "cost": _cost(problem, designs),
+        "backlash_geometric_arcmin": (mean + deviations(problem) * spread) / ARCMIN,
         "backlash_geometric_mean_arcmin": mean / ARCMIN,
-        "backlash_geometric_std_arcmin": 0.5 * variance / std[:, None] / ARCMIN,
+        "backlash_geometric_std_arcmin": spread / ARCMIN,
     }
 
 

@@ -13,6 +13,8 @@ OUTPUTS = (
     Output("phi_3_arcmin", "arcmin", "mean backlash of the output stage"),
     Output("backlash_geometric_mean_arcmin", "arcmin", "mean of phi_1 + phi_2 + phi_3"),
     Output("backlash_geometric_std_arcmin", "arcmin", "standard deviation of the same", low=0.0),
+    Output("backlash_geometric_arcmin", "arcmin", "mean + k standard deviations of the same, k the "
+           "standard normal quantile at the coverage"),
     Output("backlash_mean_arcmin", "arcmin", "mean of phi_1 + max(0, phi_2) + phi_3", low=0.0),
     Output("backlash_std_arcmin", "arcmin", "standard deviation of the same", low=0.0),
     Output("backlash_arcmin", "arcmin", "one-sided quantile of phi_1 + max(0, phi_2) + phi_3 at "

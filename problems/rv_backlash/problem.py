@@ -14,9 +14,11 @@ from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer import declared, modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
 from ...units import ARCMIN, MM
+from ..forms import Form
 from ..settings import Bound, Settings
 from ..tolerance_problem import Interval, ToleranceProblem
 from .costs import DEFAULT_COSTS
+from .form import deviations, form_of
 from .gradient import gradients
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
 
@@ -92,10 +94,12 @@ class RvBacklash(ToleranceProblem):
         spread = method.propagate(total, coverage, self.limit * ARCMIN)
         means = zip(("phi_1", "phi_2", "phi_3"), stage_means(total), strict=True)
         found = {f"{name}_arcmin": value / ARCMIN for name, value in means}
-        return {"cost": self.cost_of(designs)} | found | _spread(spread) | self._profile(designs)
+        geometric = spread.geometric_mean + deviations(self) * spread.geometric_std
+        found["backlash_geometric_arcmin"] = geometric / ARCMIN
+        return {"cost": self.cost_of(designs)} | found | _spread(spread) | self.profile(designs)
 
-    def _profile(self, designs: Array) -> dict[str, Array]:
-        """Outputs of the tooth modification."""
+    def profile(self, designs: Array) -> dict[str, Array]:
+        """Outputs of the tooth modification, shape (n,), of full designs."""
         geometry = self.model.geometry
         pair = (self.column(designs, "dr_rp_mm") * MM, self.column(designs, "dr_p_mm") * MM)
         return {
@@ -105,6 +109,10 @@ class RvBacklash(ToleranceProblem):
             "modification_backlash_arcmin": modification.modification_backlash(geometry, *pair)
             / ARCMIN,
         }
+
+    def form(self) -> Form | None:
+        """Mean and standard deviation of the geometric backlash, and mean + k of the latter."""
+        return form_of(self)
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         return gradients(self, designs)
@@ -180,7 +188,7 @@ class RvBacklash(ToleranceProblem):
         for name, ends in (("dr_rp_mm", (0, 0, 1, 1)), ("dr_p_mm", (0, 1, 0, 1))):
             bounds = np.array(super().interval(name))
             pairs[:, self.names.index(name)] = bounds[list(ends)]
-        found = self._profile(pairs)[output]
+        found = self.profile(pairs)[output]
         return float(found.min()), float(found.max())
 
     def _corners(self) -> Array:

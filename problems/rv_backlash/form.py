@@ -1,0 +1,195 @@
+"""The convex form of the geometric backlash: mean and standard deviation over units.
+
+Every error adds a term constant + b t z (+ q t^2 z^2 for the eccentricity), so that the mean is
+linear in the tolerances and the variance a sum of squares; mean + k standard deviations is convex
+for k >= 0. Two things are no tolerances of that kind: the involute grade, one way per grade, and
+the eccentricity, whose mean bends down and whose variance grows with t^4. Its range is cut into
+`CELLS` ways; in each, mean and standard deviation are replaced by lower bounds of them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+from scipy.special import ndtri
+
+from ...models.costs import CostCurve, Reciprocal
+from ...models.propagation.sums import Term
+from ...models.rv_reducer.backlash import STAGGER_GAIN
+from ...models.rv_reducer.cycloid import LINEAR_ERRORS
+from ...units import ARCMIN, MM
+from ..forms import Feature, Form, Way
+
+if TYPE_CHECKING:
+    from .problem import RvBacklash
+
+Array = NDArray[np.float64]
+CELLS = 16
+"""Pieces of the range of the eccentricity."""
+OUTPUTS = (
+    "backlash_geometric_arcmin",
+    "backlash_geometric_mean_arcmin",
+    "backlash_geometric_std_arcmin",
+)
+KEPT = ("dr_rp_mm", "dr_p_mm", "radial_gap_mm", "modification_backlash_arcmin")
+"""Limits that the modification of the form keeps."""
+
+
+def deviations(problem: RvBacklash) -> float:
+    """k of mean + k standard deviations: the standard normal quantile at the coverage."""
+    return float(ndtri(problem.settings.propagation.coverage))
+
+
+def form_of(problem: RvBacklash) -> Form | None:
+    """The form, None where the coverage is below one half or the modification has no room."""
+    k, pair = deviations(problem), _modification(problem)
+    if k < 0.0 or pair is None:
+        return None
+    stagger = problem.interval("stagger_arcmin")[1]
+    fixed = 2.0 / problem.model.geometry.lever / ARCMIN * MM
+    settled = {"dr_rp_mm": pair[0], "dr_p_mm": pair[1], "stagger_arcmin": stagger}
+    offset = fixed * (pair[0] - problem.model.geometry.flank * pair[1]) - STAGGER_GAIN * stagger
+    terms = _unit_terms(problem)
+    offset += sum(float(term.constant[0]) for term in terms.values()) / ARCMIN
+    features = tuple(_feature(problem, name, term, k) for name, term in terms.items())
+    offset_of = np.array([offset, offset, 0.0])
+    features = (*features, _bearing(problem, k), _grades(problem, k))
+    relaxed = _relaxed(problem, settled)
+    left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
+    return Form(
+        OUTPUTS,
+        features,
+        offset_of,
+        np.zeros(3),
+        f"geometric backlash, mean + {k:.4g} standard deviations{left_out}",
+        exact=False,
+        settled=settled,
+        relaxed=relaxed,
+    )
+
+
+def _unit_terms(problem: RvBacklash) -> dict[str, Term]:
+    """The terms of the cycloid stage at half-widths of 1 um, without modification and stagger."""
+    design = np.ones((1, len(problem.names)))
+    for name in ("dr_rp_mm", "dr_p_mm", "stagger_arcmin"):
+        design[:, problem.names.index(name)] = 0.0
+    names = (*LINEAR_ERRORS, "eccentricity")
+    return dict(zip((f"{n}_um" for n in names), problem.total(design).clipped, strict=True))
+
+
+def _rows(mean: float, std: float, k: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Linear and spread coefficients of the three outputs."""
+    return (mean, mean, 0.0), (k * std, 0.0, std)
+
+
+def _ends(problem: RvBacklash, name: str) -> tuple[float, float]:
+    """Range of a variable, limits on it included."""
+    low, high = problem.interval(name)
+    for limit in problem.limits:
+        if limit.name == name:
+            low, high = max(low, limit.low), min(high, limit.high)
+    return low, high
+
+
+def _feature(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
+    curve, (low, high) = problem.settings.costs[name], _ends(problem, name)
+    m1, m2 = term.distribution.raw_moments(2)[1:]
+    linear = float(term.linear[0]) / ARCMIN
+    if term.quadratic is not None:
+        edges = np.linspace(low, high, CELLS + 1) if low < high else np.array([low, high])
+        cells = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
+        return Feature(name, tuple(_cell(term, curve, one, k) for one in cells))
+    rows = _rows(linear * m1, abs(linear) * float(np.sqrt(m2 - m1**2)), k)
+    return Feature(name, (Way(curve, low, high, *rows),))
+
+
+def _cell(term: Term, curve: CostCurve, ends: tuple[float, float], k: float) -> Way:
+    """Lower bounds of mean and standard deviation for half-widths between `ends` [um]."""
+    m1, m2, m3, m4 = term.distribution.raw_moments(4)[1:]
+    assert term.quadratic is not None
+    b, q = float(term.linear[0]) / ARCMIN, float(term.quadratic[0]) / ARCMIN
+    low, high = ends
+    # t^2 lies below its chord and above its tangent
+    slope = low + high
+    constant = -low * high if q < 0.0 else -0.25 * slope**2
+    mean, offset = b * m1 + q * m2 * slope, q * m2 * constant
+    # variance / t^2 = c0 + c1 t + c2 t^2
+    c0, c1, c2 = b**2 * (m2 - m1**2), 2.0 * b * q * (m3 - m1 * m2), q**2 * (m4 - m2**2)
+    vertex = np.clip(-0.5 * c1 / c2, low, high) if c2 > 0.0 else low
+    least = min(c0 + c1 * t + c2 * t**2 for t in (low, high, float(vertex)))
+    rows = _rows(mean, float(np.sqrt(max(least, 0.0))), k)
+    return Way(curve, low, high, *rows, offset=(offset, offset, 0.0))
+
+
+def _bearing(problem: RvBacklash, k: float) -> Feature:
+    """The crank-arm bearing: mid and half-width of its zone both grow with the clearance."""
+    name = "crank_bearing_um"
+    term = problem.total(np.ones((1, len(problem.names)))).free[1]
+    mean, variance = (float(value[0]) for value in term.cumulants()[:2])
+    rows = _rows(mean / ARCMIN, float(np.sqrt(variance)) / ARCMIN, k)
+    return Feature(name, (Way(problem.settings.costs[name], *_ends(problem, name), *rows),))
+
+
+def _grades(problem: RvBacklash, k: float) -> Feature:
+    """The involute grade: every grade of the range is a way of its own."""
+    name = "involute_grade"
+    low, high = _ends(problem, name)
+    grades = np.arange(np.ceil(low), np.floor(high) + 1.0)
+    designs = np.ones((len(grades), len(problem.names)))
+    designs[:, problem.names.index(name)] = grades
+    means, variances = problem.total(designs).free[0].cumulants()[:2]
+    costs = problem.settings.costs[name].cost(grades)
+    ways = [
+        Way(Reciprocal(float(c), 0.0), 1.0, 1.0,
+            *_rows(float(m) / ARCMIN, float(np.sqrt(v)) / ARCMIN, k), choice=float(g))
+        for g, c, m, v in zip(grades, costs, means, variances, strict=True)
+    ]  # fmt: skip
+    return Feature("", tuple(ways), name)
+
+
+def _modification(problem: RvBacklash) -> tuple[float, float] | None:
+    """The pair (dr_rp, dr_p) [mm] of least backlash in ranges and limits: a linear programme.
+
+    None where ranges and limits leave no room.
+    """
+    lever, flank = problem.model.geometry.lever, problem.model.geometry.flank
+    unit = 2.0 / lever / ARCMIN * MM
+    own = np.array([unit, -unit * flank])
+    limits = {limit.name: limit for limit in problem.limits}
+    above, below = [], []
+    for name, row in (
+        ("radial_gap_mm", np.array([1.0, -1.0])),
+        ("modification_backlash_arcmin", own),
+    ):
+        if name in limits:
+            above += [-row, row]
+            below += [-limits[name].low, limits[name].high]
+    real = np.isfinite(below)
+    found = linprog(
+        own,
+        A_ub=np.array(above)[real] if real.any() else None,
+        b_ub=np.array(below)[real] if real.any() else None,
+        bounds=[_ends(problem, "dr_rp_mm"), _ends(problem, "dr_p_mm")],
+    )
+    return (float(found.x[0]), float(found.x[1])) if found.x is not None else None
+
+
+def _relaxed(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
+    """Limits that the form leaves out; those that its modification keeps are not among them."""
+    design = problem.complete(np.atleast_2d(problem.xl))
+    for name, value in settled.items():
+        design[:, problem.names.index(name)] = value
+    profile = problem.profile(design)
+    known = {*OUTPUTS, *KEPT, "cost", *(v.name for v in problem.variables if v.tolerance)}
+    return tuple(
+        limit.name
+        for limit in problem.limits
+        if limit.name not in known
+        and not (
+            limit.name in profile
+            and all(v[0] <= 1e-12 for v in limit.violations(profile[limit.name]))
+        )
+    )
