@@ -96,6 +96,7 @@ def _run(configuration: Configuration, out: Path, workers: int, quiet: bool) -> 
         references=configuration.references == "documents",
         configuration=configuration.toml(),
         title=configuration.problem_name,
+        engine=configuration.engine,
     )
     if not quiet:
         for warning in configuration.problem.warnings():

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import moocore
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...algorithms.archive import ROOM, lowest_ranks
 from ...algorithms.indicators import nondominated
 from ...algorithms.search import SearchResult
 from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
-CANDIDATES = 1000
-"""Archive points recomputed at full accuracy: those of the lowest non-domination ranks."""
 
 
 def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFrame:
@@ -22,10 +20,10 @@ def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFra
     The search may have ranked by a coarser propagation, so the best ranks are recomputed and
     filtered anew. Sorted by the objectives; empty where no point is feasible.
     """
-    chosen = _candidates(found)
+    chosen = found.x[lowest_ranks(found.x, found.f, ROOM)[:ROOM]]
     if not len(chosen):
         return pd.DataFrame(columns=[*problem.names, *(o.name for o in problem.outputs)])
-    frame = problem.reported().frame(problem.complete(found.x[chosen]))
+    frame = problem.reported().frame(problem.complete(chosen))
     frame = frame[frame.pop("feasible").to_numpy(dtype=bool)]
     frame = frame[nondominated(frame[list(problem.objectives)].to_numpy())]
     frame = frame.sort_values(list(problem.objectives), kind="stable").reset_index(drop=True)
@@ -34,24 +32,11 @@ def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFra
     return frame
 
 
-def _candidates(found: SearchResult) -> NDArray[np.int64]:
-    feasible = np.flatnonzero(np.all(found.g <= 0.0, axis=1))
-    _, first = np.unique(found.x[feasible], axis=0, return_index=True)
-    feasible = feasible[np.sort(first)]
-    if len(feasible) <= CANDIDATES:
-        return feasible
-    values = found.f[feasible]
-    rank = values[:, 0] if values.shape[1] == 1 else moocore.pareto_rank(values)
-    return np.sort(feasible[np.argsort(rank, kind="stable")[:CANDIDATES]])
-
-
 def nearest_miss(problem: ToleranceProblem, found: SearchResult) -> pd.DataFrame:
     """The evaluated design with the least total violation, at full accuracy (one row or none)."""
-    if not len(found.x):
+    if not len(found.miss):
         return pd.DataFrame()
-    violation = np.sum(np.maximum(found.g, 0.0), axis=1)
-    best = int(np.argmin(violation))
-    return problem.reported().frame(problem.complete(found.x[best : best + 1]))
+    return problem.reported().frame(problem.complete(found.miss))
 
 
 def knee(values: Array) -> NDArray[np.bool_]:

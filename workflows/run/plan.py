@@ -12,7 +12,7 @@ from ...records import RunResult
 
 @dataclass(frozen=True, slots=True)
 class RunPlan:
-    """A resolved run; `configuration` is the TOML text that repeats it."""
+    """A resolved run; `configuration` is the TOML text that repeats it, `engine` "pymoo" or "array"."""
 
     problem: ToleranceProblem
     algorithm: AlgorithmSettings
@@ -21,6 +21,7 @@ class RunPlan:
     references: bool
     configuration: str
     title: str
+    engine: str = "pymoo"
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ def run(
     sides = side_searches(plan, printed) if plan.references else ()
     with ExitStack() as stack:
         futures = _submit(sides, workers, stack)
-        found = search(plan.problem, plan.algorithm, plan.budget, plan.seed, progress)
+        found = search(plan.problem, plan.algorithm, plan.budget, plan.seed, progress, plan.engine)
         fronts: Fronts = dict.fromkeys(sides) if found.interrupted else _gather(sides, futures)
     front = reported_front(plan.problem, found)
     references = table(plan, printed, fronts)
@@ -115,7 +115,7 @@ def _summary(
         "seed": plan.seed,
         "versions": {"python": platform.python_version()} | {p: version(p) for p in packages},
         "configuration_hash": hashlib.sha256(plan.configuration.encode()).hexdigest(),
-        "evaluations": len(found.x),
+        "evaluations": found.evaluations,
         "seconds": seconds,
         "points": len(front),
         "hypervolume": last.hypervolume if last else None,
