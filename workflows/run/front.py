@@ -12,6 +12,8 @@ from ...algorithms.search import SearchResult
 from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
+MOST = 5000
+"""Designs recomputed at full accuracy at most."""
 
 
 def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFrame:
@@ -20,7 +22,7 @@ def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFra
     The search may have ranked by a coarser propagation, so the best ranks are recomputed and
     filtered anew. Sorted by the objectives; empty where no point is feasible.
     """
-    chosen = found.x[lowest_ranks(found.x, found.f, ROOM)[:ROOM]]
+    chosen = found.x[_candidates(found)]
     if not len(chosen):
         return pd.DataFrame(columns=[*problem.names, *(o.name for o in problem.outputs)])
     frame = problem.reported().frame(problem.complete(chosen))
@@ -30,6 +32,15 @@ def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFra
     frame["bound"], frame["gap_percent"] = np.nan, np.nan
     frame["knee"] = knee(frame[list(problem.objectives)].to_numpy())
     return frame
+
+
+def _candidates(found: SearchResult) -> NDArray[np.int64]:
+    """Rows of the archive that may be on the front; more than `MOST` are thinned evenly."""
+    rows = lowest_ranks(found.x, found.f, ROOM)
+    if len(rows) <= MOST:
+        return rows
+    order = rows[np.lexsort(found.f[rows].T[::-1])]
+    return np.sort(order[np.linspace(0, len(order) - 1, MOST).astype(np.int64)])
 
 
 def nearest_miss(problem: ToleranceProblem, found: SearchResult) -> pd.DataFrame:

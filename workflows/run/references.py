@@ -34,6 +34,11 @@ class SideSearch:
     relaxed: bool
     engine: str = "pymoo"
 
+    @property
+    def key(self) -> str:
+        """What its result depends on, beside the problem and the algorithm."""
+        return f"{self.label}, seed {self.seed}, {self.budget}"
+
     def front(self) -> pd.DataFrame | None:
         """Its reported front; None where it was interrupted."""
         found = search(
