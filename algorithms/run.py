@@ -111,9 +111,7 @@ class Run:
         if self.spent:
             raise BudgetSpent
         covered = x if self.evaluations_left is None else x[: self.evaluations_left]
-        out = self.problem.evaluate(
-            covered, return_values_of=["F", "G"], return_as_dictionary=True
-        )
+        out = self.problem.evaluate(covered, return_values_of=["F", "G"], return_as_dictionary=True)
         f = np.asarray(out["F"], dtype=float)
         g = np.asarray(out["G"], dtype=float).reshape(len(covered), self.problem.n_ieq_constr)
         self.evaluations += len(covered)

@@ -82,9 +82,7 @@ def run(
     raise typer.Exit(status)
 
 
-def _run(
-    configuration: Configuration, out: Path, workers: int, quiet: bool, resume: bool
-) -> int:
+def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, resume: bool) -> int:
     from .progress import shown
     from .workflows.run import RunPlan, run
 

@@ -25,27 +25,9 @@ def ranks(f: Array) -> Indices:
 def crowding_distances(f: Array, rank: Indices) -> Array:
     """Crowding distance (n,) within each rank (Deb et al. 2002), as pymoo has it.
 
-    The sum over the objectives of the gap to the two neighbours, divided by the range of the rank
-    and by the number of objectives. Infinite at the ends of a rank; of equal points the first
-    counts, the others have 0.
+    The sum over the objectives of the gap between the two neighbours, divided by the range of the
+    rank and by the number of objectives; infinite at the ends of a rank.
     """
-    first = _first_of_equals(f, rank)
-    found = np.zeros(len(f))
-    if first.all():
-        return _crowding_of_different(f, rank)
-    found[first] = _crowding_of_different(f[first], rank[first])
-    return found
-
-
-def _first_of_equals(f: Array, rank: Indices) -> NDArray[np.bool_]:
-    order = np.lexsort((*f.T, rank))
-    ordered = f[order]
-    again = np.zeros(len(f), dtype=bool)
-    again[order[1:]] = (ordered[1:] == ordered[:-1]).all(axis=1)
-    return ~again
-
-
-def _crowding_of_different(f: Array, rank: Indices) -> Array:
     found = np.zeros(len(f))
     for values in f.T:
         order = np.lexsort((values, rank))
@@ -56,19 +38,14 @@ def _crowding_of_different(f: Array, rank: Indices) -> Array:
         starts, ends = bounds[:-1], bounds[1:] - 1
         gap = np.empty(len(f))
         gap[1:-1] = value[2:] - value[:-2]
-        span = np.repeat(value[ends] - value[starts], np.diff(bounds))
         gap[starts] = gap[ends] = np.inf
+        span = np.repeat(value[ends] - value[starts], np.diff(bounds))
         np.divide(gap, span, out=gap, where=span > 0.0)
         gap[span <= 0.0] = 0.0  # an objective that does not differ says nothing
         found[order] += gap
-    return _isolated(found, rank) / f.shape[1]
-
-
-def _isolated(found: Array, rank: Indices) -> Array:
-    """One or two points of a rank are its ends, whatever their values."""
-    few = np.bincount(rank)[rank] <= 2
+    few = np.bincount(rank)[rank] <= 2  # one or two points are the ends, whatever their values
     found[few] = np.inf
-    return found
+    return found / f.shape[1]
 
 
 def survivors(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.ga import GA
+from tolevo.algorithms.gde3 import GDE3
 from tolevo.algorithms.indicators import hypervolume, nondominated
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.random_search import RandomSearch
@@ -28,6 +29,13 @@ ONE = Settings(
 
 class TestNSGA2(AlgorithmContract):
     settings = NSGA2(population=20)
+
+    def problem(self) -> RvBacklash:
+        return RvBacklash(SMALL)
+
+
+class TestGDE3(AlgorithmContract):
+    settings = GDE3(population=20)
 
     def problem(self) -> RvBacklash:
         return RvBacklash(SMALL)

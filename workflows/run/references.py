@@ -41,9 +41,7 @@ class SideSearch:
 
     def front(self) -> pd.DataFrame | None:
         """Its reported front; None where it was interrupted."""
-        found = search(
-            self.problem, self.algorithm, self.budget, self.seed, engine=self.engine
-        )
+        found = search(self.problem, self.algorithm, self.budget, self.seed, engine=self.engine)
         return None if found.interrupted else reported_front(self.problem, found)
 
 
