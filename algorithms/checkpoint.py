@@ -1,4 +1,4 @@
-"""The file from which a broken search goes on: arrays in one .npz, written whole, never a pickle."""
+"""The file from which a broken search goes on: arrays in one .npz, whole, never a pickle."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Checkpoint:
     def read(cls, path: Path, every: float = EVERY) -> Checkpoint:
         """What `write` wrote. Raises InputError where the file is none of ours."""
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
                 content = {key: file[key] for key in file.files}
             if int(content["format"]) != FORMAT:
                 raise ValueError(f"format {content['format']}, expected {FORMAT}")
@@ -94,7 +94,7 @@ class Checkpoint:
         for at, table in enumerate(self.tables.values()):
             content |= _arrays(table, f"table.{at}.")
         file = io.BytesIO()
-        np.savez(file, allow_pickle=False, **content)  # type: ignore[arg-type]
+        np.savez(file, allow_pickle=False, **content)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         write_bytes(self.path, file.getvalue())
 

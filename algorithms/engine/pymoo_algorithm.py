@@ -22,6 +22,7 @@ class PymooEngine(Algorithm):
         super().__init__(output=MultiObjectiveOutput(), **kwargs)
         self.pop_size = pop_size
         self.engine: ArrayEngine | None = None
+        self.pop: Any = None
 
     @abstractmethod
     def _engine(self, space: Space, rng: np.random.Generator) -> ArrayEngine:

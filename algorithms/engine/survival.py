@@ -12,7 +12,7 @@ Indices = NDArray[np.int64]
 
 def violation_of(g: Array) -> Array:
     """Total violation (n,) of constraints (n, any number): what is above 0, summed."""
-    return np.maximum(g, 0.0).sum(axis=1)
+    return np.asarray(np.maximum(g, 0.0).sum(axis=1))
 
 
 def ranks(f: Array) -> Indices:
@@ -45,7 +45,7 @@ def crowding_distances(f: Array, rank: Indices) -> Array:
         found[order] += gap
     few = np.bincount(rank)[rank] <= 2  # one or two points are the ends, whatever their values
     found[few] = np.inf
-    return found / f.shape[1]
+    return np.asarray(found / f.shape[1])
 
 
 def survivors(
@@ -84,4 +84,4 @@ def survivors(
 def _last_rank(rank: Indices, count: int) -> int:
     """The rank with which `count` points are reached, or the worst where there are fewer."""
     reached = np.cumsum(np.bincount(rank))
-    return int(min(np.searchsorted(reached, count), len(reached) - 1))
+    return min(int(np.searchsorted(reached, count)), len(reached) - 1)

@@ -112,7 +112,7 @@ class Weighted(NSGA2):
         advance = algorithm._advance
 
         def changed(infills: Any = None, **kwargs: Any) -> None:
-            algorithm.survival.weights = algorithm.survival.weights + [1.0, 2.0]
+            algorithm.survival.weights = algorithm.survival.weights + np.array([1.0, 2.0])
             algorithm.shrink *= 0.5
             if algorithm.survival.weights[1] * algorithm.shrink == 4 * 2.0 / 16.0:
                 algorithm.random_state.random(7)  # only where both were restored

@@ -12,7 +12,10 @@ from ...records import RunResult
 
 @dataclass(frozen=True, slots=True)
 class RunPlan:
-    """A resolved run; `configuration` is the TOML text that repeats it, `engine` "pymoo" or "array"."""
+    """A resolved run; `configuration` is the TOML text that repeats it.
+
+    `engine` is "pymoo" or "array".
+    """
 
     problem: ToleranceProblem
     algorithm: AlgorithmSettings
