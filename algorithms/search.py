@@ -81,7 +81,7 @@ def search(
         if isinstance(settings, Solver):
             settings.solve(run)
         else:
-            _evolve(run, driver(problem, settings, seed, engine), keeper)
+            _evolve(run, lambda: driver(problem, settings, seed, engine), keeper)
     except BudgetSpent:
         pass
     except KeyboardInterrupt:
@@ -91,16 +91,13 @@ def search(
     return SearchResult(x, f, run.archive.miss, run.evaluations, history, interrupted)
 
 
-def _evolve(run: Run, population: Driver, keeper: Keeper | None) -> None:
+def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> None:
     """Generation after generation, until the budget is used.
 
     A state is saved before a generation begins. Where the budget cuts through a generation, the
     state before that is the one to go on from: with a larger budget it is asked for again, whole.
     """
-    if keeper is not None and (state := keeper.saved()) is not None:
-        run.restore(_part(state, "run."))
-        population.restore(_part(state, "driver."))
-    size = 0
+    population, size = _begun(run, fresh, keeper), 0
     while not run.spent:
         left = run.evaluations_left
         if keeper is not None and (keeper.due() or (left is not None and left < 2 * size)):
@@ -112,6 +109,21 @@ def _evolve(run: Run, population: Driver, keeper: Keeper | None) -> None:
             population.tell(f, g)
     if keeper is not None:
         _save(keeper, run, population)
+
+
+def _begun(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Driver:
+    """The population search, from the state that was kept where there is one."""
+    population = fresh()
+    state = None if keeper is None else keeper.saved()
+    if keeper is None or state is None:
+        return population
+    try:
+        population.restore(_part(state, "driver."))
+    except Unsavable:
+        keeper.cannot_save()
+        return fresh()
+    run.restore(_part(state, "run."))
+    return population
 
 
 def _save(keeper: Keeper, run: Run, population: Driver) -> None:

@@ -26,19 +26,15 @@ def tournament(
     n = len(f)
     rounds = np.concatenate([rng.permutation(n) for _ in range(-(-2 * count // n))])
     a, b = rounds[: 2 * count].reshape(count, 2).T
-    fa, fb, va, vb = f[a], f[b], v[a], v[b]
+    fa, fb, ca, cb = f[a], f[b], crowding[a], crowding[b]
     below, above = (fa <= fb).all(axis=1), (fb <= fa).all(axis=1)
-    dominance = above.astype(np.int8) - below.astype(np.int8)  # -1: a dominates
-    crowded = np.sign(_difference(crowding[b], crowding[a]))
-    score = np.where(dominance != 0, dominance, crowded)
-    score = np.where((va > 0.0) | (vb > 0.0), np.sign(va - vb), score)
-    lot = rng.random(count) < 0.5
-    return np.where((score < 0) | ((score == 0) & lot), a, b)
-
-
-def _difference(left: Array, right: Array) -> Array:
-    """left - right, 0 where both are infinite."""
-    return np.subtract(left, right, out=np.zeros(len(left)), where=left != right)
+    same = below == above  # neither dominates, or the objectives are equal
+    first, second = np.where(same, ca > cb, below), np.where(same, cb > ca, above)
+    if v.any():
+        va, vb = v[a], v[b]
+        broken = (va > 0.0) | (vb > 0.0)
+        first, second = np.where(broken, va < vb, first), np.where(broken, vb < va, second)
+    return np.where(first | (~second & (rng.random(count) < 0.5)), a, b)
 
 
 def crossover(
@@ -51,24 +47,31 @@ def crossover(
     """
     mated = rng.random((len(first), 1)) < probability
     crossed = mated & (rng.random(first.shape) < CROSSED) & (np.abs(first - second) > CLOSE)
-    row, column = np.nonzero(crossed)
-    p, q = first[row, column], second[row, column]
+    at = np.flatnonzero(crossed)
+    column = at % first.shape[1]
+    p, q = first.ravel()[at], second.ravel()[at]
     low, high = np.minimum(p, q), np.maximum(p, q)
-    delta, u, power = high - low, rng.random(len(row)), eta + 1.0
-    gap = np.stack([low - space.low[column], space.high[column] - high])
+    ends = space.low[column], space.high[column]
+    delta, u, power = high - low, rng.random(len(at)), eta + 1.0
+    gap = np.stack([low - ends[0], ends[1] - high])
     alpha = 2.0 - (1.0 + 2.0 * gap / delta) ** -power
     scaled = u * alpha
     inner = scaled <= 1.0
     spread = np.where(inner, scaled, 1.0 / np.where(inner, 1.0, 2.0 - scaled)) ** (1.0 / power)
+    step = 0.5 * delta * spread
     middle = 0.5 * (low + high)
-    children = middle + np.array([[-0.5], [0.5]]) * spread * delta
-    children = np.clip(children, space.low[column], space.high[column])
-    swapped = (rng.random(len(row)) < 0.5).astype(np.intp)
-    at = np.arange(len(row))
+    smaller, larger = (_within(value, *ends) for value in (middle - step[0], middle + step[1]))
+    swapped = rng.random(len(at)) < 0.5
     found = np.concatenate([first, second])
-    found[row, column] = children[swapped, at]
-    found[row + len(first), column] = children[1 - swapped, at]
+    flat = found.reshape(-1)
+    flat[at] = np.where(swapped, larger, smaller)
+    flat[at + first.size] = np.where(swapped, smaller, larger)
     return found
+
+
+def _within(x: Array, low: Array, high: Array) -> Array:
+    """x between low and high; np.clip does the same more slowly."""
+    return np.minimum(np.maximum(x, low), high)
 
 
 def mutate(
@@ -76,15 +79,16 @@ def mutate(
 ) -> Array:
     """Polynomial mutation (Deb & Goyal 1996) of points (n, variables), bounded; as a copy."""
     changed = (rng.random(x.shape) < probability) & (space.low < space.high)
-    row, column = np.nonzero(changed)
-    low, span = space.low[column], (space.high - space.low)[column]
-    old, u, power = x[row, column], rng.random(len(row)), eta + 1.0
-    down = u <= 0.5
-    share = np.clip(np.where(down, old - low, low + span - old) / span, 0.0, 1.0)
+    at = np.flatnonzero(changed)
+    column = at % x.shape[1]
+    low, high = space.low[column], space.high[column]
+    old, u, power = x.ravel()[at], rng.random(len(at)), eta + 1.0
+    down, span = u <= 0.5, high - low
+    share = np.where(down, old - low, high - old) / span
     base = np.where(down, u, 1.0 - u)
     step = (2.0 * base + (1.0 - 2.0 * base) * (1.0 - share) ** power) ** (1.0 / power) - 1.0
     found = x.copy()
-    found[row, column] = np.clip(old + np.where(down, step, -step) * span, low, low + span)
+    found.reshape(-1)[at] = _within(old + np.where(down, step, -step) * span, low, high)
     return found
 
 
@@ -111,7 +115,7 @@ def differential(
     factor = scale[0] + (scale[1] - scale[0]) * rng.random((n, 1))
     origin = x[base]
     donor = origin + factor * (x[plus] - x[minus])
-    bound = np.clip(donor, space.low, space.high)
+    bound = _within(donor, space.low, space.high)
     row, column = np.nonzero(donor != bound)
     end, back = bound[row, column], rng.random(len(row))
     donor[row, column] = end + back * (origin[row, column] - end)

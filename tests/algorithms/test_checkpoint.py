@@ -146,6 +146,15 @@ def test_what_cannot_be_saved_starts_anew(tmp_path: Path) -> None:
     assert_equal(again, found(NSGA2(population=20), "pymoo", Budget(generations=9)))
 
 
+def test_a_state_that_does_not_fit_starts_anew(tmp_path: Path) -> None:
+    """As after an update of a plugin that names more attributes than were saved."""
+    path, budget = tmp_path / "checkpoint.npz", Budget(generations=9)
+    found(NSGA2(population=20), "pymoo", budget, Checkpoint(path, "", every=0.0), stop)
+    kept = Checkpoint.read(path)
+    assert_equal(found(Weighted(population=20), "pymoo", budget, kept),
+                 found(Weighted(population=20), "pymoo", budget))  # fmt: skip
+
+
 def test_tables_come_back_as_they_were(tmp_path: Path) -> None:
     table = pd.DataFrame(
         {"a": [0.1, np.nan], "grade": [4, 5], "knee": [True, False], "name": ["x", "y"]}

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,13 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tolevo.algorithms.checkpoint import Checkpoint
+from tolevo.algorithms.nsga2 import NSGA2
+from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
+from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.workflows.run.references import SideSearch
 from tolevo.workflows.run.resume import CHECKPOINT
+from tolevo.workflows.run.sides import Sides
 
 CONFIG = """
 problem = "rv_backlash"
@@ -69,10 +75,9 @@ def killed(config: Path, out: Path, *arguments: object) -> None:
     assert process.returncode == -signal.SIGKILL
 
 
-@pytest.mark.parametrize("engine", ["pymoo", "array"])
-def test_a_killed_run_resumes_to_the_same_front(config: Path, tmp_path: Path, engine: str) -> None:
-    """Long enough to be killed after a saved state; resumed with the budget of the whole run."""
-    size = ("--set", "algorithm.population=200", "--set", f"algorithm.engine={engine}")
+def test_a_killed_run_resumes_to_the_same_front(config: Path, tmp_path: Path) -> None:
+    """Killed after a state was saved; resumed with the budget of the whole run."""
+    size = ("--set", "algorithm.population=100")
     endless = ("--set", "algorithm.generations=1000000")
     killed(config, tmp_path / "broken", *size, *endless)
     state = Checkpoint.read(tmp_path / "broken" / CHECKPOINT).saved() or {}
@@ -132,7 +137,7 @@ def test_what_cannot_be_resumed(config: Path, tmp_path: Path) -> None:
     assert both.stderr.startswith("--resume: goes on with what --overwrite would replace")
     (out / CHECKPOINT).write_bytes(b"broken")
     assert run(config, out, "--resume").exit_code == 2
-    assert [path.name for path in out.iterdir()] == ["other.txt", CHECKPOINT]
+    assert {path.name for path in out.iterdir()} == {"other.txt", CHECKPOINT}
 
 
 def test_resume_of_nothing_is_a_start(config: Path, tmp_path: Path) -> None:
@@ -174,6 +179,21 @@ def test_an_interrupt_is_prompt_and_says_how_to_go_on(config: Path, tmp_path: Pa
     assert "Traceback" not in errors.decode()
     assert taken < 10.0
     assert (out / "front.csv").is_file()
+
+
+def test_side_searches_are_ended_not_waited_for(tmp_path: Path) -> None:
+    endless = SideSearch("a", RvBacklash(), NSGA2(), Budget(generations=10**9), 0, relaxed=True)
+    before = set(active_children())
+    with Sides((endless,), 2, Checkpoint(tmp_path / CHECKPOINT, "")) as sides:
+        workers = set(active_children()) - before
+        assert len(workers) == 1
+        until = time.monotonic() + 30.0
+        while not sides.futures[endless].running() and time.monotonic() < until:
+            time.sleep(0.05)
+        start = time.monotonic()
+    assert time.monotonic() - start < 2.0
+    assert not any(worker.is_alive() for worker in workers)
+    assert sides.fronts() == {endless: None}
 
 
 def test_overwrite_leaves_no_older_miss(config: Path, tmp_path: Path) -> None:
