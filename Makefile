@@ -42,6 +42,7 @@ coverage: $(READY)  ## the tests, with the lines and branches they miss
 
 bench: $(READY)  ## the speeds that are promised
 	$(BIN)/python benchmarks/propagation.py
+	$(BIN)/python benchmarks/engine.py
 
 lock: $(READY)  ## renews requirements.lock
 	$(BIN)/pip install --quiet uv

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from .settings import AlgorithmSettings, Crossover, Mutation
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ..problems.tolerance_problem import ToleranceProblem
+    from .engine import ArrayEngine, Space
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +19,7 @@ class NSGA2(AlgorithmSettings):
     """NSGA-II for two or more objectives (Deb, Pratap, Agarwal & Meyarivan 2002)."""
 
     many_objectives: ClassVar[bool] = True
+    array_engine: ClassVar[bool] = True
     population: int = field(default=100, metadata={"low": 2})
     crossover: Crossover = Crossover()
     mutation: Mutation = Mutation()
@@ -31,3 +35,10 @@ class NSGA2(AlgorithmSettings):
             survival=RankAndCrowding(),
             **operators(problem, self.crossover, self.mutation),
         )
+
+    def engine(self, space: Space, rng: np.random.Generator) -> ArrayEngine:
+        from .engine import NSGA2Engine
+
+        mating = (self.crossover.probability, self.crossover.eta)
+        mutation = (self.mutation.probability, self.mutation.eta)
+        return NSGA2Engine(space, self.population, rng, mating, mutation)

@@ -28,6 +28,11 @@ class RoundIntegers(Repair):
         return np.where(self.integer, np.rint(X), X)
 
 
+def repair(problem: ToleranceProblem) -> Repair:
+    """Rounds what is a whole number in `problem`."""
+    return RoundIntegers(np.array([v.integer for v in problem.free]))
+
+
 def operators(
     problem: ToleranceProblem, crossover: Crossover, mutation: Mutation
 ) -> dict[str, Any]:
@@ -39,6 +44,6 @@ def operators(
         "sampling": FloatRandomSampling(),
         "crossover": SBX(prob=crossover.probability, eta=crossover.eta),
         "mutation": PM(prob=1.0, prob_var=mutation.probability, eta=mutation.eta),
-        "repair": RoundIntegers(np.array([v.integer for v in problem.free])),
+        "repair": repair(problem),
         "eliminate_duplicates": False,
     }

@@ -1,78 +1,62 @@
-"""The search loop over any pymoo algorithm, with an archive of all evaluated designs.
+"""The search loop over any algorithm, with a bounded archive of the best designs.
 
 pymoo's own loop overshoots an evaluation budget and forgets what left the population; this one asks
-and tells, evaluates exactly what the budget allows, and keeps everything.
+and tells, evaluates exactly what the budget allows, and keeps what is good. It can be saved between
+two generations and goes on to the same result.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from pymoo.core.evaluator import Evaluator
-from pymoo.core.termination import NoTermination
 
 from ..problems.tolerance_problem import ToleranceProblem
-from .indicators import hypervolume, nondominated
-from .settings import AlgorithmSettings, Budget
+from .drivers import Driver, Unsavable, driver
+from .run import BudgetSpent, Progress, Run
+from .settings import AlgorithmSettings, Budget, Solver
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """State of a search after a generation."""
-
-    generation: int
-    generations: int | None
-    evaluations: int
-    evaluations_total: int | None
-    seconds: float
-    remaining: float | None
-    hypervolume: float
-    feasible_fraction: float
-
-
-@dataclass(slots=True)
-class Archive:
-    """All evaluated designs: search vectors, objectives, constraint violations; and the front."""
-
-    problem: ToleranceProblem
-    batches: list[tuple[Array, Array, Array]] = field(default_factory=list)
-    front: Array = field(init=False)
-    size: int = 0
-
-    def __post_init__(self) -> None:
-        self.front = np.empty((0, self.problem.n_obj))
-
-    def add(self, x: Array, f: Array, g: Array) -> None:
-        """Keep a batch; the front of feasible objectives is updated."""
-        self.batches.append((x, f, g))
-        self.size += len(x)
-        merged = np.vstack([self.front, f[np.all(g <= 0.0, axis=1)]])
-        self.front = merged[nondominated(merged)] if len(merged) else merged
-
-    def arrays(self) -> tuple[Array, Array, Array]:
-        """X (n, variables), F (n, objectives) and G (n, constraints)."""
-        n, m, k = self.problem.n_var, self.problem.n_obj, self.problem.n_ieq_constr
-        batches = [(np.empty((0, n)), np.empty((0, m)), np.empty((0, k))), *self.batches]
-        x, f, g = (np.vstack(parts) for parts in zip(*batches, strict=True))
-        return x, f, g
+State = dict[str, NDArray[Any]]
+__all__ = ["Keeper", "Progress", "SearchResult", "State", "search"]
 
 
 @dataclass(frozen=True, slots=True)
 class SearchResult:
-    """What a search found: the archive's arrays, the course of the search, how it ended."""
+    """What a search found: designs and objectives of the archive (all feasible), and its course.
+
+    `miss` is the least violating design (one row, none where nothing was evaluated).
+    """
 
     x: Array
     f: Array
-    g: Array
+    miss: Array
+    evaluations: int
     history: tuple[Progress, ...]
     interrupted: bool
+
+
+class Keeper(Protocol):
+    """Keeps the state of a search, so that it can go on after a break."""
+
+    def due(self) -> bool:
+        """Whether it is time to save."""
+        ...
+
+    def save(self, state: State) -> None:
+        """Keep a state, in place of the one before."""
+        ...
+
+    def saved(self) -> Mapping[str, NDArray[Any]] | None:
+        """The state to go on from, None for a start from the beginning."""
+        ...
+
+    def cannot_save(self) -> None:
+        """Told when the algorithm's state cannot be saved: it will start anew."""
+        ...
 
 
 def search(
@@ -81,80 +65,76 @@ def search(
     budget: Budget,
     seed: int,
     report: Callable[[Progress], None] | None = None,
+    engine: str = "pymoo",
+    keeper: Keeper | None = None,
 ) -> SearchResult:
     """Search until the budget is used; an interrupt ends it with what has been found.
 
     `seed` is any integer >= 0. The result depends on problem, settings, evaluation or generation
-    budget and seed alone.
+    budget, seed and `engine` ("pymoo" or "array") alone, and not on breaks. A `Solver` starts from
+    its beginning after a break and takes no budget of generations.
     """
-    archive, history, interrupted = Archive(problem), [], False
-    box = problem.box()
+    solver = isinstance(settings, Solver)
+    run = Run(problem, budget, seed, report, counts_generations=not solver)
+    interrupted = False
     try:
-        for state in _generations(problem, settings, budget, seed, archive, box):
-            history.append(state)
-            if report is not None:
-                report(state)
+        if isinstance(settings, Solver):
+            settings.solve(run)
+        else:
+            _evolve(run, lambda: driver(problem, settings, seed, engine), keeper)
+    except BudgetSpent:
+        pass
     except KeyboardInterrupt:
         interrupted = True
-    return SearchResult(*archive.arrays(), tuple(history), interrupted)
+    x, f = run.archive.arrays()
+    history = tuple(run.history)
+    return SearchResult(x, f, run.archive.miss, run.evaluations, history, interrupted)
 
 
-def _generations(
-    problem: ToleranceProblem,
-    settings: AlgorithmSettings,
-    budget: Budget,
-    seed: int,
-    archive: Archive,
-    box: tuple[Array, Array],
-) -> Iterator[Progress]:
-    algorithm = settings.build(problem)
-    algorithm.setup(problem, seed=seed, termination=NoTermination())
-    start, generation = time.monotonic(), 0
-    while not _used_up(budget, generation, archive.size, time.monotonic() - start):
-        asked = algorithm.ask()
-        if budget.evaluations is not None:
-            asked = asked[: budget.evaluations - archive.size]
-        feasible = _evaluate(problem, asked, archive)
-        generation += 1
-        seconds = time.monotonic() - start
-        yield Progress(
-            generation,
-            budget.generations,
-            archive.size,
-            budget.evaluations,
-            seconds,
-            _remaining(budget, generation, archive.size, seconds),
-            hypervolume(archive.front, *box),
-            feasible,
-        )
-        if not _used_up(budget, generation, archive.size, seconds):
-            algorithm.tell(infills=asked)
+def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> None:
+    """Generation after generation, until the budget is used.
+
+    A state is saved before a generation begins. Where the budget cuts through a generation, the
+    state before that is the one to go on from: with a larger budget it is asked for again, whole.
+    """
+    population, size = _begun(run, fresh, keeper), 0
+    while not run.spent:
+        left = run.evaluations_left
+        if keeper is not None and (keeper.due() or (left is not None and left < 2 * size)):
+            _save(keeper, run, population)
+        x = population.ask()
+        size = len(x)
+        f, g = run.evaluate(x)
+        if keeper is not None or not run.spent:
+            population.tell(f, g)
+    if keeper is not None:
+        _save(keeper, run, population)
 
 
-def _evaluate(problem: ToleranceProblem, asked: Any, archive: Archive) -> float:
-    """Evaluate a population into the archive; its feasible fraction."""
-    Evaluator().eval(problem, asked)
-    x, f = (np.asarray(asked.get(key), dtype=float) for key in ("X", "F"))
-    g = np.asarray(asked.get("G"), dtype=float).reshape(len(x), problem.n_ieq_constr)
-    archive.add(x, f, g)
-    return float(np.mean(np.all(g <= 0.0, axis=1)))
+def _begun(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Driver:
+    """The population search, from the state that was kept where there is one."""
+    population = fresh()
+    state = None if keeper is None else keeper.saved()
+    if keeper is None or state is None:
+        return population
+    try:
+        population.restore(_part(state, "driver."))
+    except Unsavable:
+        keeper.cannot_save()
+        return fresh()
+    run.restore(_part(state, "run."))
+    return population
 
 
-def _used_up(budget: Budget, generation: int, evaluations: int, seconds: float) -> bool:
-    return (
-        (budget.generations is not None and generation >= budget.generations)
-        or (budget.evaluations is not None and evaluations >= budget.evaluations)
-        or (budget.time_limit_s is not None and seconds >= budget.time_limit_s)
-    )
+def _save(keeper: Keeper, run: Run, population: Driver) -> None:
+    try:
+        driven = population.state()
+    except Unsavable:
+        keeper.cannot_save()
+        return
+    state = {f"run.{key}": value for key, value in run.state().items()}
+    keeper.save(state | {f"driver.{key}": value for key, value in driven.items()})
 
 
-def _remaining(budget: Budget, generation: int, evaluations: int, seconds: float) -> float | None:
-    """Seconds left, by the budget that will be used up first."""
-    left = []
-    if budget.generations is not None:
-        left.append(seconds * (budget.generations / generation - 1.0))
-    if budget.evaluations is not None:
-        left.append(seconds * (budget.evaluations / max(1, evaluations) - 1.0))
-    if budget.time_limit_s is not None:
-        left.append(budget.time_limit_s - seconds)
-    return max(0.0, min(left)) if left else None
+def _part(state: Mapping[str, NDArray[Any]], prefix: str) -> State:
+    return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}

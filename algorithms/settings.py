@@ -7,7 +7,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ..problems.tolerance_problem import ToleranceProblem
+    from .engine import ArrayEngine, Space
+    from .run import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +44,31 @@ class AlgorithmSettings(ABC):
 
     many_objectives: ClassVar[bool]
     """Whether it returns a front; else it takes exactly one objective."""
+    array_engine: ClassVar[bool] = False
+    """Whether `engine` builds an array engine of it."""
+    state: ClassVar[tuple[str, ...]] = ()
+    """Attributes of the pymoo algorithm (dotted names; arrays, numbers or None) that its next
+    generation depends on, besides the population, what is stored with each individual, and the
+    generator: a resumed run is bit-equal where these are all."""
 
     @abstractmethod
     def build(self, problem: ToleranceProblem) -> Any:
         """A pymoo `Algorithm` with operators of its own, not yet set up."""
+
+    def engine(self, space: Space, rng: np.random.Generator) -> ArrayEngine:
+        """The algorithm on plain arrays, where `array_engine` says that there is one."""
+        raise TypeError(f"{type(self).__name__} has no array engine")
+
+
+class Solver(AlgorithmSettings):
+    """An algorithm that is no population search: it drives the evaluations itself."""
+
+    @abstractmethod
+    def solve(self, run: Run) -> None:
+        """Evaluate designs by `run.evaluate` until the front is found; what it saw is the result.
+
+        It must depend on `run` alone: a broken run is resumed from its beginning.
+        """
+
+    def build(self, problem: ToleranceProblem) -> Any:
+        raise TypeError(f"{type(self).__name__} is no pymoo algorithm: it drives the evaluations")

@@ -70,19 +70,19 @@ def run(
 ) -> None:
     """Run one optimisation: from a configuration to a Pareto front."""
     with _exit_status():
-        faults = _directory_faults(out, overwrite)
+        faults = _directory_faults(out, overwrite or resume)
         if workers < 1:
             faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
-        if resume:
-            text = "is not available in this version; start again with --overwrite"
+        if resume and overwrite:
+            text = "goes on with what --overwrite would replace; give one of them"
             faults.append(Fault("--resume", text))
         configuration = _collected(lambda: _problem_of(config, set_), faults)
         raise_all(faults)
-        status = _run(configuration, out, workers, quiet)
+        status = _run(configuration, out, workers, quiet, resume)
     raise typer.Exit(status)
 
 
-def _run(configuration: Configuration, out: Path, workers: int, quiet: bool) -> int:
+def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, resume: bool) -> int:
     from .progress import shown
     from .workflows.run import RunPlan, run
 
@@ -96,12 +96,13 @@ def _run(configuration: Configuration, out: Path, workers: int, quiet: bool) -> 
         references=configuration.references == "documents",
         configuration=configuration.toml(),
         title=configuration.problem_name,
+        engine=configuration.engine,
     )
     if not quiet:
         for warning in configuration.problem.warnings():
             typer.echo(f"warning: {warning}", err=True)
     with shown(quiet) as progress:
-        outcome = run(plan, out, workers, progress)
+        outcome = run(plan, out, workers, progress, resume)
     for line in outcome.lines:
         typer.echo(line, err=outcome.status != "done")
     page = out / "report.html"
@@ -200,11 +201,11 @@ def _collected(read: Callable[[], Result], faults: list[Fault]) -> Result:
         raise InputError([*error.faults, *faults]) from None
 
 
-def _directory_faults(out: Path, overwrite: bool) -> list[Fault]:
-    """A directory that cannot be written, or that holds something."""
+def _directory_faults(out: Path, replace: bool) -> list[Fault]:
+    """A directory that cannot be written, or that holds something and is not to be used."""
     faults = unwritable(out, "--out")
-    if not faults and not overwrite and out.is_dir() and any(out.iterdir()):
-        text = f"{out} is not empty; name another directory, or add --overwrite"
+    if not faults and not replace and out.is_dir() and any(out.iterdir()):
+        text = f"{out} is not empty; name another directory, or add --overwrite or --resume"
         faults.append(Fault("--out", text))
     return faults
 

@@ -17,8 +17,9 @@ LINE_EVERY = 10.0
 
 def describe(progress: Progress) -> str:
     """Generation, evaluations, hypervolume and time left in one line."""
+    step = f"generation {_of(progress.generation, progress.generations)}"
     parts = [
-        f"generation {_of(progress.generation, progress.generations)}",
+        progress.phase or step,
         f"evaluations {_of(progress.evaluations, progress.evaluations_total)}",
         f"hypervolume {progress.hypervolume:.4f}",
     ]
@@ -28,7 +29,9 @@ def describe(progress: Progress) -> str:
 
 
 def fraction(progress: Progress) -> float | None:
-    """Share of the budget that is spent, None where the budget is open."""
+    """Share that is done, of the whole or of the budget; None where both are open."""
+    if progress.share is not None:
+        return progress.share
     pairs = (
         (progress.generation, progress.generations),
         (progress.evaluations, progress.evaluations_total),

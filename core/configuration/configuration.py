@@ -32,6 +32,7 @@ class Configuration:
     problem: ToleranceProblem | None = None
     algorithm_name: str = ""
     algorithm: AlgorithmSettings | None = None
+    engine: str = "pymoo"
     budget: Budget = field(default_factory=Budget)
     resolved: Mapping[str, Any] = field(default_factory=dict, repr=False)
 

@@ -17,7 +17,7 @@ from .goals import read_limits, read_objectives, read_propagation
 from .parameters import read_parameters
 from .plugins import effect_faults, load_named
 from .resolved import resolved_problem, resolved_variables
-from .search import read_algorithm, read_budget, resolved_algorithm
+from .search import read_algorithm, read_budget, read_engine, resolved_algorithm
 from .source import load, override
 from .variables import mid_parameter, read_variable
 
@@ -67,6 +67,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     objectives = settings.objectives or kind.default_objectives
     budget = read_budget(section)
     name, algorithm = read_algorithm(section, len(objectives))
+    engine = read_engine(section, name, algorithm)
     top.finish()
     raise_all(faults)
     problem = kind(settings)
@@ -78,7 +79,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         "seed": seed,
         "references": references,
         **resolved_problem(problem.settings, kind.variables),
-        "algorithm": resolved_algorithm(name, algorithm, budget),
+        "algorithm": resolved_algorithm(name, algorithm, budget, engine),
     }
     return Configuration(
         model_name=model_name,
@@ -88,6 +89,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         problem=problem,
         algorithm_name=name,
         algorithm=algorithm,
+        engine=engine,
         budget=budget,
         resolved=resolved,
     )

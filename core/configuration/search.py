@@ -6,6 +6,7 @@ from dataclasses import asdict, fields, is_dataclass
 from math import inf
 from typing import Any, get_type_hints
 
+from ..algorithms.engine import ENGINES
 from ..algorithms.settings import AlgorithmSettings, Budget
 from ..section import POSITIVE, Range, Section
 from .plugins import load_named
@@ -19,8 +20,7 @@ def read_algorithm(section: Section, objectives: int) -> tuple[str, AlgorithmSet
     name = "ga" if objectives == 1 else "nsga2"
     kind = load_named(section, "name", "algorithms", name)
     name = section.take("name") or name
-    if section.text("engine", ("pymoo", "array")) == "array":
-        section.fault("engine", 'must be "pymoo": the array engine is not in this version')
+    section.known(["engine"])
     section.integer("points", Range(low=2))
     section.known(field.name for field in fields(Budget))
     if kind is None:  # the settings of an unknown algorithm cannot be judged
@@ -55,6 +55,16 @@ def _instance(section: Section, kind: type[Any]) -> Any:
     return kind(**given)
 
 
+def read_engine(section: Section, name: str, algorithm: AlgorithmSettings | None) -> str:
+    """What runs the algorithm: pymoo, or plain arrays where it has an engine on arrays."""
+    engine = section.text("engine", ("pymoo", "array")) or "pymoo"
+    if engine == "array" and algorithm is not None and not algorithm.array_engine:
+        known = ", ".join(ENGINES)
+        section.fault("engine", f'{name} has no array engine; {known} have one: choose one of '
+                      'them, or engine = "pymoo"')  # fmt: skip
+    return engine
+
+
 def read_budget(section: Section) -> Budget:
     """When the search ends."""
     whole = Range(low=1)
@@ -66,8 +76,10 @@ def read_budget(section: Section) -> Budget:
     return Budget(generations=GENERATIONS) if budget == Budget() else budget
 
 
-def resolved_algorithm(name: str, algorithm: AlgorithmSettings, budget: Budget) -> dict[str, Any]:
+def resolved_algorithm(
+    name: str, algorithm: AlgorithmSettings, budget: Budget, engine: str
+) -> dict[str, Any]:
     """The `[algorithm]` table that says all of this."""
     limits = {key: value for key, value in asdict(budget).items() if value is not None}
     table: dict[str, Any] = asdict(algorithm)  # type: ignore[call-overload]
-    return {"name": name, "engine": "pymoo"} | limits | table
+    return {"name": name, "engine": engine} | limits | table

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.ga import GA
+from tolevo.algorithms.gde3 import GDE3
 from tolevo.algorithms.indicators import hypervolume, nondominated
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.random_search import RandomSearch
@@ -28,6 +29,13 @@ ONE = Settings(
 
 class TestNSGA2(AlgorithmContract):
     settings = NSGA2(population=20)
+
+    def problem(self) -> RvBacklash:
+        return RvBacklash(SMALL)
+
+
+class TestGDE3(AlgorithmContract):
+    settings = GDE3(population=20)
 
     def problem(self) -> RvBacklash:
         return RvBacklash(SMALL)
@@ -70,13 +78,13 @@ def test_interrupt_keeps_what_was_found() -> None:
 
     found = search(RvBacklash(SMALL), NSGA2(population=20), Budget(generations=9), 0, stop)
     assert found.interrupted
-    assert len(found.x) == 60
+    assert found.evaluations == 60
 
 
 def test_time_limit_ends_a_search() -> None:
     found = search(RvBacklash(SMALL), NSGA2(population=20), Budget(time_limit_s=0.3), seed=0)
     assert found.history[-1].seconds >= 0.25
-    assert len(found.x) == 20 * len(found.history)
+    assert found.evaluations == 20 * len(found.history)
 
 
 def test_hypervolume_closed_form() -> None:

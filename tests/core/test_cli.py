@@ -44,8 +44,8 @@ def tolevo(*arguments: object) -> Result:
 def fake_run(monkeypatch: pytest.MonkeyPatch, status: str) -> list[Any]:
     plans: list[Any] = []
 
-    def run(plan: Any, out: Path, workers: int, progress: Any) -> Any:
-        plans.append(SimpleNamespace(plan=plan, workers=workers, progress=progress))
+    def run(plan: Any, out: Path, workers: int, progress: Any, resume: bool) -> Any:
+        plans.append(SimpleNamespace(plan=plan, workers=workers, progress=progress, resume=resume))
         if progress is not None:
             progress(Progress(1, 2, 8, None, 0.5, 0.5, 0.25, 1.0))
         out.mkdir(parents=True, exist_ok=True)
@@ -102,15 +102,14 @@ def test_every_fault_is_on_its_own_line_and_nothing_is_written(
     full.mkdir()
     (full / "kept.txt").write_text("kept", encoding="utf-8")
     bad = ("--set", "algorithm.mutation.probability=1.3", "--set", "sed=1")
-    result = tolevo("run", config, "--out", full, "--workers", 0, "--resume", *bad)
+    result = tolevo("run", config, "--out", full, "--workers", 0, *bad)
     assert result.exit_code == 2
     assert result.stdout == ""
     assert result.stderr.splitlines() == [
         "algorithm.mutation.probability: must lie in [0, 1], got 1.3",
         "sed: is not a known key (did you mean `seed`?)",
-        f"--out: {full} is not empty; name another directory, or add --overwrite",
+        f"--out: {full} is not empty; name another directory, or add --overwrite or --resume",
         "--workers: must be at least 1, got 0",
-        "--resume: is not available in this version; start again with --overwrite",
     ]
     assert [path.name for path in full.iterdir()] == ["kept.txt"]
 

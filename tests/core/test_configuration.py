@@ -262,8 +262,11 @@ FAULTS = {
     "algorithm.population = 0": "algorithm.population: must be at least 2, got 0",
     "algorithm.generations = 0": "algorithm.generations: must be at least 1, got 0",
     "algorithm.time_limit_s = 0": "algorithm.time_limit_s: must be above 0, got 0",
-    'algorithm.engine = "array"':
-        'algorithm.engine: must be "pymoo": the array engine is not in this version',
+    'algorithm.engine = "arrray"':
+        'algorithm.engine: must be one of pymoo, array, got "arrray" (did you mean `array`?)',
+    'algorithm.name = "random"\nalgorithm.engine = "array"':
+        "algorithm.engine: random has no array engine; gde3, nsga2 have one: choose one of them, "
+        'or engine = "pymoo"',
     "algorithm.mutatoin.probability = 1":
         "algorithm.mutatoin: is not a known key (did you mean `mutation`?)",
     'algorithm.name = "ga"': "algorithm.name: ga takes exactly one objective, [objectives] "

@@ -21,6 +21,7 @@ from tolevo.workflows.run.references import gains, relaxed_bounds
 FILES = {
     "front.csv", "front.parquet", "front.json", "references.csv", "convergence.csv",
     "summary.json", "config.toml", "report.html", "front.png", "front.svg",
+    "checkpoint.npz",
 }  # fmt: skip
 NEAR = {
     "dr_rp_mm": VariableSetting(low=-0.05, high=-0.03),

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import moocore
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...algorithms.archive import ROOM, lowest_ranks
 from ...algorithms.indicators import nondominated
 from ...algorithms.search import SearchResult
 from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
-CANDIDATES = 1000
-"""Archive points recomputed at full accuracy: those of the lowest non-domination ranks."""
+MOST = 5000
+"""Designs recomputed at full accuracy at most."""
 
 
 def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFrame:
@@ -22,10 +22,10 @@ def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFra
     The search may have ranked by a coarser propagation, so the best ranks are recomputed and
     filtered anew. Sorted by the objectives; empty where no point is feasible.
     """
-    chosen = _candidates(found)
+    chosen = found.x[_candidates(found)]
     if not len(chosen):
         return pd.DataFrame(columns=[*problem.names, *(o.name for o in problem.outputs)])
-    frame = problem.reported().frame(problem.complete(found.x[chosen]))
+    frame = problem.reported().frame(problem.complete(chosen))
     frame = frame[frame.pop("feasible").to_numpy(dtype=bool)]
     frame = frame[nondominated(frame[list(problem.objectives)].to_numpy())]
     frame = frame.sort_values(list(problem.objectives), kind="stable").reset_index(drop=True)
@@ -35,23 +35,19 @@ def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFra
 
 
 def _candidates(found: SearchResult) -> NDArray[np.int64]:
-    feasible = np.flatnonzero(np.all(found.g <= 0.0, axis=1))
-    _, first = np.unique(found.x[feasible], axis=0, return_index=True)
-    feasible = feasible[np.sort(first)]
-    if len(feasible) <= CANDIDATES:
-        return feasible
-    values = found.f[feasible]
-    rank = values[:, 0] if values.shape[1] == 1 else moocore.pareto_rank(values)
-    return np.sort(feasible[np.argsort(rank, kind="stable")[:CANDIDATES]])
+    """Rows of the archive that may be on the front; more than `MOST` are thinned evenly."""
+    rows = lowest_ranks(found.x, found.f, ROOM)
+    if len(rows) <= MOST:
+        return rows
+    order = rows[np.lexsort(found.f[rows].T[::-1])]
+    return np.sort(order[np.linspace(0, len(order) - 1, MOST).astype(np.int64)])
 
 
 def nearest_miss(problem: ToleranceProblem, found: SearchResult) -> pd.DataFrame:
     """The evaluated design with the least total violation, at full accuracy (one row or none)."""
-    if not len(found.x):
+    if not len(found.miss):
         return pd.DataFrame()
-    violation = np.sum(np.maximum(found.g, 0.0), axis=1)
-    best = int(np.argmin(violation))
-    return problem.reported().frame(problem.complete(found.x[best : best + 1]))
+    return problem.reported().frame(problem.complete(found.miss))
 
 
 def knee(values: Array) -> NDArray[np.bool_]:

@@ -12,7 +12,10 @@ from ...records import RunResult
 
 @dataclass(frozen=True, slots=True)
 class RunPlan:
-    """A resolved run; `configuration` is the TOML text that repeats it."""
+    """A resolved run; `configuration` is the TOML text that repeats it.
+
+    `engine` is "pymoo" or "array".
+    """
 
     problem: ToleranceProblem
     algorithm: AlgorithmSettings
@@ -21,6 +24,7 @@ class RunPlan:
     references: bool
     configuration: str
     title: str
+    engine: str = "pymoo"
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,10 +32,16 @@ class SideSearch:
     budget: Budget
     seed: int
     relaxed: bool
+    engine: str = "pymoo"
+
+    @property
+    def key(self) -> str:
+        """What its result depends on, beside the problem and the algorithm."""
+        return f"{self.label}, seed {self.seed}, {self.budget}"
 
     def front(self) -> pd.DataFrame | None:
         """Its reported front; None where it was interrupted."""
-        found = search(self.problem, self.algorithm, self.budget, self.seed)
+        found = search(self.problem, self.algorithm, self.budget, self.seed, engine=self.engine)
         return None if found.interrupted else reported_front(self.problem, found)
 
 
@@ -63,7 +69,9 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
         if bounds:
             wider = problem.relaxed(bounds)
             label = str(row["label"])
-            found.append(SideSearch(label, wider, plan.algorithm, plan.budget, seed, relaxed=True))
+            found.append(
+                SideSearch(label, wider, plan.algorithm, plan.budget, seed, True, plan.engine)
+            )
     return tuple(found)
 
 

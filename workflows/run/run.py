@@ -6,12 +6,8 @@ import hashlib
 import platform
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack
 from dataclasses import asdict
 from importlib.metadata import version
-from multiprocessing import get_context
 from pathlib import Path
 
 import pandas as pd
@@ -22,10 +18,10 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult
 from .front import nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
-from .references import SideSearch, compare, documents, side_searches, table
+from .references import compare, documents, side_searches, table
+from .resume import notes_of, opened, seconds_before
+from .sides import Sides
 from .write import write
-
-Fronts = dict[SideSearch, pd.DataFrame | None]
 
 
 def run(
@@ -33,19 +29,31 @@ def run(
     out: Path,
     workers: int = 1,
     progress: Callable[[Progress], None] | None = None,
+    resume: bool = False,
 ) -> RunOutcome:
-    """Run `plan` and write its files to `out`.
+    """Run `plan` and write its files to `out`; with `resume` go on with the run that `out` holds.
 
     The result does not depend on `workers`: side searches have seeds of their own and run in other
     processes where there are some. An interrupt ends the search; what was found is written.
     """
-    start = time.monotonic()
+    checkpoint = opened(plan, out, resume)
+    start, anew = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
-    sides = side_searches(plan, printed) if plan.references else ()
-    with ExitStack() as stack:
-        futures = _submit(sides, workers, stack)
-        found = search(plan.problem, plan.algorithm, plan.budget, plan.seed, progress)
-        fronts: Fronts = dict.fromkeys(sides) if found.interrupted else _gather(sides, futures)
+    searches = side_searches(plan, printed) if plan.references else ()
+    checkpoint.write()
+    with Sides(searches, workers, checkpoint) as sides:
+
+        def report(state: Progress) -> None:
+            sides.collect()
+            if progress is not None:
+                progress(state)
+
+        found = search(
+            plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint
+        )
+        if not found.interrupted:
+            sides.finish()
+        fronts = sides.fronts()
     front = reported_front(plan.problem, found)
     references = table(plan, printed, fronts)
     searched = front
@@ -55,47 +63,15 @@ def run(
         references = compare(references, searched, relaxed, plan.problem.objectives)
     cut = found.interrupted or any(other is None for other in fronts.values())
     status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
-    notes = (*plan.problem.warnings(), *_notes(references, dropped, joined))
+    notes = (*plan.problem.warnings(), *anew, *_notes(references, dropped, joined))
     summary = _summary(plan, found, front, status, notes, time.monotonic() - start)
     result = _result(plan, found, front, references, summary, notes)
     write(result, out)
-    if not len(front):
+    if len(front):
+        (out / "nearest_miss.csv").unlink(missing_ok=True)
+    else:
         write_text(out / "nearest_miss.csv", nearest_miss(plan.problem, found).to_csv(index=False))
     return RunOutcome(status, out, _lines(result, status, out), result)
-
-
-def _submit(
-    sides: tuple[SideSearch, ...], workers: int, stack: ExitStack
-) -> dict[SideSearch, Future[pd.DataFrame | None]]:
-    """Start the side searches in other processes, where there are workers for them."""
-    if workers < 2 or not sides:
-        return {}
-    size = min(workers - 1, len(sides))
-    pool = ProcessPoolExecutor(size, mp_context=get_context("spawn"))
-    stack.callback(pool.shutdown, wait=True, cancel_futures=True)
-    return {side: pool.submit(side.front) for side in sides}
-
-
-def _gather(
-    sides: tuple[SideSearch, ...], futures: dict[SideSearch, Future[pd.DataFrame | None]]
-) -> Fronts:
-    """The side fronts; those not begun elsewhere, or whose process was lost, are made here.
-
-    An interrupt leaves what has not been made at None.
-    """
-    found: Fronts = dict.fromkeys(sides)
-    for side in reversed(sides):
-        if side not in futures or futures[side].cancel():
-            found[side] = side.front()
-            if found[side] is None:
-                return found
-    for side, future in futures.items():
-        if not future.cancelled():
-            try:
-                found[side] = future.result()
-            except BrokenProcessPool:
-                found[side] = side.front()
-    return found
 
 
 def _summary(
@@ -115,7 +91,7 @@ def _summary(
         "seed": plan.seed,
         "versions": {"python": platform.python_version()} | {p: version(p) for p in packages},
         "configuration_hash": hashlib.sha256(plan.configuration.encode()).hexdigest(),
-        "evaluations": len(found.x),
+        "evaluations": found.evaluations,
         "seconds": seconds,
         "points": len(front),
         "hypervolume": last.hypervolume if last else None,
@@ -186,6 +162,6 @@ def _lines(result: RunResult, status: str, out: Path) -> tuple[str, ...]:
         lines.append(f"the nearest miss is in {out / 'nearest_miss.csv'}; relax the limit it "
                      "breaks, widen the ranges or raise the budget")  # fmt: skip
     if status == "interrupted":
-        lines.append("what was found until then is saved; run the same configuration again with "
-                     "--overwrite for the whole")  # fmt: skip
+        lines.append("what was found until then is saved; run the same command with --resume to go "
+                     "on")  # fmt: skip
     return tuple(lines)

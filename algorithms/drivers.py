@@ -1,0 +1,185 @@
+"""Population searches behind one interface: ask for designs, tell their values, save and resume."""
+
+from __future__ import annotations
+
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from functools import reduce
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pymoo.core.population import Population
+from pymoo.core.termination import NoTermination
+
+from ..problems.tolerance_problem import ToleranceProblem
+from .engine import Space
+from .settings import AlgorithmSettings
+
+Array = NDArray[np.float64]
+State = dict[str, NDArray[Any]]
+VALUES = ("X", "F", "G", "H")
+
+
+class Unsavable(Exception):
+    """The state of an algorithm is not made of arrays and numbers."""
+
+
+class Driver(ABC):
+    """A population search that is under way."""
+
+    @abstractmethod
+    def ask(self) -> Array:
+        """Designs (n, variables) to be evaluated."""
+
+    @abstractmethod
+    def tell(self, f: Array, g: Array) -> None:
+        """Objectives and constraints of all designs that were asked for."""
+
+    @abstractmethod
+    def state(self) -> State:
+        """What the next `ask` depends on. Raises Unsavable."""
+
+    @abstractmethod
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from a `state()`. Raises Unsavable where it does not fit."""
+
+
+def driver(
+    problem: ToleranceProblem, settings: AlgorithmSettings, seed: int, engine: str
+) -> Driver:
+    """The search that `settings` describe, by the engine "array" or "pymoo"."""
+    if engine == "array":
+        return ArrayDriver(problem, settings, seed)
+    return PymooDriver(problem, settings, seed)
+
+
+class ArrayDriver(Driver):
+    """A search by an array engine."""
+
+    def __init__(self, problem: ToleranceProblem, settings: AlgorithmSettings, seed: int) -> None:
+        integer = np.array([v.integer for v in problem.free])
+        space = Space(problem.xl, problem.xu, integer, problem.n_obj)
+        self.engine = settings.engine(space, np.random.default_rng(seed))
+        self.asked = np.empty((0, problem.n_var))
+
+    def ask(self) -> Array:
+        self.asked = self.engine.ask()
+        return self.asked
+
+    def tell(self, f: Array, g: Array) -> None:
+        self.engine.tell(self.asked, f, g)
+
+    def state(self) -> State:
+        return self.engine.state()
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        self.engine.restore(state)
+
+
+class PymooDriver(Driver):
+    """A search by a pymoo algorithm.
+
+    Its state is the population and the optimum with all that is stored with each individual, the
+    generator, and the attributes that the settings name in `state`.
+    """
+
+    def __init__(self, problem: ToleranceProblem, settings: AlgorithmSettings, seed: int) -> None:
+        self.names = settings.state
+        self.algorithm = settings.build(problem)
+        self.algorithm.setup(problem, seed=seed, termination=NoTermination())
+        self.asked = Population.empty()
+
+    def ask(self) -> Array:
+        self.asked = self.algorithm.ask()
+        return np.asarray(self.asked.get("X"), dtype=float)
+
+    def tell(self, f: Array, g: Array) -> None:
+        self.asked.set("F", f, "G", g, "H", np.zeros((len(f), 0)))
+        self.asked.apply(lambda one: one.evaluated.update(("F", "G", "H")))
+        self.algorithm.tell(infills=self.asked)
+
+    def state(self) -> State:
+        algorithm = self.algorithm
+        found: State = {"begun": np.array(algorithm.is_initialized)}
+        generator = algorithm.random_state.bit_generator.state
+        found["rng"] = np.array(json.dumps(generator))
+        if not algorithm.is_initialized:
+            return found
+        found["iteration"] = np.array(algorithm.n_iter)
+        population, optimum = list(algorithm.pop), list(_or_empty(algorithm.opt))
+        everyone = list({id(one): one for one in (*population, *optimum)}.values())
+        place = {id(one): at for at, one in enumerate(everyone)}
+        found["population"] = np.array([place[id(one)] for one in population], dtype=np.int64)
+        found["optimum"] = np.array([place[id(one)] for one in optimum], dtype=np.int64)
+        for key in VALUES:
+            found[key] = _plain([getattr(one, key) for one in everyone])
+        for key in sorted({key for one in everyone for key in one.data}):
+            known = np.array([one.data.get(key) is not None for one in everyone])
+            values = [one.data[key] for one, has in zip(everyone, known, strict=True) if has]
+            found[f"has.{key}"], found[f"data.{key}"] = known, _plain(values)
+        for name in self.names:
+            value = _attribute(algorithm, name)
+            found[f"set.{name}"] = np.array(value is not None)
+            if value is not None:
+                found[f"attribute.{name}"] = _plain(value)
+        return found
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        algorithm = self.algorithm
+        if bool(state["begun"]):
+            everyone = Population.new(**{key: state[key] for key in VALUES})
+            for one in everyone:
+                one.evaluated.update(("F", "G", "H"))
+            _restore_data(everyone, state)
+            algorithm._initialize()
+            algorithm.pop = everyone[state["population"]]
+            algorithm.opt = everyone[state["optimum"]]
+            algorithm.n_iter = int(state["iteration"])
+            algorithm.is_initialized = True
+            for name in self.names:
+                self._set(name, state)
+        algorithm.random_state.bit_generator.state = json.loads(str(state["rng"]))
+
+    def _set(self, name: str, state: Mapping[str, NDArray[Any]]) -> None:
+        if f"set.{name}" not in state:
+            raise Unsavable(name)
+        owner, _, last = name.rpartition(".")
+        value = state[f"attribute.{name}"] if bool(state[f"set.{name}"]) else None
+        target = _attribute(self.algorithm, owner) if owner else self.algorithm
+        setattr(target, last, value.item() if value is not None and not value.shape else value)
+
+
+def _or_empty(population: Any) -> Any:
+    return () if population is None else population
+
+
+def _plain(value: Any) -> NDArray[Any]:
+    """An array of numbers. Raises Unsavable where it is none."""
+    try:
+        found = np.array(value)
+    except ValueError as error:  # ragged
+        raise Unsavable(str(error)) from error
+    if found.dtype.kind not in "biuf":
+        raise Unsavable(f"{found.dtype} is not numeric")
+    return found
+
+
+def _attribute(owner: Any, name: str) -> Any:
+    """A dotted attribute. Raises Unsavable where there is none."""
+    try:
+        return reduce(lambda one, part: attrgetter(part)(one), name.split("."), owner)
+    except AttributeError as error:
+        raise Unsavable(str(error)) from error
+
+
+def _restore_data(everyone: Any, state: Mapping[str, NDArray[Any]]) -> None:
+    """Put back what is stored with each individual."""
+    for key in state:
+        if key.startswith("data."):
+            name = key.removeprefix("data.")
+            rows = np.flatnonzero(state[f"has.{name}"])
+            for row, value in zip(rows, state[key], strict=True):
+                everyone[row].data[name] = value

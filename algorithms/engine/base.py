@@ -1,0 +1,107 @@
+"""What every array engine has in common: the search space, ask and tell, its state."""
+
+from __future__ import annotations
+
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .survival import survivors, violation_of
+
+Array = NDArray[np.float64]
+State = dict[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Space:
+    """A box: bounds (variables,), which variables are whole numbers, and how many objectives."""
+
+    low: Array
+    high: Array
+    integer: NDArray[np.bool_]
+    objectives: int
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """Uniformly drawn points (count, variables)."""
+        x = self.low + (self.high - self.low) * rng.random((count, len(self.low)))
+        return self.repaired(x)
+
+    def repaired(self, x: Array) -> Array:
+        """The points with whole numbers where the space has them."""
+        return np.where(self.integer, np.rint(x), x) if self.integer.any() else x
+
+
+class ArrayEngine(ABC):
+    """A population search on arrays: `ask` for points, `tell` their values, again and again.
+
+    The population is x (n, variables), f (n, objectives) and the total violation v (n,), the sum of
+    what each constraint is above 0; it is empty before the first `tell`. The arrays are replaced,
+    never changed, so a state that was taken stays as it was.
+    """
+
+    def __init__(self, space: Space, population: int, rng: np.random.Generator) -> None:
+        self.space = space
+        self.population = population
+        self.rng = rng
+        self.x = np.empty((0, len(space.low)))
+        self.f = np.empty((0, space.objectives))
+        self.v = np.empty(0)
+        self.rank = np.empty(0, dtype=np.int64)
+        self.crowding = np.empty(0)
+
+    def ask(self) -> Array:
+        """Points (n, variables) to be evaluated, within the bounds."""
+        if not len(self.x):
+            return self.space.draw(self.population, self.rng)
+        return self.space.repaired(self._offspring())
+
+    def tell(self, x: Array, f: Array, g: Array) -> NDArray[np.int64]:
+        """Take in the points that were asked for: objectives f, constraints g (n, any number).
+
+        Returns which rows of the old population and these points, one after the other, are the new
+        population.
+        """
+        return self._select(x, f, violation_of(g))
+
+    @abstractmethod
+    def _offspring(self) -> Array:
+        """New points from the population."""
+
+    @abstractmethod
+    def _select(self, x: Array, f: Array, v: Array) -> NDArray[np.int64]:
+        """Replace the population by the best of it and the points asked for; see `tell`."""
+
+    def _keep_best(
+        self, candidates: NDArray[np.int64] | slice, x: Array, f: Array, v: Array
+    ) -> NDArray[np.int64]:
+        """Make the best of some rows of the population and new points the population."""
+        x, f = np.concatenate([self.x, x]), np.concatenate([self.f, f])
+        v = np.concatenate([self.v, v])
+        best, self.rank, self.crowding = survivors(
+            f[candidates], v[candidates], self.population, self.rng
+        )
+        rows = best if isinstance(candidates, slice) else candidates[best]
+        self.x, self.f, self.v = x[rows], f[rows], v[rows]
+        return rows
+
+    def state(self) -> State:
+        """Everything that the next step depends on, as arrays; the generator as JSON."""
+        return {
+            "x": self.x,
+            "f": self.f,
+            "v": self.v,
+            "rank": self.rank,
+            "crowding": self.crowding,
+            "rng": np.array(json.dumps(self.rng.bit_generator.state)),
+        }
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from a `state()`."""
+        self.x, self.f, self.v = state["x"], state["f"], state["v"]
+        self.rank, self.crowding = state["rank"], state["crowding"]
+        self.rng.bit_generator.state = json.loads(str(state["rng"]))

@@ -1,0 +1,205 @@
+"""`run --resume`: a broken run ends as an unbroken one, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from multiprocessing import active_children
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner, Result
+
+from tolevo.algorithms.checkpoint import Checkpoint
+from tolevo.algorithms.nsga2 import NSGA2
+from tolevo.algorithms.settings import Budget
+from tolevo.cli import app
+from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.workflows.run.references import SideSearch
+from tolevo.workflows.run.resume import CHECKPOINT
+from tolevo.workflows.run.sides import Sides
+
+CONFIG = """
+problem = "rv_backlash"
+references = "none"
+seed = 4
+[variables]
+dr_rp_mm = { low = -0.05, high = -0.03 }
+dr_p_mm = { low = -0.09, high = -0.06 }
+[limits]
+interference_probability = 0.5
+[propagation]
+method = "moments"
+[algorithm]
+name = "nsga2"
+population = 20
+generations = 12
+"""
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    path = tmp_path / "c.toml"
+    path.write_text(CONFIG, encoding="utf-8")
+    return path
+
+
+def run(config: Path, out: Path, *arguments: object) -> Result:
+    command = ["run", config, "--out", out, "--quiet", "--workers", 1, *arguments]
+    return CliRunner().invoke(app, [str(argument) for argument in command])
+
+
+def command_of(config: Path, out: Path, *arguments: object) -> list[str]:
+    words = [sys.executable, "-m", "tolevo", "run", config, "--out", out, "--quiet", *arguments]
+    return [str(word) for word in words]
+
+
+def killed(config: Path, out: Path, *arguments: object) -> None:
+    """Start a run and kill it, without a warning, after its first generations were saved."""
+    checkpoint = out / CHECKPOINT
+    with subprocess.Popen(command_of(config, out, *arguments), env=os.environ.copy()) as process:
+        until = time.monotonic() + 30.0
+        while process.poll() is None and time.monotonic() < until:
+            if checkpoint.exists() and Checkpoint.read(checkpoint).saved() is not None:
+                state = Checkpoint.read(checkpoint).saved() or {}
+                if len(state["run.history"]) > 1:
+                    break
+            time.sleep(0.05)
+        process.send_signal(signal.SIGKILL)
+    assert process.returncode == -signal.SIGKILL
+
+
+def test_a_killed_run_resumes_to_the_same_front(config: Path, tmp_path: Path) -> None:
+    """Killed after a state was saved; resumed with the budget of the whole run."""
+    size = ("--set", "algorithm.population=100")
+    endless = ("--set", "algorithm.generations=1000000")
+    killed(config, tmp_path / "broken", *size, *endless)
+    state = Checkpoint.read(tmp_path / "broken" / CHECKPOINT).saved() or {}
+    budget = ("--set", f"algorithm.generations={len(state['run.history']) + 5}")
+    again = run(config, tmp_path / "broken", *size, *budget, "--resume")
+    assert again.exit_code == 0, again.output
+    assert run(config, tmp_path / "whole", *size, *budget).exit_code == 0
+    fronts = [(tmp_path / name / "front.csv").read_bytes() for name in ("broken", "whole")]
+    assert fronts[0] == fronts[1]
+    seconds = pd.read_csv(tmp_path / "broken" / "convergence.csv")["seconds"]
+    assert seconds.is_monotonic_increasing
+
+
+@pytest.mark.parametrize("engine", ["pymoo", "array"])
+def test_a_larger_budget_goes_on(config: Path, tmp_path: Path, engine: str) -> None:
+    how = ("--set", f"algorithm.engine={engine}")
+    more = (*how, "--set", "algorithm.generations=20")
+    out = tmp_path / "o"
+    assert run(config, out, *how).exit_code == 0
+    assert run(config, out, *more, "--resume").exit_code == 0
+    assert run(config, tmp_path / "whole", *more).exit_code == 0
+    for name in ("front.csv", "config.toml"):
+        assert (out / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert json.loads((out / "summary.json").read_text())["evaluations"] == 400
+    before = (out / "front.csv").read_bytes()
+    assert run(config, out, *more, "--resume").exit_code == 0  # there is nothing left to do
+    assert (out / "front.csv").read_bytes() == before
+
+
+def test_another_run_is_not_resumed(config: Path, tmp_path: Path) -> None:
+    out = tmp_path / "o"
+    assert run(config, out).exit_code == 0
+    files = {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
+    other = ("--set", "seed=5", "--set", "algorithm.population=21")
+    found = run(config, out, *other, "--set", "algorithm.generations=3", "--resume")
+    assert found.exit_code == 2
+    assert found.stderr.splitlines() == [
+        "seed: is 5, but the run to resume has 4: only the budget may differ; undo the change, or "
+        "start again with --overwrite",
+        "algorithm.population: is 21, but the run to resume has 20: only the budget may differ; "
+        "undo the change, or start again with --overwrite",
+        "algorithm.generations: is 3, but the run to resume has already used 12: a budget may only "
+        "grow",
+    ]
+    assert {path.name: path.stat().st_mtime_ns for path in out.iterdir()} == files
+
+
+def test_what_cannot_be_resumed(config: Path, tmp_path: Path) -> None:
+    out = tmp_path / "o"
+    out.mkdir()
+    (out / "other.txt").write_text("kept", encoding="utf-8")
+    found = run(config, out, "--resume")
+    assert found.exit_code == 2
+    assert found.stderr.startswith(f"--resume: {out} holds no checkpoint.npz")
+    both = run(config, out, "--resume", "--overwrite")
+    assert both.exit_code == 2
+    assert both.stderr.startswith("--resume: goes on with what --overwrite would replace")
+    (out / CHECKPOINT).write_bytes(b"broken")
+    assert run(config, out, "--resume").exit_code == 2
+    assert {path.name for path in out.iterdir()} == {"other.txt", CHECKPOINT}
+
+
+def test_resume_of_nothing_is_a_start(config: Path, tmp_path: Path) -> None:
+    assert run(config, tmp_path / "o", "--resume").exit_code == 0
+    assert (tmp_path / "o" / "front.csv").is_file()
+
+
+def test_finished_side_searches_are_not_repeated(
+    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, references = tmp_path / "o", ("--set", "references=documents")
+    assert run(config, out, *references).exit_code == 0
+    before = (out / "references.csv").read_bytes()
+
+    def again(self: Any) -> None:
+        raise AssertionError(f"{self.label} is searched again")
+
+    monkeypatch.setattr("tolevo.workflows.run.references.SideSearch.front", again)
+    assert run(config, out, *references, "--resume").exit_code == 0
+    assert (out / "references.csv").read_bytes() == before
+
+
+def test_an_interrupt_is_prompt_and_says_how_to_go_on(config: Path, tmp_path: Path) -> None:
+    """Side searches in another process are ended, not waited for."""
+    out, long = tmp_path / "o", ("--set", "algorithm.generations=1000000")
+    references = ("--set", "references=documents", "--workers", 2)
+    command = command_of(config, out, *references, *long)
+    with subprocess.Popen(command, stderr=subprocess.PIPE, env=os.environ.copy()) as process:
+        until = time.monotonic() + 30.0
+        while not (out / CHECKPOINT).exists() and time.monotonic() < until:
+            time.sleep(0.05)
+        time.sleep(2.0)  # the other process has begun
+        start = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+        taken = time.monotonic() - start
+    assert process.returncode == 130
+    assert "--resume" in errors.decode()
+    assert "Traceback" not in errors.decode()
+    assert taken < 10.0
+    assert (out / "front.csv").is_file()
+
+
+def test_side_searches_are_ended_not_waited_for(tmp_path: Path) -> None:
+    endless = SideSearch("a", RvBacklash(), NSGA2(), Budget(generations=10**9), 0, relaxed=True)
+    before = set(active_children())
+    with Sides((endless,), 2, Checkpoint(tmp_path / CHECKPOINT, "")) as sides:
+        workers = set(active_children()) - before
+        assert len(workers) == 1
+        until = time.monotonic() + 30.0
+        while not sides.futures[endless].running() and time.monotonic() < until:
+            time.sleep(0.05)
+        start = time.monotonic()
+    assert time.monotonic() - start < 2.0
+    assert not any(worker.is_alive() for worker in workers)
+    assert sides.fronts() == {endless: None}
+
+
+def test_overwrite_leaves_no_older_miss(config: Path, tmp_path: Path) -> None:
+    out = tmp_path / "o"
+    hard = ("--set", "limits.interference_probability=0.01", "--set", "limits.backlash_arcmin=0.4")
+    assert run(config, out, *hard, "--set", "algorithm.generations=2").exit_code == 1
+    assert (out / "nearest_miss.csv").is_file()
+    assert run(config, out, "--overwrite").exit_code == 0
+    assert not (out / "nearest_miss.csv").exists()

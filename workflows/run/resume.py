@@ -1,0 +1,85 @@
+"""From which state a run begins: from nothing, or from where it was broken."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...algorithms.checkpoint import Checkpoint
+from ...algorithms.settings import Budget
+from ...errors import Fault, raise_all, refuse
+from .plan import RunPlan
+
+CHECKPOINT = "checkpoint.npz"
+BUDGET = frozenset(f"algorithm.{name}" for name in ("generations", "evaluations", "time_limit_s"))
+"""The keys that may differ between a run and what goes on with it."""
+
+
+def opened(plan: RunPlan, out: Path, resume: bool) -> Checkpoint:
+    """The checkpoint of a run: the one in `out` where it is to go on, else a new one.
+
+    Raises InputError where what is in `out` is not the same run, or has no checkpoint.
+    """
+    path = out / CHECKPOINT
+    if not resume or not out.is_dir() or not any(out.iterdir()):
+        return Checkpoint(path, plan.configuration)
+    if not path.is_file():
+        text = f"{out} holds no {CHECKPOINT} of a run; name another directory, or --overwrite"
+        raise refuse("--resume", text)
+    found = Checkpoint.read(path)
+    raise_all(_faults(found, plan))
+    found.identity = plan.configuration
+    return found
+
+
+def seconds_before(checkpoint: Checkpoint) -> float:
+    """Time [s] that the search had used when its state was saved."""
+    state = checkpoint.saved()
+    return 0.0 if state is None else float(state["run.counts"][3])
+
+
+def notes_of(checkpoint: Checkpoint, resume: bool) -> tuple[str, ...]:
+    """What the user should know of a resumed run."""
+    if not (resume and checkpoint.unsavable):
+        return ()
+    return ("the state of this algorithm cannot be saved: its search started anew",)
+
+
+def _faults(found: Checkpoint, plan: RunPlan) -> list[Fault]:
+    old, new = _flat(tomllib.loads(found.identity)), _flat(tomllib.loads(plan.configuration))
+    other = [
+        Fault(key, f"is {_shown(new, key)}, but the run to resume has {_shown(old, key)}: only the "
+              "budget may differ; undo the change, or start again with --overwrite")
+        for key in dict.fromkeys([*new, *old])
+        if key not in BUDGET and new.get(key) != old.get(key)
+    ]  # fmt: skip
+    return other + _shrunk(found, plan.budget)
+
+
+def _shrunk(found: Checkpoint, budget: Budget) -> list[Fault]:
+    """A budget that is less than what has been used."""
+    state = found.saved()
+    if state is None:
+        return []
+    used = {"generations": len(state["run.history"]), "evaluations": int(state["run.counts"][0])}
+    return [
+        Fault(f"algorithm.{name}", f"is {limit}, but the run to resume has already used {count}: "
+              "a budget may only grow")
+        for name, count in used.items()
+        if (limit := getattr(budget, name)) is not None and limit < count
+    ]  # fmt: skip
+
+
+def _flat(table: Mapping[str, Any], place: str = "") -> dict[str, Any]:
+    """Values by dotted key."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        at = f"{place}{key}"
+        found |= _flat(value, f"{at}.") if isinstance(value, dict) else {at: value}
+    return found
+
+
+def _shown(values: Mapping[str, Any], key: str) -> str:
+    return f'"{values[key]}"' if isinstance(values.get(key), str) else str(values.get(key, "unset"))
