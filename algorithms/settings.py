@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from ..errors import Fault
+
 if TYPE_CHECKING:
     from ..problems.tolerance_problem import ToleranceProblem
 
@@ -40,6 +42,18 @@ class AlgorithmSettings(ABC):
 
     many_objectives: ClassVar[bool]
     """Whether it returns a front; else it takes exactly one objective."""
+    state: ClassVar[tuple[str, ...]] = ()
+    """Attributes of the pymoo algorithm, dotted, that a generation leaves to the next.
+
+    Beside the population (X, F, G, rank, crowding) and the generator: with these it goes on
+    bit-equal. A value may be None.
+    """
+    extras: ClassVar[tuple[str, ...]] = ()
+    """Extras of the distribution that must be installed for it."""
+
+    def faults(self, objectives: int) -> list[Fault]:
+        """What is wrong with the settings as a whole; the place of a fault is the key."""
+        return []
 
     @abstractmethod
     def build(self, problem: ToleranceProblem) -> Any:
