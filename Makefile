@@ -6,6 +6,8 @@ PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
 BIN := .venv/bin
 LOCKED := .venv/locked
 READY := .venv/ready
+BENCH := .venv-bench/bin
+PEERS := .venv-bench/ready
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-10s%s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
@@ -40,16 +42,29 @@ lint: $(READY)  ## style, types and the arrows between the rooms
 coverage: $(READY)  ## the tests, with the lines and branches they miss
 	$(BIN)/python -m pytest --cov --cov-report=term --cov-report=html
 
-bench: $(READY)  ## the speeds that are promised
-	$(BIN)/python benchmarks/propagation.py
-	$(BIN)/python benchmarks/engine.py
+.venv-bench/locked: benchmarks/requirements.lock
+	$(PYTHON) -m venv --clear .venv-bench
+	$(BENCH)/pip install --quiet --require-hashes --requirement benchmarks/requirements.lock
+	@touch $@
 
-lock: $(READY)  ## renews requirements.lock
+$(PEERS): .venv-bench/locked pyproject.toml
+	$(BENCH)/pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+bench: $(PEERS)  ## optimisers side by side and the speeds that are promised; QUICK=1 for a look
+	$(BENCH)/python -m benchmarks.compare $(if $(QUICK),--quick)
+	$(BENCH)/python benchmarks/propagation.py
+	$(BENCH)/python benchmarks/engine.py
+
+lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
 	$(BIN)/pip install --quiet uv
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --upgrade \
 		--generate-hashes --no-annotate --custom-compile-command "make lock" \
 		--extra dev --output-file requirements.lock pyproject.toml
+	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --upgrade \
+		--generate-hashes --no-annotate --custom-compile-command "make lock" \
+		--constraint requirements.lock --group peers --output-file benchmarks/requirements.lock pyproject.toml
 
-clean:  ## removes what make made, .venv included, but no results
-	rm -rf .venv .links build dist htmlcov *.egg-info .coverage .coverage.* .hypothesis .mypy_cache .pytest_cache .ruff_cache
+clean:  ## removes what make made, environments included, but no results
+	rm -rf .venv .venv-bench .links build dist htmlcov *.egg-info .coverage .coverage.* .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from ..errors import Fault
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -50,6 +52,12 @@ class AlgorithmSettings(ABC):
     """Attributes of the pymoo algorithm (dotted names; arrays, numbers or None) that its next
     generation depends on, besides the population, what is stored with each individual, and the
     generator: a resumed run is bit-equal where these are all."""
+    extras: ClassVar[tuple[str, ...]] = ()
+    """Extras of the distribution that must be installed for it."""
+
+    def faults(self, objectives: int) -> list[Fault]:
+        """What is wrong with the settings as a whole; the place of a fault is the key."""
+        return []
 
     @abstractmethod
     def build(self, problem: ToleranceProblem) -> Any:

@@ -7,9 +7,10 @@ from source text; a plugin is imported only when it is used.
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from importlib.machinery import ModuleSpec
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
 from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
@@ -63,15 +64,36 @@ def origin(group: str, name: str) -> str:
 def load(group: str, name: str) -> Any:
     """The class registered as `name`.
 
-    Raises InputError where the name is unknown, or where its plugin cannot be imported.
+    Raises InputError where the name is unknown, where its plugin cannot be imported, or where an
+    extra that it names in `extras` is not installed.
     """
-    offer = _find(group, name)
+    offer, kind = _find(group, name), group.removesuffix("s")
     try:
-        return offer.load()
+        found = offer.load()
     except PLUGIN_FAULTS as error:  # a plugin may raise anything while it is imported
-        kind, reason = group.removesuffix("s"), f"{type(error).__name__}: {error}"
+        reason = f"{type(error).__name__}: {error}"
         text = f'"{name}" of {_origin(offer)} cannot be imported ({offer.value}): {reason}'
         raise refuse(kind, text) from error
+    for extra in getattr(found, "extras", ()):
+        if offer.dist is not None and (missing := _missing(offer.dist.requires or [], extra)):
+            command = f"pip install '{offer.dist.name}[{extra}]'"
+            raise refuse(kind, f'"{name}" needs {", ".join(missing)}: {command}')
+    return found
+
+
+def _missing(requirements: list[str], extra: str) -> list[str]:
+    """The packages of an extra that are not installed."""
+    marker = re.compile(rf"""extra *== *["']{re.escape(extra)}["']""")
+    wanted = [re.split(r"[^\w.-]", one)[0] for one in requirements if marker.search(one)]
+    return [name for name in wanted if not _installed(name)]
+
+
+def _installed(name: str) -> bool:
+    try:
+        version(name)
+    except PackageNotFoundError:
+        return False
+    return True
 
 
 def describe(group: str, name: str) -> str:

@@ -6,7 +6,9 @@ from dataclasses import asdict, fields, is_dataclass
 from math import inf
 from typing import Any, get_type_hints
 
+from .. import registry
 from ..algorithms.engine import ENGINES
+from ..algorithms.refused import REFUSED
 from ..algorithms.settings import AlgorithmSettings, Budget
 from ..section import POSITIVE, Range, Section
 from .plugins import load_named
@@ -18,7 +20,7 @@ GENERATIONS = 200
 def read_algorithm(section: Section, objectives: int) -> tuple[str, AlgorithmSettings | None]:
     """Name and instance of the algorithm; by default NSGA-II for a front, else the GA."""
     name = "ga" if objectives == 1 else "nsga2"
-    kind = load_named(section, "name", "algorithms", name)
+    kind = None if _refused(section) else load_named(section, "name", "algorithms", name)
     name = section.take("name") or name
     section.known(["engine"])
     section.integer("points", Range(low=2))
@@ -30,7 +32,20 @@ def read_algorithm(section: Section, objectives: int) -> tuple[str, AlgorithmSet
                       f"{objectives}")  # fmt: skip
     elif kind.many_objectives and objectives == 1:
         section.fault("name", f"{name} needs two or more objectives, got 1: use ga")
-    return name, _instance(section, kind)
+    algorithm = _instance(section, kind)
+    for fault in algorithm.faults(objectives):
+        section.fault(fault.place, fault.message)
+    return name, algorithm
+
+
+def _refused(section: Section) -> bool:
+    """Whether the name is one of pymoo's that are not offered, with a fault that says why."""
+    name = section.take("name")
+    if not isinstance(name, str) or name not in REFUSED or name in registry.names("algorithms"):
+        return False
+    reason, instead = REFUSED[name]
+    section.fault("name", f"{name} of pymoo is not offered: {reason}; use {instead}")
+    return True
 
 
 def _instance(section: Section, kind: type[Any]) -> Any:

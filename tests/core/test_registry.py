@@ -13,13 +13,20 @@ creep = tolevo_fake.inner:Creep
 broken = tolevo_fake.broken:Broken
 again = tolevo_fake:Creep
 lost = tolevo_fake.nowhere:Lost
+costly = tolevo_fake.costly:Costly
+"""
+NEEDS = """Requires-Dist: pytest>=1
+Requires-Dist: pytest>=1; extra == "heavy"
+Requires-Dist: tolevo-none_such.at.all>=1,<2; extra == "heavy"
+Requires-Dist: tolevo-other-none; extra == "light"
 """
 
 
-def install(folder: Path, name: str, version: str, entries: str) -> None:
+def install(folder: Path, name: str, version: str, entries: str, needs: str = "") -> None:
     info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
     info.mkdir(parents=True)
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+    metadata = f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n{needs}"
+    (info / "METADATA").write_text(metadata)
     (info / "entry_points.txt").write_text(entries)
 
 
@@ -30,7 +37,8 @@ def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (package / "__init__.py").write_text("from .inner import Creep as Creep\n")
     (package / "inner.py").write_text('class Creep:\n    """Slow creep.\n\n    More.\n    """\n')
     (package / "broken.py").write_text('"""x"""\nraise RuntimeError("no licence")\n')
-    install(tmp_path, "tolevo-fake", "1.2", ENTRIES)
+    (package / "costly.py").write_text('class Costly:\n    extras = ("heavy",)\n')
+    install(tmp_path, "tolevo-fake", "1.2", ENTRIES, NEEDS)
     monkeypatch.syspath_prepend(tmp_path)
     imported = [name for name in sys.modules if name.startswith("tolevo_fake")]
     for name in imported:
@@ -67,6 +75,19 @@ def test_unknown_name_gets_the_nearest(plugin: Path) -> None:
 def test_plugin_that_cannot_be_imported(plugin: Path) -> None:
     with pytest.raises(InputError, match=r"broken.*tolevo-fake 1.2.*RuntimeError: no licence"):
         registry.load("effects", "broken")
+
+
+def test_missing_extra_is_named_with_its_command(plugin: Path) -> None:
+    text = r"\"costly\" needs tolevo-none_such.at.all: pip install 'tolevo-fake\[heavy\]'$"
+    with pytest.raises(InputError, match=text):
+        registry.load("effects", "costly")
+
+
+def test_age_moea2_needs_the_extra_fast(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert registry.load("algorithms", "age_moea2").extras == ("fast",)
+    monkeypatch.setattr(registry, "_installed", lambda name: name != "numba")
+    with pytest.raises(InputError, match=r"needs numba: pip install 'tolevo\[fast\]'$"):
+        registry.load("algorithms", "age_moea2")
 
 
 def test_name_offered_twice(plugin: Path) -> None:

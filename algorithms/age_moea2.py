@@ -1,0 +1,35 @@
+"""AGE-MOEA-II: survival by distances on the estimated shape of the front."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from .settings import AlgorithmSettings, Crossover, Mutation
+
+if TYPE_CHECKING:
+    from ..problems.tolerance_problem import ToleranceProblem
+
+
+@dataclass(frozen=True, slots=True)
+class AGEMOEA2(AlgorithmSettings):
+    """AGE-MOEA-II for two or more objectives (Panichella 2022); needs the extra `fast`."""
+
+    many_objectives: ClassVar[bool] = True
+    extras: ClassVar[tuple[str, ...]] = ("fast",)
+    population: int = field(default=100, metadata={"low": 2})
+    crossover: Crossover = Crossover()
+    mutation: Mutation = Mutation()
+
+    def build(self, problem: ToleranceProblem) -> Any:
+        from pymoo.algorithms.moo.age2 import AGEMOEA2 as PymooAGEMOEA2
+        from pymoo.algorithms.moo.nsga2 import binary_tournament
+        from pymoo.operators.selection.tournament import TournamentSelection
+
+        from .operators import operators
+
+        return PymooAGEMOEA2(
+            pop_size=self.population,
+            selection=TournamentSelection(func_comp=binary_tournament),
+            **operators(problem, self.crossover, self.mutation),
+        )

@@ -1,0 +1,1 @@
+"""Speeds and comparisons; not shipped."""

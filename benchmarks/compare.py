@@ -1,0 +1,164 @@
+# ruff: noqa: E402 - the number of threads is fixed before numpy is imported
+"""Optimisers side by side: `python -m benchmarks.compare [--quick]`, in Markdown.
+
+One process, one thread, interleaved: every contender runs once on every task before any runs a
+second time. docs/benchmarks.md says what is measured.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
+    os.environ[f"{_name}_NUM_THREADS"] = "1"
+
+import argparse
+import gc
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from pkgutil import iter_modules
+from types import ModuleType
+
+import numpy as np
+
+from . import peers
+from .task import OutOfTime, Recorder, Task
+from .tasks.cost_rss import cost_rss
+from .tasks.mixed_process import mixed_process
+from .tasks.rv_backlash import rv_backlash
+
+LEVELS = (0.99, 0.999)
+BASE = "pymoo_nsga2"
+"""The contender whose CPU time is 1 in the table."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """Seeds, evaluations and CPU seconds of a run, minutes after which no round begins."""
+
+    seeds: int = 5
+    evaluations: int = 50_000
+    seconds: float = 10.0
+    minutes: float = 12.0
+
+
+QUICK = Effort(1, 20_000, 3.0, 3.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Evaluations and CPU seconds to each of `LEVELS`; share of the front that was returned."""
+
+    reached: tuple[tuple[float, float], ...]
+    returned: float
+
+
+Results = dict[tuple[str, str], list[Measured]]
+
+
+def contenders() -> tuple[dict[str, ModuleType], dict[str, str]]:
+    """Modules of `peers` by name, and why the others cannot be imported."""
+    found, missing = {}, {}
+    for module in iter_modules(peers.__path__):
+        try:
+            found[module.name] = import_module(f"{peers.__name__}.{module.name}")
+        except ImportError as error:
+            missing[module.name] = str(error)
+    return found, missing
+
+
+def measure(module: ModuleType, task: Task, seed: int, effort: Effort) -> Measured:
+    gc.collect()
+    recorder = Recorder(task, effort.seconds)
+    try:
+        returned = task.share(module.run(recorder, seed, effort.evaluations))
+    except OutOfTime:
+        returned = np.nan
+    return Measured(tuple(recorder.reached(level) for level in LEVELS), returned)
+
+
+def rounds(
+    found: dict[str, ModuleType], tasks: list[Task], effort: Effort
+) -> Iterator[tuple[str, str, Measured]]:
+    """Every contender on every task, seed by seed, until the minutes are over."""
+    start = time.monotonic()
+    for module in found.values():  # compiles what is compiled at first use
+        module.run(Recorder(tasks[0], np.inf), 0, 400)
+    for seed in range(1, effort.seeds + 1):
+        if time.monotonic() - start > 60.0 * effort.minutes:
+            return
+        for task in tasks:
+            for name, module in found.items():
+                yield task.name, name, measure(module, task, seed, effort)
+
+
+def number(value: float, form: str) -> str:
+    return format(value, form) if np.isfinite(value) else "-"
+
+
+def row(label: str, runs: list[Measured], base: list[Measured]) -> str:
+    """Medians; a level that most seeds did not reach has none."""
+    cells = [label]
+    for level in range(len(LEVELS)):
+        cells += [
+            number(float(np.median([run.reached[level][part] for run in runs])), form)
+            for part, form in ((0, ",.0f"), (1, ".3f"))
+        ]
+    own, other = (np.median([run.reached[0][1] for run in each]) for each in (runs, base))
+    cells.append(number(float(own / other) if np.isfinite(other) else np.nan, ".3f"))
+    cells.append(number(100.0 * float(np.median([run.returned for run in runs])), ".2f"))
+    return f"| {' | '.join(cells)} |"
+
+
+def table(task: Task, results: Results, labels: dict[str, str]) -> str:
+    """Fastest to 99 % first."""
+    base = results[task.name, BASE]
+    ordered = sorted(labels, key=lambda name: _speed(results[task.name, name]))
+    head = (
+        f"\n### {task.name}: {task.note}\n\n"
+        "| | evaluations to 99 % | CPU s | evaluations to 99.9 % | CPU s | CPU to 99 %, relative "
+        "| returned front, % |\n|---|---:|---:|---:|---:|---:|---:|"
+    )
+    return "\n".join([head, *(row(labels[n], results[task.name, n], base) for n in ordered)])
+
+
+def _speed(runs: list[Measured]) -> tuple[float, float]:
+    shortest = float(np.median([run.reached[0][1] for run in runs]))
+    return shortest, -float(np.nanmax([run.returned for run in runs] + [0.0]))
+
+
+def release(module: ModuleType) -> str:
+    try:
+        return version(module.DISTRIBUTION)
+    except PackageNotFoundError:
+        return ""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Optimisers side by side.")
+    parser.add_argument("--quick", action="store_true", help="one seed, small budgets")
+    effort = QUICK if parser.parse_args().quick else Effort()
+    found, missing = contenders()
+    labels = {
+        name: f"{module.DISTRIBUTION} {release(module)} {module.LABEL}"
+        for name, module in found.items()
+    }
+    tasks = [cost_rss(9), cost_rss(12), mixed_process(), rv_backlash()]
+    results: Results = defaultdict(list)
+    for place, name, measured in rounds(found, tasks, effort):
+        results[place, name].append(measured)
+    done = len(results[tasks[-1].name, BASE])
+    print(f"Medians of {done} seeds; at most {effort.evaluations:,} evaluations and "
+          f"{effort.seconds:g} CPU s a run; one thread.")  # fmt: skip
+    for task in tasks:
+        print(table(task, results, labels))
+    for name, reason in missing.items():
+        print(f"\n{name}: not run ({reason})")
+
+
+if __name__ == "__main__":
+    main()
