@@ -60,7 +60,9 @@ class TestAGEMOEA2(AlgorithmContract):
 
 
 def test_tied_problem_is_one() -> None:
-    g = search(RvBacklash(TIED), RandomSearch(), Budget(evaluations=200), seed=0).g
+    problem = RvBacklash(TIED)
+    x = np.random.default_rng(0).uniform(problem.xl, problem.xu, (200, problem.n_var))
+    g = np.asarray(problem.evaluate(x, return_values_of=["G"]))
     assert np.all(g.max(axis=1) > 0.0)
     assert len(np.unique(np.maximum(g, 0.0).sum(axis=1))) == 1
 
@@ -77,15 +79,15 @@ def test_nothing_is_drawn_without_a_seed(
 
     monkeypatch.setattr(np.random, "default_rng", seeded)
     problem = RvBacklash(given)
-    runs = [search(problem, settings, Budget(generations=6), seed=4).x for _ in range(2)]
+    runs = [last_population(settings, problem) for _ in range(2)]
     np.testing.assert_array_equal(runs[0], runs[1])
 
 
 OTHER_PROCESS = """
 import sys
+from pymoo.core.evaluator import Evaluator
+from pymoo.core.termination import NoTermination
 from tolevo.algorithms.nsga3 import NSGA3
-from tolevo.algorithms.search import search
-from tolevo.algorithms.settings import Budget
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting
 tied = Settings(
@@ -93,14 +95,21 @@ tied = Settings(
     variables={"dr_rp_mm": VariableSetting(value=-0.04), "dr_p_mm": VariableSetting(value=-0.07)},
     limits={"radial_gap_mm": Bound(low=0.04)},
 )
-x = search(RvBacklash(tied), NSGA3(20), Budget(generations=6), seed=4).x
-sys.stdout.buffer.write(x.tobytes())
+problem = RvBacklash(tied)
+algorithm = NSGA3(20).build(problem)
+algorithm.setup(problem, seed=4, termination=NoTermination())
+for _ in range(6):
+    asked = algorithm.ask()
+    Evaluator().eval(problem, asked)
+    algorithm.tell(infills=asked)
+sys.stdout.buffer.write(algorithm.pop.get("X").tobytes())
 """
 
 
 def test_nsga3_repeats_in_another_process_on_ties() -> None:
     other = subprocess.run([sys.executable, "-c", OTHER_PROCESS], capture_output=True, check=True)
-    here = search(RvBacklash(TIED), NSGA3(20), Budget(generations=6), seed=4).x
+    here = last_population(NSGA3(20), RvBacklash(TIED))
+    assert len(here) == 20
     assert other.stdout == here.tobytes()
 
 
@@ -116,6 +125,12 @@ def advanced(algorithm: Any, problem: Any, generations: int) -> Any:
         Evaluator().eval(problem, asked)
         algorithm.tell(infills=asked)
     return algorithm
+
+
+def last_population(settings: AlgorithmSettings, problem: Any) -> np.ndarray:
+    """X (n, variables) after six generations."""
+    algorithm = advanced(started(settings, problem, seed=4), problem, 6)
+    return np.asarray(algorithm.pop.get("X"))
 
 
 def continued(algorithm: Any, settings: AlgorithmSettings, problem: Any) -> Any:
