@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, minimize
 
 from .combination import Combination, Solved
+from .slsqp import ascend, slsqp
 
 Array = NDArray[np.float64]
 GAP = 1e-10
@@ -41,40 +41,29 @@ class Programme:
 
     def _solved(self, limit: Array, start: Array) -> tuple[Array, Array]:
         """Tolerances (features,) that keep the limits, and multipliers (r,)."""
-        c, scale = self.combination, np.where(limit != 0.0, np.abs(limit), 1.0)
-        movable = c.low < c.high
+        c, movable = self.combination, self.combination.low < self.combination.high
+        if not np.any(movable):
+            return c.low, np.zeros(len(limit))
+        scale = np.where(limit != 0.0, np.abs(limit), 1.0)
+        unit = float(c.cost(c.low[None, :])[0] - c.cost(c.high[None, :])[0]) or 1.0
 
         def whole(x: Array) -> Array:
             t = c.low.copy()
             t[movable] = np.clip(np.exp(x), c.low[movable], c.high[movable])
             return t[None, :]
 
-        if not np.any(movable):
-            return c.low, np.zeros(len(limit))
-        unit = float(c.cost(c.low[None, :])[0] - c.cost(c.high[None, :])[0]) or 1.0
-
-        def margin(x: Array) -> Array:
-            return np.asarray((limit - c.values(whole(x))[0]) / scale)
-
-        def margin_slopes(x: Array) -> Array:
+        def cost(x: Array) -> tuple[float, Array]:
             t = whole(x)
-            return np.asarray(-(c.gradients(t)[0] * t)[:, movable] / scale[:, None])
+            return float(c.cost(t)[0]) / unit, (c.slopes(t) * t)[0, movable] / unit
 
-        def cost_slopes(x: Array) -> Array:
+        def margins(x: Array) -> tuple[Array, Array]:
             t = whole(x)
-            return np.asarray((c.slopes(t) * t)[0, movable] / unit)
+            slopes = (c.gradients(t)[0] * t)[:, movable]
+            return (limit - c.values(t)[0]) / scale, -slopes / scale[:, None]
 
-        found = minimize(  # type: ignore[call-overload]
-            lambda x: float(c.cost(whole(x))[0]) / unit,
-            np.log(start[movable]),
-            jac=cost_slopes,
-            bounds=Bounds(np.log(c.low[movable]), np.log(c.high[movable])),
-            constraints=[{"type": "ineq", "fun": margin, "jac": margin_slopes}],
-            method="SLSQP",
-            options={"ftol": 1e-15, "maxiter": 500},
-        )
-        price = np.maximum(np.asarray(found.multipliers), 0.0) * unit / scale
-        return self._kept(whole(found.x)[0], limit), price
+        ends = np.log(c.low[movable]), np.log(c.high[movable])
+        found = slsqp(cost, margins, np.log(start[movable]), *ends, 1e-15, 500)
+        return self._kept(whole(found.x)[0], limit), found.multiplier * unit / scale
 
     def _kept(self, t: Array, limit: Array) -> Array:
         """The point nearest to t on the way from the tightest corner that keeps the limits."""
@@ -99,11 +88,5 @@ class Programme:
         if cost - found <= GAP * abs(cost):
             return found, multiplier
         unit = np.where(multiplier > 0.0, multiplier, max(float(multiplier.max()), 1e-9) * 1e-3)
-        result = minimize(  # type: ignore[call-overload]
-            lambda y: -bound(y * unit) / abs(cost),
-            multiplier / unit,
-            bounds=Bounds(np.zeros(len(limit)), np.full(len(limit), np.inf)),
-            method="L-BFGS-B",
-        )
-        better = np.asarray(result.x * unit)
+        better = unit * ascend(lambda y: bound(y * unit) / abs(cost), multiplier / unit)
         return max((found, multiplier), (bound(better), better), key=lambda pair: pair[0])

@@ -1,10 +1,11 @@
 """The convex form of the geometric backlash, against designs that keep all limits."""
 
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy import optimize
 
 from tolevo.algorithms.exact.bounds import proof
 from tolevo.models.inputs import Normal
@@ -13,6 +14,8 @@ from tolevo.problems.settings import Bound, PropagationSetting, Settings, Variab
 
 OBJECTIVES = ("cost", "backlash_geometric_arcmin")
 MOMENTS = PropagationSetting(method="moments")
+
+minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
 
 
 def problem_of(**kwargs: object) -> RvBacklash:
@@ -71,7 +74,7 @@ def local_optimum(problem: RvBacklash, grade: int, limit: float) -> float:
         design = whole(y)
         return np.asarray((problem.gradient(design)[name] * design)[0, moving])
 
-    found = minimize(  # type: ignore[call-overload]
+    found = minimize(
         value,
         np.log(start[moving] * 1.5),
         args=("cost",),

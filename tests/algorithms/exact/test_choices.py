@@ -1,15 +1,18 @@
 """Alternative ways of making a part: branch and bound against enumeration by another solver."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy import optimize
 
 from tolevo.algorithms.exact import choices
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
+
+minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
 
 
 def mixed(ways: tuple[int, ...], shift: float = 0.0, seed: int = 0) -> Form:
@@ -38,7 +41,7 @@ def by_enumeration(form: Form, limit: float) -> float:
         b = np.array([w.curve.b for w in chosen])  # type: ignore[attr-defined]
         if m @ low + np.linalg.norm(a * low) > limit:
             continue
-        found = minimize(  # type: ignore[call-overload]
+        found = minimize(
             lambda x, b=b: np.sum(b / np.exp(x)),
             np.log(low),
             bounds=np.log(np.stack([low, high], axis=1)),

@@ -1,8 +1,10 @@
 """Several requirements and correlations: another solver, and the bound at random points."""
 
+from typing import Any
+
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy import optimize
 
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.combination import Combination
@@ -12,6 +14,8 @@ from tolevo.models.costs import ReciprocalPower
 from tolevo.problems.forms import Feature, Form, Way
 
 LOW, HIGH = 0.005, 2.0
+
+minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
 
 
 def form_of(n: int, rows: int, shift: float = 0.0, correlated: bool = False, seed: int = 0) -> Form:
@@ -61,7 +65,7 @@ def test_optimum_is_that_of_a_trust_region_method(
     limits = limits_of(form)
     found = least_cost(form, limits)
     curves = [feature.ways[0].curve for feature in form.features]
-    other = minimize(  # type: ignore[call-overload]
+    other = minimize(
         lambda t: sum(float(c.cost(t[i : i + 1])[0]) for i, c in enumerate(curves)),
         np.full(n, 0.01),
         bounds=[(LOW, HIGH)] * n,
