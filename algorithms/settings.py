@@ -46,6 +46,8 @@ class AlgorithmSettings(ABC):
 
     many_objectives: ClassVar[bool]
     """Whether it returns a front; else it takes exactly one objective."""
+    one_objective: ClassVar[bool] = False
+    """Whether one that returns fronts takes a single objective as well."""
     array_engine: ClassVar[bool] = False
     """Whether `engine` builds an array engine of it."""
     state: ClassVar[tuple[str, ...]] = ()

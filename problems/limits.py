@@ -46,6 +46,15 @@ class Limit:
             found.append((value - self.high) / self._by(self.high))
         return found
 
+    def slopes(self) -> list[float]:
+        """Derivative of each column of `violations` by the value."""
+        found = []
+        if np.isfinite(self.low):
+            found.append(-1.0 / self._by(self.low))
+        if np.isfinite(self.high):
+            found.append(1.0 / self._by(self.high))
+        return found
+
     def margins(self, value: Array) -> dict[str, Array]:
         """Distance to the nearest bound in the unit of the output, negative where broken."""
         if not self.count:

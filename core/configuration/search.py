@@ -23,14 +23,15 @@ def read_algorithm(section: Section, objectives: int) -> tuple[str, AlgorithmSet
     kind = None if _refused(section) else load_named(section, "name", "algorithms", name)
     name = section.take("name") or name
     section.known(["engine"])
-    section.integer("points", Range(low=2))
+    if kind is None or "points" not in {field.name for field in fields(kind)}:
+        section.integer("points", Range(low=2))  # of the exact front, whatever algorithm runs
     section.known(field.name for field in fields(Budget))
     if kind is None:  # the settings of an unknown algorithm cannot be judged
         return name, None
     if not kind.many_objectives and objectives != 1:
         section.fault("name", f"{name} takes exactly one objective, [objectives] minimise names "
                       f"{objectives}")  # fmt: skip
-    elif kind.many_objectives and objectives == 1:
+    elif kind.many_objectives and not kind.one_objective and objectives == 1:
         section.fault("name", f"{name} needs two or more objectives, got 1: use ga")
     algorithm = _instance(section, kind)
     for fault in algorithm.faults(objectives):

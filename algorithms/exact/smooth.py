@@ -1,0 +1,112 @@
+"""A problem as SLSQP sees it: scaled coordinates, values and derivatives at one design."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.tolerance_problem import ToleranceProblem
+from ..run import Run
+
+Array = NDArray[np.float64]
+STEP = 1e-4
+"""Finite difference in scaled coordinates: above the noise of a propagation, below its bends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Objectives (m,), constraints (k,) and their derivatives (m, n), (k, n) in y at y (n,)."""
+
+    y: Array
+    f: Array
+    g: Array
+    df: Array
+    dg: Array
+
+
+@dataclass(eq=False)
+class Smooth:
+    """The continuous variables of a problem at fixed integers `x`, scaled to y in [0, 1].
+
+    A tolerance above zero is scaled by its logarithm. Derivatives come from the model where it
+    gives them for all objectives and limits, else from one batch of forward differences.
+    """
+
+    run: Run
+    x: Array
+    last: Point | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        problem = self.run.problem
+        self.moving = np.array([not v.integer for v in problem.free])
+        self.low, self.high = problem.xl[self.moving], problem.xu[self.moving]
+        kinds = [v.tolerance for v in problem.free if not v.integer]
+        self.log = np.array(kinds, dtype=bool) & (self.low > 0.0)
+        names = {*problem.objectives, *(limit.name for limit in problem.limits)}
+        known = {*problem.gradient(problem.complete(self.x[None, :])), *problem.names}
+        self.analytic = names <= known
+
+    @property
+    def size(self) -> int:
+        """Number of scaled coordinates."""
+        return int(self.moving.sum())
+
+    def vectors(self, y: Array) -> Array:
+        """Search vectors (n, variables) of scaled coordinates (n, size)."""
+        y = np.clip(y, 0.0, 1.0)
+        low, high = np.where(self.log, self.low, 1.0), np.where(self.log, self.high, 2.0)
+        values = np.where(self.log, low * (high / low) ** y, self.low + (self.high - self.low) * y)
+        x = np.tile(self.x, (len(y), 1))
+        x[:, self.moving] = np.clip(values, self.low, self.high)
+        return x
+
+    def scaled(self, x: Array) -> Array:
+        """Scaled coordinates (n, size) of search vectors (n, variables)."""
+        t = x[:, self.moving]
+        low, high = np.where(self.log, self.low, 1.0), np.where(self.log, self.high, 2.0)
+        logs = np.log(np.where(self.log, t, 1.0) / low) / np.log(high / low)
+        return np.clip(np.where(self.log, logs, (t - self.low) / (self.high - self.low)), 0.0, 1.0)
+
+    def at(self, y: Array) -> Point:
+        """Values and derivatives at y (size,); asked twice for one y, it evaluates once."""
+        if self.last is None or not np.array_equal(self.last.y, y):
+            self.last = self._exact(y) if self.analytic else self._differences(y)
+        return self.last
+
+    def _exact(self, y: Array) -> Point:
+        problem, x = self.run.problem, self.vectors(y[None, :])
+        f, g = self.run.evaluate(x)
+        designs = problem.complete(x)
+        slopes = problem.gradient(designs)
+        slopes |= {name: unit for name, unit in _units(problem).items() if name not in slopes}
+        columns = [problem.names.index(v.name) for v in problem.free if not v.integer]
+        width = self.high - self.low
+        rate = np.where(self.log, x[0, self.moving] * np.log(_ratio(self)), width)
+        df = np.stack([slopes[name][0, columns] * rate for name in problem.objectives])
+        rows = [
+            sign * slopes[limit.name][0, columns] * rate
+            for limit in problem.limits
+            for sign in limit.slopes()
+        ]
+        return Point(y.copy(), f[0], g[0], df, np.array(rows).reshape(len(g[0]), len(y)))
+
+    def _differences(self, y: Array) -> Point:
+        step = np.where(y > 0.5, -STEP, STEP)
+        points = np.vstack([y, y + np.diag(step)])
+        f, g = self.run.evaluate(self.vectors(points))
+        df, dg = ((value[1:] - value[0]).T / step for value in (f, g))
+        return Point(y.copy(), f[0], g[0], df, dg)
+
+
+def _ratio(smooth: Smooth) -> Array:
+    return np.asarray(
+        np.where(smooth.log, smooth.high / np.where(smooth.log, smooth.low, 1.0), 1.0)
+    )
+
+
+def _units(problem: ToleranceProblem) -> dict[str, Array]:
+    """Derivatives (1, all variables) of the variables themselves, which may be limited too."""
+    unit = np.eye(len(problem.names))
+    return {name: unit[at][None, :] for at, name in enumerate(problem.names)}

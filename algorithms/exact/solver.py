@@ -1,0 +1,82 @@
+"""`exact`: the front in closed form where the problem has one, else by epsilon-constraints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.forms import Form
+from ...problems.tolerance_problem import ToleranceProblem
+from ..run import Run
+from ..settings import Solver
+from .bounds import reason, restricted, upper_limit
+from .choices import least_cost
+from .designs import search_vectors
+from .epsilon import epsilon_front
+from .front import front
+
+Array = NDArray[np.float64]
+TIGHTER = 1e-12
+"""Relative tightening of a limit, so that rounding does not break it."""
+CORRECTIONS = 6
+"""Times a limit is moved by what a form understates."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exact(Solver):
+    """Exact front: Lagrange (Karush, Kuhn & Tucker) and branch and bound, else SLSQP."""
+
+    many_objectives: ClassVar[bool] = True
+    one_objective: ClassVar[bool] = True
+    points: int = field(default=1000, metadata={"low": 2})
+
+    def solve(self, run: Run) -> None:
+        form = closed_form(run.problem)
+        if form is None:
+            epsilon_front(run, self.points)
+            return
+        run.phase("closed form", 0.5)
+        run.evaluate(exact_vectors(run.problem, form, self.points))
+
+
+def closed_form(problem: ToleranceProblem) -> Form | None:
+    """The form, restricted to what the problem asks of it; None where it leaves something out."""
+    form = problem.form()
+    if form is None or form.relaxed or reason(problem, form):
+        return None
+    asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
+    used = np.array([name in asked for name in form.outputs])
+    if not np.any(used):
+        return None
+    return restricted(form, used)
+
+
+def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
+    """Search vectors (k, variables) of the exact front, or of the one least cost."""
+    upper = np.array([upper_limit(problem, name) for name in form.outputs])
+    upper = upper - TIGHTER * np.abs(upper)
+    if problem.n_obj == 1:
+        return _cheapest(problem, form, upper)
+    return search_vectors(problem, form, front(form, points, upper))
+
+
+def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
+    """The search vector (at most one) of least cost that keeps the limits.
+
+    A form that understates the outputs is asked again with limits moved by as much.
+    """
+    limit = upper.copy()
+    for _ in range(CORRECTIONS):
+        x = search_vectors(problem, form, least_cost(form, limit[None, :]))
+        if form.exact or not len(x):
+            return x
+        designs = problem.complete(x)
+        found = problem.outputs_of(designs)
+        excess = np.array([problem.values(designs, found, n)[0] for n in form.outputs]) - upper
+        if np.all(excess <= 0.0):
+            return x
+        limit = limit - np.maximum(excess, 0.0) * (1.0 + 1e-3)
+    return x
