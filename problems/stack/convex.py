@@ -46,7 +46,7 @@ def form_of(stack: Stack) -> Form | None:
         offset=linear[:, settled] @ t[settled],
         constant=np.array([_square(one, t, correlation, settled) for one in spread]),
         statement=_statement(method),
-        base=sum(_fixed_cost(part) for part, out in zip(parts, settled, strict=True) if out),
+        base=float(sum(_fixed_cost(p) for p, out in zip(parts, settled, strict=True) if out)),
         correlation=None if independent else within,
         relaxed=_left_out(stack, rows),
     )

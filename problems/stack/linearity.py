@@ -23,7 +23,7 @@ ERRORS = 3.0
 def linearity_warnings(
     mechanism: Mechanism, linear: Linear, t: Array, where: str, unit: str, sample: Sample
 ) -> tuple[str, ...]:
-    """A sentence for each limit at which the linear model misleads, at one design t (p,).
+    """What the linear model gets wrong, in a sentence, at one design t (p,).
 
     The limits are those of the requirement, where there are some, and the linear mean +- the root
     sum square, beyond which 0.27 % are promised.
@@ -41,10 +41,10 @@ def linearity_warnings(
         low, high = ((bound - mean) / (rss / SIGMAS) for bound in (lower, upper))
         promised = 100.0 * float(ndtr(low) + ndtr(-high))
         within, error = yield_percent(replace(mechanism, lower=lower, upper=upper), design, sample)
-        actual, error_at = 100.0 - float(within[0]), float(error[0])
-        if abs(actual - promised) > max(LEAST, ERRORS * error_at, RELATIVE * promised):
+        actual, doubt = 100.0 - float(within[0]), float(error[0])
+        if abs(actual - promised) > max(LEAST, ERRORS * doubt, RELATIVE * promised):
             found.append(
-                f"the linear model misleads {where}: it promises {promised:.2g} % outside {name}, "
-                f"the formula itself gives {actual:.3g} % (standard error {error_at:.1g} %)"
+                f"outside {name} it promises {promised:.2g} %, the formula itself gives "
+                f"{actual:.3g} % (standard error {doubt:.1g} %)"
             )
-    return tuple(found)
+    return (f"the linear model misleads {where}: {'; '.join(found)}",) if found else ()
