@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...declarations import Assumption, Output, Parameter, Variable
 from ...errors import Fault, ModelError
 from ...models.costs import CostCurve
+from ...models.inputs import Normal
 from ...models.stack import Linear, Sample, half_width, linearised, yield_percent
 from ...section import Section
 from ..forms import Form
@@ -20,7 +21,7 @@ from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from .assumptions import assumptions_of
 from .convex import form_of
-from .definition import Definition, Part
+from .definition import Definition, Part, Process
 from .linearity import linearity_warnings
 from .outputs import OBJECTIVES, outputs_of, variables_of
 from .reading import read_definition
@@ -72,14 +73,15 @@ class Stack(ToleranceProblem):
 
     @classmethod
     def configured(cls, top: Section) -> Any:
-        """The stack of `[requirement]`, `[[part]]` and `[[correlation]]`."""
+        """The stack of `[requirement]`, `[[part]]` and `[[correlation]]`, faulty or not."""
         faults: list[Fault] = []
         parts, requirement, definition = read_definition(top, faults)
         for fault in faults:
             top.fault(fault.place, fault.message)
-        known = [part for part in parts if part is not None]
-        if len(known) < len(parts) or not parts:
-            return None
+        known = [
+            part or _stand_in(table, at)
+            for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
+        ]
         return StackKind(definition, variables_of(known), outputs_of(requirement, known))
 
     def tables(self) -> dict[str, Any]:
@@ -344,6 +346,14 @@ class Stack(ToleranceProblem):
             return high, "at the loosest tolerances"
         rows = np.flatnonzero(kept)
         return line[rows[-1]], f"at a variation of {values['rss'][rows[-1]]:.4g} (rss)"
+
+
+def _stand_in(table: Mapping[str, Any], at: int) -> Part:
+    """A part with the names of a faulty one, so that the other tables can be judged."""
+    name = table.get("name")
+    processes = (Process(0.0, 1.0), Process(0.0, 1.0))
+    return Part(name if isinstance(name, str) else f"part_{at}", "", processes, Normal(),
+                alternatives="process" in table)  # fmt: skip
 
 
 def _ends(part: Part) -> tuple[Array, Array]:
