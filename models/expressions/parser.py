@@ -1,10 +1,10 @@
 """From the text of a formula to its tree. Nothing is ever executed: the grammar is all there is.
 
-    sum     = product {("+" | "-") product}
-    product = sign {("*" | "/") sign}
-    sign    = ("-" | "+") sign | power
-    power   = atom ["**" sign]
-    atom    = number | name | function "(" sum {"," sum} ")" | "(" sum ")"
+sum     = product {("+" | "-") product}
+product = sign {("*" | "/") sign}
+sign    = ("-" | "+") sign | power
+power   = atom ["**" sign]
+atom    = number | name | function "(" sum {"," sum} ")" | "(" sum ")"
 """
 
 from __future__ import annotations

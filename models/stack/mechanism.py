@@ -54,7 +54,7 @@ class Mechanism:
         return bool(np.isfinite(self.lower) or np.isfinite(self.upper))
 
     def values(self, t: Array, z: Array) -> Array:
-        """y (n, m) of n designs t (n, p) at the deviations z (k, m), NaN where it is not defined."""
+        """y (n, m) of n designs t (n, p) at the deviations z (k, m), NaN where there is none."""
         wide = t[:, self.owners]
         if self.formula is None or self.mids is None or self.scale is None:
             return np.asarray(self.centre + (wide * self.sensitivities) @ z)

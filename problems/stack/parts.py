@@ -89,7 +89,9 @@ def _name(section: Section) -> str | None:
             section.fault("name", "is missing: name the part")
         return None
     if not _NAME.fullmatch(name):
-        section.fault("name", f'must be letters, digits and _, and begin with a letter, got "{name}"')
+        section.fault(
+            "name", f'must be letters, digits and _, and begin with a letter, got "{name}"'
+        )
         return None
     if name in FUNCTIONS or name in CONSTANTS:
         section.fault("name", f"{name} means something in formulas; choose another name")
@@ -120,7 +122,9 @@ def _duplicates(parts: Sequence[Part]) -> list[Fault]:
     for part in parts:
         for piece in dict.fromkeys((part.name, *part.pieces)):
             if piece in owners:
-                text = f'"{piece}" is already a name of part {owners[piece]}; rename part {part.name}'
+                text = (
+                    f'"{piece}" is already a name of part {owners[piece]}; rename part {part.name}'
+                )
                 found.append(Fault("part", text))
             owners[piece] = part.name
     return found

@@ -57,8 +57,8 @@ class Stack(ToleranceProblem):
     """
 
     parameters = ()
-    default_costs: Mapping[str, CostCurve] = {}  # noqa: RUF012
-    default_limits: Mapping[str, Bound] = {}  # noqa: RUF012
+    default_costs: Mapping[str, CostCurve] = {}
+    default_limits: Mapping[str, Bound] = {}
     default_objectives = OBJECTIVES
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -258,7 +258,10 @@ class Stack(ToleranceProblem):
         low, high = self._ends_of_t
         adding = np.maximum(self.linear.covariance, 0.0)
         taking = np.minimum(self.linear.covariance, 0.0)
-        ends = (low @ adding @ low + high @ taking @ high, high @ adding @ high + low @ taking @ low)
+        ends = (
+            low @ adding @ low + high @ taking @ high,
+            high @ adding @ high + low @ taking @ low,
+        )
         least, most = 3.0 * np.sqrt(np.maximum(ends, 0.0))
         return float(least), float(most)
 

@@ -121,7 +121,9 @@ def _either(requirement: Requirement, top: Section, parts: list[Part | None]) ->
     """A formula, or a sensitivity for every part, never both."""
     tables = [table for table in top.tables("part")]
     given = ["sensitivity" in table for table in tables]
-    names = [f" (part {name})" if isinstance(name := table.get("name"), str) else "" for table in tables]
+    names = [
+        f" (part {name})" if isinstance(name := table.get("name"), str) else "" for table in tables
+    ]
     if requirement.formula:
         text = "is given beside requirement.formula: keep one of them"
         return [Fault(f"part[{at}].sensitivity", text + names[at])

@@ -148,9 +148,7 @@ def _limits(text: str) -> Zone:
     return found
 
 
-def _standard(
-    key: str, text: str, unit: str, nominal: float | None
-) -> tuple[Zone, dict[str, Any]]:
+def _standard(key: str, text: str, unit: str, nominal: float | None) -> tuple[Zone, dict[str, Any]]:
     """The zone of an ISO 286 grade (symmetric) or fit, in the unit of the part.
 
     Raises ValueError where the table has none.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from tolevo.models.iso286 import GRADES, UNVERIFIED, Fit, grade_um, zone
@@ -19,8 +21,8 @@ def test_grades_of_iso_286_1(grade: str, size: float, width: float) -> None:
 def test_widths_rise_with_grade_and_size() -> None:
     sizes = [1.0, 5.0, 8.0, 15.0, 25.0, 40.0, 70.0, 100.0, 150.0, 200.0, 300.0, 350.0, 450.0]
     table = [[grade_um(grade, size) for size in sizes] for grade in GRADES]
-    assert all(a <= b for row in table for a, b in zip(row, row[1:], strict=False))
-    assert all(a < b for low, high in zip(table, table[1:], strict=False)
+    assert all(a <= b for row in table for a, b in pairwise(row))
+    assert all(a < b for low, high in pairwise(table)
                for a, b in zip(low, high, strict=True))  # fmt: skip
 
 
