@@ -218,6 +218,6 @@ class Section:
         return value
 
     def item(self, key: str, at: int, faults: list[Fault] | None = None) -> Section:
-        """The table at place `at` (from 0) of `[[key]]`; its faults may go to a list of their own."""
+        """The table at place `at` (from 0) of `[[key]]`; its faults may go to a list."""
         own = self._faults if faults is None else faults
         return Section(self.tables(key)[at], f"{self.place(key)}[{at}]", own)

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -38,8 +38,8 @@ class ToleranceProblem(Problem):
     parameters: tuple[Parameter, ...]
     variables: tuple[Variable, ...]
     outputs: tuple[Output, ...]
-    default_costs: Mapping[str, CostCurve]
-    default_limits: Mapping[str, Bound]
+    default_costs: ClassVar[Mapping[str, CostCurve]]
+    default_limits: ClassVar[Mapping[str, Bound]]
     default_objectives: tuple[str, ...]
     default_model: str = ""
 

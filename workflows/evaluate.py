@@ -48,7 +48,7 @@ def _numbered(
     variable: Variable, column: pd.Series[str]
 ) -> tuple[pd.Series[float], dict[object, str]]:
     """The numbers that the names of a choice stand for, and what is wrong with them, by row."""
-    numbers = column.map({label: at for at, label in enumerate(variable.labels)})
+    numbers = column.map({label: float(at) for at, label in enumerate(variable.labels)})
     valid = ", ".join(variable.labels)
     bad: dict[object, str] = {
         at: f'must be one of {valid}, got "{name}"{nearest(str(name), variable.labels)}'

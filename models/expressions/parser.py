@@ -67,7 +67,8 @@ def parse(text: str) -> Expression:
 
 
 def _tokens(text: str) -> list[_Token]:
-    found, position = [], 0
+    found: list[_Token] = []
+    position = 0
     while not found or found[-1].kind != "end":
         match = _TOKEN.match(text, position)
         assert match is not None  # "other" takes whatever is left

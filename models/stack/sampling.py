@@ -45,7 +45,7 @@ class Sample:
     @property
     def size(self) -> int:
         """Units in all."""
-        return len(self.deviations) * self.deviations.shape[2]
+        return int(self.deviations[:, 0].size)
 
     def blocks(self, mechanism: Mechanism, t: Array) -> Iterator[tuple[slice, Array]]:
         """Rows of a block of designs, and y (block, replicates, m) of all units of each."""

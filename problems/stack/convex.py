@@ -71,7 +71,8 @@ def _settled(stack: Stack) -> NDArray[np.bool_]:
     """Fixed parts that vary independently of all others."""
     covariance = stack.linear.covariance
     alone = np.count_nonzero(covariance, axis=1) <= 1
-    return np.array([part.fixed for part in stack.definition.parts]) & alone
+    fixed = np.array([part.fixed for part in stack.definition.parts])
+    return np.asarray(fixed & alone)
 
 
 def _square(spread: Array, t: Array, correlation: Array, settled: NDArray[np.bool_]) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,8 +57,8 @@ class Stack(ToleranceProblem):
     """
 
     parameters = ()
-    default_costs: Mapping[str, CostCurve] = {}
-    default_limits: Mapping[str, Bound] = {}
+    default_costs: ClassVar[Mapping[str, CostCurve]] = {}
+    default_limits: ClassVar[Mapping[str, Bound]] = {}
     default_objectives = OBJECTIVES
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -187,7 +187,7 @@ class Stack(ToleranceProblem):
 
     def cost_of(self, designs: Array) -> Array:
         """Sum over parts of count times the cost of the chosen process (n,)."""
-        return self._by_part(designs, slope=False).sum(axis=1)
+        return np.asarray(self._by_part(designs, slope=False).sum(axis=1))
 
     def _by_part(self, designs: Array, slope: bool) -> Array:
         """Cost, or its slope, of each part (n, parts)."""
@@ -277,7 +277,7 @@ class Stack(ToleranceProblem):
         return float(ends[0]), float(ends[1])
 
     def _corner(self, tight: bool) -> Array:
-        """The design with every tolerance at its tightest or loosest, by a process that holds it."""
+        """The design with every tolerance at its tightest or loosest, and a process for it."""
         found = np.zeros(len(self.variables))
         for part in self._parts:
             ends = [p.low if tight else -p.high for p in part.processes]

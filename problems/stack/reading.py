@@ -119,7 +119,7 @@ def _uncorrelated(name: str, owners: dict[str, Part], parts: list[Part]) -> str:
 
 def _either(requirement: Requirement, top: Section, parts: list[Part | None]) -> list[Fault]:
     """A formula, or a sensitivity for every part, never both."""
-    tables = [table for table in top.tables("part")]
+    tables = top.tables("part")
     given = ["sensitivity" in table for table in tables]
     names = [
         f" (part {name})" if isinstance(name := table.get("name"), str) else "" for table in tables

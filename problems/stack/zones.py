@@ -132,9 +132,8 @@ def _fixed(
         return None
     try:
         if key == "limits":
-            found, more = _limits(text), {}
-        else:
-            found, more = _standard(key, text, unit, nominal)
+            return _limits(text), {"stated": {key: text}}
+        found, more = _standard(key, text, unit, nominal)
     except ValueError as error:
         section.fault(key, str(error))
         return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -142,21 +143,20 @@ def test_slsqp_on_outputs_and_gradients_reaches_the_closed_form(
         return float(problem.outputs_of(np.exp(x)[None, :])[name][0])
 
     def slope(name: str, x: np.ndarray) -> np.ndarray:
-        return problem.gradient(np.exp(x)[None, :])[name][0] * np.exp(x)
+        return np.asarray(problem.gradient(np.exp(x)[None, :])[name][0] * np.exp(x))
 
-    found = minimize(
-        lambda x: at("cost", x),
-        np.log(np.full(4, 0.05)),
-        jac=lambda x: slope("cost", x),
-        method="SLSQP",
-        bounds=list(zip(np.log(problem.xl), np.log(problem.xu), strict=True)),
-        constraints={
+    settings: dict[str, Any] = {
+        "jac": lambda x: slope("cost", x),
+        "bounds": list(zip(np.log(problem.xl), np.log(problem.xu), strict=True)),
+        "constraints": {
             "type": "ineq",
             "fun": lambda x: LIMIT - at("variation", x),
             "jac": lambda x: -slope("variation", x),
         },
-        options={"ftol": 1e-12},
-    )
+    }
+    start = np.log(np.full(4, 0.05))
+    solve: Any = minimize  # its stubs know no dictionaries
+    found = solve(lambda x: at("cost", x), start, method="SLSQP", tol=1e-12, **settings)
     assert found.fun == pytest.approx(cost, abs=2e-6)
     np.testing.assert_allclose(np.exp(found.x), lagrange(power, method), rtol=1e-3)
 
@@ -529,7 +529,7 @@ def test_tables_hold_the_names_of_processes() -> None:
     frame = problem.frame(designs)
     assert set(frame["cage_process"]) == {"turned", "ground"}
     np.testing.assert_array_equal(problem.designs_of(frame), designs)
-    again = pd.read_csv(pd.io.common.StringIO(frame.to_csv(index=False)))
+    again = pd.read_csv(StringIO(frame.to_csv(index=False)))
     np.testing.assert_array_equal(problem.designs_of(again), designs)
 
 

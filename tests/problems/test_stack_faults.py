@@ -83,7 +83,7 @@ CASES = [
     ('"b"\nunit = "mm"', '"b"\nunit = "mmm"', "part[1].unit", "(part b)"),
     ("nominal = 30.0\n", "", "part[1].nominal", "the formula needs it (part b)"),
     ("nominal = 30.0", 'nominal = "3 deg"', "part[1].nominal", "unit of mm"),
-    ("nominal = 30.0", "nominal = 30.0\ncount = 0", "part[1].count", "must lie in [1, 1000], got 0 (part b)"),
+    ("nominal = 30.0", "nominal = 30.0\ncount = 0", "part[1].count", "got 0 (part b)"),
     ("nominal = 30.0", "nominal = 30.0\ncount = 2", "requirement.formula", "write b_1, b_2"),
     ("nominal = 30.0", "nominal = 30.0\nsensitivity = 1.0", "part[1].sensitivity", "keep one"),
     ("b = 0.2", "b = -0.2", "part[1].cost.b", "rise with the tolerance), got -0.2 (part b)"),
@@ -135,7 +135,8 @@ def test_fault(old: str, new: str, place: str, words: str, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("table", "place", "words"),
     [
-        ('[[correlation]]\nparts = ["a", "b"]\ncoefficient = 1.5', "correlation[0].coefficient", ""),
+        ('[[correlation]]\nparts = ["a", "b"]\ncoefficient = 1.5',
+         "correlation[0].coefficient", "must lie in [-1, 1]"),
         ('[[correlation]]\nparts = ["a", "x"]\ncoefficient = 0.5', "correlation[0].parts",
          "is not a part"),
         ('[[correlation]]\nparts = ["a"]\ncoefficient = 0.5', "correlation[0].parts", "two"),

@@ -70,12 +70,12 @@ def test_least_cost_of_the_clutch_by_ga(tmp_path: Path) -> None:
             return float(np.sqrt(room - (hub * t_hub) ** 2) / cage)
 
         def slope(t: float) -> float:
-            return 0.75 / (hub**2 * t**3) - b / (cage**2 * share(t) ** 3)
+            return float(0.75 / (hub**2 * t**3) - b / (cage**2 * share(t) ** 3))
 
-        t = brentq(slope, 0.05, 0.999 * np.sqrt(room) / hub)
+        t = float(brentq(slope, 0.05, 0.999 * np.sqrt(room) / hub))
         t_cage = float(np.clip(share(t), low, high))
         t = min(0.25, float(np.sqrt(room - (cage * t_cage) ** 2) / hub))
-        return 3.5 + 0.75 / t + a + b / t_cage
+        return float(3.5 + 0.75 / t + a + b / t_cage)
 
     best = min(cost(6.0, 0.16, 0.15, 0.25), cost(6.5, 0.2, 0.01, 0.15))
     assert found["cost"] == pytest.approx(best, rel=2e-3)
