@@ -264,7 +264,7 @@ class ToleranceProblem(Problem):
             else frame[v.name]
             for v in self.variables
         ]
-        return np.stack([column.to_numpy(dtype=float) for column in columns], axis=1)
+        return np.asarray(np.stack(columns, axis=1), dtype=float)
 
     # ---------------------------------------------------------------- corners
 

@@ -18,7 +18,7 @@ UNVERIFIED = frozenset({"IT01", "IT0", *(f"IT{grade}" for grade in range(13, 19)
 @lru_cache(maxsize=1)
 def _table() -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]]:
     """Upper ends of the size classes [mm], and the tolerances of each grade [um]."""
-    text = (files(__package__) / "it_um.csv").read_text(encoding="utf-8")
+    text = (files("tolevo.models.iso286") / "it_um.csv").read_text(encoding="utf-8")
     header, *rows = csv.reader(text.splitlines())
     ends = tuple(float(cell.removeprefix("<= ").removesuffix(" mm")) for cell in header[1:])
     return ends, {row[0]: tuple(map(float, row[1:])) for row in rows}

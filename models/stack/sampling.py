@@ -13,7 +13,7 @@ from ..propagation import MonteCarlo
 from .mechanism import Mechanism
 
 Array = NDArray[np.float64]
-MEMORY = 2**25
+MEMORY = 2**22
 """Bytes that the pieces of a block of designs may take."""
 
 

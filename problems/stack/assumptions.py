@@ -13,7 +13,7 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
     for part in definition.parts:
         values = {"distribution": type(part.distribution).__name__, "unit": part.unit}
         for key, why in part.assumed.items():
-            value = values.get(key, part.stated.get(key, ""))
+            value = values.get(key) or str(part.stated.get(key, ""))
             found.append(Assumption(f"part.{part.name}.{key}", value, "", why))
     requirement = definition.requirement
     if not requirement.formula and requirement.nominal is None and definition.mechanism.bounded:
