@@ -17,6 +17,7 @@ class Kind(StrEnum):
     FULL_CLEARANCE = "full clearance c of the zone [0, c]"
     GRADE = "tolerance grade"
     NOMINAL = "nominal value"
+    CHOICE = "choice"
 
 
 TOLERANCES = frozenset({Kind.HALF_WIDTH, Kind.STANDARD_DEVIATION, Kind.FULL_CLEARANCE, Kind.GRADE})
@@ -44,7 +45,10 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """A design variable: its search range in `unit`, and the document's own choice."""
+    """A design variable: its search range in `unit`, and the document's own choice.
+
+    `labels` name the values 0, 1, ... of a choice: tables hold the name, designs the number.
+    """
 
     name: str
     unit: str
@@ -59,6 +63,7 @@ class Variable:
     valid_high: float = inf
     assumed: str = ""
     random: bool = False
+    labels: tuple[str, ...] = ()
 
     @property
     def tolerance(self) -> bool:

@@ -201,3 +201,23 @@ class Section:
         if value is not None and not isinstance(value, dict):
             self.fault(key, f"must be a table, got {shown(value)}")
         return Section(value if isinstance(value, dict) else {}, self.place(key), self._faults)
+
+    def collecting(self, key: str, faults: list[Fault]) -> Section:
+        """The table at `key`, whose faults go to a list of their own."""
+        value = self.section(key)
+        return Section(value._table, value._place, faults)
+
+    def tables(self, key: str) -> list[Mapping[str, Any]]:
+        """The tables of an array `[[key]]`, empty where there is none."""
+        value = self.take(key)
+        if value is None:
+            return []
+        if not isinstance(value, list) or not all(isinstance(one, dict) for one in value):
+            self.fault(key, f"must be a list of tables: write [[{key}]]")
+            return []
+        return value
+
+    def item(self, key: str, at: int, faults: list[Fault] | None = None) -> Section:
+        """The table at place `at` (from 0) of `[[key]]`; its faults may go to a list."""
+        own = self._faults if faults is None else faults
+        return Section(self.tables(key)[at], f"{self.place(key)}[{at}]", own)

@@ -23,13 +23,17 @@ class ProblemContract:
 
     problem_type: ClassVar[type[ToleranceProblem]]
 
+    def problem(self) -> ToleranceProblem:
+        """The problem that is tried; override it where the type needs settings."""
+        return self.problem_type()
+
     def _designs(self, count: int = 5) -> tuple[ToleranceProblem, np.ndarray]:
-        problem = self.problem_type()
+        problem = self.problem()
         rng = np.random.default_rng(0)
         return problem, rng.uniform(problem.xl, problem.xu, size=(count, problem.n_var))
 
     def test_bounds_are_finite_and_ordered(self) -> None:
-        problem = self.problem_type()
+        problem = self.problem()
         assert np.all(np.isfinite(problem.xl)) and np.all(problem.xl < problem.xu)
 
     def test_shapes(self) -> None:
@@ -47,7 +51,7 @@ class ProblemContract:
                 np.testing.assert_allclose(one[name][0], values[row], rtol=1e-6, atol=1e-8)
 
     def test_finite_at_all_corners(self) -> None:
-        problem = self.problem_type()
+        problem = self.problem()
         signs = np.random.default_rng(1).integers(0, 2, size=(64, problem.n_var))
         x = np.vstack([problem.xl, problem.xu, np.where(signs == 1, problem.xu, problem.xl)])
         for name, values in problem.outputs_of(problem.complete(x)).items():
@@ -59,12 +63,12 @@ class ProblemContract:
         np.testing.assert_array_equal(again.evaluate(x)[0], problem.evaluate(x)[0])
 
     def test_known_answer_is_a_front_or_none(self) -> None:
-        problem = self.problem_type()
+        problem = self.problem()
         front = problem.exact_front()
         assert front is None or front.shape[1] == problem.n_obj
 
     def test_box_is_a_box(self) -> None:
-        ideal, nadir = self.problem_type().box()
+        ideal, nadir = self.problem().box()
         assert np.all(ideal < nadir)
 
 

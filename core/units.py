@@ -75,3 +75,25 @@ def split_unit(name: str) -> tuple[str, str]:
     """`crank_bearing_um` as ("crank_bearing", "um"); the unit is empty where the name has none."""
     stem, _, last = name.rpartition("_")
     return (stem, last) if stem and last in SUFFIXES else (name, "")
+
+
+def family(unit: str) -> tuple[str, float]:
+    """The base unit that `unit` measures ("meter", "radian", empty for a plain number), and how
+    many of it one is.
+
+    Raises ValueError where the unit is not known, or its zero is not that of the base unit.
+    """
+    from pint.errors import PintError
+
+    if unit in ("", "1"):
+        return "", 1.0
+    try:
+        quantity = _registry().Quantity(1.0, _PINT_NAMES.get(unit, unit))
+        zero = _registry().Quantity(0.0, _PINT_NAMES.get(unit, unit)).to_base_units().magnitude
+    except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
+        raise ValueError(f'"{unit}" is not a unit; write "mm", "um", "rad", "deg", ...') from error
+    if zero != 0.0:
+        raise ValueError(f'"{unit}" has a zero of its own; take an absolute unit')
+    base = quantity.to_base_units()
+    name = str(base.units)
+    return "" if name == "dimensionless" else name, float(base.magnitude)

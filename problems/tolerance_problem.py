@@ -35,13 +35,13 @@ class ToleranceProblem(Problem):
     refused, shapes and finiteness are checked, bounds are never reversed.
     """
 
-    parameters: ClassVar[tuple[Parameter, ...]]
-    variables: ClassVar[tuple[Variable, ...]]
-    outputs: ClassVar[tuple[Output, ...]]
+    parameters: tuple[Parameter, ...]
+    variables: tuple[Variable, ...]
+    outputs: tuple[Output, ...]
     default_costs: ClassVar[Mapping[str, CostCurve]]
     default_limits: ClassVar[Mapping[str, Bound]]
-    default_objectives: ClassVar[tuple[str, ...]]
-    default_model: ClassVar[str] = ""
+    default_objectives: tuple[str, ...]
+    default_model: str = ""
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
@@ -104,6 +104,17 @@ class ToleranceProblem(Problem):
 
     def references(self) -> dict[str, Array]:
         """Allocations that the documents print, by label: full designs (all variables,)."""
+        return {}
+
+    def tables(self) -> dict[str, Any]:
+        """The top-level tables that the problem is written in, where `configured` reads them.
+
+        They take the place of parameters, variables, costs and propagation.
+        """
+        return {}
+
+    def misplaced(self, designs: Array) -> dict[str, dict[int, str]]:
+        """What is wrong with given designs beyond the bounds of each variable: column, row."""
         return {}
 
     def reported(self) -> ToleranceProblem:
@@ -230,15 +241,30 @@ class ToleranceProblem(Problem):
     def frame(self, designs: Array) -> pd.DataFrame:
         """Variables, outputs (at full accuracy) and limit margins of full designs, one row each."""
         found = self.outputs_of(designs)
-        columns = {v.name: self.column(designs, v.name) for v in self.variables}
+        columns: dict[str, Any] = {v.name: self._shown(v, designs) for v in self.variables}
         columns |= {output.name: found[output.name] for output in self.outputs}
         for limit in self.limits:
             columns |= limit.margins(self.values(designs, found, limit.name))
         frame = pd.DataFrame(columns)
-        whole = {v.name: "int64" for v in self.variables if v.integer}
-        frame = frame.astype(whole)
         frame["feasible"] = np.all(self.violations(designs, found) <= 0.0, axis=1)
         return frame
+
+    def _shown(self, variable: Variable, designs: Array) -> Any:
+        """A variable (n,) as tables hold it: whole numbers as such, choices by name."""
+        values = self.column(designs, variable.name)
+        if variable.labels:
+            return np.array(variable.labels, dtype=object)[values.astype(int)]
+        return values.astype(np.int64) if variable.integer else values
+
+    def designs_of(self, frame: pd.DataFrame) -> Array:
+        """Full designs (n, all variables) of a table as `frame` makes it."""
+        columns = [
+            frame[v.name].map({label: at for at, label in enumerate(v.labels)})
+            if v.labels
+            else frame[v.name]
+            for v in self.variables
+        ]
+        return np.asarray(np.stack(columns, axis=1), dtype=float)
 
     # ---------------------------------------------------------------- corners
 

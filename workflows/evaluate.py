@@ -8,7 +8,7 @@ import pandas as pd
 
 from .. import tables
 from ..declarations import Variable
-from ..errors import raise_all
+from ..errors import nearest, raise_all
 from ..problems.tolerance_problem import ToleranceProblem
 
 
@@ -23,16 +23,39 @@ def evaluate(problem: ToleranceProblem, path: Path, out: Path) -> pd.DataFrame:
     given = tables.read(path, place)
     names = [variable.name for variable in problem.variables]
     needed = [name for name in names if name not in problem.fixed]
-    frame, faults = tables.parsed(given, place, needed, names)
+    text = [variable.name for variable in problem.variables if variable.labels]
+    frame, faults = tables.parsed(given, place, needed, names, text)
     for variable in problem.variables:
         if variable.name in frame:
-            bad = _outside(variable, frame[variable.name])
+            if variable.labels:
+                frame[variable.name], bad = _numbered(variable, frame[variable.name])
+            else:
+                bad = _outside(variable, frame[variable.name])
             faults += tables.cell_faults(place, variable.name, bad)
     raise_all(faults)
     frame = frame.assign(**{n: v for n, v in problem.fixed.items() if n not in frame})
-    found = problem.frame(frame[names].to_numpy(dtype=float))
+    designs = frame[names].to_numpy(dtype=float)
+    for name, bad_rows in problem.misplaced(designs).items():
+        bad = {frame.index[row]: why for row, why in bad_rows.items()}
+        faults += tables.cell_faults(place, name, bad)
+    raise_all(faults)
+    found = problem.frame(designs)
     tables.write(found, out)
     return found
+
+
+def _numbered(
+    variable: Variable, column: pd.Series[str]
+) -> tuple[pd.Series[float], dict[object, str]]:
+    """The numbers that the names of a choice stand for, and what is wrong with them, by row."""
+    numbers = column.map({label: float(at) for at, label in enumerate(variable.labels)})
+    valid = ", ".join(variable.labels)
+    bad: dict[object, str] = {
+        at: f'must be one of {valid}, got "{name}"{nearest(str(name), variable.labels)}'
+        for at, name in column[numbers.isna()].items()
+        if name
+    }
+    return numbers, bad
 
 
 def _outside(variable: Variable, column: pd.Series[float]) -> dict[object, str]:

@@ -68,7 +68,7 @@ def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
 
     A form that understates the outputs is asked again with limits moved by as much.
     """
-    limit = upper.copy()
+    limit, x = upper.copy(), np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
         x = search_vectors(problem, form, least_cost(form, limit[None, :]))
         if form.exact or not len(x):

@@ -3,49 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, fields
-from typing import Any
 
 import numpy as np
 
 from ..declarations import Variable
 from ..errors import nearest
-from ..models.costs import CURVES, CostCurve
+from ..models.costs import CostCurve
+from ..models.costs.reading import name_of, read_curve
 from ..problems.settings import VariableSetting
 from ..section import Section
-
-
-def read_curve(section: Section, default: CostCurve | None) -> CostCurve | None:
-    """The curve of one table; without `model` the table changes coefficients of the default."""
-    name = section.text("model", CURVES)
-    base: dict[str, Any] = {}
-    if "model" not in section and default is not None:
-        name = name_of(default)
-        base = asdict(default)  # type: ignore[call-overload]
-    if name is None:
-        if "model" not in section:
-            section.fault("model", f"is missing; one of {', '.join(CURVES)}")
-        return None
-    kind = CURVES[name]
-    keys = [field.name for field in fields(kind)]  # type: ignore[arg-type]
-    given = {key: section.numbers(key) if name == "table" else section.number(key) for key in keys}
-    for key in keys:
-        if key not in section and key not in base:
-            section.fault(key, f"is missing: the cost model {name} needs {', '.join(keys)}")
-    section.finish()
-    stated = base | {key: value for key, value in given.items() if value is not None}
-    if len(stated) < len(keys):
-        return None
-    curve = kind(**stated)
-    faults = curve.faults()
-    for key, message in faults:
-        section.fault(key, message)
-    return None if faults else curve
-
-
-def name_of(curve: CostCurve) -> str:
-    """The configuration name of a curve."""
-    return next(name for name, kind in CURVES.items() if type(curve) is kind)
 
 
 def read_costs(section: Section, defaults: Mapping[str, CostCurve]) -> dict[str, CostCurve]:

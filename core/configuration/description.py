@@ -24,6 +24,9 @@ def describe(configuration: Configuration) -> str:
 
 
 def _variable(variable: Variable, setting: VariableSetting) -> str:
+    if variable.labels:
+        names = [variable.labels[0]] if setting.value is not None else variable.labels
+        return f"  {variable.name}: {' or '.join(names)}; {variable.kind}"
     if setting.value is not None:
         where = f"fixed at {setting.value:g} {variable.unit}"
     else:

@@ -42,7 +42,8 @@ def read_limits(
             section.fault(output.name, f"is the error of {output.error_of} and cannot be limited")
     limitable = [output for output in outputs if not output.error_of]
     found = {output.name: _output_limit(section, output) for output in limitable}
-    found |= {v.name: _limit(section, v.name, v.unit, Range(), False) for v in variables}
+    numeric = [v for v in variables if not v.labels]
+    found |= {v.name: _limit(section, v.name, v.unit, Range(), False) for v in numeric}
     section.finish()
     return {name: bound for name, bound in found.items() if bound is not None}
 

@@ -78,7 +78,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         **({"model": model_name} if model_name else {}),
         "seed": seed,
         "references": references,
-        **resolved_problem(problem.settings, kind.variables),
+        **resolved_problem(problem),
         "algorithm": resolved_algorithm(name, algorithm, budget, engine),
     }
     return Configuration(

@@ -8,22 +8,30 @@ from dataclasses import asdict
 from typing import Any
 
 from ..declarations import Variable
-from ..models.costs import CostCurve
+from ..models.costs.reading import curve_table
 from ..models.inputs import Uniform
 from ..models.inputs.reading import written
-from ..problems.settings import Bound, Settings, VariableSetting
-from .costs import name_of
+from ..problems.settings import Bound, VariableSetting
+from ..problems.tolerance_problem import ToleranceProblem
 
 
-def resolved_problem(settings: Settings, variables: Iterable[Variable]) -> dict[str, Any]:
-    """The tables of a problem from its completed settings."""
+def resolved_problem(problem: ToleranceProblem) -> dict[str, Any]:
+    """The tables of a problem from its completed settings, or those it is written in."""
+    settings = problem.settings
     return {
-        "parameters": dict(settings.parameters),
-        "variables": resolved_variables(settings.variables, variables),
-        "costs": {name: _curve(curve) for name, curve in settings.costs.items()},
-        "propagation": asdict(settings.propagation),
+        **(problem.tables() or _tables(problem)),
         "objectives": {"minimise": list(settings.objectives)},
         "limits": {name: _limit(bound) for name, bound in settings.limits.items()},
+    }
+
+
+def _tables(problem: ToleranceProblem) -> dict[str, Any]:
+    settings = problem.settings
+    return {
+        "parameters": dict(settings.parameters),
+        "variables": resolved_variables(settings.variables, problem.variables),
+        "costs": {name: curve_table(curve) for name, curve in settings.costs.items()},
+        "propagation": asdict(settings.propagation),
     }
 
 
@@ -40,14 +48,6 @@ def _variable(setting: VariableSetting, variable: Variable) -> dict[str, Any]:
     if variable.integer:
         found = {key: int(end) if key != "mid" else end for key, end in found.items()}
     return found | (written(setting.distribution or Uniform()) if variable.random else {})
-
-
-def _curve(curve: CostCurve) -> dict[str, Any]:
-    coefficients: dict[str, Any] = asdict(curve)  # type: ignore[call-overload]
-    return {"model": name_of(curve)} | {
-        key: list(value) if isinstance(value, tuple) else value
-        for key, value in coefficients.items()
-    }
 
 
 def _limit(bound: Bound) -> dict[str, float]:

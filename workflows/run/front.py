@@ -79,7 +79,8 @@ def with_references(
     kept = nondominated(merged[names].to_numpy())
     joined = int(kept[len(front) :].sum())
     merged = merged[kept].sort_values(names, kind="stable").reset_index(drop=True)
-    merged = merged.astype({v.name: "int64" for v in problem.variables if v.integer})
+    whole = {v.name: "int64" for v in problem.variables if v.integer and not v.labels}
+    merged = merged.astype(whole)
     merged["knee"] = knee(merged[names].to_numpy())
     return merged, len(front) - int(kept[: len(front)].sum()), joined
 
@@ -88,5 +89,6 @@ def _inside(references: pd.DataFrame, problem: ToleranceProblem) -> NDArray[np.b
     """Which rows lie in the search ranges and have the fixed values."""
     bounds = {v.name: (problem.xl[i], problem.xu[i]) for i, v in enumerate(problem.free)}
     bounds |= {name: (value, value) for name, value in problem.fixed.items()}
-    within = [references[name].between(low, high) for name, (low, high) in bounds.items()]
-    return np.asarray(np.all(within, axis=0), dtype=bool)
+    designs = problem.designs_of(references)
+    low, high = np.array([bounds[name] for name in problem.names]).T
+    return np.asarray(np.all((designs >= low) & (designs <= high), axis=1))

@@ -103,7 +103,7 @@ def table(
     frames = [printed] if len(printed) else []
     for side, front in fronts.items():
         if not side.relaxed and front is not None and len(front):
-            row = plan.problem.reported().frame(front[plan.problem.names].to_numpy()[:1])
+            row = plan.problem.reported().frame(plan.problem.designs_of(front.iloc[:1]))
             row.insert(0, "label", side.label)
             frames.append(row)
     if not frames:

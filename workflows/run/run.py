@@ -13,6 +13,7 @@ from pathlib import Path
 import pandas as pd
 
 from ...algorithms.search import Progress, SearchResult, search
+from ...errors import refuse
 from ...files import write_text
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult
@@ -35,7 +36,11 @@ def run(
 
     The result does not depend on `workers`: side searches have seeds of their own and run in other
     processes where there are some. An interrupt ends the search; what was found is written.
+    Raises InputError where nothing is free to be searched.
     """
+    if not plan.problem.free:
+        text = "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`"
+        raise refuse("problem", text)
     checkpoint = opened(plan, out, resume)
     start, anew = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
     printed = documents(plan.problem) if plan.references else pd.DataFrame()

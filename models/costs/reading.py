@@ -1,0 +1,51 @@
+"""Cost curves from and to the tables of a configuration."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, fields
+from typing import Any
+
+from ...section import Section
+from . import CURVES, CostCurve
+
+
+def read_curve(section: Section, default: CostCurve | None = None) -> CostCurve | None:
+    """The curve of one table; without `model` the table changes coefficients of the default."""
+    name = section.text("model", CURVES)
+    base: dict[str, Any] = {}
+    if "model" not in section and default is not None:
+        name = name_of(default)
+        base = asdict(default)  # type: ignore[call-overload]
+    if name is None:
+        if "model" not in section:
+            section.fault("model", f"is missing; one of {', '.join(CURVES)}")
+        return None
+    kind = CURVES[name]
+    keys = [field.name for field in fields(kind)]  # type: ignore[arg-type]
+    given = {key: section.numbers(key) if name == "table" else section.number(key) for key in keys}
+    for key in keys:
+        if key not in section and key not in base:
+            section.fault(key, f"is missing: the cost model {name} needs {', '.join(keys)}")
+    section.finish()
+    stated = base | {key: value for key, value in given.items() if value is not None}
+    if len(stated) < len(keys):
+        return None
+    curve = kind(**stated)
+    faults = curve.faults()
+    for key, message in faults:
+        section.fault(key, message)
+    return None if faults else curve
+
+
+def name_of(curve: CostCurve) -> str:
+    """The configuration name of a curve."""
+    return next(name for name, kind in CURVES.items() if type(curve) is kind)
+
+
+def curve_table(curve: CostCurve) -> dict[str, Any]:
+    """The table that states a curve."""
+    coefficients: dict[str, Any] = asdict(curve)  # type: ignore[call-overload]
+    return {"model": name_of(curve)} | {
+        key: list(value) if isinstance(value, tuple) else value
+        for key, value in coefficients.items()
+    }

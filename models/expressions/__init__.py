@@ -1,0 +1,9 @@
+"""Formulas: parsed to an expression tree, evaluated and differentiated over batches."""
+
+from __future__ import annotations
+
+from .formula import Formula
+from .functions import CONSTANTS, FUNCTIONS
+from .parser import FormulaError
+
+__all__ = ["CONSTANTS", "FUNCTIONS", "Formula", "FormulaError"]

@@ -1,0 +1,196 @@
+"""From the text of a formula to its tree. Nothing is ever executed: the grammar is all there is.
+
+sum     = product {("+" | "-") product}
+product = sign {("*" | "/") sign}
+sign    = ("-" | "+") sign | power
+power   = atom ["**" sign]
+atom    = number | name | function "(" sum {"," sum} ")" | "(" sum ")"
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from ...errors import nearest
+from .functions import CONSTANTS, FUNCTIONS
+from .tree import Call, Expression, Name, Negative, Number, Operation
+
+LONGEST = 4000
+"""Characters of a formula."""
+NESTED = 60
+"""Levels of parentheses, signs and powers within each other."""
+DEEPEST = 200
+"""Nodes of the tree on the longest way down (a sum of 200 terms)."""
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*)"
+    r"|(?P<sign>\*\*|[-+*/(),])|(?P<end>$)|(?P<other>\S))",
+    re.ASCII,
+)
+_REMEDIES = {
+    "^": "write a power as **",
+    ".": "attributes are not part of a formula",
+    "'": "text is not part of a formula",
+    '"': "text is not part of a formula",
+    "=": "a formula is the right-hand side alone",
+    "[": "indices are not part of a formula",
+}
+
+
+class FormulaError(ValueError):
+    """A text that is not a formula: the column (from 1) and what is wrong there."""
+
+    def __init__(self, column: int, message: str) -> None:
+        self.column = column
+        super().__init__(f"column {column}: {message}")
+
+
+@dataclass(frozen=True, slots=True)
+class _Token:
+    kind: str
+    text: str
+    at: int
+
+
+def parse(text: str) -> Expression:
+    """The tree of a formula. Raises FormulaError."""
+    if len(text) > LONGEST:
+        raise FormulaError(LONGEST + 1, f"a formula has at most {LONGEST} characters")
+    parser = _Parser(_tokens(text))
+    tree = parser.sum()
+    if parser.now.kind != "end":
+        raise FormulaError(parser.now.at, _unexpected(parser.now))
+    if tree.depth > DEEPEST:
+        raise FormulaError(1, f"is too long a chain: at most {DEEPEST} operations in a row")
+    return tree
+
+
+def _tokens(text: str) -> list[_Token]:
+    found: list[_Token] = []
+    position = 0
+    while not found or found[-1].kind != "end":
+        match = _TOKEN.match(text, position)
+        assert match is not None  # "other" takes whatever is left
+        kind = str(match.lastgroup)
+        token = _Token(kind, match[kind], match.start(kind) + 1)
+        if kind == "other":
+            remedy = _REMEDIES.get(token.text, "it is not part of a formula")
+            raise FormulaError(token.at, f"unexpected `{token.text}`: {remedy}")
+        found.append(token)
+        position = match.end()
+    return found
+
+
+def _unexpected(token: _Token) -> str:
+    if token.kind == "end":
+        return "ends too early"
+    return f"unexpected `{token.text}`: an operator or the end is expected here"
+
+
+class _Parser:
+    """Recursive descent over a list of tokens; `sum` reads a whole formula."""
+
+    def __init__(self, tokens: list[_Token]) -> None:
+        self._tokens = tokens
+        self._next = 0
+        self._level = 0
+
+    @property
+    def now(self) -> _Token:
+        """The token to be read next."""
+        return self._tokens[self._next]
+
+    def _taken(self, *signs: str) -> _Token | None:
+        """The next token if it is one of `signs`; then it is read."""
+        token = self.now
+        if token.kind != "sign" or token.text not in signs:
+            return None
+        self._next += 1
+        return token
+
+    def _chain(self, operand: str, *signs: str) -> Expression:
+        read = self._product if operand == "product" else self._sign
+        found, length = read(), 1
+        while token := self._taken(*signs):
+            length += 1
+            if length > DEEPEST:
+                raise FormulaError(token.at, f"at most {DEEPEST} operations in a row")
+            found = Operation(token.at, token.text, found, read())
+        return found
+
+    def sum(self) -> Expression:
+        return self._chain("product", "+", "-")
+
+    def _product(self) -> Expression:
+        return self._chain("sign", "*", "/")
+
+    def _sign(self) -> Expression:
+        self._level += 1
+        if self._level > NESTED:
+            raise FormulaError(self.now.at, f"is nested too deeply: at most {NESTED} levels")
+        token = self._taken("-", "+")
+        if token is None:
+            found = self._power()
+        else:
+            operand = self._sign()
+            found = Negative(token.at, operand) if token.text == "-" else operand
+        self._level -= 1
+        return found
+
+    def _power(self) -> Expression:
+        base = self._atom()
+        token = self._taken("**")
+        return base if token is None else Operation(token.at, "**", base, self._sign())
+
+    def _atom(self) -> Expression:
+        token = self.now
+        if self._taken("("):
+            found = self.sum()
+            self._close(token)
+            return found
+        if token.kind not in ("number", "name"):
+            what = "ends too early" if token.kind == "end" else f"unexpected `{token.text}`"
+            raise FormulaError(token.at, f"{what}: a number, a name or ( is expected here")
+        self._next += 1
+        if token.kind == "name":
+            return self._named(token)
+        number = float(token.text)
+        if not math.isfinite(number):
+            raise FormulaError(token.at, f"{token.text} is too large")
+        return Number(token.at, number)
+
+    def _named(self, token: _Token) -> Expression:
+        opening = self.now
+        if self._taken("("):
+            if token.text not in FUNCTIONS:
+                known = ", ".join(FUNCTIONS)
+                close = nearest(token.text, FUNCTIONS)
+                raise FormulaError(
+                    token.at, f"`{token.text}` is not a function of formulas{close}; one of {known}"
+                )
+            return self._call(token, opening)
+        if token.text in FUNCTIONS:
+            raise FormulaError(token.at, f"{token.text} is a function: write {token.text}(...)")
+        if token.text in CONSTANTS:
+            return Number(token.at, CONSTANTS[token.text])
+        return Name(token.at, token.text)
+
+    def _call(self, token: _Token, opening: _Token) -> Expression:
+        arguments = [self.sum()]
+        while self._taken(","):
+            arguments.append(self.sum())
+        self._close(opening)
+        kind = FUNCTIONS[token.text]
+        if not kind.least <= len(arguments) <= kind.most:
+            count = str(kind.least) if kind.least == kind.most else f"{kind.least} to {kind.most}"
+            raise FormulaError(
+                token.at, f"{token.text} takes {count} arguments, got {len(arguments)}"
+            )
+        return Call(token.at, token.text, tuple(arguments))
+
+    def _close(self, opening: _Token) -> None:
+        if not self._taken(")"):
+            if self.now.kind == "end":
+                raise FormulaError(opening.at, "this parenthesis is never closed")
+            raise FormulaError(self.now.at, f"unexpected `{self.now.text}`: ) is expected here")

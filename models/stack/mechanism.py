@@ -1,0 +1,67 @@
+"""The mechanism of a stack: pieces with deviations, and the requirement that follows from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..expressions import Formula
+from ..inputs import Distribution
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """A requirement y of p toleranced parts that are built in as k >= p pieces.
+
+    Piece i belongs to part `owner[i]`, whose tolerance t (half-width, in the part's unit) it
+    shares; it deviates from its mid-limit by t z, z ~ `inputs[owner[i]]`, independently of all
+    others unless `correlation` (k, k) says more. y is in the requirement's unit:
+
+        with a formula   y = gain f(mids + scale t z), in the consistent units of the formula
+        without one      y = centre + sum_i sensitivities_i t z_i
+
+    `sensitivities` (k,) are dy/dx_i at the mid-limits, requirement unit per unit of the part;
+    `centre` is y at the mid-limits. `lower` and `upper` are the limits of y, infinite where there
+    are none. Correlated pieces are normal.
+    """
+
+    names: tuple[str, ...]
+    owner: tuple[int, ...]
+    inputs: tuple[Distribution, ...]
+    sensitivities: Array
+    centre: float
+    lower: float = -np.inf
+    upper: float = np.inf
+    formula: Formula | None = None
+    mids: Array | None = None
+    scale: Array | None = None
+    gain: float = 1.0
+    correlation: Array | None = None
+
+    @cached_property
+    def owners(self) -> NDArray[np.int64]:
+        """Part of each piece, shape (k,)."""
+        return np.array(self.owner, dtype=np.int64)
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the requirement has a limit, so that it has a yield."""
+        return bool(np.isfinite(self.lower) or np.isfinite(self.upper))
+
+    def values(self, t: Array, z: Array) -> Array:
+        """y (n, m) of n designs t (n, p) at the deviations z (k, m), NaN where there is none."""
+        wide = t[:, self.owners]
+        if self.formula is None or self.mids is None or self.scale is None:
+            return np.asarray(self.centre + (wide * self.sensitivities) @ z)
+        reach = wide * self.scale
+        x = {
+            name: self.mids[i] + reach[:, i, None] * z[i]
+            for i, name in enumerate(self.names)
+            if name in self.formula.names
+        }
+        return np.broadcast_to(self.gain * self.formula.value(x), (len(t), z.shape[1]))

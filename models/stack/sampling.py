@@ -1,0 +1,95 @@
+"""The stack as it is: yield and half-width by scrambled Sobol through the requirement itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from ..propagation import MonteCarlo
+from .mechanism import Mechanism
+
+Array = NDArray[np.float64]
+MEMORY = 2**22
+"""Bytes that the pieces of a block of designs may take."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sample:
+    """Deviations z (replicates, k, m) that every design of every batch is built with."""
+
+    deviations: Array
+
+    @classmethod
+    def draw(cls, mechanism: Mechanism, samples: int, rng: np.random.Generator) -> Sample:
+        """A scrambled Sobol sample, in independent replicates (Owen 1997, Ann. Stat. 25(4)).
+
+        Correlated pieces are normal: z = mean + std L g with L L' the correlation matrix.
+        """
+        points = MonteCarlo.draw(samples, len(mechanism.owner), rng).points
+        if mechanism.correlation is not None:
+            normal = np.clip(ndtri(points), -8.0, 8.0)
+            points = ndtr(normal @ _root(mechanism.correlation).T)
+        kinds = [mechanism.inputs[part] for part in mechanism.owner]
+        pieces = [kind.quantile(points[..., i]) for i, kind in enumerate(kinds)]
+        return cls(np.ascontiguousarray(np.stack(pieces, axis=1)))
+
+    def first(self, samples: int) -> Sample:
+        """The first points of every replicate: a Sobol sample of at most that many in all."""
+        each = max(2, samples // len(self.deviations))
+        return Sample(self.deviations[..., :each])
+
+    @property
+    def size(self) -> int:
+        """Units in all."""
+        return int(self.deviations[:, 0].size)
+
+    def blocks(self, mechanism: Mechanism, t: Array) -> Iterator[tuple[slice, Array]]:
+        """Rows of a block of designs, and y (block, replicates, m) of all units of each."""
+        _, pieces, each = self.deviations.shape
+        wide = max(1, MEMORY // (8 * max(self.size, (pieces + 6) * each)))
+        for start in range(0, len(t), wide):
+            chosen = slice(start, start + wide)
+            block = [mechanism.values(t[chosen], z) for z in self.deviations]
+            yield chosen, np.stack(block, axis=1)
+
+
+def _root(correlation: Array) -> Array:
+    """L with L L' = correlation, also where it is singular."""
+    values, vectors = np.linalg.eigh(correlation)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def yield_percent(mechanism: Mechanism, t: Array, sample: Sample) -> tuple[Array, Array]:
+    """Share of units within the limits (n,), in percent, and its standard error (n,).
+
+    A unit for which the requirement has no value does not conform. The error is the scatter over
+    the replicates, and at least one unit of the sample.
+    """
+    found, error = np.empty(len(t)), np.empty(len(t))
+    least = 1.0 / sample.size
+    for rows, y in sample.blocks(mechanism, t):
+        with np.errstate(invalid="ignore"):
+            each = np.mean((y >= mechanism.lower) & (y <= mechanism.upper), axis=2)
+        found[rows] = each.mean(axis=1)
+        error[rows] = np.maximum(each.std(axis=1, ddof=1) / np.sqrt(each.shape[1]), least)
+    return 100.0 * found, 100.0 * error
+
+
+def half_width(mechanism: Mechanism, t: Array, sample: Sample, coverage: float) -> Array:
+    """Half the width (n,) of the interval that holds `coverage` of the units, as much on each side.
+
+    (q(1 - a/2) - q(a/2))/2 with a = 1 - coverage: for normal parts of a linear stack and a coverage
+    of 0.9973 the root sum square. NaN where a unit has no value.
+    """
+    found = np.empty(len(t))
+    tail = 0.5 * (1.0 - coverage)
+    for rows, y in sample.blocks(mechanism, t):
+        ends = np.quantile(
+            y.reshape(len(y), -1), [tail, 1.0 - tail], axis=1, method="median_unbiased"
+        )
+        found[rows] = 0.5 * (ends[1] - ends[0])
+    return found

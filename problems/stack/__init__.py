@@ -1,0 +1,8 @@
+"""Any mechanism that is written in its configuration."""
+
+from __future__ import annotations
+
+from .definition import Correlation, Definition, Part, Process, Requirement
+from .problem import Stack
+
+__all__ = ["Correlation", "Definition", "Part", "Process", "Requirement", "Stack"]

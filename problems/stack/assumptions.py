@@ -1,0 +1,23 @@
+"""What a stack takes for granted because its configuration does not say it."""
+
+from __future__ import annotations
+
+from ...declarations import Assumption
+from .build import nominal_sum
+from .definition import Definition
+
+
+def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
+    """Distributions and units that no table names, unverified grades, a summed nominal."""
+    found = []
+    for part in definition.parts:
+        values = {"distribution": type(part.distribution).__name__, "unit": part.unit}
+        for key, why in part.assumed.items():
+            value = values.get(key) or str(part.stated.get(key, ""))
+            found.append(Assumption(f"part.{part.name}.{key}", value, "", why))
+    requirement = definition.requirement
+    if not requirement.formula and requirement.nominal is None and definition.mechanism.bounded:
+        text = "sum of sensitivity times nominal; requirement.nominal is not given"
+        nominal = nominal_sum(definition.parts)
+        found.append(Assumption("requirement.nominal", nominal, requirement.unit, text))
+    return tuple(found)

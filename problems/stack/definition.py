@@ -1,0 +1,99 @@
+"""What a stack is written as: its requirement and its parts, as plain frozen records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...models.costs import CostCurve
+from ...models.inputs import Distribution
+from ...models.stack import Mechanism
+
+METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
+"""What `variation` can be."""
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """What the parts add up to; the formula is empty where every part has a sensitivity.
+
+    `stated_nominal` is the nominal as it was written: its digits say how exact it is.
+    """
+
+    name: str
+    unit: str
+    formula: str = ""
+    nominal: float | None = None
+    stated_nominal: float | str | None = None
+    lower: float | None = None
+    upper: float | None = None
+    method: str = "rss"
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """One way of making a part: half-width t from `low` to `high` at a cost."""
+
+    low: float
+    high: float
+    curve: CostCurve | None = None
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A toleranced part, built in `count` times; lengths in its own `unit`.
+
+    `mid` is the mid-limit minus the nominal. A `fixed` part has one process with low = high.
+    `alternatives` says that its processes are listed, so that one of them is chosen. `stated` is
+    what the configuration says about its zone, `assumed` what it leaves open.
+    """
+
+    name: str
+    unit: str
+    processes: tuple[Process, ...]
+    distribution: Distribution
+    nominal: float | None = None
+    mid: float = 0.0
+    count: int = 1
+    fixed: bool = False
+    alternatives: bool = False
+    sensitivity: float | None = None
+    stated: Mapping[str, Any] = field(default_factory=dict)
+    assumed: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def low(self) -> float:
+        """Tightest half-width of any process."""
+        return min(process.low for process in self.processes)
+
+    @property
+    def high(self) -> float:
+        """Loosest half-width of any process."""
+        return max(process.high for process in self.processes)
+
+    @property
+    def pieces(self) -> tuple[str, ...]:
+        """Names that the part has in a formula: roller_1, roller_2 where it is built in twice."""
+        if self.count == 1:
+            return (self.name,)
+        return tuple(f"{self.name}_{at}" for at in range(1, self.count + 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Correlation:
+    """Correlation coefficient of the deviations of two pieces."""
+
+    pieces: tuple[str, str]
+    coefficient: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Definition:
+    """A stack that has been read and checked."""
+
+    requirement: Requirement
+    parts: tuple[Part, ...]
+    mechanism: Mechanism
+    correlations: tuple[Correlation, ...] = ()

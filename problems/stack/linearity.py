@@ -1,0 +1,50 @@
+"""Linear against nonlinear spread: whether the root sum square keeps what it promises."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from ...models.stack import Linear, Mechanism, Sample, yield_percent
+from ...models.stack.linear import SIGMAS
+
+Array = NDArray[np.float64]
+LEAST = 0.01
+"""Percentage points below which a difference does not matter."""
+RELATIVE = 0.2
+"""Share of the promise below which a difference does not matter."""
+ERRORS = 3.0
+"""Standard errors of the sample below which a difference is not seen."""
+
+
+def linearity_warnings(
+    mechanism: Mechanism, linear: Linear, t: Array, where: str, unit: str, sample: Sample
+) -> tuple[str, ...]:
+    """What the linear model gets wrong, in a sentence, at one design t (p,).
+
+    The limits are those of the requirement, where there are some, and the linear mean +- the root
+    sum square, beyond which 0.27 % are promised.
+    """
+    design = t[None, :]
+    mean = mechanism.centre + float(linear.mean_shift(design)[0])
+    rss = float(linear.rss(design)[0])
+    if rss == 0.0:
+        return ()
+    limits = {f"{mean:.4g} +- {rss:.4g}{unit} (root sum square)": (mean - rss, mean + rss)}
+    if mechanism.bounded:
+        limits["the limits of the requirement"] = (mechanism.lower, mechanism.upper)
+    found = []
+    for name, (lower, upper) in limits.items():
+        low, high = ((bound - mean) / (rss / SIGMAS) for bound in (lower, upper))
+        promised = 100.0 * float(ndtr(low) + ndtr(-high))
+        within, error = yield_percent(replace(mechanism, lower=lower, upper=upper), design, sample)
+        actual, doubt = 100.0 - float(within[0]), float(error[0])
+        if abs(actual - promised) > max(LEAST, ERRORS * doubt, RELATIVE * promised):
+            found.append(
+                f"outside {name} it promises {promised:.2g} %, the formula itself gives "
+                f"{actual:.3g} % (standard error {doubt:.1g} %)"
+            )
+    return (f"the linear model misleads {where}: {'; '.join(found)}",) if found else ()

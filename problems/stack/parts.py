@@ -1,0 +1,134 @@
+"""Reads `[[part]]`: every fault names the part."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from ...errors import Fault
+from ...models.expressions import CONSTANTS, FUNCTIONS
+from ...models.inputs import Distribution, Normal
+from ...models.inputs.reading import read_distribution
+from ...section import Range, Section
+from ...units import family
+from .definition import Part
+from .zones import KEYS, Tolerance, read_tolerance
+
+_NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
+MOST = 1000
+"""Pieces of a part."""
+
+
+def read_parts(top: Section, length_unit: str, faults: list[Fault]) -> list[Part | None]:
+    """The parts, None for each that is faulty; `length_unit` is that of parts that state none."""
+    found = []
+    for at in range(len(top.tables("part"))):
+        own: list[Fault] = []
+        section = top.item("part", at, own)
+        found.append(_read(section, length_unit))
+        section.finish()
+        name = section.take("name")
+        faults += [
+            Fault(f.place, f"{f.message} (part {name})" if isinstance(name, str) else f.message)
+            for f in own
+        ]
+    faults += _duplicates([part for part in found if part is not None])
+    return found
+
+
+def _read(section: Section, length_unit: str) -> Part | None:
+    name = _name(section)
+    unit, assumed = _unit(section, length_unit)
+    count = section.integer("count", Range(1, MOST))
+    sensitivity = section.number("sensitivity")
+    if sensitivity == 0.0:
+        section.fault("sensitivity", "must not be 0: the part does not matter; remove it")
+    distribution = read_distribution(section, Normal())
+    if unit is None:
+        section.known(("nominal", "t_max", "cost", *KEYS))
+        return None
+    nominal = section.number("nominal", unit)
+    zone = read_tolerance(section, unit, nominal)
+    if name is None or zone is None or distribution is None:
+        return None
+    if distribution.one_sided and (other := [key for key in ("limits", "fit") if key in section]):
+        text = f"a radius lies between 0 and its tolerance: leave out {', '.join(other)}"
+        section.fault("distribution", text)
+        return None
+    if "distribution" not in section:
+        assumed["distribution"] = "normal; the configuration names none"
+    return _part(name, unit, distribution, zone, nominal, count, sensitivity, assumed)
+
+
+def _part(
+    name: str,
+    unit: str,
+    distribution: Distribution,
+    zone: Tolerance,
+    nominal: float | None,
+    count: int | None,
+    sensitivity: float | None,
+    assumed: dict[str, str],
+) -> Part:
+    return Part(
+        name=name,
+        unit=unit,
+        processes=zone.processes,
+        distribution=distribution,
+        nominal=zone.nominal if nominal is None else nominal,
+        mid=zone.mid,
+        count=1 if count is None else count,
+        fixed=zone.fixed,
+        alternatives=zone.alternatives,
+        sensitivity=sensitivity,
+        stated=zone.stated,
+        assumed=assumed | zone.assumed,
+    )
+
+
+def _name(section: Section) -> str | None:
+    name = section.text("name")
+    if name is None:
+        if "name" not in section:
+            section.fault("name", "is missing: name the part")
+        return None
+    if not _NAME.fullmatch(name):
+        section.fault(
+            "name", f'must be letters, digits and _, and begin with a letter, got "{name}"'
+        )
+        return None
+    if name in FUNCTIONS or name in CONSTANTS:
+        section.fault("name", f"{name} means something in formulas; choose another name")
+        return None
+    return name
+
+
+def _unit(section: Section, length_unit: str) -> tuple[str | None, dict[str, str]]:
+    """The unit of a part, and what is assumed where it states none."""
+    unit = section.text("unit")
+    if "unit" not in section:
+        if not length_unit:
+            section.fault("unit", 'is missing: write "mm", "um", "deg", ...')
+            return None, {}
+        return length_unit, {"unit": "that of the requirement; the configuration names none"}
+    try:
+        family(unit or "")
+    except ValueError as error:
+        section.fault("unit", str(error))
+        return None, {}
+    return unit, {}
+
+
+def _duplicates(parts: Sequence[Part]) -> list[Fault]:
+    """A fault for every name that a formula could not tell apart."""
+    owners: dict[str, str] = {}
+    found = []
+    for part in parts:
+        for piece in dict.fromkeys((part.name, *part.pieces)):
+            if piece in owners:
+                text = (
+                    f'"{piece}" is already a name of part {owners[piece]}; rename part {part.name}'
+                )
+                found.append(Fault("part", text))
+            owners[piece] = part.name
+    return found

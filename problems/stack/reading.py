@@ -1,0 +1,139 @@
+"""Reads `[requirement]`, `[[part]]` and `[[correlation]]` into a checked definition."""
+
+from __future__ import annotations
+
+from ...errors import Fault, nearest
+from ...models.inputs import Normal
+from ...section import Range, Section
+from ...units import family
+from .build import mechanism_of
+from .definition import METHODS, Correlation, Definition, Part, Requirement
+from .parts import read_parts
+
+_REMEDIES = {
+    "variables": "a stack states its ranges in [[part]]: t_min and t_max, or tolerance",
+    "costs": "a stack states its costs in [[part]]: cost",
+    "parameters": "a stack has no parameters: nominals stand in [[part]]",
+}
+
+
+def read_definition(top: Section, faults: list[Fault]) -> tuple[list[Part | None], Requirement,
+                                                                 Definition | None]:  # fmt: skip
+    """Parts and requirement as far as they can be read, and the whole where nothing is wrong."""
+    for key, message in _REMEDIES.items():
+        if key in top:
+            faults.append(Fault(key, message))
+    if "method" in top.section("propagation"):
+        text = "is not a key of a stack: set requirement.method"
+        faults.append(Fault("propagation.method", text))
+    requirement = _requirement(top, faults)
+    try:
+        length = requirement.unit if family(requirement.unit)[0] == "meter" else ""
+    except ValueError:
+        length = ""
+    parts = read_parts(top, length, faults)
+    if top.take("part") is None or top.take("part") == []:
+        faults.append(Fault("part", "is missing: a stack needs [[part]] tables"))
+    whole = [part for part in parts if part is not None]
+    correlations = _correlations(top, whole, len(whole) == len(parts), faults)
+    faults += _either(requirement, top, parts)
+    if faults or not parts:
+        return parts, requirement, None
+    mechanism = mechanism_of(requirement, whole, correlations, faults)
+    if mechanism is None or faults:
+        return parts, requirement, None
+    return parts, requirement, Definition(requirement, tuple(whole), mechanism, correlations)
+
+
+def _requirement(top: Section, faults: list[Fault]) -> Requirement:
+    """`[requirement]`; what is faulty in it has its default."""
+    if "requirement" not in top:
+        faults.append(Fault("requirement", "is missing: name its unit, formula and limits"))
+    section = top.collecting("requirement", faults)
+    unit = section.text("unit") or ""
+    if "requirement" in top and "unit" not in section:
+        section.fault("unit", 'is missing: write "mm", "rad", "deg", ... ("" for a plain number)')
+    try:
+        family(unit)
+    except ValueError as error:
+        section.fault("unit", str(error))
+        unit = ""
+    lower, upper = (section.number(key, unit) for key in ("lower", "upper"))
+    if lower is not None and upper is not None and lower >= upper:
+        section.fault("lower", f"must be below upper ({upper:g}), got {lower:g}")
+    nominal = section.number("nominal", unit)
+    found = Requirement(
+        name=section.text("name") or "",
+        unit=unit,
+        formula=section.text("formula") or "",
+        nominal=nominal,
+        stated_nominal=None if nominal is None else section.take("nominal"),
+        lower=lower,
+        upper=upper,
+        method=section.text("method", METHODS) or "rss",
+    )
+    section.finish()
+    return found
+
+
+def _correlations(
+    top: Section, parts: list[Part], complete: bool, faults: list[Fault]
+) -> tuple[Correlation, ...]:
+    """`[[correlation]]`: parts = ["a", "b"], coefficient."""
+    owners = {piece: part for part in parts for piece in part.pieces}
+    found: list[Correlation] = []
+    for at in range(len(top.tables("correlation"))):
+        section = top.item("correlation", at, faults)
+        names = section.names("parts") or []
+        coefficient = section.number("coefficient", within=Range(-1.0, 1.0))
+        if "coefficient" not in section:
+            section.fault("coefficient", "is missing")
+        section.finish()
+        if "parts" not in section:
+            section.fault("parts", 'is missing: name two, like parts = ["a", "b"]')
+        elif names and (len(names) != 2 or names[0] == names[1]):
+            section.fault("parts", f"must name two different parts, got {', '.join(names)}")
+        bad = [why for name in names if complete and (why := _uncorrelated(name, owners, parts))]
+        for why in bad:
+            section.fault("parts", why)
+        if len(names) != 2 or bad or coefficient is None:
+            continue
+        pair = (names[0], names[1])
+        if any(set(one.pieces) == set(pair) for one in found):
+            section.fault("parts", f"{names[0]} and {names[1]} are already correlated above")
+        found.append(Correlation(pair, coefficient))
+    return tuple(found)
+
+
+def _uncorrelated(name: str, owners: dict[str, Part], parts: list[Part]) -> str:
+    """Why a piece cannot be correlated, empty where it can."""
+    for part in parts:
+        if part.name == name and part.count > 1:
+            return f"{name} is built in {part.count} times: name {part.pieces[0]}, ..."
+    if name not in owners:
+        return f'"{name}" is not a part{nearest(name, owners)}'
+    if not isinstance(owners[name].distribution, Normal):
+        return f"{name} is not normal: only normal parts can be correlated"
+    return ""
+
+
+def _either(requirement: Requirement, top: Section, parts: list[Part | None]) -> list[Fault]:
+    """A formula, or a sensitivity for every part, never both."""
+    tables = top.tables("part")
+    given = ["sensitivity" in table for table in tables]
+    names = [
+        f" (part {name})" if isinstance(name := table.get("name"), str) else "" for table in tables
+    ]
+    if requirement.formula:
+        text = "is given beside requirement.formula: keep one of them"
+        return [Fault(f"part[{at}].sensitivity", text + names[at])
+                for at, one in enumerate(given) if one]  # fmt: skip
+    section = top.section("requirement")
+    if not any(given):
+        if "formula" in section and section.take("formula") != "":
+            return []
+        text = "is missing: give a formula, or a sensitivity for every part"
+        return [Fault("requirement.formula", text)]
+    text = "is missing: without a formula every part has one"
+    return [Fault(f"part[{at}].sensitivity", text + names[at])
+            for at, one in enumerate(given) if not one]  # fmt: skip
