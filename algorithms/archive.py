@@ -16,6 +16,9 @@ State = dict[str, NDArray[Any]]
 ROOM = 1000
 """Feasible designs that are kept at least: as many as a report recomputes at full accuracy."""
 
+ODD = np.uint64(0x9E3779B97F4A7C15)
+"""Factor of a multiplicative hash (Knuth, TAOCP 3, section 6.4)."""
+
 
 class Archive:
     """The feasible designs of the lowest ranks, the front, and the least violating design.
@@ -119,6 +122,10 @@ def _distinct(x: Array) -> NDArray[np.int64]:
     """The first row of each design, in order."""
     if not len(x):
         return np.empty(0, dtype=np.int64)
-    rows = np.ascontiguousarray(x + 0.0)  # -0.0 becomes 0.0: equal rows are then equal bytes
-    keys = rows.view(np.dtype((np.void, rows.itemsize * rows.shape[1])))[:, 0]
-    return np.sort(np.unique(keys, return_index=True)[1])
+    rows = np.ascontiguousarray(x + 0.0)  # -0.0 becomes 0.0: equal rows are then equal bits
+    factors = np.arange(1, x.shape[1] + 1, dtype=np.uint64) * ODD
+    key = (rows.view(np.uint64) * factors).sum(axis=1, dtype=np.uint64)
+    order = np.argsort(key, kind="stable")
+    ordered = rows[order]
+    again = (ordered[1:] == ordered[:-1]).all(axis=1)
+    return np.sort(order[np.concatenate([[True], ~again])])

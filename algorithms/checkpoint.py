@@ -6,7 +6,7 @@ import io
 import math
 import time
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +81,11 @@ class Checkpoint:
         """Keep a table that is finished."""
         self.tables[name] = table
         self.write()
+
+    def keep_only(self, names: Iterable[str]) -> None:
+        """Forget all other tables, those of a smaller budget; the file follows when it is due."""
+        wanted = set(names)
+        self.tables = {name: table for name, table in self.tables.items() if name in wanted}
 
     def write(self) -> None:
         """Write all of it, in one step."""

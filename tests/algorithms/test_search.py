@@ -11,7 +11,7 @@ from tolevo.algorithms.indicators import hypervolume, nondominated
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.random_search import RandomSearch
 from tolevo.algorithms.search import Progress, search
-from tolevo.algorithms.settings import Budget
+from tolevo.algorithms.settings import AlgorithmSettings, Budget
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 from tolevo.testing import AlgorithmContract
@@ -98,3 +98,30 @@ def test_nondominated_keeps_one_of_equals() -> None:
     values = np.array([[1.0, 1.0], [1.0, 1.0], [0.5, 2.0], [2.0, 2.0]])
     np.testing.assert_array_equal(nondominated(values), [True, False, True, False])
     np.testing.assert_array_equal(nondominated(np.array([[2.0], [1.0], [1.0]])), [0, 1, 0])
+
+
+@pytest.mark.parametrize("engine", ["pymoo", "array"])
+@pytest.mark.parametrize("settings", [NSGA2(population=20), GDE3(population=20)])
+def test_whole_numbers_are_searched_as_such(settings: AlgorithmSettings, engine: str) -> None:
+    problem = RvBacklash(SMALL)
+    found = search(problem, settings, Budget(generations=8), seed=0, engine=engine)
+    grade = found.x[:, [v.integer for v in problem.free]]
+    assert grade.shape[1] == 1
+    assert len(np.unique(grade)) > 1
+    np.testing.assert_array_equal(grade, np.rint(grade))
+
+
+def test_engines_find_different_designs_of_one_distribution() -> None:
+    """The engine is part of what a result depends on; both start from the same kind of sample."""
+    budget = Budget(evaluations=400)
+    one, other = (
+        search(RvBacklash(SMALL), NSGA2(population=40), budget, 0, engine=engine)
+        for engine in ("pymoo", "array")
+    )
+    assert one.evaluations == other.evaluations == 400
+    assert not np.array_equal(one.x, other.x)
+
+
+def test_an_algorithm_without_an_array_engine_says_so() -> None:
+    with pytest.raises(TypeError, match="GA has no array engine"):
+        search(RvBacklash(ONE), GA(), Budget(generations=1), 0, engine="array")

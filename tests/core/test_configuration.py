@@ -377,3 +377,18 @@ def test_a_seed_may_be_large(read_text: Read) -> None:
 
 def test_costs_of_the_stand_in_are_finite() -> None:
     assert np.isfinite(Bracket().cost_interval).all()
+
+
+def test_the_engine_is_read_and_written(read_text: Read) -> None:
+    found = read_text(BASE + 'algorithm.engine = "array"')
+    assert found.engine == found.resolved["algorithm"]["engine"] == "array"
+    assert read_text(found.toml()).toml() == found.toml()
+    assert read_text(BASE).resolved["algorithm"]["engine"] == "pymoo"
+
+
+def test_gde3_has_settings_of_its_own(read_text: Read) -> None:
+    found = read_text(BASE + 'algorithm.name = "gde3"\nalgorithm.crossover.probability = 0.8')
+    assert found.resolved["algorithm"]["crossover"] == {"probability": 0.8}
+    assert found.resolved["algorithm"]["mutation"] == {"low": 0.0, "high": 1.0}
+    text = BASE + 'algorithm.name = "gde3"\nalgorithm.population = 3'
+    assert faults_of(lambda: read_text(text)) == ["algorithm.population: must be at least 4, got 3"]

@@ -28,6 +28,7 @@ class Sides:
         self.searches = searches
         self.checkpoint = checkpoint
         self.futures: dict[SideSearch, Future[pd.DataFrame | None]] = {}
+        checkpoint.keep_only([side.key for side in searches])
         open_ = [side for side in searches if side.key not in checkpoint.tables]
         if workers > 1 and open_:
             others = set(active_children())
