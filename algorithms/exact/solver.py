@@ -57,7 +57,7 @@ def closed_form(problem: ToleranceProblem) -> Form | None:
 def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     """Search vectors (k, variables) of the exact front, or of the one least cost."""
     upper = np.array([upper_limit(problem, name) for name in form.outputs])
-    upper = upper - TIGHTER * np.abs(upper)
+    upper[np.isfinite(upper)] -= TIGHTER * np.abs(upper[np.isfinite(upper)])
     if problem.n_obj == 1:
         return _cheapest(problem, form, upper)
     return search_vectors(problem, form, front(form, points, upper))

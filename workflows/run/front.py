@@ -29,7 +29,6 @@ def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFra
     frame = frame[frame.pop("feasible").to_numpy(dtype=bool)]
     frame = frame[nondominated(frame[list(problem.objectives)].to_numpy())]
     frame = frame.sort_values(list(problem.objectives), kind="stable").reset_index(drop=True)
-    frame["bound"], frame["gap_percent"] = np.nan, np.nan
     frame["knee"] = knee(frame[list(problem.objectives)].to_numpy())
     return frame
 
@@ -74,7 +73,7 @@ def with_references(
     names = list(problem.objectives)
     inside = references[references["feasible"].astype(bool) & _inside(references, problem)]
     inside = inside.drop(columns=["label", "feasible", "violated_limits"], errors="ignore")
-    inside = inside.assign(bound=np.nan, gap_percent=np.nan, knee=False)
+    inside = inside.assign(knee=False)
     merged = pd.concat([front, inside]) if len(front) else inside
     kept = nondominated(merged[names].to_numpy())
     joined = int(kept[len(front) :].sum())

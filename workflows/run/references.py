@@ -16,6 +16,7 @@ from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
 from .front import reported_front
 from .plan import RunPlan
+from .proofs import exact_front
 
 Array = NDArray[np.float64]
 GA_BUDGET = Budget(generations=120)
@@ -94,13 +95,29 @@ def relaxed_bounds(problem: ToleranceProblem, row: Mapping[Hashable, object]) ->
     return found
 
 
+def exact_optimum(problem: ToleranceProblem) -> pd.DataFrame:
+    """The proven least cost within the limits (one row with `label`), none where nothing proves it.
+
+    Of a problem with more objectives, it is that of the documents' single-objective allocation.
+    """
+    optimum = problem.least_cost()
+    cheapest = problem if problem.n_obj == 1 else optimum[1] if optimum else None
+    found = exact_front(cheapest) if cheapest is not None else None
+    if found is None:
+        return pd.DataFrame()
+    frame = problem.reported().frame(found.designs[:1])
+    frame.insert(0, "label", "exact, least cost within the limits")
+    return frame
+
+
 def table(
     plan: RunPlan,
     printed: pd.DataFrame,
     fronts: Mapping[SideSearch, pd.DataFrame | None],
 ) -> pd.DataFrame:
     """All references, one row each, before comparison with the front."""
-    frames = [printed] if len(printed) else []
+    exact = exact_optimum(plan.problem) if plan.references else pd.DataFrame()
+    frames = [frame for frame in (printed, exact) if len(frame)]
     for side, front in fronts.items():
         if not side.relaxed and front is not None and len(front):
             row = plan.problem.reported().frame(plan.problem.designs_of(front.iloc[:1]))

@@ -19,6 +19,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult
 from .front import nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
+from .proofs import Exact, exact_front, measures, proof_notes, with_bounds
 from .references import compare, documents, side_searches, table
 from .resume import notes_of, opened, seconds_before
 from .sides import Sides
@@ -63,14 +64,19 @@ def run(
     references = table(plan, printed, fronts)
     searched = front
     front, dropped, joined = with_references(front, references, plan.problem)
+    front, statement = with_bounds(front, plan.problem)
+    exact = exact_front(plan.problem)
     relaxed = {side.label: other for side, other in fronts.items() if side.relaxed}
     if len(references):
+        references, _ = with_bounds(references, plan.problem)
         references = compare(references, searched, relaxed, plan.problem.objectives)
     cut = found.interrupted or any(other is None for other in fronts.values())
     status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
     notes = (*plan.problem.warnings(), *anew, *_notes(references, dropped, joined))
-    summary = _summary(plan, found, front, status, notes, time.monotonic() - start)
-    result = _result(plan, found, front, references, summary, notes)
+    proven = (*proof_notes(front, statement), *notes)
+    summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
+    summary |= measures(found, front, statement, exact)
+    result = _result(plan, found, front, references, summary, proven, exact)
     write(result, out)
     if len(front):
         (out / "nearest_miss.csv").unlink(missing_ok=True)
@@ -88,7 +94,6 @@ def _summary(
     seconds: float,
 ) -> dict[str, object]:
     ideal, nadir = plan.problem.box()
-    last = found.history[-1] if found.history else None
     names = plan.problem.objectives
     packages = ("tolevo", "pymoo", "numpy", "scipy", "pandas", "moocore")
     return {
@@ -99,8 +104,6 @@ def _summary(
         "evaluations": found.evaluations,
         "seconds": seconds,
         "points": len(front),
-        "hypervolume": last.hypervolume if last else None,
-        "hypervolume_ratio": None,
         "ideal": dict(zip(names, ideal.tolist(), strict=True)),
         "nadir": dict(zip(names, nadir.tolist(), strict=True)),
         "notes": list(notes),
@@ -115,10 +118,12 @@ def _result(
     references: pd.DataFrame,
     summary: dict[str, object],
     notes: tuple[str, ...],
+    exact: Exact | None,
 ) -> RunResult:
     columns = ["generation", "evaluations", "seconds", "hypervolume", "feasible_fraction"]
     convergence = pd.DataFrame([asdict(p) for p in found.history], columns=columns)
-    convergence.insert(4, "hypervolume_ratio", float("nan"))
+    whole = exact.hypervolume if exact is not None else float("nan")
+    convergence.insert(4, "hypervolume_ratio", convergence["hypervolume"] / whole)
     return RunResult(
         plan.title,
         front,
