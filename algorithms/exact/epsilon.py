@@ -29,7 +29,10 @@ COARSE = 5
 """Points per set of integers before sets are left."""
 SOLVED = 48
 """Points that are solved; the others are interpolated between them."""
-TOLERANCE, ITERATIONS = 1e-7, 40
+STARTS, TRIES = 32, 3
+"""Random designs per set of integers, and how many of them a search is begun from at most."""
+ANALYTIC, NUMERIC, ITERATIONS = 1e-7, 1e-5, 40
+"""Tolerance of SLSQP with derivatives of the model and with differences; its steps at most."""
 
 
 class Branch:
@@ -40,54 +43,79 @@ class Branch:
         self.unit = unit
         self.y: list[Array] = []
         self.f: list[Array] = []
+        self.barren: set[tuple[float, float]] = set()
 
     def minimise(self, objective: int, start: Array, limit: Array) -> Array | None:
         """Objectives (m,) of the least `objective` with f <= limit; kept where it is feasible."""
-        own = np.isfinite(limit)
+        own, unit, smooth = np.isfinite(limit), self.unit, self.smooth
 
-        def value(y: Array) -> tuple[float, Array]:
-            point = self.smooth.at(y)
-            unit = self.unit[objective]
-            return float(point.f[objective]) / unit, point.df[objective] / unit
+        def margins(y: Array) -> Array:
+            f, g = smooth.values(y)
+            return np.concatenate([(limit[own] - f[own]) / unit[own], -g])
 
-        def margins(y: Array) -> tuple[Array, Array]:
-            point = self.smooth.at(y)
-            room = (limit[own] - point.f[own]) / self.unit[own]
-            slopes = -point.df[own] / self.unit[own, None]
-            return np.concatenate([room, -point.g]), np.concatenate([slopes, -point.dg])
+        def margin_slopes(y: Array) -> Array:
+            df, dg = smooth.slopes(y)
+            return np.concatenate([-df[own] / unit[own, None], -dg])
 
-        ends = np.zeros(self.smooth.size), np.ones(self.smooth.size)
-        found = slsqp(value, margins, start, *ends, TOLERANCE, ITERATIONS)
-        last = self.smooth.at(found.x)
-        if np.any(last.g > 1e-6):
+        found = slsqp(
+            lambda y: float(smooth.values(y)[0][objective] / unit[objective]),
+            lambda y: smooth.slopes(y)[0][objective] / unit[objective],
+            margins,
+            margin_slopes,
+            start,
+            (np.zeros(smooth.size), np.ones(smooth.size)),
+            ANALYTIC if smooth.analytic else NUMERIC,
+            ITERATIONS,
+        )
+        f, g = smooth.values(found.x)
+        if np.any(g > 1e-6):
             return None
-        at = int(np.searchsorted([f[1] for f in self.f], last.f[1])) if len(last.f) > 1 else 0
+        at = int(np.searchsorted([one[1] for one in self.f], f[1])) if len(f) > 1 else 0
         self.y.insert(at, found.x)
-        self.f.insert(at, last.f)
-        return last.f
+        self.f.insert(at, f)
+        return f
 
-    def begin(self) -> bool:
-        """The ends of the front; whether there is one."""
+    def adopt(self, x: Array, f: Array) -> None:
+        """Take over designs (n, variables) of a front, in the order of the second objective."""
+        self.y, self.f = list(self.smooth.scaled(x)), list(f)
+
+    def begin(self, run: Run) -> None:
+        """The ends of the front, from the best of a few designs drawn at random."""
         none = np.full(len(self.unit), np.inf)
-        middle = np.full(self.smooth.size, 0.5)
-        first = self.minimise(0, middle, none)
-        if len(self.unit) == 1:
-            return first is not None
-        start = self.y[0] if self.y else middle
-        second = self.minimise(1, start, none)
-        return first is not None or second is not None
+        y = np.vstack([np.full(self.smooth.size, 0.5), run.rng.random((STARTS, self.smooth.size))])
+        f, g = run.evaluate(self.smooth.vectors(y))
+        broken = np.sum(np.maximum(g, 0.0), axis=1)
+        for objective in range(min(2, len(self.unit))):
+            order = np.lexsort([f[:, objective], broken])
+            starts = [*self.y, *y[order[:TRIES]]]
+            any(self.minimise(objective, start, none) is not None for start in starts)
 
     def widest(self) -> tuple[float, int]:
-        """The largest rectangle between neighbours, and the index of its first point."""
+        """The largest rectangle between neighbours, and the index of its first point.
+
+        Rectangles in which nothing was found are left out.
+        """
+        if len(self.f) < 2:
+            return 0.0, 0
         f = np.array(self.f) / self.unit
         area = np.abs(np.diff(f[:, 0]) * np.diff(f[:, 1]))
-        return (float(area.max()), int(np.argmax(area))) if len(area) else (0.0, 0)
+        area[[self._key(at) in self.barren for at in range(len(area))]] = 0.0
+        return float(area.max()), int(np.argmax(area))
 
-    def halve(self, at: int) -> None:
-        """Solve half-way between two neighbours."""
-        limit = np.full(len(self.unit), np.inf)
-        limit[1] = 0.5 * (self.f[at][1] + self.f[at + 1][1])
-        self.minimise(0, 0.5 * (self.y[at] + self.y[at + 1]), limit)
+    def _key(self, at: int) -> tuple[float, float]:
+        return float(self.f[at][1]), float(self.f[at + 1][1])
+
+    def halve(self) -> bool:
+        """Solve half-way in the largest rectangle; whether there was one."""
+        area, at = self.widest()
+        if area <= 0.0:
+            return False
+        key, limit = self._key(at), np.full(len(self.unit), np.inf)
+        limit[1] = 0.5 * (key[0] + key[1])
+        found = self.minimise(0, 0.5 * (self.y[at] + self.y[at + 1]), limit)
+        if found is None or not key[0] < found[1] < key[1]:
+            self.barren.add(key)
+        return True
 
     def between(self, count: int) -> Array:
         """Search vectors (about count, variables) interpolated along the front."""
@@ -105,24 +133,22 @@ def epsilon_front(run: Run, points: int) -> None:
     problem = run.problem
     unit = np.maximum(np.subtract(*problem.box()[::-1]), 1e-12)
     branches = [Branch(run, x, unit) for x in integer_sets(problem)]
-    alive = []
     for at, branch in enumerate(branches):
         run.phase("ends of the front", 0.2 * at / len(branches))
-        if branch.begin():
-            alive.append(branch)
-    if problem.n_obj == 1:
+        branch.begin(run)
+    alive = [branch for branch in branches if branch.f]
+    if problem.n_obj == 1 or not alive:
         return
-    for branch in alive:
+    for at, branch in enumerate(alive):
+        run.phase("coarse front", 0.2 + 0.1 * at / len(alive))
         for _ in range(COARSE):
-            branch.halve(branch.widest()[1])
+            branch.halve()
     alive = _contributing(alive)
-    solved = max(2, min(SOLVED, points))
-    for done in range(sum(len(b.f) for b in alive), solved * len(alive)):
-        run.phase("largest gaps of the front", 0.3 + 0.6 * done / (solved * len(alive)))
-        area, at, branch = max(((*b.widest(), b) for b in alive), key=lambda one: one[0])
-        if area <= 0.0:
+    most = max(2, min(SOLVED, points)) * len(alive)
+    for done in range(sum(len(branch.f) for branch in alive), most):
+        run.phase("largest gaps of the front", 0.3 + 0.6 * done / most)
+        if not max(alive, key=lambda branch: branch.widest()[0]).halve():
             break
-        branch.halve(at)
     run.phase("points between", 0.9)
     for branch in alive:
         run.evaluate(branch.between(max(2, points // len(alive))))
@@ -143,6 +169,19 @@ def integer_sets(problem: ToleranceProblem) -> list[Array]:
                 f"here are {count}: use hybrid, or fix some of them")  # fmt: skip
         raise refuse("algorithm.name", text)
     return [np.array(one) for one in itertools.product(*choices)]
+
+
+def integer_moves(problem: ToleranceProblem, x: Array) -> list[Array]:
+    """A search vector (variables,) and those that differ from it in one integer."""
+    found = [x]
+    for at, variable in enumerate(problem.free):
+        if variable.integer:
+            for value in np.arange(np.ceil(problem.xl[at]), np.floor(problem.xu[at]) + 1.0):
+                if value != np.rint(x[at]):
+                    other = x.copy()
+                    other[at] = value
+                    found.append(other)
+    return found
 
 
 def _contributing(branches: list[Branch]) -> list[Branch]:

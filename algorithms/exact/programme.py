@@ -52,17 +52,24 @@ class Programme:
             t[movable] = np.clip(np.exp(x), c.low[movable], c.high[movable])
             return t[None, :]
 
-        def cost(x: Array) -> tuple[float, Array]:
+        def slopes(x: Array) -> Array:
             t = whole(x)
-            return float(c.cost(t)[0]) / unit, (c.slopes(t) * t)[0, movable] / unit
+            return np.asarray((c.slopes(t) * t)[0, movable] / unit)
 
-        def margins(x: Array) -> tuple[Array, Array]:
+        def margin_slopes(x: Array) -> Array:
             t = whole(x)
-            slopes = (c.gradients(t)[0] * t)[:, movable]
-            return (limit - c.values(t)[0]) / scale, -slopes / scale[:, None]
+            return np.asarray(-(c.gradients(t)[0] * t)[:, movable] / scale[:, None])
 
-        ends = np.log(c.low[movable]), np.log(c.high[movable])
-        found = slsqp(cost, margins, np.log(start[movable]), *ends, 1e-15, 500)
+        found = slsqp(
+            lambda x: float(c.cost(whole(x))[0]) / unit,
+            slopes,
+            lambda x: (limit - c.values(whole(x))[0]) / scale,
+            margin_slopes,
+            np.log(start[movable]),
+            (np.log(c.low[movable]), np.log(c.high[movable])),
+            1e-15,
+            500,
+        )
         return self._kept(whole(found.x)[0], limit), found.multiplier * unit / scale
 
     def _kept(self, t: Array, limit: Array) -> Array:

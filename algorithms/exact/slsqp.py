@@ -24,27 +24,26 @@ class Found:
 
 
 def slsqp(
-    objective: Callable[[Array], tuple[float, Array]],
-    margins: Callable[[Array], tuple[Array, Array]],
+    objective: Callable[[Array], float],
+    slopes: Callable[[Array], Array],
+    margins: Callable[[Array], Array],
+    margin_slopes: Callable[[Array], Array],
     start: Array,
-    low: Array,
-    high: Array,
+    ends: tuple[Array, Array],
     tolerance: float,
     iterations: int,
 ) -> Found:
-    """Minimise an objective over low <= x <= high with margins >= 0.
+    """Minimise an objective between `ends`, each (n,), with margins (constraints,) >= 0.
 
-    Both functions return values and derivatives: (n,) of the objective, (constraints, n) of the
-    margins.
+    `slopes` (n,) and `margin_slopes` (constraints, n) are their derivatives.
     """
+    low, high = ends
     found = _minimize(
-        lambda x: objective(x)[0],
+        objective,
         np.clip(start, low, high),
-        jac=lambda x: objective(x)[1],
+        jac=slopes,
         bounds=optimize.Bounds(low, high),
-        constraints=[
-            {"type": "ineq", "fun": lambda x: margins(x)[0], "jac": lambda x: margins(x)[1]}
-        ],
+        constraints=[{"type": "ineq", "fun": margins, "jac": margin_slopes}],
         method="SLSQP",
         options={"ftol": tolerance, "maxiter": iterations},
     )

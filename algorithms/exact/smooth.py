@@ -15,17 +15,6 @@ STEP = 1e-4
 """Finite difference in scaled coordinates: above the noise of a propagation, below its bends."""
 
 
-@dataclass(frozen=True, slots=True)
-class Point:
-    """Objectives (m,), constraints (k,) and their derivatives (m, n), (k, n) in y at y (n,)."""
-
-    y: Array
-    f: Array
-    g: Array
-    df: Array
-    dg: Array
-
-
 @dataclass(eq=False)
 class Smooth:
     """The continuous variables of a problem at fixed integers `x`, scaled to y in [0, 1].
@@ -36,7 +25,8 @@ class Smooth:
 
     run: Run
     x: Array
-    last: Point | None = field(default=None, init=False)
+    _values: tuple[Array, Array, Array] | None = field(default=None, init=False)
+    _slopes: tuple[Array, Array, Array] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         problem = self.run.problem
@@ -69,17 +59,23 @@ class Smooth:
         logs = np.log(np.where(self.log, t, 1.0) / low) / np.log(high / low)
         return np.clip(np.where(self.log, logs, (t - self.low) / (self.high - self.low)), 0.0, 1.0)
 
-    def at(self, y: Array) -> Point:
-        """Values and derivatives at y (size,); asked twice for one y, it evaluates once."""
-        if self.last is None or not np.array_equal(self.last.y, y):
-            self.last = self._exact(y) if self.analytic else self._differences(y)
-        return self.last
+    def values(self, y: Array) -> tuple[Array, Array]:
+        """Objectives (m,) and constraints (k,) at y (size,); asked twice, evaluated once."""
+        if self._values is None or not np.array_equal(self._values[0], y):
+            f, g = self.run.evaluate(self.vectors(y[None, :]))
+            self._values = y.copy(), f[0], g[0]
+        return self._values[1:]
 
-    def _exact(self, y: Array) -> Point:
+    def slopes(self, y: Array) -> tuple[Array, Array]:
+        """Derivatives in y of the objectives (m, size) and constraints (k, size)."""
+        if self._slopes is None or not np.array_equal(self._slopes[0], y):
+            found = self._exact(y) if self.analytic else self._differences(y)
+            self._slopes = y.copy(), *found
+        return self._slopes[1:]
+
+    def _exact(self, y: Array) -> tuple[Array, Array]:
         problem, x = self.run.problem, self.vectors(y[None, :])
-        f, g = self.run.evaluate(x)
-        designs = problem.complete(x)
-        slopes = problem.gradient(designs)
+        slopes = problem.gradient(problem.complete(x))
         slopes |= {name: unit for name, unit in _units(problem).items() if name not in slopes}
         columns = [problem.names.index(v.name) for v in problem.free if not v.integer]
         width = self.high - self.low
@@ -90,14 +86,14 @@ class Smooth:
             for limit in problem.limits
             for sign in limit.slopes()
         ]
-        return Point(y.copy(), f[0], g[0], df, np.array(rows).reshape(len(g[0]), len(y)))
+        return df, np.array(rows).reshape(problem.n_ieq_constr, len(y))
 
-    def _differences(self, y: Array) -> Point:
+    def _differences(self, y: Array) -> tuple[Array, Array]:
+        base = self.values(y)
         step = np.where(y > 0.5, -STEP, STEP)
-        points = np.vstack([y, y + np.diag(step)])
-        f, g = self.run.evaluate(self.vectors(points))
-        df, dg = ((value[1:] - value[0]).T / step for value in (f, g))
-        return Point(y.copy(), f[0], g[0], df, dg)
+        moved = self.run.evaluate(self.vectors(y + np.diag(step)))
+        df, dg = ((m - b).T / step for m, b in zip(moved, base, strict=True))
+        return df, dg
 
 
 def _ratio(smooth: Smooth) -> Array:

@@ -1,0 +1,142 @@
+"""`hybrid`: evolution begun from exact solutions of the convex part, then polished by gradients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..problems.tolerance_problem import ToleranceProblem
+from .engine import GDE3Engine, Space
+from .exact.bounds import restricted, upper_limit
+from .exact.designs import search_vectors
+from .exact.epsilon import Branch, integer_moves
+from .exact.front import front
+from .exact.solver import closed_form, exact_vectors
+from .indicators import nondominated
+from .run import Run
+from .settings import Solver
+
+Array = NDArray[np.float64]
+EVOLVED = 0.5
+"""Share of an evaluation budget that evolution may use."""
+GENERATIONS = 100
+"""Generations of the evolution where the budget names none."""
+SETS = 12
+"""Sets of integers that are polished at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hybrid(Solver):
+    """Evolution (GDE3) from exact seeds, local polish by SLSQP, filling of thin places.
+
+    For problems that are mixed, not convex or limited in yield. `population` per generation;
+    `polish` is the number of points that gradients improve per set of integers, in as many
+    evaluations as the evolution took at most.
+    """
+
+    many_objectives: ClassVar[bool] = True
+    one_objective: ClassVar[bool] = True
+    population: int = field(default=100, metadata={"low": 8})
+    polish: int = field(default=24, metadata={"low": 0})
+    points: int = field(default=200, metadata={"low": 2})
+
+    def solve(self, run: Run) -> None:
+        seeds = seed_vectors(run, self.population)
+        self._evolve(run, seeds)
+        if run.problem.n_obj == 1:
+            self._polish_best(run)
+        elif run.problem.n_obj == 2:
+            self._polish_front(run)
+
+    def _evolve(self, run: Run, seeds: Array) -> None:
+        """GDE3 on plain arrays, until generations or its share of the evaluations are used."""
+        problem, left = run.problem, run.evaluations_left
+        integer = np.array([v.integer for v in problem.free])
+        space = Space(problem.xl, problem.xu, integer, problem.n_obj)
+        engine = GDE3Engine(space, self.population, run.rng)
+        drawn = space.draw(max(self.population - len(seeds) // 2, self.population // 2), run.rng)
+        first = np.vstack([seeds, drawn])
+        run.phase("seeds", 0.0)
+        engine.tell(first, *run.evaluate(first))
+        total = run.budget.generations or GENERATIONS
+        end = None if left is None else run.evaluations + EVOLVED * left
+        for generation in range(total):
+            if end is not None and run.evaluations >= end:
+                return
+            run.phase("evolution", EVOLVED * generation / total)
+            x = engine.ask()
+            engine.tell(x, *run.evaluate(x))
+
+    def _polish_best(self, run: Run) -> None:
+        """One objective: from the best design, at its integers and at each that differs in one."""
+        x, f = run.archive.arrays()
+        start = x[int(np.argmin(f[:, 0]))] if len(x) else run.archive.miss[0]
+        unit, free = _unit(run.problem), np.array([np.inf])
+        for at, integers in enumerate(sets := integer_moves(run.problem, start)):
+            run.phase("polish", EVOLVED + (1.0 - EVOLVED) * at / len(sets))
+            branch = Branch(run, integers, unit)
+            branch.minimise(0, branch.smooth.scaled(start[None, :])[0], free)
+
+    def _polish_front(self, run: Run) -> None:
+        """Two objectives: gradients where the front has its largest gaps, then points between."""
+        x, f = run.archive.arrays()
+        if not len(x):
+            return
+        kept = nondominated(f)
+        branches = branches_of(run, x[kept], f[kept], SETS)
+        start, most = run.evaluations, self.polish * len(branches)
+        for done in range(most):
+            run.phase("polish", EVOLVED + 0.45 * done / most)
+            widest = max(branches, key=lambda branch: branch.widest()[0])
+            if run.evaluations > 2 * start or not widest.halve():
+                break
+        run.phase("points between", 0.95)
+        for branch in branches:
+            run.evaluate(branch.between(max(2, self.points // len(branches))))
+
+
+def seed_vectors(run: Run, count: int) -> Array:
+    """Search vectors (k, variables) from the convex form, exact or a relaxation; none without one.
+
+    What a relaxation has settled is drawn anew for half of the seeds: the limits that it leaves
+    out may forbid the value that is best for it.
+    """
+    problem, form = run.problem, run.problem.form()
+    if form is None or "cost" not in problem.objectives:
+        return np.empty((0, problem.n_var))
+    if (closed := closed_form(problem)) is not None:
+        return exact_vectors(problem, closed, count)
+    form = restricted(form, np.arange(len(form.outputs)) == 0)
+    upper = np.array([upper_limit(problem, name) for name in form.outputs])
+    seeds = search_vectors(problem, form, front(form, count, upper))
+    settled = np.array([v.name in form.settled for v in problem.free])
+    drawn = problem.xl + (problem.xu - problem.xl) * run.rng.random(seeds.shape)
+    half = (np.arange(len(seeds)) % 2 == 0)[:, None]
+    return np.where(half & settled, drawn, seeds)
+
+
+def branches_of(run: Run, x: Array, f: Array, most: int) -> list[Branch]:
+    """A branch per set of integers on a front (n, variables), those with most points first.
+
+    Each adopts some of its points, evenly along the front.
+    """
+    integer = np.array([v.integer for v in run.problem.free])
+    _, owner, counts = np.unique(x[:, integer], axis=0, return_inverse=True, return_counts=True)
+    found = []
+    for one in np.argsort(-counts, kind="stable")[:most]:
+        rows = np.flatnonzero(np.ravel(owner) == one)
+        rows = rows[np.argsort(f[rows, 1], kind="stable")]
+        some = rows[np.unique(np.linspace(0, len(rows) - 1, 16).astype(int))]
+        branch = Branch(run, x[some[0]], _unit(run.problem))
+        branch.adopt(x[some], f[some])
+        found.append(branch)
+    return found
+
+
+def _unit(problem: ToleranceProblem) -> Array:
+    """Scale of the objectives."""
+    ideal, nadir = problem.box()
+    return np.maximum(nadir - ideal, 1e-12)
