@@ -31,8 +31,8 @@ SOLVED = 48
 """Points that are solved; the others are interpolated between them."""
 STARTS, TRIES = 32, 3
 """Random designs per set of integers, and how many of them a search is begun from at most."""
-ANALYTIC, NUMERIC, ITERATIONS = 1e-7, 1e-5, 40
-"""Tolerance of SLSQP with derivatives of the model and with differences; its steps at most."""
+ANALYTIC, NUMERIC = (1e-7, 40), (1e-5, 15)
+"""Tolerance and most steps of SLSQP, with derivatives of the model and with differences."""
 
 
 class Branch:
@@ -64,8 +64,7 @@ class Branch:
             margin_slopes,
             start,
             (np.zeros(smooth.size), np.ones(smooth.size)),
-            ANALYTIC if smooth.analytic else NUMERIC,
-            ITERATIONS,
+            *(ANALYTIC if smooth.analytic else NUMERIC),
         )
         f, g = smooth.values(found.x)
         if np.any(g > 1e-6):
