@@ -42,8 +42,8 @@ class Effort:
 
     seeds: int = 5
     evaluations: int = 50_000
-    seconds: float = 10.0
-    minutes: float = 12.0
+    seconds: float = 6.0
+    minutes: float = 13.0
 
 
 QUICK = Effort(1, 20_000, 3.0, 3.0)
