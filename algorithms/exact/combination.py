@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.costs.joint import Joint
 from ...problems.forms import Form, Way
 from .prices import Prices
 
@@ -81,8 +82,14 @@ class Combination:
         """Whether every cost curve is convex, so that local optima are global."""
         return all(way.curve.convex for way in self.ways)
 
+    @cached_property
+    def _joint(self) -> Joint | None:
+        return Joint.of([way.curve for way in self.ways])
+
     def cost(self, t: Array) -> Array:
         """Total cost (n,) of tolerances (n, features)."""
+        if self._joint is not None:
+            return np.asarray(self.form.base + self._joint.cost(t) @ self.counts)
         each = [
             count * way.curve.cost(t[:, at])
             for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True))
@@ -118,6 +125,10 @@ class Combination:
 
     def best(self, linear: Array, square: Array) -> Array:
         """Tolerances (n, features) of least cost + linear . t + square . t^2 at prices (n, f)."""
+        if self._joint is not None:
+            found = self._joint.stationary(linear / self.counts, square / self.counts)
+            if found is not None:
+                return np.clip(found, self.low, self.high)
         each = [
             way.curve.best(linear[:, at] / count, square[:, at] / count, way.low, way.high)
             for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True))

@@ -25,7 +25,7 @@ from .combination import Combination, Solved
 Array = NDArray[np.float64]
 DECADES = 40.0
 """Prices are searched from 1e-40 to 1e40 of the units of cost and requirement."""
-COARSE = 256
+COARSE = 128
 """Prices that the arc length of a front is measured at."""
 
 

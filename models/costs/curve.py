@@ -35,12 +35,12 @@ class CostCurve(ABC):
 
         `linear` and `square` (n,) are the prices of a tolerance, square >= 0; 0 < low <= high.
         """
-        found = self._stationary(linear, square)
+        found = self.stationary(linear, square)
         if found is None:
             return self._root(linear, square, low, high)
         return np.clip(found, low, high)
 
-    def _stationary(self, linear: Array, square: Array) -> Array | None:
+    def stationary(self, linear: Array, square: Array) -> Array | None:
         """The stationary point in closed form, inf where there is none; None if not known."""
         return None
 

@@ -31,7 +31,7 @@ class Exponential(CostCurve):
     def slope(self, t: Array) -> Array:
         return -self.m * self.b * np.exp(-self.m * t)
 
-    def _stationary(self, linear: Array, square: Array) -> Array | None:
+    def stationary(self, linear: Array, square: Array) -> Array | None:
         """m b exp(-m t) = p + 2 q t by Wright's omega function, for q = 0 by a logarithm.
 
         A last step of Newton's method gives back the digits that the difference loses.

@@ -25,7 +25,7 @@ class Reciprocal(CostCurve):
     def slope(self, t: Array) -> Array:
         return -self.b / t**2
 
-    def _stationary(self, linear: Array, square: Array) -> Array | None:
+    def stationary(self, linear: Array, square: Array) -> Array | None:
         return stationary_power(self.b, 1.0, linear, square)
 
     def faults(self) -> list[tuple[str, str]]:

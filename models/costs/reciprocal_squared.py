@@ -25,7 +25,7 @@ class ReciprocalSquared(CostCurve):
     def slope(self, t: Array) -> Array:
         return -2.0 * self.b / t**3
 
-    def _stationary(self, linear: Array, square: Array) -> Array | None:
+    def stationary(self, linear: Array, square: Array) -> Array | None:
         return stationary_power(self.b, 2.0, linear, square)
 
     def faults(self) -> list[tuple[str, str]]:
