@@ -34,7 +34,7 @@ class Linear:
 
     def variance(self, t: Array) -> Array:
         """Variance of y (n,)."""
-        return np.asarray(np.einsum("np,pq,nq->n", t, self.covariance, t, optimize=True))
+        return np.asarray(np.sum((t @ self.covariance) * t, axis=1))
 
     def rss(self, t: Array) -> Array:
         """Three standard deviations of y; for normal parts with Cp = 1 sqrt(sum (S_i t)^2)."""

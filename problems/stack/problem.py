@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...declarations import Assumption, Output, Parameter, Variable
 from ...errors import Fault, ModelError
 from ...models.costs import CostCurve
+from ...models.costs.joint import Joint
 from ...models.inputs import Normal
 from ...models.stack import Linear, Sample, half_width, linearised, yield_percent
 from ...section import Section
@@ -160,9 +161,18 @@ class Stack(ToleranceProblem):
                 coverage = self.settings.propagation.coverage
                 found["variation"] = half_width(self.definition.mechanism, t, sample, coverage)
         found |= self._yield(t, sample, searching)
+        if searching and not any(
+            self._wanted(f"contribution_{p.name}_percent") for p in self._parts
+        ):
+            return found | self._without_shares(len(t))
         shares = self.linear.worst_shares if method == "worst_case" else self.linear.variance_shares
         each = zip(self._parts, shares(t).T, strict=True)
         return found | {f"contribution_{part.name}_percent": 100.0 * one for part, one in each}
+
+    def _without_shares(self, count: int) -> dict[str, Array]:
+        """Contributions that a search does not need."""
+        nothing = np.full(count, np.nan)
+        return {f"contribution_{part.name}_percent": nothing for part in self._parts}
 
     def _wanted(self, output: str) -> bool:
         return output in (*self.objectives, *(limit.name for limit in self.limits))
@@ -192,6 +202,9 @@ class Stack(ToleranceProblem):
     def _by_part(self, designs: Array, slope: bool) -> Array:
         """Cost, or its slope, of each part (n, parts)."""
         t = self.tolerances(designs)
+        if self._joint is not None and not slope:
+            with np.errstate(divide="ignore"):
+                return self._joint.cost(t) * self._counts
         found = np.zeros_like(t)
         for at, part in enumerate(self._parts):
             chosen = self._chosen(designs, part)
@@ -202,6 +215,17 @@ class Stack(ToleranceProblem):
                     with np.errstate(divide="ignore", invalid="ignore"):
                         found[rows, at] = part.count * curve(t[rows, at])
         return found
+
+    @cached_property
+    def _joint(self) -> Joint | None:
+        """The curves of all parts as one, where each has one and there are no alternatives."""
+        curves = [part.processes[0].curve for part in self._parts if not part.alternatives]
+        known = [curve for curve in curves if curve is not None]
+        return Joint.of(known) if len(known) == len(self._parts) else None
+
+    @cached_property
+    def _counts(self) -> Array:
+        return np.array([float(part.count) for part in self._parts])
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives of cost and of the linear variations; 0 for a process."""
