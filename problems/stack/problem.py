@@ -161,18 +161,16 @@ class Stack(ToleranceProblem):
                 coverage = self.settings.propagation.coverage
                 found["variation"] = half_width(self.definition.mechanism, t, sample, coverage)
         found |= self._yield(t, sample, searching)
-        if searching and not any(
-            self._wanted(f"contribution_{p.name}_percent") for p in self._parts
-        ):
-            return found | self._without_shares(len(t))
-        shares = self.linear.worst_shares if method == "worst_case" else self.linear.variance_shares
-        each = zip(self._parts, shares(t).T, strict=True)
-        return found | {f"contribution_{part.name}_percent": 100.0 * one for part, one in each}
+        return found | self._shares(t, searching)
 
-    def _without_shares(self, count: int) -> dict[str, Array]:
-        """Contributions that a search does not need."""
-        nothing = np.full(count, np.nan)
-        return {f"contribution_{part.name}_percent": nothing for part in self._parts}
+    def _shares(self, t: Array, searching: bool) -> dict[str, Array]:
+        """Contributions of the parts; NaN where a search does not need them."""
+        names = [f"contribution_{part.name}_percent" for part in self._parts]
+        if searching and not any(self._wanted(name) for name in names):
+            return dict.fromkeys(names, np.full(len(t), np.nan))
+        worst = self.definition.requirement.method == "worst_case"
+        shares = self.linear.worst_shares(t) if worst else self.linear.variance_shares(t)
+        return dict(zip(names, 100.0 * shares.T, strict=True))
 
     def _wanted(self, output: str) -> bool:
         return output in (*self.objectives, *(limit.name for limit in self.limits))
