@@ -74,7 +74,8 @@ def reason(problem: ToleranceProblem, form: Form | None) -> str:
         return "nothing is proven: the problem has no convex form"
     others = [name for name in problem.objectives if name not in ("cost", *form.outputs)]
     if others:
-        return f"nothing is proven: no convex form of {', '.join(others)}"
+        known = ", ".join(form.outputs)
+        return f"nothing is proven: no convex form of {', '.join(others)} (there is one of {known})"
     return ""
 
 
