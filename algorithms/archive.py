@@ -109,7 +109,7 @@ def lowest_ranks(x: Array, f: Array, room: int) -> NDArray[np.int64]:
 
     In the order of the rows; where a rank does not fit into `room`, its first ones.
     """
-    rows = _distinct(x)
+    rows = _distinct(x, f)
     if len(rows) <= room:
         return rows
     values = f[rows]
@@ -118,14 +118,12 @@ def lowest_ranks(x: Array, f: Array, room: int) -> NDArray[np.int64]:
     return np.sort(rows[np.argsort(rank, kind="stable")[: max(room, best)]])
 
 
-def _distinct(x: Array) -> NDArray[np.int64]:
-    """The first row of each design, in order."""
+def _distinct(x: Array, f: Array) -> NDArray[np.int64]:
+    """The first row of each design, in order: equal designs have equal objectives."""
     if not len(x):
         return np.empty(0, dtype=np.int64)
-    rows = np.ascontiguousarray(x + 0.0)  # -0.0 becomes 0.0: equal rows are then equal bits
-    factors = np.arange(1, x.shape[1] + 1, dtype=np.uint64) * ODD
-    key = (rows.view(np.uint64) * factors).sum(axis=1, dtype=np.uint64)
-    order = np.argsort(key, kind="stable")
-    ordered = rows[order]
-    again = (ordered[1:] == ordered[:-1]).all(axis=1)
-    return np.sort(order[np.concatenate([[True], ~again])])
+    order = np.lexsort((*x.T[:2], *f.T))  # stable, so that the first of equal rows comes first
+    near, before = order[1:], order[:-1]
+    same = np.all(f[near] == f[before], axis=1)
+    same[same] = np.all(x[near[same]] == x[before[same]], axis=1)
+    return np.sort(np.concatenate([order[:1], near[~same]]))
