@@ -58,10 +58,20 @@ def _draw_front(axes: Axes, result: RunResult, x: str, y: str) -> None:
     style = "-" if len(result.objectives) == 2 else "none"
     axes.plot(front[x], front[y], linestyle=style, linewidth=1.0, marker="o", markersize=3.0,
               color=FRONT_COLOUR, label=f"front, {len(front)} points")  # fmt: skip
+    _draw_bound(axes, front, x, y)
     knee = front[flags(front, "knee")]
     if not knee.empty:
         axes.plot(knee[x], knee[y], linestyle="none", marker="*", markersize=14,
                   color=FRONT_COLOUR, markeredgecolor="white", label="knee")  # fmt: skip
+
+
+def _draw_bound(axes: Axes, front: pd.DataFrame, x: str, y: str) -> None:
+    """The proven bounds of the points' cost, where there are any: nothing lies left of or below."""
+    if "cost" not in (x, y) or "bound" not in front or not front["bound"].notna().any():
+        return
+    ends = {"cost": front["bound"], (y if x == "cost" else x): front[y if x == "cost" else x]}
+    axes.plot(ends[x], ends[y], linestyle="--", linewidth=1.0, color="black", zorder=3,
+              label="proven bound of the cost")  # fmt: skip
 
 
 def _draw_line(axes: Axes, result: RunResult) -> None:

@@ -113,3 +113,14 @@ def test_nothing_found(result: RunResult, objectives: tuple[Axis, ...]) -> None:
 def test_letters_that_the_font_lacks_do_not_stop_a_run(result: RunResult) -> None:
     references = result.references.assign(label=["基準", "b"])
     assert saved(replace(result, references=references))
+
+
+def test_proven_bounds_are_drawn_where_there_are_any(result: RunResult) -> None:
+    bound = result.front.assign(bound=[11.5, 9.5, 10.5])
+    (axes,) = front_figure(replace(result, front=bound)).axes
+    drawn = {str(line.get_label()): line for line in axes.lines}
+    assert np.asarray(drawn["proven bound of the cost"].get_xdata()).tolist() == [9.5, 10.5, 11.5]
+    assert np.asarray(drawn["proven bound of the cost"].get_ydata()).tolist() == [2.0, 1.2, 1.0]
+    nothing = result.front.assign(bound=np.nan)
+    (axes,) = front_figure(replace(result, front=nothing)).axes
+    assert "proven bound of the cost" not in [line.get_label() for line in axes.lines]
