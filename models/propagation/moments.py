@@ -31,14 +31,32 @@ class Moments(Propagation):
 
     def _propagate(self, total: ClippedSum, coverage: float, limit: float) -> Propagated:
         clipped, free = total_cumulants(total.clipped), total_cumulants(total.free)
-        full = _effective(clipped, free, coverage, limit)
-        gauss = _effective(_gaussian(clipped), free, coverage, limit, gaussian=True)
+        ends = _ends(total)
+        full = _within(_effective(clipped, free, coverage, limit), ends)
+        gauss = _within(_effective(_gaussian(clipped), free, coverage, limit, True), ends)
         doubt = _doubt(clipped, free, coverage)
         estimates = [
             Estimate(a, np.abs(a - b) + c) for a, b, c in zip(full, gauss, doubt, strict=True)
         ]
         mean, variance = clipped[:2] + free[:2]
         return Propagated(mean, np.sqrt(variance), *estimates)
+
+
+def _ends(total: ClippedSum) -> tuple[Array, Array]:
+    """Least and largest effective value (n,)."""
+    free, clipped = ([t.bounds() for t in terms] for terms in (total.free, total.clipped))
+    low, high = (
+        np.sum([ends[at] for ends in free], axis=0)
+        + np.maximum(np.sum([ends[at] for ends in clipped], axis=0), 0.0)
+        for at in (0, 1)
+    )
+    return low, high
+
+
+def _within(found: tuple[Array, ...], ends: tuple[Array, Array]) -> tuple[Array, ...]:
+    """Mean and quantile moved into the support: a series may leave it where almost all is cut."""
+    mean, std, quantile, *rest = found
+    return (np.clip(mean, *ends), std, np.clip(quantile, *ends), *rest)
 
 
 def _gaussian(cumulants: Array) -> Array:

@@ -355,3 +355,16 @@ def test_statistics_stay_in_their_ranges(seed: int, coverage: float, limit: floa
         assert np.all((found.conforming.value >= 0.0) & (found.conforming.value <= 1.0))
         assert np.all((found.negative.value >= 0.0) & (found.negative.value <= 1.0))
         assert np.all(found.std.value >= 0.0)
+
+
+@pytest.mark.parametrize("mean", [-3.0, -1.5, -1.0])
+def test_moments_stay_in_the_support_where_nearly_all_is_clipped(mean: float) -> None:
+    """0.2 +- 0.1 beside a clipped part that is hardly ever above zero."""
+    free = (term(Uniform(), 0.2, 0.1),)
+    clipped = (term(Uniform(), mean, 1.0), term(Uniform(), 0.0, 0.3))
+    total = ClippedSum(free, clipped)
+    found = Moments().propagate(total, 0.9973, 1.0)
+    exact = Convolution().propagate(total, 0.9973, 1.0)
+    for one_of in (found.quantile, found.mean):
+        assert 0.1 - 1e-12 <= one_of.value[0] <= 0.3 + max(0.0, mean + 1.3) + 1e-12
+    assert abs(found.quantile.value[0] - exact.quantile.value[0]) <= found.quantile.error[0]
