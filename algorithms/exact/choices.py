@@ -68,6 +68,7 @@ class _Search:
         self.t = np.full((n, features), np.nan)
         self.multiplier = np.zeros_like(self.limits)
         self.cost, self.bound = np.full(n, np.inf), np.full(n, np.inf)
+        self.floor = cost_range(self.form)[0]
 
     def leaf(self, chosen: tuple[int, ...], alive: NDArray[np.bool_]) -> None:
         """Solve one combination at the limits `alive`, once."""
@@ -136,12 +137,22 @@ class _Search:
                 self.leaf(ways, alive)
             return
         bounds = self.bounds(ways)
-        enter = alive & (bounds < self.cost * (1.0 - CLOSE)) & (self.leaves < LEAVES)
+        known = np.where(np.isfinite(self.cost), self.cost, 0.0)
+        enter = alive & (bounds < self.cost - CLOSE * np.abs(known)) & (self.leaves < LEAVES)
         left = alive & ~enter
-        self.bound[left] = np.minimum(self.bound[left], np.maximum(bounds[left], 0.0))
+        self.bound[left] = np.minimum(self.bound[left], np.maximum(bounds[left], self.floor))
         if np.any(enter):
             for way in range(len(self.form.features[len(ways)].ways)):
                 self.node((*ways, way), enter)
+
+
+def cost_range(form: Form) -> tuple[float, float]:
+    """Cost without any limit, and that of every feature at its dearest."""
+    ends = np.zeros(2)
+    for feature in form.features:
+        each = [way.curve.cost(np.array([way.high, way.low])) for way in feature.ways]
+        ends += feature.count * np.array([np.min(each), np.max(each)])
+    return float(form.base + ends[0]), float(form.base + ends[1])
 
 
 def _spread(form: Form, chosen: NDArray[np.int64]) -> Array:
