@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way
 from ...problems.tolerance_problem import ToleranceProblem
-from .choices import least_cost
+from .choices import cost_range, least_cost
 
 Array = NDArray[np.float64]
 LOOSER = 1e-11
@@ -29,9 +29,9 @@ class Proof:
     statement: str
 
     def gap_percent(self, cost: Array) -> Array:
-        """Distance (n,) of costs from their bounds, in percent of the bound."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(100.0 * np.maximum(cost - self.bound, 0.0) / np.abs(self.bound))
+        """Distance (n,) of costs from their bounds, in percent; NaN where the bound is 0."""
+        whole = np.where(self.bound == 0.0, np.nan, np.abs(self.bound))
+        return np.asarray(100.0 * np.maximum(cost - self.bound, 0.0) / whole)
 
 
 def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -> Proof:
@@ -59,11 +59,12 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     each, place = np.unique(limits, axis=0, return_inverse=True)
     bound = least_cost(form, each).bound[np.ravel(place)]
     cost = np.asarray(values["cost"])
-    if np.any(bound > cost * (1.0 + 1e-9)):
+    least, most = cost_range(form)
+    if np.any(bound - cost > 1e-9 * np.maximum(np.abs(cost), min(abs(least), abs(most)))):
         at = int(np.argmax(bound - cost))
         raise ModelError(f"the proven bound {bound[at]} lies above a cost of {cost[at]}: the form "
                          f"of {type(problem).__name__} does not bound it")  # fmt: skip
-    return Proof(bound, form.statement)
+    return Proof(np.minimum(bound, cost), form.statement)
 
 
 def reason(problem: ToleranceProblem, form: Form | None) -> str:

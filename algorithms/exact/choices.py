@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.forms import Form
+from ...problems.forms import Feature, Form
 from .combination import Combination
 from .path import Path
 from .prices import ROUNDING, Prices
@@ -23,6 +23,8 @@ from .programme import Programme
 Array = NDArray[np.float64]
 GRID = np.unique(np.concatenate([np.geomspace(0.02, 50.0, 15), np.geomspace(0.7, 1.4, 13)]))
 """Prices at which nodes are bounded, in units of the best known allocation's own."""
+PASSES = 8
+"""Times the prices are improved at most before the search."""
 LEAVES = 4096
 """Allocations that are solved at most."""
 CLOSE = 1e-10
@@ -43,11 +45,13 @@ class Optimum:
 def least_cost(form: Form, limits: Array) -> Optimum:
     """The cheapest allocation that keeps each set of upper limits (n, r) of a form.
 
-    Cost and bound are inf where no allocation can keep them.
+    Cost and bound are inf where no allocation can keep them; where none was found the cost alone.
     """
     search = _Search(form, np.asarray(limits, dtype=float))
-    search.leaf((0,) * len(form.features), np.ones(len(limits), dtype=bool))
+    every = np.ones(len(limits), dtype=bool)
+    search.leaf((0,) * len(form.features), every)
     if form.combinations > 1:
+        search.leaf(tightest_ways(form), every)
         search.run()
     return Optimum(search.chosen, search.t, search.cost, search.bound, search.multiplier)
 
@@ -57,8 +61,9 @@ class _Search:
     form: Form
     limits: Array
     leaves: int = 0
-    seen: set[tuple[int, ...]] = field(default_factory=set)
+    solved: dict[tuple[int, ...], NDArray[np.bool_]] = field(default_factory=dict)
     tables: list[Array] = field(default_factory=list)
+    open_: list[Array] = field(default_factory=list)
     received: Array = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
@@ -68,26 +73,34 @@ class _Search:
         self.t = np.full((n, features), np.nan)
         self.multiplier = np.zeros_like(self.limits)
         self.cost, self.bound = np.full(n, np.inf), np.full(n, np.inf)
+        self.factor = np.ones(n)
+        self.floor, self.ceiling = cost_range(self.form)
+        self.least = None if compensating(self.form) else _Least.of(self.form)
 
     def leaf(self, chosen: tuple[int, ...], alive: NDArray[np.bool_]) -> None:
-        """Solve one combination at the limits `alive`, once."""
-        self.seen.add(chosen)
+        """Solve one combination at the limits `alive`, each once."""
+        done = self.solved.setdefault(chosen, np.zeros(len(self.limits), dtype=bool))
+        rows = np.flatnonzero(alive & ~done)
+        if not len(rows):
+            return
         self.leaves += 1
+        done[rows] = True
         combination = Combination(self.form, chosen)
         solver = Path(combination) if self.separable else Programme(combination)
-        solved = solver.least_cost(self.limits[alive])
-        self.bound[alive] = np.minimum(self.bound[alive], solved.bound)
-        own = solved.cost < self.cost[alive]
-        better = np.flatnonzero(alive)[own]
-        self.cost[better], self.t[better] = solved.cost[own], solved.t[own]
-        self.chosen[better], self.multiplier[better] = chosen, solved.multiplier[own]
+        found = solver.least_cost(self.limits[rows])
+        self.bound[rows] = np.minimum(self.bound[rows], found.bound)
+        own = found.cost < self.cost[rows]
+        better = rows[own]
+        self.cost[better], self.t[better] = found.cost[own], found.t[own]
+        self.chosen[better], self.multiplier[better] = chosen, found.multiplier[own]
+        self.factor[better] = 1.0
 
     # ---------------------------------------------------------------- bounds of nodes
 
     def tabulate(self) -> None:
         """Cost plus price of every way at the grid of prices around the best known (ways, g, n)."""
         n = len(self.limits)
-        multiplier = self._scaled_multipliers()
+        multiplier = self._scaled_multipliers() * self.factor[:, None]
         t = np.where(np.isnan(self.t), _middle(self.form), self.t)
         s = t[:, None, :] * _spread(self.form, self.chosen)
         every = np.tile(np.arange(n), len(GRID))
@@ -102,46 +115,139 @@ class _Search:
             ])
             for at, feature in enumerate(self.form.features)
         ]  # fmt: skip
+        self.open_ = [np.zeros(shape)]
+        for table in self.tables[::-1]:
+            self.open_.insert(0, self.open_[0] + table.min(axis=0))
 
     def _scaled_multipliers(self) -> Array:
         """The best known multipliers (n, r), those of other limits where none are known."""
         known = np.isfinite(self.cost) & np.any(self.multiplier > 0.0, axis=1)
-        usual = np.median(self.multiplier[known], axis=0) if known.any() else 1.0
+        if known.any():
+            usual = np.median(self.multiplier[known], axis=0)
+        else:
+            size = np.where(np.isfinite(self.limits), np.abs(self.limits), 0.0).max(axis=0)
+            usual = (self.ceiling - self.floor) / np.where(size > 0.0, size, 1.0)
         return np.asarray(np.where(known[:, None], self.multiplier, usual))
 
-    def bounds(self, ways: tuple[int, ...]) -> Array:
-        """Lower bounds (n,) with the first features made in `ways`."""
-        decided = [self.tables[at][way] for at, way in enumerate(ways)]
-        open_ = [table.min(axis=0) for table in self.tables[len(ways) :]]
-        total = np.sum([*decided, *open_], axis=0)
+    def _bounds(self, total: Array) -> Array:
+        """Lower bounds (n,) from costs plus prices (g, n) of all features."""
         slack = ROUNDING * (np.abs(total) + np.abs(self.received))
         return np.asarray(self.form.base + np.max(total - self.received - slack, axis=0))
 
     def run(self) -> None:
         """Branch and bound, begun from the ways that the prices themselves choose."""
-        for _ in range(2):
+        for _ in range(PASSES):
             self.tabulate()
-            total = np.sum([table.min(axis=0) for table in self.tables], axis=0)
-            at = np.argmax(total - self.received, axis=0)
-            columns = np.arange(len(self.limits))
-            picked = np.stack([np.argmin(table, axis=0)[at, columns] for table in self.tables])
-            for ways in sorted({tuple(column) for column in picked.T.tolist()} - self.seen):
-                self.leaf(ways, np.ones(len(self.limits), dtype=bool))
-        self.node((), np.ones(len(self.limits), dtype=bool))
+            at = np.argmax(self.open_[0] - self.received, axis=0)
+            self.factor *= GRID[at]
+            if not self._pick(at) and np.all((at > 0) & (at < len(GRID) - 1)):
+                break
+        self.tabulate()
+        nothing = np.zeros((len(GRID), len(self.limits)))
+        self.node((), np.ones(len(self.limits), dtype=bool), nothing, self._bounds(self.open_[0]))
 
-    def node(self, ways: tuple[int, ...], alive: NDArray[np.bool_]) -> None:
-        """Enter a node at the limits where it may hold something cheaper."""
-        if len(ways) == len(self.form.features):
-            if ways not in self.seen:
-                self.leaf(ways, alive)
-            return
-        bounds = self.bounds(ways)
-        enter = alive & (bounds < self.cost * (1.0 - CLOSE)) & (self.leaves < LEAVES)
+    def _pick(self, at: NDArray[np.int64]) -> bool:
+        """Solve what the prices `at` each limit and the next higher ones choose; whether it helped.
+
+        The ways at the best prices may break a limit that they keep on average.
+        """
+        columns, before = np.arange(len(self.limits)), self.cost.copy()
+        for price in (at, np.minimum(at + 1, len(GRID) - 1), np.minimum(at + 3, len(GRID) - 1)):
+            chosen = np.stack([np.argmin(table, axis=0)[price, columns] for table in self.tables])
+            ways, owner = np.unique(chosen, axis=1, return_inverse=True)
+            for one, picked in enumerate(ways.T.tolist()):
+                self.leaf(tuple(picked), np.ravel(owner) == one)
+        return bool(np.any(self.cost < before))
+
+    def node(
+        self, ways: tuple[int, ...], alive: NDArray[np.bool_], decided: Array, bounds: Array
+    ) -> None:
+        """Enter a node at the limits where it may hold something cheaper, best child first."""
+        known = np.where(np.isfinite(self.cost), self.cost, 0.0)
+        enter = alive & (bounds < self.cost - CLOSE * np.abs(known)) & (self.leaves < LEAVES)
         left = alive & ~enter
-        self.bound[left] = np.minimum(self.bound[left], np.maximum(bounds[left], 0.0))
-        if np.any(enter):
-            for way in range(len(self.form.features[len(ways)].ways)):
-                self.node((*ways, way), enter)
+        self.bound[left] = np.minimum(self.bound[left], np.maximum(bounds[left], self.floor))
+        if not np.any(enter):
+            return
+        if len(ways) == len(self.form.features):
+            self.leaf(ways, enter)
+            return
+        children = []
+        for way, table in enumerate(self.tables[len(ways)]):
+            own = (*ways, way)
+            possible = enter if self.least is None else enter & self.least.keeps(own, self.limits)
+            if np.any(possible):
+                total = decided + table
+                bound = self._bounds(total + self.open_[len(own)])
+                children.append((float(bound[possible].mean()), own, possible, total, bound))
+        for _, own, possible, total, bound in sorted(children, key=lambda child: child[:2]):
+            self.node(own, possible, total, bound)
+
+
+@dataclass(frozen=True, eq=False)
+class _Least:
+    """Least contributions of every way to r requirements: linear (ways, r) and squared (ways, r).
+
+    `rest` holds the sums of the least ones of all features from each on.
+    """
+
+    form: Form
+    linear: tuple[Array, ...]
+    square: tuple[Array, ...]
+    rest: tuple[tuple[Array, Array], ...]
+
+    @classmethod
+    def of(cls, form: Form) -> _Least:
+        """The contributions of a form that is not `compensating`."""
+        linear, square = zip(*(_contributions(feature) for feature in form.features), strict=True)
+        rest = [(np.zeros(len(form.outputs)), np.zeros(len(form.outputs)))]
+        for one, other in zip(linear[::-1], square[::-1], strict=True):
+            rest.insert(0, (rest[0][0] + one.min(axis=0), rest[0][1] + other.min(axis=0)))
+        return cls(form, linear, square, tuple(rest))
+
+    def keeps(self, ways: tuple[int, ...], limits: Array) -> NDArray[np.bool_]:
+        """Which limits (n, r) may be kept with the first features made in `ways`."""
+        rest, further = self.rest[len(ways)]
+        linear = rest + sum((self.linear[at][way] for at, way in enumerate(ways)), np.zeros(1))
+        square = further + sum((self.square[at][way] for at, way in enumerate(ways)), np.zeros(1))
+        least = self.form.offset + linear + np.sqrt(self.form.constant + square)
+        return np.asarray(np.all(least * (1.0 - np.sign(least) * ROUNDING) <= limits, axis=1))
+
+
+def compensating(form: Form) -> bool:
+    """Whether deviations may compensate each other, so that contributions do not add up."""
+    return form.correlation is not None and bool(np.any(form.correlation < 0.0))
+
+
+def _contributions(feature: Feature) -> tuple[Array, Array]:
+    """Least linear and least squared contribution of each way, (ways, r) each."""
+    linear = [
+        np.minimum(np.multiply(way.linear, way.low), np.multiply(way.linear, way.high))
+        + (np.array(way.offset) if way.offset else 0.0)
+        for way in feature.ways
+    ]
+    square = [np.multiply(way.spread, way.low) ** 2 for way in feature.ways]
+    return np.array(linear), np.array(square)
+
+
+def tightest_ways(form: Form) -> tuple[int, ...]:
+    """The ways of least contribution, in units of what the widest add."""
+    found = []
+    for feature in form.features:
+        linear, square = _contributions(feature)
+        each = np.hstack([linear, np.sqrt(square)])
+        span = np.ptp(each, axis=0)
+        found.append(int(np.argmin((each / np.where(span > 0.0, span, 1.0)).sum(axis=1))))
+    return tuple(found)
+
+
+def cost_range(form: Form) -> tuple[float, float]:
+    """Cost without any limit, and that of every feature at its dearest."""
+    ends = np.zeros(2)
+    for feature in form.features:
+        each = [way.curve.cost(np.array([way.high, way.low])) for way in feature.ways]
+        ends += feature.count * np.array([np.min(each), np.max(each)])
+    return float(form.base + ends[0]), float(form.base + ends[1])
 
 
 def _spread(form: Form, chosen: NDArray[np.int64]) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
@@ -10,6 +12,7 @@ from ...problems.forms import Form
 from .choices import Optimum, least_cost
 from .combination import Combination
 from .path import Path
+from .programme import Programme
 
 Array = NDArray[np.float64]
 COARSE = 128
@@ -72,7 +75,7 @@ def value_range(form: Form) -> tuple[Array, Array]:
 
 
 def tightest(form: Form) -> Array:
-    """Least value (r,) of each requirement; of correlated ones, that of all tolerances at least.
+    """Least value (r,) of each requirement.
 
     Every feature is made in the way that contributes least: exact for one requirement without
     correlation and either part zero, else a lower bound.
@@ -89,6 +92,24 @@ def tightest(form: Form) -> Array:
         linear = linear + parts.min(axis=0)
         square = square + (spread**2).min(axis=0)
     if form.correlation is not None:
-        combination = Combination(form, (0,) * len(form.features))
-        return np.asarray(combination.values(combination.low[None, :])[0])
+        return _least_correlated(form)
     return np.asarray(linear + np.sqrt(square))
+
+
+def _least_correlated(form: Form) -> Array:
+    """Least value (r,) of each requirement over the hull of the ranges of all ways.
+
+    The coefficients are those of the first way: of correlated features all ways have the same.
+    """
+    features = tuple(
+        replace(f, ways=(replace(f.ways[0], low=min(way.low for way in f.ways),
+                                 high=max(way.high for way in f.ways)),))
+        for f in form.features
+    )  # fmt: skip
+    combination = Combination(replace(form, features=features), (0,) * len(features))
+    least = combination.values(combination.low[None, :])[0]
+    for at in range(len(least)):
+        limit = np.where(np.arange(len(least)) == at, least, np.inf)
+        t, _ = Programme(combination).least_excess(limit)
+        least[at] = min(least[at], combination.values(t[None, :])[0, at])
+    return np.asarray(least)

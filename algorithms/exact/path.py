@@ -50,6 +50,11 @@ class Path:
         return np.asarray(self.at(np.exp(np.array([self.ends[1]])))[0])
 
     @cached_property
+    def cheapest(self) -> Array:
+        """The tightest tolerances (features,) of least cost: a flat cost curve buys nothing."""
+        return np.asarray(self.at(np.exp(np.array([self.ends[0]])))[0])
+
+    @cached_property
     def _rooted(self) -> bool:
         return bool(self.combination.root(self.combination.high[None, :])[0, 0] > 0.0)
 
@@ -86,14 +91,14 @@ class Path:
         """Least cost at upper limits (n, 1) of the requirement."""
         c, limit = self.combination, limits[:, 0]
         loosest, tightest = (float(self.value(t[None, :])[0]) for t in (c.high, self.tightest))
-        t = np.where((limit >= loosest)[:, None], c.high, self.tightest)
-        cost, bound, multiplier = c.cost(t), c.cost(t), np.zeros_like(limits)
-        impossible = limit < tightest
-        cost[impossible], bound[impossible] = np.inf, np.inf
-        inner = (limit < loosest) & ~impossible
+        least = float(c.cost(c.high[None, :])[0])
+        inner = (limit < float(self.value(self.cheapest[None, :])[0])) & (limit >= tightest)
+        t = np.where((limit >= loosest)[:, None], c.high, self.cheapest)
+        bound, multiplier = np.full(len(limit), least), np.zeros_like(limits)
         if np.any(inner):
             t[inner], bound[inner], multiplier[inner] = self._inside(limits[inner])
-            cost[inner] = c.cost(t[inner])
+        cost, bound = c.cost(t), np.maximum(bound, least)
+        cost[limit < tightest], bound[limit < tightest] = np.inf, np.inf
         return Solved(t, cost, np.minimum(bound, cost), multiplier)
 
     def _inside(self, limits: Array) -> tuple[Array, Array, Array]:

@@ -2,7 +2,9 @@
 
 Solved by SLSQP (Kraft 1988) in x_j = ln t_j with exact derivatives, and proven by its multipliers:
 these give a lower bound whatever SLSQP did (`Combination.dual`), improved by L-BFGS-B (Byrd, Lu,
-Nocedal & Zhu 1995) on the concave dual where a gap is left.
+Nocedal & Zhu 1995) on the concave dual where a gap is left. Where deviations compensate each other
+the tightest tolerances are not those of least variation: limits that they break are kept by the
+allocation that breaks them least, or by none where its tangents say so.
 """
 
 from __future__ import annotations
@@ -27,24 +29,91 @@ class Programme:
     combination: Combination
 
     def least_cost(self, limits: Array) -> Solved:
-        """Least cost at sets of upper limits (n, r)."""
+        """Least cost at sets of upper limits (n, r).
+
+        Where no allocation is found that keeps limits, and none is proven not to exist, the cost is
+        inf and the bound that without limits.
+        """
         c, n = self.combination, len(limits)
-        t, cost = np.tile(c.low, (n, 1)), np.full(n, np.inf)
-        bound, multiplier = np.full(n, np.inf), np.zeros_like(limits)
+        t, cost = np.tile(c.high, (n, 1)), np.full(n, np.inf)
+        bound, multiplier = np.full(n, float(c.cost(c.high[None, :])[0])), np.zeros_like(limits)
         start = c.high
-        for row in np.flatnonzero(np.all(c.values(t) <= limits, axis=1)):
-            start, multiplier[row] = self._solved(limits[row], start)
-            t[row] = start
-            cost[row] = c.cost(start[None, :])[0]
-            bound[row], multiplier[row] = self._proven(limits[row], start, multiplier[row])
+        for row, limit in enumerate(limits):
+            if not self._keeps(c.high, limit):
+                inner, possible = self._inner(limit)
+                if inner is None:
+                    bound[row] = bound[row] if possible else np.inf
+                    continue
+                start, multiplier[row] = self._solved(limit, start, inner)
+                t[row] = start
+                proven, multiplier[row] = self._proven(limit, start, multiplier[row])
+                bound[row] = max(bound[row], proven)
+            cost[row] = c.cost(t[row][None, :])[0]
         return Solved(t, cost, np.minimum(bound, cost), multiplier)
 
-    def _solved(self, limit: Array, start: Array) -> tuple[Array, Array]:
+    def _keeps(self, t: Array, limit: Array) -> bool:
+        return bool(np.all(self.combination.values(t[None, :])[0] <= limit))
+
+    def _inner(self, limit: Array) -> tuple[Array | None, bool]:
+        """Tolerances (features,) that keep the limits, None where none are found; whether any may.
+
+        Every value is above its tangent at t: where a mean of the tangents of the limits, by the
+        multipliers, stays above 0 in the whole range, no tolerances keep them all.
+        """
+        c = self.combination
+        if self._keeps(c.low, limit):
+            return c.low, True
+        if not self._compensating:
+            return None, False
+        t, weight = self.least_excess(limit)
+        if self._keeps(t, limit):
+            return t, True
+        asked = np.isfinite(limit)
+        excess = weight[asked] @ (c.values(t[None, :])[0] - limit)[asked]
+        slopes = weight[asked] @ c.gradients(t[None, :])[0][asked]
+        least = excess + np.sum(np.minimum(slopes * (c.low - t), slopes * (c.high - t)))
+        return None, bool(least <= 0.0)
+
+    @property
+    def _compensating(self) -> bool:
+        """Whether a value may fall with a tolerance."""
+        correlation, c = self.combination.form.correlation, self.combination
+        falls = correlation is not None and np.any(correlation < 0.0)
+        return bool(falls or np.any(c.linear < 0.0))
+
+    def least_excess(self, limit: Array) -> tuple[Array, Array]:
+        """Tolerances (features,) of the least largest excess over the limits; weights (r,)."""
+        c, r = self.combination, len(limit)
+        width, asked = c.high - c.low, np.isfinite(limit)
+        scale = np.where(asked & (limit != 0.0), np.abs(limit), 1.0)
+
+        def whole(y: Array) -> Array:
+            return np.asarray(c.low + width * np.clip(y[:-1], 0.0, 1.0))[None, :]
+
+        def margins(y: Array) -> Array:
+            return np.asarray((y[-1] - (c.values(whole(y))[0] - limit) / scale)[asked])
+
+        def margin_slopes(y: Array) -> Array:
+            own = -(c.gradients(whole(y))[0] * width)[asked] / scale[asked, None]
+            return np.hstack([own, np.ones((len(own), 1))])
+
+        first = np.append(np.full(len(width), 0.5), 0.0)
+        first[-1] = float(np.max(-margins(first)))
+        away = np.append(np.zeros(len(width)), -1e3), np.append(np.ones(len(width)), 1e3)
+        only = np.append(np.zeros(len(width)), 1.0)
+        found = slsqp(lambda y: float(y[-1]), lambda y: only, margins, margin_slopes, first, away,
+                      1e-15, 500)  # fmt: skip
+        weight = np.zeros(r)
+        weight[asked] = found.multiplier / scale[asked]
+        return whole(found.x)[0], weight
+
+    def _solved(self, limit: Array, start: Array, inner: Array) -> tuple[Array, Array]:
         """Tolerances (features,) that keep the limits, and multipliers (r,)."""
         c, movable = self.combination, self.combination.low < self.combination.high
         if not np.any(movable):
             return c.low, np.zeros(len(limit))
-        scale = np.where(limit != 0.0, np.abs(limit), 1.0)
+        asked = np.isfinite(limit)
+        scale = np.where(limit != 0.0, np.abs(limit), 1.0)[asked]
         unit = float(c.cost(c.low[None, :])[0] - c.cost(c.high[None, :])[0]) or 1.0
 
         def whole(x: Array) -> Array:
@@ -58,31 +127,32 @@ class Programme:
 
         def margin_slopes(x: Array) -> Array:
             t = whole(x)
-            return np.asarray(-(c.gradients(t)[0] * t)[:, movable] / scale[:, None])
+            return np.asarray(-(c.gradients(t)[0] * t)[asked][:, movable] / scale[:, None])
 
         found = slsqp(
             lambda x: float(c.cost(whole(x))[0]) / unit,
             slopes,
-            lambda x: (limit - c.values(whole(x))[0]) / scale,
+            lambda x: (limit - c.values(whole(x))[0])[asked] / scale,
             margin_slopes,
             np.log(start[movable]),
             (np.log(c.low[movable]), np.log(c.high[movable])),
             1e-15,
             500,
         )
-        return self._kept(whole(found.x)[0], limit), found.multiplier * unit / scale
+        multiplier = np.zeros(len(limit))
+        multiplier[asked] = found.multiplier * unit / scale
+        return self._kept(whole(found.x)[0], limit, inner), multiplier
 
-    def _kept(self, t: Array, limit: Array) -> Array:
-        """The point nearest to t on the way from the tightest corner that keeps the limits."""
-        c, low, high = self.combination, 0.0, 1.0
-        if np.all(c.values(t[None, :])[0] <= limit):
+    def _kept(self, t: Array, limit: Array, inner: Array) -> Array:
+        """The point nearest to t on the way from tolerances that keep the limits."""
+        low, high = 0.0, 1.0
+        if self._keeps(t, limit):
             return t
         for _ in range(60):
             middle = 0.5 * (low + high)
-            point = c.low + middle * (t - c.low)
-            kept = bool(np.all(c.values(point[None, :])[0] <= limit))
+            kept = self._keeps(inner + middle * (t - inner), limit)
             low, high = (middle, high) if kept else (low, middle)
-        return np.asarray(c.low + low * (t - c.low))
+        return np.asarray(inner + low * (t - inner))
 
     def _proven(self, limit: Array, t: Array, multiplier: Array) -> tuple[float, Array]:
         """The best bound found, and its multipliers (r,)."""
@@ -95,5 +165,5 @@ class Programme:
         if cost - found <= GAP * abs(cost):
             return found, multiplier
         unit = np.where(multiplier > 0.0, multiplier, max(float(multiplier.max()), 1e-9) * 1e-3)
-        better = unit * ascend(lambda y: bound(y * unit) / abs(cost), multiplier / unit)
+        better = unit * ascend(lambda y: bound(y * unit) / (abs(cost) or 1.0), multiplier / unit)
         return max((found, multiplier), (bound(better), better), key=lambda pair: pair[0])
