@@ -26,7 +26,7 @@ from tolevo.configuration import read
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
-from .parts import Parts, WatchedParts
+from .parts import Array, Parts, WatchedParts
 from .tasks.mixed_process import PARTS, evaluate
 
 LIMITS = (0.02, 0.03, 0.045, 0.06, 0.08, 0.11, 0.15, 0.2)
@@ -38,7 +38,10 @@ CONFORMING = 99.73
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """How the limit is set, and how near to the optimum's cost counts as the optimum."""
+    """How the limit is set, and how near to the optimum's cost counts as the optimum.
+
+    The processes must be those of the optimum.
+    """
 
     text: str
     problem: Callable[[float], ToleranceProblem]
@@ -62,21 +65,27 @@ def cases(quick: bool) -> Iterator[tuple[Case, list[Found]]]:
     for case in (
         Case("limit on variation", limited, limits, 1e-9, True),
         Case("limit on variation, no form and no exact seed", formless, limits, 1e-6, False),
-        Case("limit on yield, relaxed form", conforming, limits[::2], 5e-3, False),
+        Case("limit on yield, relaxed form", conforming, limits[::2], 3e-2, False),
     ):
         yield case, [run(case, at, seed) for seed in range(1, seeds + 1) for at in case.limits]
 
 
 def run(case: Case, limit: float, seed: int) -> Found:
-    found = search(case.problem(limit), Hybrid(), Budget(evaluations=EVALUATIONS), seed)
-    cost = float(found.f.min()) if len(found.f) else np.inf
-    excess = cost / proven(limit) - 1.0
-    return Found(seed, excess, abs(excess) <= case.near)
+    problem = case.problem(limit)
+    found = search(problem, Hybrid(), Budget(evaluations=EVALUATIONS), seed)
+    if not len(found.f):
+        return Found(seed, np.inf, False)
+    at = int(np.argmin(found.f[:, 0]))
+    chosen = np.rint(found.x[at, [variable.integer for variable in problem.free]])
+    cost, ways = proven(limit)
+    excess = float(found.f[at, 0]) / cost - 1.0
+    return Found(seed, excess, abs(excess) <= case.near and np.array_equal(chosen, ways))
 
 
-def proven(limit: float) -> float:
-    """Least cost by branch and bound."""
-    return float(least_cost(PARTS.form(), np.array([[limit]])).cost[0])
+def proven(limit: float) -> tuple[float, Array]:
+    """Least cost and the process of each part, by branch and bound."""
+    best = least_cost(PARTS.form(), np.array([[limit]]))
+    return float(best.cost[0]), best.chosen[0].astype(float)
 
 
 def limited(limit: float) -> ToleranceProblem:
@@ -88,10 +97,10 @@ def conforming(limit: float) -> ToleranceProblem:
     """Limits of the requirement such that the wanted yield needs this variation.
 
     The requirement is normal with a third of the variation as standard deviation. The yield itself
-    is estimated from a sample, so that the optimum is met within the noise of that.
+    is estimated from a sample, so that the cost is met within the noise of that, 1 or 2 %.
     """
     half = limit / 3.0 * float(ndtri(0.5 + 0.005 * CONFORMING))
-    ends = {"lower": -half, "upper": half}
+    ends = {"nominal": 0.0, "lower": -half, "upper": half}
     requirement = PARTS.tables()["requirement"] | ends
     return written({"requirement": requirement, "limits": {"yield_percent": CONFORMING}})
 

@@ -94,11 +94,18 @@ class Recorder:
     def count(self) -> int:
         return sum(len(values) for values in self.batches)
 
+    @property
+    def each(self) -> float:
+        """CPU seconds per evaluation, nan where there is none."""
+        return self.times[-1] / self.count if self.times else np.nan
+
     def reached(self, share: float) -> tuple[float, float]:
         """Evaluations and CPU seconds until all evaluated designs had `share` of the hypervolume.
 
         Infinite where they never had. The hypervolume never falls, so the first time is bisected.
         """
+        if not self.batches:
+            return np.inf, np.inf
         values = np.vstack(self.batches)
         if self.task.share(values) < share:
             return np.inf, np.inf

@@ -15,7 +15,7 @@ from ..task import Array, Recorder, Task
 DISTRIBUTION, LABEL = "tolevo", "exact"
 POINTS = 1000
 REPEATS = 25
-"""Times a run is measured; it takes about a millisecond."""
+"""Times that a run is measured where it is short."""
 
 
 def suits(task: Task) -> bool:
