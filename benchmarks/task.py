@@ -10,6 +10,8 @@ import moocore
 import numpy as np
 from numpy.typing import NDArray
 
+from .parts import Parts, Watched
+
 Array = NDArray[np.float64]
 REFERENCE = 1.1
 
@@ -20,7 +22,11 @@ class OutOfTime(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Minimise `evaluate`, (n, variables) to (n, 2), in the box; `front` (k, 2) is the best."""
+    """Minimise `evaluate`, (n, variables) to (n, 2), in the box; `front` (k, 2) is the best.
+
+    `problem` makes the same as a problem of tolevo, `parts` are its coefficients where cost and
+    variation are separable.
+    """
 
     name: str
     low: Array
@@ -28,6 +34,8 @@ class Task:
     evaluate: Callable[[Array], Array]
     front: Array
     note: str
+    problem: Callable[[], Watched] | None = None
+    parts: Parts | None = None
 
     def share(self, values: Array) -> float:
         """Hypervolume of `values` over that of the front, both normalised by the front's box."""
@@ -66,12 +74,16 @@ class Recorder:
         Raises OutOfTime once the run has used its CPU time.
         """
         values = self.task.evaluate(x)
+        self.note(values)
+        return values
+
+    def note(self, values: Array) -> None:
+        """Objectives (n, 2) that have just been evaluated. Raises OutOfTime as `batch` does."""
         now = time.process_time() - self.start
         if now > self.seconds:
             raise OutOfTime
         self.batches.append(values)
         self.times.append(now)
-        return values
 
     def one(self, x: Array) -> Array:
         """Objectives (2,) of one design, for contenders that take no batches."""
@@ -82,11 +94,18 @@ class Recorder:
     def count(self) -> int:
         return sum(len(values) for values in self.batches)
 
+    @property
+    def each(self) -> float:
+        """CPU seconds per evaluation, nan where there is none."""
+        return self.times[-1] / self.count if self.times else np.nan
+
     def reached(self, share: float) -> tuple[float, float]:
         """Evaluations and CPU seconds until all evaluated designs had `share` of the hypervolume.
 
         Infinite where they never had. The hypervolume never falls, so the first time is bisected.
         """
+        if not self.batches:
+            return np.inf, np.inf
         values = np.vstack(self.batches)
         if self.task.share(values) < share:
             return np.inf, np.inf

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -12,6 +13,8 @@ from scipy.optimize import NonlinearConstraint, minimize
 pytest.importorskip("benchmarks.task", reason="the benchmarks are not shipped")
 pytestmark = pytest.mark.source_tree
 
+from benchmarks import compare, promised, proven  # noqa: E402
+from benchmarks.peers import tolevo_exact  # noqa: E402
 from benchmarks.task import Array, OutOfTime, Recorder, Task  # noqa: E402
 from benchmarks.tasks.cost_rss import B, S, cost_rss  # noqa: E402
 from benchmarks.tasks.mixed_process import PART, PROCESSES, mixed_process  # noqa: E402
@@ -88,3 +91,91 @@ def test_recorder_ends_a_run_that_is_out_of_time() -> None:
     task = Task("line", np.zeros(1), np.ones(1), square, square(np.zeros((1, 1))), "")
     with pytest.raises(OutOfTime):
         Recorder(task, 0.0).one(np.zeros(1))
+
+
+@pytest.mark.parametrize("task", [cost_rss(9), mixed_process()], ids=lambda task: str(task.name))
+def test_form_and_problem_are_those_of_the_task(task: Task) -> None:
+    """Values, slopes and the exact points against the function that all contenders are given."""
+    assert task.parts is not None
+    assert task.problem is not None
+    noted: list[Array] = []
+    problem = task.problem().watched(noted.append)
+    rng = np.random.default_rng(1)
+    x = task.low + (task.high - task.low) * rng.random((20, len(task.low)))
+    found = problem.evaluate(x, return_values_of=["F"])
+    np.testing.assert_allclose(found, task.evaluate(x), rtol=1e-14)
+    np.testing.assert_array_equal(np.vstack(noted), found)
+    step, count = 1e-7, len(task.parts.s)
+    slopes = problem.gradient(problem.complete(x))
+    for at in range(count):
+        moved = np.zeros_like(x)
+        moved[:, at] = step
+        rise = (task.evaluate(x + moved) - task.evaluate(x - moved)) / (2.0 * step)
+        for column, name in enumerate(problem.objectives):
+            np.testing.assert_allclose(slopes[name][:, at], rise[:, column], rtol=1e-5)
+
+
+@pytest.mark.parametrize("task", [cost_rss(9), mixed_process()], ids=lambda task: str(task.name))
+def test_exact_contender_returns_the_front(task: Task) -> None:
+    recorder = Recorder(task, np.inf)
+    returned = tolevo_exact.run(recorder, 0, 0)
+    ideal, nadir = task.front.min(axis=0), task.front.max(axis=0)
+    stored = task.front[np.argsort(task.front[:, 1])]
+    cost = np.interp(returned[:, 1], stored[:, 1], stored[:, 0])
+    np.testing.assert_allclose(returned[:, 0], cost, atol=1e-4 * (nadir - ideal)[0])
+    assert task.share(returned) > 0.9995
+    assert recorder.count == len(returned)
+
+
+def test_true_share_counts_the_area_under_the_chords() -> None:
+    """Front y = 1 - x of three points: the triangle has 0.5, with the reference's rim 0.71."""
+    front = square(np.array([[0.0], [0.5], [1.0]]))
+    task = Task("line", np.zeros(1), np.ones(1), square, front, "")
+    assert promised.area(front) == pytest.approx(0.46)
+    assert promised.true_share(task, front) == pytest.approx(0.46 / 0.71)
+
+
+@pytest.mark.parametrize("limit", proven.LIMITS)
+def test_branch_and_bound_finds_the_best_of_all_sets(limit: float) -> None:
+    assert proven.proven(limit)[0] == pytest.approx(
+        proven.of_all_sets(proven.PARTS, limit), rel=1e-12
+    )
+
+
+def test_a_written_limit_is_the_same_problem() -> None:
+    """The stack of the configuration and the function of the task agree on cost and variation."""
+    problem = proven.limited(0.06)
+    x = np.array([[0.01, 0.02, 0.03, 0.04, 2.0, 1.0, 0.0, 1.0]])
+    order = [0, 4, 1, 5, 2, 6, 3, 7]
+    names = [variable.name for variable in problem.free]
+    assert names == [f"part_{part}_{kind}" for part in range(4) for kind in ("t", "process")]
+    found = problem.outputs_of(problem.complete(x[:, order]))
+    expected = mixed_process().evaluate(x)[0]
+    assert found["cost"][0] == pytest.approx(expected[0])
+    assert found["variation"][0] == pytest.approx(expected[1])
+
+
+def test_a_seed_counts_where_cost_and_processes_are_those_of_the_optimum() -> None:
+    case = proven.Case("written", proven.limited, (0.06,), 1e-9, True)
+    assert proven.run(case, 0.06, 1).optimal
+    assert not proven.run(replace(case, near=0.0), 0.06, 1).optimal
+
+
+def test_figures_say_whether_they_are_met() -> None:
+    task = cost_rss(9)
+    slow, fast, faster = (
+        compare.Measured(((1000.0, cpu), (np.inf, np.inf)), 0.99, cpu / 1e4)
+        for cpu in (1.0, 0.05, 0.002)
+    )
+    runs = {"pymoo_nsga2": slow, "tolevo_nsga2": fast, "tolevo_exact": fast}
+    results = {(task.name, name): [run] for name, run in runs.items()}
+    share, ratio = promised.exact(results, task)
+    assert share.met
+    assert not ratio.met
+    assert ratio.value == "20"
+    results[task.name, "tolevo_exact"] = [faster]
+    assert [figure.met for figure in promised.exact(results, task)] == [True, True]
+    each, returned = promised.engines(results, [task])
+    assert each.met
+    assert each.value == "20.0"
+    assert returned.met is None  # one seed has no range

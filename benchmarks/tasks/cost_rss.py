@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..parts import Parts, WatchedParts
 from ..task import Array, Task
 
 LOW, HIGH = 0.005, 0.1
@@ -31,7 +32,12 @@ def cost_rss(variables: int) -> Task:
     note = f"cost and root sum of squares of {variables} tolerances; front by Lagrange"
     low, high = np.full(variables, LOW), np.full(variables, HIGH)
     front = evaluate(optima(b, s, POINTS))
-    return Task(f"{variables} variables", low, high, evaluate, front, note)
+    parts = Parts(a[:, None], b[:, None], s, LOW, HIGH)
+
+    def problem() -> WatchedParts:
+        return WatchedParts(parts, evaluate)
+
+    return Task(f"{variables} variables", low, high, evaluate, front, note, problem, parts)
 
 
 def optima(b: Array, s: Array, points: int) -> Array:

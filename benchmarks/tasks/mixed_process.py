@@ -11,6 +11,7 @@ from itertools import product
 import moocore
 import numpy as np
 
+from ..parts import Parts, WatchedParts
 from ..task import Array, Task
 from .cost_rss import HIGH, LOW, optima
 
@@ -23,6 +24,7 @@ B = np.array(
 )
 """A cheap rough process (a low, b high) first; nan where a part has no third one."""
 PART = np.arange(4)
+PARTS = Parts(A, B, S, LOW, HIGH)
 
 
 def evaluate(x: Array) -> Array:
@@ -35,7 +37,11 @@ def mixed_process() -> Task:
     low = np.concatenate([np.full(4, LOW), np.zeros(4)])
     high = np.concatenate([np.full(4, HIGH), PROCESSES - 1.0])
     note = "4 parts, 36 process sets; front: lower envelope of 36 fronts by Lagrange"
-    return Task("mixed process", low, high, evaluate, front(), note)
+    return Task("mixed process", low, high, evaluate, front(), note, problem, PARTS)
+
+
+def problem() -> WatchedParts:
+    return WatchedParts(PARTS, evaluate)
 
 
 def front() -> Array:

@@ -16,15 +16,27 @@ import numpy as np
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Settings, VariableSetting
 
+from ..parts import Watched
 from ..task import Array, Task
 
 STORED = Path(__file__).with_name("rv_backlash_front.csv")
 FIXED = {"dr_rp_mm": -0.04, "dr_p_mm": -0.07}
 
 
+class WatchedRv(Watched, RvBacklash):
+    """The problem whose evaluations are noted."""
+
+
 def problem() -> RvBacklash:
-    variables = {name: VariableSetting(value=value) for name, value in FIXED.items()}
-    return RvBacklash(Settings(variables=variables))
+    return RvBacklash(settings())
+
+
+def watched() -> WatchedRv:
+    return WatchedRv(settings())
+
+
+def settings() -> Settings:
+    return Settings(variables={n: VariableSetting(value=value) for n, value in FIXED.items()})
 
 
 def rv_backlash() -> Task:
@@ -35,7 +47,7 @@ def rv_backlash() -> Task:
 
     note = "cost and effective backlash of the RV-40E-121; front: union of long runs"
     front = np.loadtxt(STORED, delimiter=",")
-    return Task("rv_backlash", whole.xl, whole.xu, evaluate, front, note)
+    return Task("rv_backlash", whole.xl, whole.xu, evaluate, front, note, watched)
 
 
 def long_runs() -> Array:
