@@ -14,6 +14,7 @@ from .exact.bounds import restricted, upper_limit
 from .exact.designs import search_vectors
 from .exact.epsilon import Branch, integer_moves
 from .exact.front import front
+from .exact.pieces import convex_pieces
 from .exact.solver import closed_form, exact_vectors
 from .indicators import nondominated
 from .run import Run
@@ -109,7 +110,7 @@ def seed_vectors(run: Run, count: int) -> Array:
         return np.empty((0, problem.n_var))
     if (closed := closed_form(problem)) is not None:
         return exact_vectors(problem, closed, count)
-    form = restricted(form, np.arange(len(form.outputs)) == 0)
+    form = convex_pieces(restricted(form, np.arange(len(form.outputs)) == 0))
     upper = np.array([upper_limit(problem, name) for name in form.outputs])
     seeds = search_vectors(problem, form, front(form, count, upper))
     settled = np.array([v.name in form.settled for v in problem.free])

@@ -12,6 +12,7 @@ from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way
 from ...problems.tolerance_problem import ToleranceProblem
 from .choices import cost_range, least_cost
+from .pieces import convex_pieces
 
 Array = NDArray[np.float64]
 LOOSER = 1e-11
@@ -55,7 +56,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     limits = np.where(np.isfinite(limits), limits + LOOSER * np.abs(limits), np.inf)
     used = np.any(np.isfinite(limits), axis=0)
     used[0] |= not np.any(used)
-    form, limits = restricted(form, used), limits[:, used]
+    form, limits = convex_pieces(restricted(form, used)), limits[:, used]
     each, place = np.unique(limits, axis=0, return_inverse=True)
     bound = least_cost(form, each).bound[np.ravel(place)]
     cost = np.asarray(values["cost"])

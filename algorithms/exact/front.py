@@ -12,6 +12,7 @@ from ...problems.forms import Form
 from .choices import Optimum, least_cost
 from .combination import Combination
 from .path import Path
+from .pieces import convex_pieces
 from .programme import Programme
 
 Array = NDArray[np.float64]
@@ -19,37 +20,64 @@ COARSE = 128
 """Limits at which the course of a front with alternatives is found first."""
 
 
-def front(form: Form, points: int, upper: Array) -> Optimum:
-    """About `points` allocations along the front of cost and the form's requirements.
+def front(
+    form: Form,
+    points: int,
+    upper: Array,
+    swept: NDArray[np.bool_] | None = None,
+    most: float = np.inf,
+) -> Optimum:
+    """About `points` allocations along the front of cost and the swept requirements.
 
-    `upper` (r,) are limits that all of them keep; inf where there is none. With one requirement the
-    points are spread evenly by arc length, with several by a Sobol sequence over the limits.
+    `upper` (r,) are limits that all of them keep, inf where there is none, `most` is one on the
+    cost; `swept` (r,) marks the requirements that are objectives (all of them, if not given). With
+    one of them the points are spread evenly by arc length, with several by a Sobol sequence.
     """
+    swept = np.ones(len(upper), dtype=bool) if swept is None else swept
+    form = convex_pieces(form)
     low, high = value_range(form)
     high = np.minimum(high, upper)
-    if np.any(high < low):
-        return least_cost(form, high[None, :])
-    if len(form.outputs) > 1:
-        sample = qmc.Sobol(len(low), scramble=False).random(points)
-        return least_cost(form, low + (high - low) * sample)
-    if form.combinations == 1 and form.correlation is None:
-        return _along_path(form, points, float(high[0]))
-    coarse = np.linspace(float(low[0]), float(high[0]), COARSE)
-    first = least_cost(form, coarse[:, None])
-    length = _length(np.stack([coarse, first.cost]))
+    if np.any(high < low) or not np.any(swept):
+        return least_cost(form, np.where(swept, high, upper)[None, :])
+    if np.count_nonzero(swept) > 1:
+        sample = qmc.Sobol(len(low), scramble=False).random_base2(int(np.ceil(np.log2(points))))
+        return least_cost(form, np.where(swept, low + (high - low) * sample[:points], upper))
+    at = int(np.argmax(swept))
+    if len(form.outputs) == 1 and form.combinations == 1 and _followed(form):
+        return _along_path(form, points, float(high[0]), most)
+    return _by_limits(form, points, at, np.linspace(low[at], high[at], COARSE), upper, most)
+
+
+def _followed(form: Form) -> bool:
+    """Whether prices lead along the whole front: no correlation, no kinks to jump between."""
+    return form.correlation is None and all(f.ways[0].curve.smooth for f in form.features)
+
+
+def _by_limits(
+    form: Form, points: int, at: int, coarse: Array, upper: Array, most: float
+) -> Optimum:
+    """Solved at limits of requirement `at`, spread by the arc length of a coarse front."""
+
+    def limits(values: Array) -> Array:
+        found = np.tile(upper, (len(values), 1))
+        found[:, at] = values
+        return found
+
+    first = least_cost(form, limits(coarse))
+    if np.any(kept := first.cost <= most) and not np.all(kept):
+        begin = max(0, int(np.argmax(kept)) - 1)
+        coarse, cost = coarse[begin:], first.cost[begin:]
+    else:
+        cost = first.cost
+    length = _length(np.stack([coarse, cost]))
     even = np.interp(np.linspace(0.0, length[-1], points), length, coarse)
-    return least_cost(form, even[:, None])
+    return least_cost(form, limits(even))
 
 
-def _along_path(form: Form, points: int, upper: float) -> Optimum:
+def _along_path(form: Form, points: int, upper: float, most: float) -> Optimum:
     """In closed form, by price; bounds are left to who asks for them."""
     combination = Combination(form, (0,) * len(form.features))
-    path = Path(combination)
-    t = path.front(points)
-    keeps = path.value(t) <= upper
-    if not np.all(keeps):
-        last = path.least_cost(np.array([[upper]])).t
-        t = np.vstack([t[keeps], last])
+    t = Path(combination).front(points, upper, most)
     nothing = np.full(len(t), np.nan)
     chosen = np.zeros(t.shape, dtype=np.int64)
     return Optimum(chosen, t, combination.cost(t), nothing, nothing[:, None])

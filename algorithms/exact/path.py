@@ -40,6 +40,8 @@ class Path:
         """Logarithms of a price at which all is loosest, and one at which all is tightest."""
         x = np.linspace(-DECADES, DECADES, 81) * np.log(10.0)
         value = self.value(self.at(np.exp(x)))
+        if not value[-1] < value[0]:  # nothing that costs anything moves it
+            return float(x[0]), float(x[-1])
         loosest = np.flatnonzero(value >= value[0])[-1]
         tightest = np.flatnonzero(value <= value[-1])[0]
         return float(x[loosest]), float(x[max(tightest, loosest + 1)])
@@ -144,9 +146,13 @@ class Path:
 
     # ---------------------------------------------------------------- the whole front
 
-    def front(self, count: int) -> Array:
-        """`count` tolerances (count, features) along the front, evenly by its arc length."""
-        x = np.linspace(*self.ends, COARSE)
+    def front(self, count: int, upper: float = np.inf, most: float = np.inf) -> Array:
+        """`count` tolerances (count, features) along the front, evenly by its arc length.
+
+        It begins where V keeps `upper` and ends where the cost keeps `most`.
+        """
+        ends = self._begin(upper), self._end(most)
+        x = np.linspace(ends[0], max(ends), COARSE)
         t = self.at(np.exp(x))
         drawn = np.stack([self.value(t), self.combination.cost(t)])
         span = np.ptp(drawn, axis=1, keepdims=True)
@@ -154,3 +160,28 @@ class Path:
         length = np.concatenate([[0.0], np.cumsum(np.hypot(*steps))])
         even = np.linspace(0.0, length[-1], count)
         return self.at(np.exp(np.interp(even, length, x)))
+
+    def _begin(self, upper: float) -> float:
+        """Logarithm of the least price at which V keeps a limit."""
+        value = self.value(self.at(np.exp(np.array(self.ends))))
+        if not value[1] < upper < value[0]:
+            return self.ends[0]
+
+        def excess(x: Array) -> Array:
+            return self.value(self.at(np.exp(x.ravel()))).reshape(x.shape) - upper
+
+        found = find_root(excess, self.ends)
+        return float(found.bracket[1])
+
+    def _end(self, most: float) -> float:
+        """Logarithm of the largest price at which the cost keeps a limit."""
+        cost = self.combination.cost(self.at(np.exp(np.array(self.ends))))
+        if not cost[0] < most < cost[1]:
+            return self.ends[1]
+
+        def excess(x: Array) -> Array:
+            t = self.at(np.exp(x.ravel()))
+            return self.combination.cost(t).reshape(x.shape) - most
+
+        found = find_root(excess, self.ends)
+        return float(found.bracket[0])

@@ -17,6 +17,7 @@ from .choices import least_cost
 from .designs import search_vectors
 from .epsilon import epsilon_front
 from .front import front
+from .pieces import convex_pieces
 
 Array = NDArray[np.float64]
 TIGHTER = 1e-12
@@ -51,7 +52,7 @@ def closed_form(problem: ToleranceProblem) -> Form | None:
     used = np.array([name in asked for name in form.outputs])
     if not np.any(used):
         return None
-    return restricted(form, used)
+    return convex_pieces(restricted(form, used))
 
 
 def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
@@ -60,7 +61,9 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     upper[np.isfinite(upper)] -= TIGHTER * np.abs(upper[np.isfinite(upper)])
     if problem.n_obj == 1:
         return _cheapest(problem, form, upper)
-    return search_vectors(problem, form, front(form, points, upper))
+    swept = np.array([name in problem.objectives for name in form.outputs])
+    most = upper_limit(problem, "cost")
+    return search_vectors(problem, form, front(form, points, upper, swept, most))
 
 
 def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:

@@ -30,6 +30,11 @@ class CostCurve(ABC):
         """Whether C is convex over its whole range."""
         return True
 
+    @property
+    def smooth(self) -> bool:
+        """Whether the slope of C is continuous."""
+        return True
+
     def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
         """The t in [low, high] that minimises C(t) + linear t + square t^2, shape (n,).
 

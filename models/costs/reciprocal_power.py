@@ -56,12 +56,13 @@ def stationary_power(
         other = _root(0.5 * k * b / square, k + 2.0)
         if not np.any(linear):
             return other
-    x = np.log(np.minimum(found, other))
+    free = (linear == 0.0) & (square == 0.0)
+    x = np.log(np.where(free, 1.0, np.minimum(found, other)))
     for _ in range(STEPS):
         bent = 2.0 * square * np.exp(x)
         level = linear + bent
         x = x + (np.log(k * b / level) - (k + 1.0) * x) / (k + 1.0 + bent / level)
-    return np.exp(x)
+    return np.where(free, np.inf, np.exp(x))
 
 
 def _root(x: Array, order: float | Array) -> Array:

@@ -34,6 +34,10 @@ class Table(CostCurve):
     def convex(self) -> bool:
         return bool(np.all(np.diff(np.diff(self.cost_at) / np.diff(self.t)) >= 0.0))
 
+    @property
+    def smooth(self) -> bool:
+        return len(self.t) == 2
+
     def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
         """As in the base class; global although a table need not be convex.
 

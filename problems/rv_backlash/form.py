@@ -22,6 +22,7 @@ from ...models.rv_reducer.backlash import STAGGER_GAIN
 from ...models.rv_reducer.cycloid import LINEAR_ERRORS
 from ...units import ARCMIN, MM
 from ..forms import Feature, Form, Way
+from ..limits import Limit
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
@@ -177,6 +178,11 @@ def _modification(problem: RvBacklash) -> tuple[float, float] | None:
     return (float(found.x[0]), float(found.x[1])) if found.x is not None else None
 
 
+def _from_below(limit: Limit) -> bool:
+    """Whether a limit keeps an output of the form, or the cost, from falling."""
+    return limit.name in (*OUTPUTS, "cost") and bool(np.isfinite(limit.low))
+
+
 def _relaxed(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
     """Limits that the form leaves out; those that its modification keeps are not among them."""
     design = problem.complete(np.atleast_2d(problem.xl))
@@ -187,7 +193,7 @@ def _relaxed(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
     return tuple(
         limit.name
         for limit in problem.limits
-        if limit.name not in known
+        if (limit.name not in known or _from_below(limit))
         and not (
             limit.name in profile
             and all(v[0] <= 1e-12 for v in limit.violations(profile[limit.name]))

@@ -36,8 +36,7 @@ def form_of(stack: Stack) -> Form | None:
     parts, t = stack.definition.parts, np.array([part.low for part in stack.definition.parts])
     settled = _settled(stack)
     kept = [at for at in range(len(parts)) if not settled[at]]
-    diagonal = np.sqrt(np.diag(stack.linear.covariance))
-    correlation = stack.linear.covariance / np.outer(diagonal, diagonal)
+    correlation = _correlation(stack.linear.covariance)
     within = correlation[np.ix_(kept, kept)]
     independent = np.array_equal(within, np.eye(len(kept)))
     return Form(
@@ -45,7 +44,7 @@ def form_of(stack: Stack) -> Form | None:
         features=tuple(_feature(parts[at], linear[:, at], spread[:, at]) for at in kept),
         offset=linear[:, settled] @ t[settled],
         constant=np.array([_square(one, t, correlation, settled) for one in spread]),
-        statement=_statement(method),
+        statement=_statement(method) + _without(_left_out(stack, rows)),
         base=float(sum(_fixed_cost(p) for p, out in zip(parts, settled, strict=True) if out)),
         correlation=None if independent else within,
         relaxed=_left_out(stack, rows),
@@ -67,12 +66,22 @@ def _coefficients(stack: Stack, rows: tuple[str, ...]) -> tuple[Array, Array]:
     return np.array([one for one, _ in found]), np.array([one for _, one in found])
 
 
+def _correlation(covariance: Array) -> Array:
+    """Correlation of the parts' contributions; a part without spread goes with no other."""
+    std = np.sqrt(np.diag(covariance))
+    scale = np.outer(std, std)
+    found = np.divide(covariance, scale, out=np.zeros_like(covariance), where=scale > 0.0)
+    np.fill_diagonal(found, 1.0)
+    return found
+
+
 def _settled(stack: Stack) -> NDArray[np.bool_]:
-    """Fixed parts that vary independently of all others."""
+    """Fixed parts that vary independently of all others, or not at all."""
     covariance = stack.linear.covariance
     alone = np.count_nonzero(covariance, axis=1) <= 1
     fixed = np.array([part.fixed for part in stack.definition.parts])
-    return np.asarray(fixed & alone)
+    none = np.array([part.high <= 0.0 for part in stack.definition.parts])
+    return np.asarray(fixed & (alone | none))
 
 
 def _square(spread: Array, t: Array, correlation: Array, settled: NDArray[np.bool_]) -> float:
@@ -112,6 +121,10 @@ def _statement(method: str) -> str:
         "shifted_rss": "mean shifts plus root sum square",
     }[method]
     return f"least cost of the linearised stack, variation = {what}"
+
+
+def _without(limits: tuple[str, ...]) -> str:
+    return f"; limits left out: {', '.join(limits)}" if limits else ""
 
 
 def _left_out(stack: Stack, rows: tuple[str, ...]) -> tuple[str, ...]:

@@ -71,7 +71,7 @@ def with_references(
     if not len(references):
         return front, 0, 0
     names = list(problem.objectives)
-    inside = references[references["feasible"].astype(bool) & _inside(references, problem)]
+    inside = references[references["feasible"].astype(bool) & inside(references, problem)]
     inside = inside.drop(columns=["label", "feasible", "violated_limits"], errors="ignore")
     inside = inside.assign(knee=False)
     merged = pd.concat([front, inside]) if len(front) else inside
@@ -84,7 +84,7 @@ def with_references(
     return merged, len(front) - int(kept[: len(front)].sum()), joined
 
 
-def _inside(references: pd.DataFrame, problem: ToleranceProblem) -> NDArray[np.bool_]:
+def inside(references: pd.DataFrame, problem: ToleranceProblem) -> NDArray[np.bool_]:
     """Which rows lie in the search ranges and have the fixed values."""
     bounds = {v.name: (problem.xl[i], problem.xu[i]) for i, v in enumerate(problem.free)}
     bounds |= {name: (value, value) for name, value in problem.fixed.items()}
