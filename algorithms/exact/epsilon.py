@@ -31,6 +31,8 @@ SOLVED = 48
 """Points that are solved; the others are interpolated between them."""
 STARTS, TRIES = 32, 3
 """Random designs per set of integers, and how many of them a search is begun from at most."""
+RESTORED, NEARLY = 4, 1e-3
+"""Steps back to limits that SLSQP breaks, and the violation up to which they are taken."""
 ANALYTIC, NUMERIC = (1e-7, 40), (1e-5, 15)
 """Tolerance and most steps of SLSQP, with derivatives of the model and with differences."""
 
@@ -66,13 +68,27 @@ class Branch:
             (np.zeros(smooth.size), np.ones(smooth.size)),
             *(ANALYTIC if smooth.analytic else NUMERIC),
         )
-        f, g = smooth.values(found.x)
+        y = self._restored(found.x)
+        f, g = smooth.values(y)
         if np.any(g > 1e-6):
             return None
         at = int(np.searchsorted([one[1] for one in self.f], f[1])) if len(f) > 1 else 0
-        self.y.insert(at, found.x)
+        self.y.insert(at, y)
         self.f.insert(at, f)
         return f
+
+    def _restored(self, y: Array) -> Array:
+        """A point beside y that keeps the limits which SLSQP breaks by its tolerance.
+
+        A design that breaks a limit by the last digits is not feasible, and would be lost.
+        """
+        for _ in range(RESTORED):
+            broken = (g := self.smooth.values(y)[1]) > 0.0
+            if not np.any(broken) or np.any(g > NEARLY):
+                break
+            step = np.linalg.lstsq(self.smooth.slopes(y)[1][broken], 1.1 * g[broken] + 1e-12)[0]
+            y = np.clip(y - step, 0.0, 1.0)
+        return y
 
     def adopt(self, x: Array, f: Array) -> None:
         """Take over designs (n, variables) of a front, in the order of the second objective."""

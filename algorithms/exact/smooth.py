@@ -31,7 +31,9 @@ class Smooth:
     def __post_init__(self) -> None:
         problem = self.run.problem
         self.moving = np.array([not v.integer for v in problem.free])
-        self.low, self.high = problem.xl[self.moving], problem.xu[self.moving]
+        ends = np.where(self.moving, [problem.xl, problem.xu], self.x)
+        free = [problem.names.index(v.name) for v in problem.free if not v.integer]
+        self.low, self.high = problem.complete(ends)[:, free]  # what these integers can hold
         kinds = [v.tolerance for v in problem.free if not v.integer]
         self.log = np.array(kinds, dtype=bool) & (self.low > 0.0)
         names = {*problem.objectives, *(limit.name for limit in problem.limits)}

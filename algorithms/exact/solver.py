@@ -40,7 +40,9 @@ class Exact(Solver):
             epsilon_front(run, self.points)
             return
         run.phase("closed form", 0.5)
-        run.evaluate(exact_vectors(run.problem, form, self.points))
+        left = run.evaluations_left
+        points = self.points if left is None else max(2, min(self.points, left))
+        run.evaluate(exact_vectors(run.problem, form, points))
 
 
 def closed_form(problem: ToleranceProblem) -> Form | None:

@@ -15,6 +15,8 @@ from ...problems.tolerance_problem import ToleranceProblem
 
 POINTS = 4000
 """Points of the exact front that a hypervolume is measured by."""
+SOLVED = 256
+"""Points that are solved where each takes a programme of its own; the others lie between them."""
 CHECKED = 50
 """Points of the exact front whose bounds are looked at."""
 CLOSED = 1e-7
@@ -46,20 +48,47 @@ def with_bounds(frame: pd.DataFrame, problem: ToleranceProblem) -> tuple[pd.Data
 
 
 def exact_front(problem: ToleranceProblem) -> Exact | None:
-    """The exact front, None where there is no closed form or a gap is left in its proof."""
+    """The exact front of one or two objectives.
+
+    None where there is no closed form or a gap is left in its proof. No number of points shows the
+    hypervolume of more objectives well enough to measure by.
+    """
     form = closed_form(problem)
-    if form is None or not form.exact:
+    if form is None or not form.exact or problem.n_obj > 2:
         return None
-    designs = problem.complete(exact_vectors(problem, form, POINTS))
-    if not len(designs):
+    alone = len(form.outputs) == 1 and form.correlation is None
+    x = exact_vectors(problem, form, POINTS if alone else SOLVED)
+    if not len(x):
         return None
-    values = problem.objective_values(problem.outputs_of(designs, searching=True))
-    some = np.unique(np.linspace(0, len(values) - 1, CHECKED).astype(int))
-    columns = dict(zip(problem.objectives, values[some].T, strict=True))
-    gaps = proof(problem, columns, len(some)).gap_percent(columns["cost"])
-    if not np.all(gaps <= 100.0 * CLOSED):
+    some = np.unique(np.linspace(0, len(x) - 1, CHECKED).astype(int))
+    values = _objectives(problem, x[some])
+    columns = dict(zip(problem.objectives, values.T, strict=True))
+    found = proof(problem, columns, len(some))
+    if not np.all(columns["cost"] - found.bound <= CLOSED * np.abs(columns["cost"])):
         return None
-    return Exact(designs, hypervolume(values, *problem.box()))
+    if not alone:
+        x = _between(problem, x)
+    return Exact(problem.complete(x), hypervolume(_objectives(problem, x), *problem.box()))
+
+
+def _objectives(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
+    """Objectives (k, objectives) of search vectors."""
+    return problem.objective_values(problem.outputs_of(problem.complete(x), searching=True))
+
+
+def _between(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
+    """Search vectors of a front and points between those that differ in no integer.
+
+    Cost and requirements are convex there, so that the points lie on or below the chords.
+    """
+    if len(x) < 2:
+        return x
+    x = x[np.argsort(_objectives(problem, x)[:, 0], kind="stable")]
+    integer = np.array([v.integer for v in problem.free])
+    same = np.all(x[1:, integer] == x[:-1, integer], axis=1)
+    share = np.arange(1, POINTS // SOLVED)[:, None, None] / (POINTS // SOLVED)
+    inner = x[:-1][same] + share * np.diff(x, axis=0)[same]
+    return np.asarray(np.vstack([x, inner.reshape(-1, x.shape[1])]))
 
 
 def measures(
