@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -29,9 +30,10 @@ def _pieces(way: Way) -> list[Way]:
     t, slopes = np.array(way.curve.t), np.diff(way.curve.cost_at) / np.diff(way.curve.t)
     bends = t[1:-1][np.diff(slopes) < 0.0]
     edges = [way.low, *bends[(bends > way.low) & (bends < way.high)].tolist(), way.high]
-    pairs = zip(edges[:-1], edges[1:], strict=True)
-    return [replace(way, curve=_part(way.curve, *ends), low=ends[0], high=ends[1])
-            for ends in pairs]  # fmt: skip
+    return [
+        replace(way, curve=_part(way.curve, low, high), low=low, high=high)
+        for low, high in pairwise(edges)
+    ]
 
 
 def _part(table: Table, low: float, high: float) -> Table:

@@ -70,7 +70,7 @@ def _correlation(covariance: Array) -> Array:
     """Correlation of the parts' contributions; a part without spread goes with no other."""
     std = np.sqrt(np.diag(covariance))
     scale = np.outer(std, std)
-    found = np.divide(covariance, scale, out=np.zeros_like(covariance), where=scale > 0.0)
+    found: Array = np.divide(covariance, scale, out=np.zeros_like(covariance), where=scale > 0.0)
     np.fill_diagonal(found, 1.0)
     return found
 

@@ -71,10 +71,10 @@ def with_references(
     if not len(references):
         return front, 0, 0
     names = list(problem.objectives)
-    inside = references[references["feasible"].astype(bool) & inside(references, problem)]
-    inside = inside.drop(columns=["label", "feasible", "violated_limits"], errors="ignore")
-    inside = inside.assign(knee=False)
-    merged = pd.concat([front, inside]) if len(front) else inside
+    own = references[references["feasible"].astype(bool) & inside(references, problem)]
+    own = own.drop(columns=["label", "feasible", "violated_limits"], errors="ignore")
+    own = own.assign(knee=False)
+    merged = pd.concat([front, own]) if len(front) else own
     kept = nondominated(merged[names].to_numpy())
     joined = int(kept[len(front) :].sum())
     merged = merged[kept].sort_values(names, kind="stable").reset_index(drop=True)

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ...algorithms.exact.bounds import proof
 from ...algorithms.exact.solver import closed_form, exact_vectors
 from ...algorithms.indicators import hypervolume
 from ...algorithms.search import SearchResult
+from ...errors import ModelError
 from ...problems.tolerance_problem import ToleranceProblem
 
 POINTS = 4000
@@ -31,16 +33,23 @@ class Exact:
     hypervolume: float
 
 
-def with_bounds(frame: pd.DataFrame, problem: ToleranceProblem) -> tuple[pd.DataFrame, str]:
+def with_bounds(
+    frame: pd.DataFrame, problem: ToleranceProblem, within: NDArray[np.bool_] | None = None
+) -> tuple[pd.DataFrame, str]:
     """The frame with `bound` and `gap_percent`, and what they are proven for.
 
-    Rows that are marked as not feasible keep them empty.
+    Rows that are marked as not feasible, or that are not `within` the search space (n,), keep them
+    empty. A point that disproves its bound leaves all of them empty, with a word: one is wrong.
     """
     frame = frame.assign(bound=np.nan, gap_percent=np.nan)
     frame = frame[[name for name in frame if name != "knee"] + ["knee"] * ("knee" in frame)]
     kept = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
+    kept = kept if within is None else kept[within[frame.index.isin(kept.index)]]
     values = {name: kept[name].to_numpy(dtype=float) for name in problem.objectives}
-    found = proof(problem, values, len(kept))
+    try:
+        found = proof(problem, values, len(kept))
+    except ModelError as error:
+        return frame, f"nothing is proven: {error}; please report it"
     if len(kept) and "cost" in values:
         frame.loc[kept.index, "bound"] = found.bound
         frame.loc[kept.index, "gap_percent"] = found.gap_percent(values["cost"])

@@ -17,7 +17,7 @@ from ...errors import refuse
 from ...files import write_text
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult
-from .front import nearest_miss, reported_front, with_references
+from .front import inside, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
 from .proofs import Exact, exact_front, measures, proof_notes, with_bounds
 from .references import compare, documents, side_searches, table

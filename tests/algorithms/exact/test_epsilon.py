@@ -137,7 +137,7 @@ def test_sets_of_integers_are_enumerated() -> None:
 
 
 def test_more_than_64_sets_of_integers_are_refused() -> None:
-    with pytest.raises(InputError, match="64 sets of integers.*81: use hybrid"):
+    with pytest.raises(InputError, match=r"64 sets of integers.*81: use hybrid"):
         search(stack(choosing(4, 3)), Exact(), Budget(evaluations=500), seed=0)
 
 
