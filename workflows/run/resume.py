@@ -55,7 +55,16 @@ def _faults(found: Checkpoint, plan: RunPlan) -> list[Fault]:
         for key in dict.fromkeys([*new, *old])
         if key not in BUDGET and new.get(key) != old.get(key)
     ]  # fmt: skip
-    return other + _shrunk(found, plan.budget)
+    return other + (_shrunk(found, plan.budget) if found.saved() else _smaller(old, new))
+
+
+def _smaller(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
+    """A budget below that of a run which keeps no state: what it found would be lost."""
+    return [
+        Fault(key, f"is {new[key]}, but the run to resume had {old[key]}: a budget may only grow")
+        for key in sorted(BUDGET)
+        if key in old and key in new and new[key] < old[key]
+    ]
 
 
 def _shrunk(found: Checkpoint, budget: Budget) -> list[Fault]:
