@@ -19,26 +19,36 @@ COARSE = 128
 """Limits at which the course of a front with alternatives is found first."""
 
 
-def front(form: Form, points: int, upper: Array) -> Optimum:
-    """About `points` allocations along the front of cost and the form's requirements.
+def front(form: Form, points: int, upper: Array, swept: NDArray[np.bool_]) -> Optimum:
+    """About `points` allocations along the front of cost and the `swept` requirements (r,).
 
-    `upper` (r,) are limits that all of them keep; inf where there is none. With one requirement the
-    points are spread evenly by arc length, with several by a Sobol sequence over the limits.
+    `upper` (r,) are limits that all of them keep; inf where there is none. With one requirement
+    swept the points are spread evenly by arc length, with several by a Sobol sequence over them.
     """
-    low, high = value_range(form)
+    low, high = value_range(form, upper)
     high = np.minimum(high, upper)
     if np.any(high < low):
         return least_cost(form, high[None, :])
-    if len(form.outputs) > 1:
-        sample = qmc.Sobol(len(low), scramble=False).random(points)
-        return least_cost(form, low + (high - low) * sample)
-    if form.combinations == 1 and form.correlation is None:
+    high = np.where(swept, high, upper)
+    if np.count_nonzero(swept) != 1:
+        sample = qmc.Sobol(int(np.count_nonzero(swept)), scramble=False).random(points)
+        limits = np.tile(high, (points, 1))
+        limits[:, swept] = low[swept] + (high - low)[swept] * sample
+        return least_cost(form, limits)
+    if len(form.outputs) == 1 and form.combinations == 1 and form.correlation is None:
         return _along_path(form, points, float(high[0]))
-    coarse = np.linspace(float(low[0]), float(high[0]), COARSE)
-    first = least_cost(form, coarse[:, None])
+    only = int(np.argmax(swept))
+
+    def limits_at(values: Array) -> Array:
+        found = np.tile(high, (len(values), 1))
+        found[:, only] = values
+        return found
+
+    coarse = np.linspace(float(low[only]), float(high[only]), COARSE)
+    first = least_cost(form, limits_at(coarse))
     length = _length(np.stack([coarse, first.cost]))
     even = np.interp(np.linspace(0.0, length[-1], points), length, coarse)
-    return least_cost(form, even[:, None])
+    return least_cost(form, limits_at(even))
 
 
 def _along_path(form: Form, points: int, upper: float) -> Optimum:
@@ -63,13 +73,15 @@ def _length(drawn: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.hypot(*steps))])
 
 
-def value_range(form: Form) -> tuple[Array, Array]:
+def value_range(form: Form, upper: Array) -> tuple[Array, Array]:
     """Least and largest value (r,) of each requirement that an allocation of least cost can have.
 
-    The largest is that of the cheapest allocation without any limit.
+    The largest is that of the cheapest allocation within limits (r,), or without any where none
+    keeps them.
     """
-    no_limit = np.full((1, len(form.outputs)), np.inf)
-    cheapest = least_cost(form, no_limit)
+    cheapest = least_cost(form, upper[None, :])
+    if not np.isfinite(cheapest.cost[0]):
+        cheapest = least_cost(form, np.full((1, len(form.outputs)), np.inf))
     combination = Combination(form, tuple(cheapest.chosen[0].tolist()))
     return tightest(form), combination.values(cheapest.t)[0]
 

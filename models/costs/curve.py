@@ -26,6 +26,11 @@ class CostCurve(ABC):
         """dC/dt, same shape as t."""
 
     @property
+    def bends(self) -> tuple[float, ...]:
+        """Tolerances at which C bends down: between them it is convex."""
+        return ()
+
+    @property
     def convex(self) -> bool:
         """Whether C is convex over its whole range."""
         return True

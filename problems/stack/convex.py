@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +29,7 @@ def form_of(stack: Stack) -> Form | None:
     Fixed parts go into the offset and the constant, but for those that are correlated with others.
     """
     method = stack.definition.requirement.method
-    if method == "monte_carlo":
+    if method == "monte_carlo" or not _possible(stack):
         return None
     named = {*stack.objectives, *(limit.name for limit in stack.limits)}
     rows = tuple(name for name in ROWS if name == "variation" or name in named)
@@ -37,18 +38,33 @@ def form_of(stack: Stack) -> Form | None:
     settled = _settled(stack)
     kept = [at for at in range(len(parts)) if not settled[at]]
     diagonal = np.sqrt(np.diag(stack.linear.covariance))
-    correlation = stack.linear.covariance / np.outer(diagonal, diagonal)
+    safe = np.where(diagonal > 0.0, diagonal, 1.0)  # 0: pieces that compensate each other wholly
+    correlation = stack.linear.covariance / np.outer(safe, safe)
+    np.fill_diagonal(correlation, 1.0)
     within = correlation[np.ix_(kept, kept)]
+    left_out = _left_out(stack, rows)
     independent = np.array_equal(within, np.eye(len(kept)))
     return Form(
         outputs=rows,
-        features=tuple(_feature(parts[at], linear[:, at], spread[:, at]) for at in kept),
+        features=tuple(
+            _feature(parts[at], linear[:, at], spread[:, at], _range(stack, parts[at]))
+            for at in kept
+        ),
         offset=linear[:, settled] @ t[settled],
         constant=np.array([_square(one, t, correlation, settled) for one in spread]),
-        statement=_statement(method),
+        statement=_statement(method, left_out),
         base=float(sum(_fixed_cost(p) for p, out in zip(parts, settled, strict=True) if out)),
         correlation=None if independent else within,
-        relaxed=_left_out(stack, rows),
+        relaxed=left_out,
+    )
+
+
+def _possible(stack: Stack) -> bool:
+    """Whether limits leave every part a process."""
+    ends = [(part, *_range(stack, part)) for part in stack.definition.parts]
+    return all(
+        any(max(one.low, low) <= min(one.high, high) for one in part.processes)
+        for part, low, high in ends
     )
 
 
@@ -80,24 +96,39 @@ def _square(spread: Array, t: Array, correlation: Array, settled: NDArray[np.boo
     return float(along @ correlation[np.ix_(settled, settled)] @ along)
 
 
-def _feature(part: Part, linear: Array, spread: Array) -> Feature:
+def _range(stack: Stack, part: Part) -> tuple[float, float]:
+    """What limits leave of the tolerance of a part."""
+    own = [limit for limit in stack.limits if limit.name == f"{part.name}_t"]
+    low = max((limit.low for limit in own), default=-np.inf)
+    return low, min((limit.high for limit in own), default=np.inf)
+
+
+def _feature(part: Part, linear: Array, spread: Array, ends: tuple[float, float]) -> Feature:
+    """The processes of a part as ways, cut where a tabulated cost is not convex."""
     ways = tuple(
-        _way(process, at, linear, spread, part.alternatives)
+        Way(
+            curve=process.curve or FREE,
+            low=low,
+            high=high,
+            linear=tuple(linear.tolist()),
+            spread=tuple(spread.tolist()),
+            choice=float(at) if part.alternatives else 0.0,
+        )
         for at, process in enumerate(part.processes)
+        for low, high in _pieces(process, ends)
     )
-    choice = f"{part.name}_process" if len(ways) > 1 else ""
+    choice = f"{part.name}_process" if part.alternatives else ""
     return Feature(f"{part.name}_t", ways, choice, part.count)
 
 
-def _way(process: Process, at: int, linear: Array, spread: Array, chosen: bool) -> Way:
-    return Way(
-        curve=process.curve or FREE,
-        low=process.low,
-        high=process.high,
-        linear=tuple(linear.tolist()),
-        spread=tuple(spread.tolist()),
-        choice=float(at) if chosen else 0.0,
-    )
+def _pieces(process: Process, ends: tuple[float, float]) -> list[tuple[float, float]]:
+    """The range of a process within `ends`, in pieces in which its cost is convex."""
+    low, high = max(process.low, ends[0]), min(process.high, ends[1])
+    if low > high:
+        return []
+    cuts = [] if process.curve is None else process.curve.bends
+    edges = [low, *(t for t in cuts if low < t < high), high]
+    return list(pairwise(edges))
 
 
 def _fixed_cost(part: Part) -> float:
@@ -105,19 +136,22 @@ def _fixed_cost(part: Part) -> float:
     return 0.0 if curve is None else part.count * float(curve.cost(np.array([part.low]))[0])
 
 
-def _statement(method: str) -> str:
+def _statement(method: str, left_out: tuple[str, ...]) -> str:
     what = {
         "worst_case": "its worst case",
         "rss": "its root sum square",
         "shifted_rss": "mean shifts plus root sum square",
     }[method]
-    return f"least cost of the linearised stack, variation = {what}"
+    more = f"; limits left out: {', '.join(left_out)}" if left_out else ""
+    return f"least cost of the linearised stack, variation = {what}{more}"
 
 
 def _left_out(stack: Stack, rows: tuple[str, ...]) -> tuple[str, ...]:
     """Limits that the form cannot keep: on other quantities, or from below."""
+    tolerances = {f"{part.name}_t" for part in stack.definition.parts if not part.fixed}
     return tuple(
         limit.name
         for limit in stack.limits
-        if limit.name not in (*rows, "cost") or np.isfinite(limit.low)
+        if limit.name not in tolerances
+        and (limit.name not in (*rows, "cost") or np.isfinite(limit.low))
     )

@@ -125,7 +125,9 @@ def test_sets_of_integers_are_enumerated() -> None:
             continue
 
         def of(log: float, b: Array = b, low: Array = low, high: Array = high) -> Array:
-            return np.clip((b / (2.0 * np.exp(log) * S[:3] ** 2)) ** (1.0 / 3.0), low, high)
+            return np.asarray(
+                np.clip((b / (2.0 * np.exp(log) * S[:3] ** 2)) ** (1.0 / 3.0), low, high)
+            )
 
         def excess(log: float, of: Any = of) -> float:
             return float(np.linalg.norm(S[:3] * of(log))) - 0.25
@@ -137,7 +139,7 @@ def test_sets_of_integers_are_enumerated() -> None:
 
 
 def test_more_than_64_sets_of_integers_are_refused() -> None:
-    with pytest.raises(InputError, match="64 sets of integers.*81: use hybrid"):
+    with pytest.raises(InputError, match=r"64 sets of integers.*81: use hybrid"):
         search(stack(choosing(4, 3)), Exact(), Budget(evaluations=500), seed=0)
 
 
