@@ -112,7 +112,7 @@ def seed_vectors(run: Run, count: int) -> Array:
         return exact_vectors(problem, closed, count)
     form = convex_pieces(restricted(form, np.arange(len(form.outputs)) == 0))
     upper = np.array([upper_limit(problem, name) for name in form.outputs])
-    seeds = search_vectors(problem, form, front(form, count, upper))
+    seeds = search_vectors(problem, form, front(form, count, upper, np.array([True])))
     settled = np.array([v.name in form.settled for v in problem.free])
     drawn = problem.xl + (problem.xu - problem.xl) * run.rng.random(seeds.shape)
     half = (np.arange(len(seeds)) % 2 == 0)[:, None]

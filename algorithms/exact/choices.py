@@ -50,7 +50,7 @@ def least_cost(form: Form, limits: Array) -> Optimum:
     search = _Search(form, np.asarray(limits, dtype=float))
     every = np.ones(len(limits), dtype=bool)
     search.leaf((0,) * len(form.features), every)
-    if form.combinations > 1:
+    if form.combinations > 1 and len(limits):
         search.leaf(tightest_ways(form), every)
         search.run()
     return Optimum(search.chosen, search.t, search.cost, search.bound, search.multiplier)

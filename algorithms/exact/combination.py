@@ -77,11 +77,6 @@ class Combination:
         each = _columns([way.offset or nothing for way in self.ways])
         return np.asarray(self.form.offset + each.sum(axis=1))
 
-    @property
-    def convex(self) -> bool:
-        """Whether every cost curve is convex, so that local optima are global."""
-        return all(way.curve.convex for way in self.ways)
-
     @cached_property
     def _joint(self) -> Joint | None:
         return Joint.of([way.curve for way in self.ways])

@@ -103,7 +103,19 @@ class Branch:
         for objective in range(min(2, len(self.unit))):
             order = np.lexsort([f[:, objective], broken])
             starts = [*self.y, *y[order[:TRIES]]]
-            any(self.minimise(objective, start, none) is not None for start in starts)
+            for start in starts:
+                if (end := self.minimise(objective, start, none)) is not None:
+                    self._settle(objective, end)
+                    break
+
+    def _settle(self, objective: int, end: Array) -> None:
+        """The least of the other one of two objectives at the end of the front of one."""
+        if len(end) != 2:
+            return
+        at = next(i for i, f in enumerate(self.f) if f is end)
+        limit = np.full(2, np.inf)
+        limit[objective] = end[objective] + 1e-9 * self.unit[objective]
+        self.minimise(1 - objective, self.y[at], limit)
 
     def widest(self) -> tuple[float, int]:
         """The largest rectangle between neighbours, and the index of its first point.

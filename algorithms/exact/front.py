@@ -35,13 +35,15 @@ def front(
     """
     swept = np.ones(len(upper), dtype=bool) if swept is None else swept
     form = convex_pieces(form)
-    low, high = value_range(form)
+    low, high = value_range(form, upper)
     high = np.minimum(high, upper)
     if np.any(high < low) or not np.any(swept):
         return least_cost(form, np.where(swept, high, upper)[None, :])
-    if np.count_nonzero(swept) > 1:
-        sample = qmc.Sobol(len(low), scramble=False).random_base2(int(np.ceil(np.log2(points))))
-        return least_cost(form, np.where(swept, low + (high - low) * sample[:points], upper))
+    if (several := int(np.count_nonzero(swept))) > 1:
+        sample = qmc.Sobol(several, scramble=False).random_base2(int(np.ceil(np.log2(points))))
+        limits = np.tile(upper, (points, 1))
+        limits[:, swept] = low[swept] + (high - low)[swept] * sample[:points]
+        return least_cost(form, limits)
     at = int(np.argmax(swept))
     if len(form.outputs) == 1 and form.combinations == 1 and _followed(form):
         return _along_path(form, points, float(high[0]), most)
@@ -91,13 +93,15 @@ def _length(drawn: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.hypot(*steps))])
 
 
-def value_range(form: Form) -> tuple[Array, Array]:
+def value_range(form: Form, upper: Array) -> tuple[Array, Array]:
     """Least and largest value (r,) of each requirement that an allocation of least cost can have.
 
-    The largest is that of the cheapest allocation without any limit.
+    The largest is that of the cheapest allocation within limits (r,), or without any where none
+    keeps them.
     """
-    no_limit = np.full((1, len(form.outputs)), np.inf)
-    cheapest = least_cost(form, no_limit)
+    cheapest = least_cost(form, upper[None, :])
+    if not np.isfinite(cheapest.cost[0]):
+        cheapest = least_cost(form, np.full((1, len(form.outputs)), np.inf))
     combination = Combination(form, tuple(cheapest.chosen[0].tolist()))
     return tightest(form), combination.values(cheapest.t)[0]
 

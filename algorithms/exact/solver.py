@@ -16,7 +16,7 @@ from .bounds import reason, restricted, upper_limit
 from .choices import least_cost
 from .designs import search_vectors
 from .epsilon import epsilon_front
-from .front import front
+from .front import front, tightest
 from .pieces import convex_pieces
 
 Array = NDArray[np.float64]
@@ -60,7 +60,10 @@ def closed_form(problem: ToleranceProblem) -> Form | None:
 def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     """Search vectors (k, variables) of the exact front, or of the one least cost."""
     upper = np.array([upper_limit(problem, name) for name in form.outputs])
-    upper[np.isfinite(upper)] -= TIGHTER * np.abs(upper[np.isfinite(upper)])
+    real = np.isfinite(upper)
+    least = tightest(form)[real]  # a limit that is the tightest corner's own value stays
+    tighter = upper[real] - TIGHTER * np.abs(upper[real])
+    upper[real] = np.where(tighter < least, upper[real], tighter)
     if problem.n_obj == 1:
         return _cheapest(problem, form, upper)
     swept = np.array([name in problem.objectives for name in form.outputs])

@@ -26,9 +26,9 @@ class CostCurve(ABC):
         """dC/dt, same shape as t."""
 
     @property
-    def convex(self) -> bool:
-        """Whether C is convex over its whole range."""
-        return True
+    def bends(self) -> tuple[float, ...]:
+        """Tolerances at which C bends down: between them it is convex."""
+        return ()
 
     @property
     def smooth(self) -> bool:

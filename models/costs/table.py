@@ -31,8 +31,9 @@ class Table(CostCurve):
         return np.where((t < knots[0]) | (t > knots[-1]), np.nan, slopes[at])
 
     @property
-    def convex(self) -> bool:
-        return bool(np.all(np.diff(np.diff(self.cost_at) / np.diff(self.t)) >= 0.0))
+    def bends(self) -> tuple[float, ...]:
+        slopes = np.diff(self.cost_at) / np.diff(self.t)
+        return tuple(t for t, bend in zip(self.t[1:-1], np.diff(slopes), strict=True) if bend < 0.0)
 
     @property
     def smooth(self) -> bool:

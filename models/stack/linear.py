@@ -58,6 +58,20 @@ class Linear:
         along = SIGMAS**2 * (t @ self.covariance)
         return np.divide(along, rss, out=np.zeros_like(along), where=rss > 0.0)
 
+    def yield_slopes(self, t: Array, lower: Array, upper: Array) -> Array:
+        """d/dt of the share of units between limits, as if y were normal, shape (n, p).
+
+        `lower` and `upper` (n,) are those of y minus its value at the mid-limits, or infinite.
+        """
+        std = self.rss(t)[:, None] / SIGMAS
+        safe, shift = np.where(std > 0.0, std, 1.0), self.mean_shift(t)[:, None]
+        found = np.zeros_like(t)
+        for sign, limit in ((1.0, upper), (-1.0, lower)):
+            z = (np.where(np.isfinite(limit), limit, 0.0)[:, None] - shift) / safe
+            density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) * np.isfinite(limit)[:, None]
+            found -= sign * density * (self.mean + z * self.rss_slopes(t) / SIGMAS) / safe
+        return np.where(std > 0.0, found, 0.0)
+
     def variance_shares(self, t: Array) -> Array:
         """Share of each part in the variance (n, p); a negative one compensates for others."""
         each = t * (t @ self.covariance)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...models.costs import Reciprocal
 from ...models.stack.linear import SIGMAS
 from ..forms import Feature, Form, Way
-from .definition import Part, Process
+from .definition import Part
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -28,7 +28,7 @@ def form_of(stack: Stack) -> Form | None:
     Fixed parts go into the offset and the constant, but for those that are correlated with others.
     """
     method = stack.definition.requirement.method
-    if method == "monte_carlo":
+    if method == "monte_carlo" or not _possible(stack):
         return None
     named = {*stack.objectives, *(limit.name for limit in stack.limits)}
     rows = tuple(name for name in ROWS if name == "variation" or name in named)
@@ -36,18 +36,34 @@ def form_of(stack: Stack) -> Form | None:
     parts, t = stack.definition.parts, np.array([part.low for part in stack.definition.parts])
     settled = _settled(stack)
     kept = [at for at in range(len(parts)) if not settled[at]]
-    correlation = _correlation(stack.linear.covariance)
+    diagonal = np.sqrt(np.diag(stack.linear.covariance))
+    safe = np.where(diagonal > 0.0, diagonal, 1.0)  # 0: pieces that compensate each other wholly
+    correlation = stack.linear.covariance / np.outer(safe, safe)
+    np.fill_diagonal(correlation, 1.0)
     within = correlation[np.ix_(kept, kept)]
+    left_out = _left_out(stack, rows)
     independent = np.array_equal(within, np.eye(len(kept)))
     return Form(
         outputs=rows,
-        features=tuple(_feature(parts[at], linear[:, at], spread[:, at]) for at in kept),
+        features=tuple(
+            _feature(parts[at], linear[:, at], spread[:, at], _range(stack, parts[at]))
+            for at in kept
+        ),
         offset=linear[:, settled] @ t[settled],
         constant=np.array([_square(one, t, correlation, settled) for one in spread]),
-        statement=_statement(method) + _without(_left_out(stack, rows)),
+        statement=_statement(method, left_out),
         base=float(sum(_fixed_cost(p) for p, out in zip(parts, settled, strict=True) if out)),
         correlation=None if independent else within,
-        relaxed=_left_out(stack, rows),
+        relaxed=left_out,
+    )
+
+
+def _possible(stack: Stack) -> bool:
+    """Whether limits leave every part a process."""
+    ends = [(part, *_range(stack, part)) for part in stack.definition.parts]
+    return all(
+        any(max(one.low, low) <= min(one.high, high) for one in part.processes)
+        for part, low, high in ends
     )
 
 
@@ -66,15 +82,6 @@ def _coefficients(stack: Stack, rows: tuple[str, ...]) -> tuple[Array, Array]:
     return np.array([one for one, _ in found]), np.array([one for _, one in found])
 
 
-def _correlation(covariance: Array) -> Array:
-    """Correlation of the parts' contributions; a part without spread goes with no other."""
-    std = np.sqrt(np.diag(covariance))
-    scale = np.outer(std, std)
-    found: Array = np.divide(covariance, scale, out=np.zeros_like(covariance), where=scale > 0.0)
-    np.fill_diagonal(found, 1.0)
-    return found
-
-
 def _settled(stack: Stack) -> NDArray[np.bool_]:
     """Fixed parts that vary independently of all others, or not at all."""
     covariance = stack.linear.covariance
@@ -89,24 +96,30 @@ def _square(spread: Array, t: Array, correlation: Array, settled: NDArray[np.boo
     return float(along @ correlation[np.ix_(settled, settled)] @ along)
 
 
-def _feature(part: Part, linear: Array, spread: Array) -> Feature:
+def _range(stack: Stack, part: Part) -> tuple[float, float]:
+    """What limits leave of the tolerance of a part."""
+    own = [limit for limit in stack.limits if limit.name == f"{part.name}_t"]
+    low = max((limit.low for limit in own), default=-np.inf)
+    return low, min((limit.high for limit in own), default=np.inf)
+
+
+def _feature(part: Part, linear: Array, spread: Array, ends: tuple[float, float]) -> Feature:
+    """The processes of a part as ways."""
     ways = tuple(
-        _way(process, at, linear, spread, part.alternatives)
+        Way(
+            curve=process.curve or FREE,
+            low=low,
+            high=high,
+            linear=tuple(linear.tolist()),
+            spread=tuple(spread.tolist()),
+            choice=float(at) if part.alternatives else 0.0,
+        )
         for at, process in enumerate(part.processes)
+        for low, high in [(max(process.low, ends[0]), min(process.high, ends[1]))]
+        if low <= high
     )
-    choice = f"{part.name}_process" if len(ways) > 1 else ""
+    choice = f"{part.name}_process" if part.alternatives else ""
     return Feature(f"{part.name}_t", ways, choice, part.count)
-
-
-def _way(process: Process, at: int, linear: Array, spread: Array, chosen: bool) -> Way:
-    return Way(
-        curve=process.curve or FREE,
-        low=process.low,
-        high=process.high,
-        linear=tuple(linear.tolist()),
-        spread=tuple(spread.tolist()),
-        choice=float(at) if chosen else 0.0,
-    )
 
 
 def _fixed_cost(part: Part) -> float:
@@ -114,23 +127,22 @@ def _fixed_cost(part: Part) -> float:
     return 0.0 if curve is None else part.count * float(curve.cost(np.array([part.low]))[0])
 
 
-def _statement(method: str) -> str:
+def _statement(method: str, left_out: tuple[str, ...]) -> str:
     what = {
         "worst_case": "its worst case",
         "rss": "its root sum square",
         "shifted_rss": "mean shifts plus root sum square",
     }[method]
-    return f"least cost of the linearised stack, variation = {what}"
-
-
-def _without(limits: tuple[str, ...]) -> str:
-    return f"; limits left out: {', '.join(limits)}" if limits else ""
+    more = f"; limits left out: {', '.join(left_out)}" if left_out else ""
+    return f"least cost of the linearised stack, variation = {what}{more}"
 
 
 def _left_out(stack: Stack, rows: tuple[str, ...]) -> tuple[str, ...]:
     """Limits that the form cannot keep: on other quantities, or from below."""
+    tolerances = {f"{part.name}_t" for part in stack.definition.parts if not part.fixed}
     return tuple(
         limit.name
         for limit in stack.limits
-        if limit.name not in (*rows, "cost") or np.isfinite(limit.low)
+        if limit.name not in tolerances
+        and (limit.name not in (*rows, "cost") or np.isfinite(limit.low))
     )

@@ -32,6 +32,9 @@ Array = NDArray[np.float64]
 SEARCH_SAMPLES = 8192
 """Units of the search's own yields and half-widths; reported ones take `[propagation] samples`."""
 
+UNDECIDED = 6.0
+"""Standard errors about a limit within which a search takes the whole sample."""
+
 
 @dataclass(frozen=True)
 class StackKind:
@@ -182,7 +185,23 @@ class Stack(ToleranceProblem):
         if not bounded or (searching and not self._wanted("yield_percent")):
             return {name: np.full(len(t), np.nan) for name in names}
         found = yield_percent(self.definition.mechanism, t, sample)
+        if searching and len(close := self._undecided(*found)):
+            exact = yield_percent(self.definition.mechanism, t[close], self._sample)
+            for values, better in zip(found, exact, strict=True):
+                values[close] = better
         return dict(zip(names, found, strict=True))
+
+    def _undecided(self, found: Array, error: Array) -> NDArray[np.int64]:
+        """Rows whose yield is so close to its limit that only the whole sample can judge it.
+
+        A search converges to its limits: what is judged otherwise in the end would all be lost.
+        """
+        near = np.zeros(len(found), dtype=bool)
+        for limit in self.limits:
+            if limit.name == "yield_percent":
+                for end in (limit.low, limit.high):
+                    near |= np.abs(found - end) <= UNDECIDED * error
+        return np.flatnonzero(near)
 
     @cached_property
     def _sample(self) -> Sample:
@@ -226,7 +245,10 @@ class Stack(ToleranceProblem):
         return np.array([float(part.count) for part in self._parts])
 
     def gradient(self, designs: Array) -> dict[str, Array]:
-        """Derivatives of cost and of the linear variations; 0 for a process."""
+        """Derivatives of cost and of the linear variations; 0 for a process.
+
+        That of the yield, a step function of its sample, is the normal linear model's.
+        """
         t, method = self.tolerances(designs), self.definition.requirement.method
         worst = np.broadcast_to(self.linear.worst, t.shape)
         rss = self.linear.rss_slopes(t)
@@ -237,6 +259,11 @@ class Stack(ToleranceProblem):
                 "rss": rss,
                 "shifted_rss": rss + self.linear.shift,
             }[method]
+        mechanism = self.definition.mechanism
+        if mechanism.bounded and self._wanted("yield_percent"):
+            ends = (np.full(len(t), end - mechanism.centre)
+                    for end in (mechanism.lower, mechanism.upper))  # fmt: skip
+            found["yield_percent"] = 100.0 * self.linear.yield_slopes(t, *ends)
         at = [self.names.index(f"{part.name}_t") for part in self._parts]
         wide = {name: np.zeros_like(designs) for name in found}
         for name, slopes in found.items():

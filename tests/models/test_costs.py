@@ -126,6 +126,6 @@ def test_best_tolerance_balances_cost_and_price(curve: CostCurve, p: float, q: f
     np.testing.assert_allclose(np.where(at_low, np.minimum(rise, 0.0), rise), 0.0, atol=1e-9)
 
 
-def test_only_a_bent_table_is_not_convex() -> None:
-    assert all(curve.convex for curve in [*SMOOTH, TABLE])
-    assert not BENT.convex
+def test_a_table_bends_where_its_slope_falls() -> None:
+    assert all(curve.bends == () for curve in [*SMOOTH, TABLE])
+    assert BENT.bends == (1.0, 3.0)  # slopes -1, -3.5, -0.1, -3.9
