@@ -34,7 +34,7 @@ class Parts:
     @property
     def ways(self) -> list[int]:
         """Number of ways of each part."""
-        return np.isfinite(self.a).sum(axis=1).tolist()
+        return [int(count) for count in np.isfinite(self.a).sum(axis=1)]
 
     def curves(self, part: int) -> list[Reciprocal]:
         pairs = zip(self.a[part].tolist(), self.b[part].tolist(), strict=True)
