@@ -17,7 +17,7 @@ import gc
 import time
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from pkgutil import iter_modules
@@ -168,8 +168,11 @@ def release(module: ModuleType) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Optimisers side by side.")
     parser.add_argument("--quick", action="store_true", help="one seed, small budgets")
-    quick = parser.parse_args().quick
-    effort = QUICK if quick else Effort()
+    parser.add_argument("--minutes", type=float, help="after which no round of seeds begins")
+    given = parser.parse_args()
+    quick, effort = given.quick, QUICK if given.quick else Effort()
+    if given.minutes is not None:
+        effort = replace(effort, minutes=given.minutes)
     found, missing = contenders()
     labels = {
         name: f"{module.DISTRIBUTION} {release(module)} {module.LABEL}"

@@ -17,7 +17,7 @@ from benchmarks import compare, promised, proven  # noqa: E402
 from benchmarks.peers import tolevo_exact  # noqa: E402
 from benchmarks.task import Array, OutOfTime, Recorder, Task  # noqa: E402
 from benchmarks.tasks.cost_rss import B, S, cost_rss  # noqa: E402
-from benchmarks.tasks.mixed_process import PART, PROCESSES, mixed_process  # noqa: E402
+from benchmarks.tasks.mixed_process import PART, PARTS, PROCESSES, mixed_process  # noqa: E402
 from benchmarks.tasks.mixed_process import A as PROCESS_A  # noqa: E402
 from benchmarks.tasks.mixed_process import B as PROCESS_B  # noqa: E402
 from benchmarks.tasks.mixed_process import S as PART_S  # noqa: E402
@@ -137,9 +137,7 @@ def test_true_share_counts_the_area_under_the_chords() -> None:
 
 @pytest.mark.parametrize("limit", proven.LIMITS)
 def test_branch_and_bound_finds_the_best_of_all_sets(limit: float) -> None:
-    assert proven.proven(limit)[0] == pytest.approx(
-        proven.of_all_sets(proven.PARTS, limit), rel=1e-12
-    )
+    assert proven.proven(limit)[0] == pytest.approx(proven.of_all_sets(PARTS, limit), rel=1e-12)
 
 
 def test_a_written_limit_is_the_same_problem() -> None:

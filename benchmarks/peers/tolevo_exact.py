@@ -27,5 +27,5 @@ def run(recorder: Recorder, seed: int, budget: int) -> Array:
     parts = recorder.task.parts
     assert parts is not None
     found = front(parts.form(), POINTS, np.full(1, np.inf))
-    chosen = found.chosen[:, np.array(parts.ways) > 1]
+    chosen = found.chosen[:, np.array(parts.ways) > 1].astype(float)
     return recorder.batch(np.hstack([found.t, chosen]))
