@@ -25,6 +25,8 @@ EVOLVED = 0.5
 """Share of an evaluation budget that evolution may use."""
 GENERATIONS = 100
 """Generations of the evolution where the budget names none."""
+RELAXED = 24
+"""Seeds from a relaxation: they need not be many, for evolution moves them."""
 SETS = 12
 """Sets of integers that are polished at most."""
 
@@ -72,14 +74,22 @@ class Hybrid(Solver):
             engine.tell(x, *run.evaluate(x))
 
     def _polish_best(self, run: Run) -> None:
-        """One objective: from the best design, at its integers and at each that differs in one."""
-        x, f = run.archive.arrays()
-        start = x[int(np.argmin(f[:, 0]))] if len(x) else run.archive.miss[0]
-        unit, free = _unit(run.problem), np.array([np.inf])
-        for at, integers in enumerate(sets := integer_moves(run.problem, start)):
-            run.phase("polish", EVOLVED + (1.0 - EVOLVED) * at / len(sets))
-            branch = Branch(run, integers, unit)
+        """One objective: from the best design, at its integers and at each set that differs in one.
+
+        An improvement is where the next ones are tried from, until none is left.
+        """
+        unit, free, tried = _unit(run.problem), np.array([np.inf]), set[bytes]()
+        start, best = _best(run)
+        while True:
+            moves = [x for x in integer_moves(run.problem, start) if _integers(run, x) not in tried]
+            if not moves:
+                return
+            run.phase("polish", 1.0 - (1.0 - EVOLVED) / (1.0 + len(tried) / SETS))
+            tried.add(_integers(run, moves[0]))
+            branch = Branch(run, moves[0], unit)
             branch.minimise(0, branch.smooth.scaled(start[None, :])[0], free)
+            if _best(run)[1] < best:
+                start, best = _best(run)
 
     def _polish_front(self, run: Run) -> None:
         """Two objectives: gradients where the front has its largest gaps, then points between."""
@@ -112,7 +122,7 @@ def seed_vectors(run: Run, count: int) -> Array:
         return exact_vectors(problem, closed, count)
     form = convex_pieces(restricted(form, np.arange(len(form.outputs)) == 0))
     upper = np.array([upper_limit(problem, name) for name in form.outputs])
-    seeds = search_vectors(problem, form, front(form, count, upper, np.array([True])))
+    seeds = search_vectors(problem, form, front(form, min(count, RELAXED), upper))
     settled = np.array([v.name in form.settled for v in problem.free])
     drawn = problem.xl + (problem.xu - problem.xl) * run.rng.random(seeds.shape)
     half = (np.arange(len(seeds)) % 2 == 0)[:, None]
@@ -135,6 +145,20 @@ def branches_of(run: Run, x: Array, f: Array, most: int) -> list[Branch]:
         branch.adopt(x[some], f[some])
         found.append(branch)
     return found
+
+
+def _best(run: Run) -> tuple[Array, float]:
+    """The best design of one objective and its value; the least violating if none is feasible."""
+    x, f = run.archive.arrays()
+    if not len(x):
+        return run.archive.miss[0], np.inf
+    at = int(np.argmin(f[:, 0]))
+    return x[at], float(f[at, 0])
+
+
+def _integers(run: Run, x: Array) -> bytes:
+    """The integers of a design, as a key."""
+    return np.rint(x[[v.integer for v in run.problem.free]]).tobytes()
 
 
 def _unit(problem: ToleranceProblem) -> Array:

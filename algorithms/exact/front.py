@@ -35,6 +35,8 @@ def front(
     """
     swept = np.ones(len(upper), dtype=bool) if swept is None else swept
     form = convex_pieces(form)
+    if len(form.outputs) == 1 and form.combinations == 1 and swept[0] and _followed(form):
+        return _along_path(form, points, float(upper[0]), most)
     low, high = value_range(form, upper)
     high = np.minimum(high, upper)
     if np.any(high < low) or not np.any(swept):
@@ -45,9 +47,8 @@ def front(
         limits[:, swept] = low[swept] + (high - low)[swept] * sample[:points]
         return least_cost(form, limits)
     at = int(np.argmax(swept))
-    if len(form.outputs) == 1 and form.combinations == 1 and _followed(form):
-        return _along_path(form, points, float(high[0]), most)
-    return _by_limits(form, points, at, np.linspace(low[at], high[at], COARSE), upper, most)
+    coarse = np.linspace(low[at], high[at], min(COARSE, 2 * points))
+    return _by_limits(form, points, at, coarse, upper, most)
 
 
 def _followed(form: Form) -> bool:
