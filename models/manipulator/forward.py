@@ -8,30 +8,30 @@ import numpy as np
 
 from ...errors import Fault, InputError
 from ..inputs.distribution import Array
-from . import sources
 from .geometry import Manipulator
-from .inverse import CHAINS, SIDE, angles, axes
-from .vectors import cross, dot, rotation_matrix, rotation_vector, turned, vector
+from .inverse import angles
+from .machine import UP, Machine, about_up, built
+from .sources import NAMES
+from .vectors import cofactors, cross, dot, rotation_vector, solved, turned, vector
 
 ENOUGH = 1e-9
-"""Newton's last step [m, rad]: it squares, so that what is left is rounding."""
+"""Newton's last step [m, rad]: the next would be its square, and what is left is rounding."""
 MOST_STEPS = 20
-SIDES = np.array([0.5, -0.5])
-"""s_j/2 of the two rods of a parallelogram."""
-UP = np.array([0.0, 0.0, 1.0])
+BLOCK = 2048
+"""Machines that are solved at once: so many stay in a processor's cache."""
 
 
 class NoPose(InputError):
-    """Errors or a start with which Newton's method finds no pose."""
+    """Errors, or a start, with which Newton's method finds no pose."""
 
 
 @dataclass(frozen=True, slots=True)
 class PoseError:
-    """What a pose (...) is off, in the axes (e_r, e_t, z) at its azimuth.
+    """What poses (...) are off, in the axes (e_r, e_t, z) at their azimuth.
 
     `position` (..., 3) [m]: dr, dt, dz; `orientation` (..., 3) [rad]: the rotation vector (two
     tilts, whose length is the squareness, and the yaw); `follow_up` (...) [rad]: how far the
-    follow-up plane is turned (0 in model M1); `steps` that Newton's method took.
+    follow-up plane is turned (0 in model M1); `steps`: the most that Newton's method took.
     """
 
     position: Array
@@ -41,26 +41,22 @@ class PoseError:
 
 
 @dataclass(frozen=True, slots=True)
-class _Machine:
-    """Joints of the machines (...), six in all: three chains of two rods.
+class _State:
+    """Poses (n,) on the way: `position` (n, 3), platform axes `frame` (n, 3 axes, 3), joints on
+    the platform `seat` (n, 3, 2, 3) and their `middle` of chain 3 (n, 3), both turned with it, and
+    the follow-up angle `psi` (n,)."""
 
-    `base` (..., 3, 3) where the arms begin, `arm` (..., 3, 2, 3) from there to the joints with the
-    follow-up plane at 0, `arm_middle` (..., 3) of chain 3 likewise, `platform` (..., 3, 2, 3) in
-    platform axes, its `middle` (..., 3) of chain 3, and the rods' `length` (..., 6).
-    """
-
-    base: Array
-    arm: Array
-    arm_middle: Array
-    platform: Array
+    position: Array
+    frame: Array
+    seat: Array
     middle: Array
-    length: Array
+    psi: Array
 
 
 def exact_pose(
     manipulator: Manipulator,
-    r: Array,
-    z: Array,
+    r: Array | float,
+    z: Array | float,
     phi: Array | float = 0.0,
     errors: Array | None = None,
 ) -> PoseError:
@@ -69,12 +65,9 @@ def exact_pose(
     `errors` (..., 63) [m, rad] in the order of `sources.SOURCES`; poses (...) and errors broadcast:
     r[:, None] with errors (m, 63) gives every pose of every machine. Raises OutOfReach and NoPose.
     """
-    given = np.zeros(len(sources.SOURCES)) if errors is None else np.asarray(errors, dtype=float)
     r, z = np.asarray(r, dtype=float), np.asarray(z, dtype=float)
-    drives = angles(manipulator, r, z)
     start = vector(r, 0.0, z)
-    solved, turn, psi, steps = solve(manipulator, drives, start, phi, given)
-    return PoseError(solved - start, rotation_vector(turn), psi, steps)
+    return solve(manipulator, angles(manipulator, r, z), start, phi, errors)
 
 
 def solve(
@@ -83,112 +76,115 @@ def solve(
     start: Array,
     phi: Array | float = 0.0,
     errors: Array | None = None,
-) -> tuple[Array, Array, Array, int]:
-    """Position (..., 3) [m], rotation (..., 3, 3), follow-up angle (...) [rad] and steps taken.
+) -> PoseError:
+    """The poses, as seen from `start` (..., 3) [m], of arms at `drives` (..., 3) [rad] from e_r.
 
-    `drives` (..., 3) [rad] are the arm angles from e_r at the azimuth `phi` (...), `start`
-    (..., 3) [m] a position nearby. Raises NoPose.
+    `phi` (...) [rad] is the azimuth of e_r; in model M1 the follow-up plane stands there. The
+    closures |B - A| = l2 of the six rods, with the middle of chain 3 in its plane in model M2, are
+    solved by Newton's method with analytic slopes from `start` on. Raises NoPose.
     """
-    given = np.zeros(len(sources.SOURCES)) if errors is None else errors
-    machine = _machine(manipulator, drives, np.asarray(phi, dtype=float), given)
-    shape = np.broadcast_shapes(
-        machine.base.shape[:-2], start.shape[:-1], machine.length.shape[:-1]
+    given = np.zeros(len(NAMES)) if errors is None else np.asarray(errors, dtype=float)
+    azimuth = np.asarray(phi, dtype=float)
+    heads = (drives.shape[:-1], start.shape[:-1], azimuth.shape, given.shape[:-1])
+    shape = np.broadcast_shapes(*heads)
+    count = int(np.prod(shape))
+    flat = [np.broadcast_to(a, (*shape, a.shape[-1])) for a in (drives, start, given)]
+    flat = [a.reshape(count, a.shape[-1]) for a in flat]
+    azimuth = np.broadcast_to(azimuth, shape).reshape(count)
+    position, turn, psi = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
+    steps = 0
+    for first in range(0, count, BLOCK):
+        at = slice(first, first + BLOCK)
+        machine = built(manipulator, flat[0][at], azimuth[at], flat[2][at])
+        state, taken = _newton(machine, flat[1][at], manipulator.follow_up == "rod", first)
+        position[at], psi[at] = state.position - flat[1][at], state.psi
+        turn[at] = rotation_vector(state.frame)
+        steps = max(steps, taken)
+    return PoseError(
+        position.reshape(*shape, 3), turn.reshape(*shape, 3), psi.reshape(shape), steps
     )
-    position = np.broadcast_to(start, (*shape, 3)).copy()
-    turn = np.broadcast_to(np.eye(3), (*shape, 3, 3))
-    psi = np.zeros(shape)
-    size = np.full(shape, np.inf)
-    free = manipulator.follow_up == "rod"
-    for count in range(1, MOST_STEPS + 1):
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            step = _step(machine, position, turn, psi, free)
-            position = position + step[..., :3]
-            turn = rotation_matrix(step[..., 3:6]) @ turn
-            psi = psi + step[..., 6] if free else psi
-        size = np.abs(step).max(axis=-1, initial=0.0)
+
+
+def _newton(machine: Machine, start: Array, free: bool, first: int) -> tuple[_State, int]:
+    """The solved poses and the steps taken; `first` is the number of the first pose."""
+    count = len(start)
+    frame = np.broadcast_to(np.eye(3), (count, 3, 3))
+    state = _State(start, frame, machine.platform, machine.middle, np.zeros(count))
+    size = np.full(count, np.inf)
+    for taken in range(1, MOST_STEPS + 1):
+        with np.errstate(all="ignore"):
+            move, turn, twist = _step(machine, state, free)
+            state = _State(
+                state.position + move,
+                turned(state.frame, turn[:, None, :]),
+                turned(state.seat, turn[:, None, None, :]),
+                turned(state.middle, turn),
+                state.psi + twist,
+            )
+            size = np.maximum(np.abs(move).max(axis=-1), np.abs(turn).max(axis=-1))
+            size = np.maximum(size, np.abs(twist))
         if np.all(size <= ENOUGH):
-            return position, turn, psi, count
+            return state, taken
         if not np.isfinite(size).all():
             break
-    raise _no_pose(size)
+    raise _no_pose(size, first)
 
 
-def _machine(manipulator: Manipulator, drives: Array, phi: Array, errors: Array) -> _Machine:
-    m = manipulator
-    e = errors.reshape(*errors.shape[:-1], CHAINS, sources.PER_CHAIN)
-    u, v, k = axes(drives + e[..., sources.DRIVE_ZERO])
-    line = np.broadcast_to(SIDE[:, None] * UP, (CHAINS, 3))  # of the joints, in arm axes
-    line = turned(line, e[..., sources.JOINT_LINE_ARM])
-    gap = m.distances + e[..., sources.JOINT_DISTANCE_ARM]
-    middle = vector(m.arms + e[..., sources.ARM_LENGTH], 0.0, 0.0)
-    joints = middle[..., None, :] + (SIDES * gap[..., None])[..., None] * line[..., None, :]
-    tilt = e[..., sources.ARM_ORIENTATION]
-    frame = np.stack([u, v, k], axis=-1)
-    arm = np.einsum("...ab,...jb->...ja", frame, turned(joints, tilt[..., None, :]))
-    n = np.array([UP, UP, [0.0, 1.0, 0.0]])
-    across = turned(n, e[..., sources.JOINT_LINE_PLATFORM])
-    wide = m.distances + e[..., sources.JOINT_DISTANCE_PLATFORM]
-    at = m.attachments + e[..., sources.PLATFORM_ATTACHMENT]
-    platform = at[..., None, :] + (SIDES * wide[..., None])[..., None] * across[..., None, :]
-    length = m.rods[:, None] + e[..., sources.ROD_LENGTH]
-    return _Machine(
-        base=m.origins + _in_meridian(e[..., sources.ORIGIN], phi[..., None]),
-        arm=arm,
-        arm_middle=arm[..., 2, :, :].mean(axis=-2),
-        platform=platform,
-        middle=at[..., 2, :],
-        length=length.reshape(*length.shape[:-2], 2 * CHAINS),
-    )
-
-
-def _in_meridian(v: Array, phi: Array) -> Array:
-    """Base-fixed vectors (..., 3) in the axes at the azimuth phi (...)."""
-    c, s = np.cos(phi), np.sin(phi)
-    return vector(c * v[..., 0] + s * v[..., 1], c * v[..., 1] - s * v[..., 0], v[..., 2])
-
-
-def _step(machine: _Machine, position: Array, turn: Array, psi: Array, free: bool) -> Array:
-    """Newton's step (..., 6 or 7): of the position, of the rotation (from the left), of psi."""
+def _step(machine: Machine, state: _State, free: bool) -> tuple[Array, Array, Array]:
+    """Newton's step: of the position (n, 3), of the rotation (n, 3) from the left, of psi (n,)."""
     arm = machine.arm
     if free:
-        arm = np.broadcast_to(arm, (*psi.shape, *arm.shape[-3:])).copy()
-        arm[..., 2, :, :] = _in_meridian(arm[..., 2, :, :], -psi[..., None])
-    seat = np.einsum("...ab,...ijb->...ija", turn, machine.platform)
-    rods = position[..., None, None, :] + seat - machine.base[..., None, :] - arm
+        arm = arm.copy(order="K")
+        arm[:, 2] = about_up(arm[:, 2], state.psi[:, None])
+    rods = state.position[:, None, None, :] + state.seat - machine.base[:, :, None, :] - arm
     size = np.sqrt(dot(rods, rods))
     w = rods / size[..., None]
-    slope = np.concatenate([w, cross(seat, w)], axis=-1)
-    slope = slope.reshape(*psi.shape, 2 * CHAINS, 6)
-    rest = size.reshape(*psi.shape, 2 * CHAINS) - machine.length
-    if free:
-        by_psi = np.zeros_like(size)
-        by_psi[..., 2, :] = -dot(w[..., 2, :, :], cross(UP, arm[..., 2, :, :]))
-        beside, own = _follow_up(machine, position, turn, psi)
-        slope = np.concatenate([slope, by_psi.reshape(*psi.shape, 2 * CHAINS, 1)], axis=-1)
-        slope = np.concatenate([slope, own[..., None, :]], axis=-2)
-        rest = np.concatenate([rest, beside[..., None]], axis=-1)
-    try:
-        return np.linalg.solve(slope, -rest[..., None])[..., 0]
-    except np.linalg.LinAlgError:
-        return np.full_like(rest, np.nan)
+    lever = cross(state.seat, w)
+    move, turn = _separated(w, lever, machine.length - size)
+    if not free:
+        return move, turn, np.zeros(len(move))
+    by_psi = np.zeros_like(size)
+    by_psi[:, 2] = dot(w[:, 2], cross(UP, arm[:, 2]))
+    along, about = _separated(w, lever, by_psi)  # the pose follows psi so
+    rest, on_move, on_turn, on_psi = _follow_up(machine, state)
+    left = -rest - dot(on_move, move) - dot(on_turn, turn)
+    twist = left / (on_psi + dot(on_move, along) + dot(on_turn, about))
+    return move + twist[:, None] * along, turn + twist[:, None] * about, twist
 
 
-def _follow_up(machine: _Machine, position: Array, turn: Array, psi: Array) -> tuple[Array, Array]:
-    """Distance (...) [m] of chain 3's platform end from the follow-up plane, slopes (..., 7)."""
-    c, s = np.cos(psi), np.sin(psi)
+def _separated(w: Array, lever: Array, right: Array) -> tuple[Array, Array]:
+    """Solutions (n, 3) and (n, 3) of w.x + lever.y = right, one equation per rod (n, 3, 2).
+
+    Half sums and differences of the rods of a parallelogram: the former hold the position, the
+    latter, in which w all but cancels, the orientation.
+    """
+    w_sum, lever_sum, right_sum = (0.5 * (a[:, :, 0] + a[:, :, 1]) for a in (w, lever, right))
+    w_gap, lever_gap, right_gap = (a[:, :, 0] - a[:, :, 1] for a in (w, lever, right))
+    columns = cofactors(w_sum)
+    determinant = dot(w_sum[:, 0], columns[0])[:, None]
+    rows, rest = lever_gap, right_gap
+    for chain, column in enumerate(columns):
+        share = dot(w_gap, column[:, None, :]) / determinant
+        rows = rows - share[..., None] * lever_sum[:, chain, None, :]
+        rest = rest - share * right_sum[:, chain, None]
+    turn = solved(rows, rest)
+    return solved(w_sum, right_sum - dot(lever_sum, turn[:, None, :])), turn
+
+
+def _follow_up(machine: Machine, state: _State) -> tuple[Array, Array, Array, Array]:
+    """Distance (n,) [m] of chain 3's platform end from the follow-up plane; its slopes by the
+    position (n, 3), the rotation (n, 3) and psi (n,)."""
+    c, s = np.cos(state.psi), np.sin(state.psi)
     e_r, e_t = vector(c, s, 0.0), vector(-s, c, 0.0)
-    seat = np.einsum("...ab,...b->...a", turn, machine.middle)
-    arm = _in_meridian(machine.arm_middle, -psi)
-    line = position + seat - machine.base[..., 2, :] - arm
-    by_psi = -dot(line, e_r) - dot(arm, e_r)
-    return dot(line, e_t), np.concatenate([e_t, cross(seat, e_t), by_psi[..., None]], axis=-1)
+    arm = about_up(machine.arm_middle, state.psi)
+    reach = state.position + state.middle - machine.base[:, 2]
+    return dot(reach - arm, e_t), e_t, cross(state.middle, e_t), -dot(reach, e_r)
 
 
-def _no_pose(size: Array) -> NoPose:
-    bad = ~(size <= ENOUGH)
-    first = int(np.flatnonzero(bad)[0])
+def _no_pose(size: Array, first: int) -> NoPose:
+    bad = np.flatnonzero(~(size <= ENOUGH))
     message = (
-        f"Newton's method finds no pose ({int(bad.sum())} of {size.size} fail; the last step of"
-        f" this one is {size.flat[first]:.3g}); give smaller errors, or another pose"
+        f"Newton's method finds no pose ({len(bad)} of {len(size)} beside it fail; its last step is"
+        f" {size[bad[0]]:.3g}); give smaller errors, or another pose"
     )
-    return NoPose([Fault(f"pose {first}", message)])
+    return NoPose([Fault(f"pose {first + int(bad[0])}", message)])
