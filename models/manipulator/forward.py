@@ -42,9 +42,12 @@ class PoseError:
 
 @dataclass(frozen=True, slots=True)
 class _State:
-    """Poses (n,) on the way: `position` (n, 3), platform axes `frame` (n, 3 axes, 3), joints on
-    the platform `seat` (n, 3, 2, 3) and their `middle` of chain 3 (n, 3), both turned with it, and
-    the follow-up angle `psi` (n,)."""
+    """Poses (n,) on the way.
+
+    `position` (n, 3), platform axes `frame` (n, 3 axes, 3), joints on the platform `seat`
+    (n, 3, 2, 3) and their `middle` of chain 3 (n, 3), both turned with it, and the follow-up angle
+    `psi` (n,).
+    """
 
     position: Array
     frame: Array
@@ -172,8 +175,10 @@ def _separated(w: Array, lever: Array, right: Array) -> tuple[Array, Array]:
 
 
 def _follow_up(machine: Machine, state: _State) -> tuple[Array, Array, Array, Array]:
-    """Distance (n,) [m] of chain 3's platform end from the follow-up plane; its slopes by the
-    position (n, 3), the rotation (n, 3) and psi (n,)."""
+    """Distance (n,) [m] of chain 3's platform end from the follow-up plane, and its slopes.
+
+    By the position (n, 3), the rotation (n, 3) and psi (n,).
+    """
     c, s = np.cos(state.psi), np.sin(state.psi)
     e_r, e_t = vector(c, s, 0.0), vector(-s, c, 0.0)
     arm = about_up(machine.arm_middle, state.psi)
@@ -187,4 +192,4 @@ def _no_pose(size: Array, first: int) -> NoPose:
         f"Newton's method finds no pose ({len(bad)} of {len(size)} beside it fail; its last step is"
         f" {size[bad[0]]:.3g}); give smaller errors, or another pose"
     )
-    return NoPose([Fault(f"pose {first + int(bad[0])}", message)])
+    return NoPose([Fault(f"pose {first + int(bad[0]) + 1}", message)])

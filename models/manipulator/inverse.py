@@ -108,7 +108,7 @@ def _refuse_out_of_reach(cosine: Array, r: Array, z: Array) -> None:
         count = int(bad[..., chain].sum())
         faults.append(
             Fault(
-                f"pose {at} ({pose})",
+                f"pose {at + 1} ({pose})",
                 f"is out of reach of chain {chain + 1} ({count} of {r.size} poses are): the cosine"
                 f" of its arm's angle would be {cosine[..., chain].flat[at]:.6g}",
             )
