@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
 
-Value = float | int | str | bool
+Scalar = float | int | str | bool
+Value = Scalar | tuple[float, ...] | Mapping[str, float]
+"""A list has a fixed length; a table holds numbers by name."""
+
+
+def number(value: Value) -> float:
+    """The number that a scalar is. Raises TypeError where the value is a list or a table."""
+    if isinstance(value, tuple | Mapping):
+        raise TypeError(f"expected a number, got {value!r}")
+    return float(value)
 
 
 class Kind(StrEnum):
@@ -28,7 +38,8 @@ TOLERANCES = frozenset({Kind.HALF_WIDTH, Kind.STANDARD_DEVIATION, Kind.FULL_CLEA
 class Parameter:
     """A named input of a physical model.
 
-    `assumed` marks a default that no document prints; it is reported as an assumption.
+    `assumed` marks a default that no document prints; it is reported as an assumption. The default
+    gives the type: a list keeps its length, the names in a table are `choices`, each with its unit.
     """
 
     name: str

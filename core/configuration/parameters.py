@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from ..declarations import Parameter, Value
-from ..section import Range, Section
+from ..section import Range, Section, shown
+from ..units import split_unit
 
 
 def read_parameters(section: Section, declared: Iterable[Parameter]) -> dict[str, Value]:
@@ -24,5 +25,38 @@ def _read(section: Section, parameter: Parameter) -> Value | None:
             return section.text(parameter.name, parameter.choices)
         case int() if not parameter.unit:
             return section.integer(parameter.name, within)
+        case tuple():
+            return _list(section, parameter, len(parameter.default), within)
+        case Mapping():
+            return _table(section, parameter, within)
         case _:
             return section.quantity(parameter.name, parameter.unit, within)
+
+
+def _list(
+    section: Section, parameter: Parameter, count: int, within: Range
+) -> tuple[float, ...] | None:
+    """Exactly `count` numbers in the unit of the parameter, or strings with a unit."""
+    value = section.take(parameter.name)
+    if value is None:
+        return None
+    if not isinstance(value, list) or len(value) != count:
+        got = f"{len(value)} of them" if isinstance(value, list) else shown(value)
+        section.fault(parameter.name, f"must be a list of {count} numbers, got {got}")
+        return None
+    found = [
+        section.as_number(f"{parameter.name}[{i}]", one, parameter.unit, within)
+        for i, one in enumerate(value)
+    ]
+    numbers = tuple(one for one in found if one is not None)
+    return numbers if len(numbers) == count else None
+
+
+def _table(section: Section, parameter: Parameter, within: Range) -> dict[str, float] | None:
+    """Numbers by name, each name one of the parameter's choices."""
+    if parameter.name not in section:
+        return None
+    table = section.section(parameter.name)
+    found = {name: table.quantity(name, split_unit(name)[1], within) for name in parameter.choices}
+    table.finish()
+    return {name: value for name, value in found.items() if value is not None}

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import radians
 
-from ...declarations import Kind, Parameter, Value, Variable
+from ...declarations import Kind, Parameter, Value, Variable, number
 from ...units import ARCMIN, MM, UM
 from ..inputs.distribution import Array, Distribution
 from .backlash import Allocation, BacklashModel
@@ -138,7 +138,7 @@ def backlash_model(
     `mids_um` replaces mid-limits by name of the error (`pin_radius`); `inputs` has distributions by
     the same names and `crank_bearing`, `involute_grade`.
     """
-    p = {one.name: float(parameters.get(one.name, one.default)) for one in PARAMETERS}
+    p = {one.name: number(parameters.get(one.name, one.default)) for one in PARAMETERS}
     mids = {error: p[f"{error}_mid_um"] for error in ERRORS} | dict(mids_um or {})
     law = EccentricityLaw(p["eccentricity_linear"], p["eccentricity_quadratic_per_mm"] / MM)
     mid = {error: value * UM for error, value in mids.items()}

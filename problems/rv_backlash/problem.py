@@ -51,7 +51,7 @@ class RvBacklash(ToleranceProblem):
             {_stem(name): s.mid for name, s in self.given.variables.items() if s.mid is not None},
             {_stem(name): s.distribution for name, s in given.variables.items() if s.distribution},
         )
-        self.limit = float(given.parameters["backlash_limit_arcmin"])
+        self.limit = number(given.parameters["backlash_limit_arcmin"])
 
     # ---------------------------------------------------------------- evaluation
 

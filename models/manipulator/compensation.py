@@ -1,0 +1,77 @@
+"""What correcting the command removes of a pose error, and what it leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import Fault
+from ..inputs.distribution import Array
+from .forward import NoPose, exact_pose
+from .geometry import Manipulator
+from .inverse import posture
+from .machine import about_up
+from .maps import first_order, separated
+from .sources import NAMES
+from .vectors import rotation_vector, turned
+
+EXACT = 1e-13
+"""Position [m] that counts as exact."""
+MOST_PASSES = 30
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """First-order effects at poses (n,) of the 63 sources, by what a corrected command does.
+
+    `compensatable` (n, 3, 63): the whole position error, which the three drives can remove;
+    `through_orientation` (n, 3, 63): the part of it that the orientation causes; `left` (n, 3, 63):
+    the orientation that stays, both tilts as they are and the yaw less dt/r, by which the machine
+    is turned about z to remove dt.
+    """
+
+    compensatable: Array
+    through_orientation: Array
+    left: Array
+
+
+def split(manipulator: Manipulator, r: Array, z: Array, phi: Array | float = 0.0) -> Split:
+    """The split maps at poses r, z [m], phi [rad], each (n,). Raises OutOfReach."""
+    maps = first_order(manipulator, r, z, phi)
+    radius = np.broadcast_to(np.ravel(r), len(maps.position))
+    chains = posture(manipulator, radius, np.ravel(z))
+    through = separated(chains)[2] @ maps.orientation
+    left = maps.orientation.copy()
+    left[:, 2] -= maps.position[:, 1] / radius[:, None]
+    return Split(maps.position, through, left)
+
+
+def compensated(
+    manipulator: Manipulator,
+    r: Array | float,
+    z: Array | float,
+    phi: Array | float = 0.0,
+    errors: Array | None = None,
+) -> Array:
+    """Rotation vectors (..., 3) [rad] that are left when commands make the position exact.
+
+    Arguments as for `exact_pose`; the axes are those at the azimuth wanted. The command is
+    corrected by what the exact pose is off until that is under EXACT. Raises OutOfReach and NoPose.
+    """
+    given = np.zeros(len(NAMES)) if errors is None else np.asarray(errors, dtype=float)
+    r, z, phi, _ = np.broadcast_arrays(r, z, phi, given[..., 0])
+    command_r, command_z, ahead = r.astype(float), z.astype(float), np.zeros(r.shape)
+    for _ in range(MOST_PASSES):
+        found = exact_pose(manipulator, command_r, command_z, phi + ahead, given)
+        x, y = command_r + found.position[..., 0], found.position[..., 1]
+        off_r = np.hypot(x, y) - r
+        off_t = np.arctan2(y, x) + ahead
+        off_z = command_z + found.position[..., 2] - z
+        if max(np.abs(one).max(initial=0.0) for one in (off_r, r * off_t, off_z)) <= EXACT:
+            axes = turned(np.eye(3), found.orientation[..., None, :])
+            return rotation_vector(about_up(axes, ahead[..., None]))
+        command_r, command_z, ahead = command_r - off_r, command_z - off_z, ahead - off_t
+    raise NoPose(
+        [Fault("compensation", "no command makes the position exact; give smaller errors")]
+    )

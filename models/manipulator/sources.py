@@ -1,0 +1,141 @@
+"""The 63 elementary errors by name, 21 per chain, and the combinations that separate them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import Fault, InputError, nearest
+from ..inputs.distribution import Array
+
+PER_CHAIN = 21
+MRAD = 1e-3
+UM = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """An elementary error: `at` is its place in a vector of all 63, `chain` is 1, 2 or 3."""
+
+    name: str
+    unit: str
+    meaning: str
+    chain: int
+    at: int
+
+    @property
+    def scale(self) -> float:
+        """Metres or radians in one of `unit`."""
+        return UM if self.unit == "um" else MRAD
+
+
+ROWS: tuple[tuple[str, str, str], ...] = (
+    ("origin_{i}_x", "um", "origin of the arm along the base's x"),
+    ("origin_{i}_y", "um", "origin of the arm along the base's y"),
+    ("origin_{i}_z", "um", "origin of the arm along the base's z"),
+    ("arm_length_{i}", "um", "length of the arm"),
+    ("arm_orientation_{i}_u", "mrad", "rotation of the arm frame about the arm"),
+    ("arm_orientation_{i}_v", "mrad", "rotation of the arm frame about v = k x u"),
+    ("arm_orientation_{i}_k", "mrad", "rotation of the arm frame about its drive axis"),
+    ("drive_zero_{i}", "mrad", "zero of the drive"),
+    ("joint_line_arm_{i}_u", "mrad", "rotation about the arm of the joint line on it"),
+    ("joint_line_arm_{i}_v", "mrad", "rotation about v of the joint line on the arm"),
+    ("joint_line_arm_{i}_k", "mrad", "rotation about the drive axis of the joint line on the arm"),
+    ("joint_distance_arm_{i}", "um", "distance of the two joints on the arm"),
+    ("rod_length_{i}a", "um", "length of the rod on the positive side of the joint line"),
+    ("rod_length_{i}b", "um", "length of the rod on the negative side of the joint line"),
+    ("platform_attachment_{i}_r", "um", "attachment to the platform, radially (width)"),
+    ("platform_attachment_{i}_t", "um", "attachment to the platform, tangentially (length)"),
+    ("platform_attachment_{i}_z", "um", "attachment to the platform, upwards (height)"),
+    ("joint_line_platform_{i}_r", "mrad", "rotation about e_r of the joint line on the platform"),
+    ("joint_line_platform_{i}_t", "mrad", "rotation about e_t of the joint line on the platform"),
+    ("joint_line_platform_{i}_z", "mrad", "rotation about z of the joint line on the platform"),
+    ("joint_distance_platform_{i}", "um", "distance of the two joints on the platform"),
+)
+"""Name, unit and meaning of the 21 errors of chain i, in the order of a vector of them."""
+
+ORIGIN, ARM_LENGTH = slice(0, 3), 3
+ARM_ORIENTATION, DRIVE_ZERO = slice(4, 7), 7
+JOINT_LINE_ARM, JOINT_DISTANCE_ARM = slice(8, 11), 11
+ROD_LENGTH, PLATFORM_ATTACHMENT = slice(12, 14), slice(14, 17)
+JOINT_LINE_PLATFORM, JOINT_DISTANCE_PLATFORM = slice(17, 20), 20
+
+
+def _sources() -> Iterator[Source]:
+    for chain in (1, 2, 3):
+        for at, (name, unit, meaning) in enumerate(ROWS):
+            place = (chain - 1) * PER_CHAIN + at
+            yield Source(f"{name.format(i=chain)}_{unit}", unit, meaning, chain, place)
+
+
+SOURCES = tuple(_sources())
+NAMES = tuple(source.name for source in SOURCES)
+SCALES: Array = np.array([source.scale for source in SOURCES])
+"""Metres or radians in one unit of each source, (63,)."""
+
+
+def error_vector(errors: Mapping[str, float], place: str = "elementary_errors") -> Array:
+    """All 63 errors (63,) [m, rad], of those given by name in their units.
+
+    Raises InputError with the nearest name where one is unknown, or a value is not finite.
+    """
+    by_name = {source.name: source for source in SOURCES}
+    faults = [
+        Fault(f"{place}.{name}", f"is not an elementary error{nearest(name, NAMES)}")
+        for name in errors
+        if name not in by_name
+    ] + [
+        Fault(f"{place}.{name}", f"must be finite, got {value}")
+        for name, value in errors.items()
+        if not np.isfinite(value)
+    ]
+    if faults:
+        raise InputError(faults)
+    found = np.zeros(len(SOURCES))
+    for name, value in errors.items():
+        found[by_name[name].at] = value * by_name[name].scale
+    return found
+
+
+Combination = Mapping[str, float]
+"""A direction in the space of the sources: the value of each, per unit of the combination."""
+
+
+def orientation_combinations() -> dict[str, Combination]:
+    """The 18 that turn the platform, 6 per chain, each per unit of itself.
+
+    The relative rod length dl2_a - dl2_b (half on each rod, their mean stays), the relative joint
+    distance ddB - ddA (put on the platform), and the joint line's rotations across itself: u and v
+    on the arm (those of the arm frame act alike), two of r, t, z on the platform.
+    """
+    found: dict[str, Combination] = {}
+    for i, across in ((1, "rt"), (2, "rt"), (3, "rz")):
+        found[f"rod_length_{i}"] = {f"rod_length_{i}a_um": 0.5, f"rod_length_{i}b_um": -0.5}
+        found[f"joint_distance_{i}"] = {f"joint_distance_platform_{i}_um": 1.0}
+        for axis in "uv":
+            found[f"joint_line_arm_{i}_{axis}"] = {f"joint_line_arm_{i}_{axis}_mrad": 1.0}
+        for axis in across:
+            found[f"joint_line_platform_{i}_{axis}"] = {f"joint_line_platform_{i}_{axis}_mrad": 1.0}
+    return found
+
+
+def position_sources() -> tuple[str, ...]:
+    """The 36 that move the platform, 12 per chain.
+
+    Origin 3, arm length 1, arm orientation 3 (the drive's zero acts as its third), rod lengths 2,
+    platform attachment 3.
+    """
+    stems = ("origin_", "arm_length_", "arm_orientation_", "rod_length_", "platform_attachment_")
+    return tuple(name for name in NAMES if name.startswith(stems))
+
+
+def matrix(combinations: Mapping[str, Combination]) -> Array:
+    """Columns (63, m) of combinations, per SI unit of the combination."""
+    at = {name: place for place, name in enumerate(NAMES)}
+    found = np.zeros((len(NAMES), len(combinations)))
+    for column, weights in enumerate(combinations.values()):
+        for name, weight in weights.items():
+            found[at[name], column] = weight
+    return found
