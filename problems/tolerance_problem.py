@@ -38,10 +38,13 @@ class ToleranceProblem(Problem):
     parameters: tuple[Parameter, ...]
     variables: tuple[Variable, ...]
     outputs: tuple[Output, ...]
-    default_costs: ClassVar[Mapping[str, CostCurve]]
+    default_costs: Mapping[str, CostCurve]
     default_limits: ClassVar[Mapping[str, Bound]]
     default_objectives: tuple[str, ...]
     default_model: str = ""
+    reference_ga: ClassVar[Mapping[str, float]] = {}
+    """Settings of the single-objective GA beside a run, where the documents name them: population,
+    generations, crossover and mutation probability."""
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
@@ -111,6 +114,10 @@ class ToleranceProblem(Problem):
 
         They take the place of parameters, variables, costs and propagation.
         """
+        return {}
+
+    def more_tables(self) -> dict[str, Any]:
+        """Top-level tables that `configured` reads beside the usual ones."""
         return {}
 
     def misplaced(self, designs: Array) -> dict[str, dict[int, str]]:

@@ -20,6 +20,7 @@ def resolved_problem(problem: ToleranceProblem) -> dict[str, Any]:
     settings = problem.settings
     return {
         **(problem.tables() or _tables(problem)),
+        **problem.more_tables(),
         "objectives": {"minimise": list(settings.objectives)},
         "limits": {name: _limit(bound) for name, bound in settings.limits.items()},
     }

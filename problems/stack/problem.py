@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -61,7 +62,7 @@ class Stack(ToleranceProblem):
     """
 
     parameters = ()
-    default_costs: ClassVar[Mapping[str, CostCurve]] = {}
+    default_costs: Mapping[str, CostCurve] = MappingProxyType({})
     default_limits: ClassVar[Mapping[str, Bound]] = {}
     default_objectives = OBJECTIVES
 

@@ -44,7 +44,7 @@ class Bracket(ToleranceProblem):
                high=100.0),
         Output("play_arcmin_error", "arcmin", "error", error_of="play_arcmin"),
     )  # fmt: skip
-    default_costs: ClassVar[Mapping[str, CostCurve]] = {
+    default_costs: Mapping[str, CostCurve] = {
         "bore_um": Reciprocal(1.0, 2.0),
         "bearing_um": Exponential(1.0, 2.0, 0.5),
         "grade": Table((4.0, 8.0), (3.0, 1.0)),

@@ -12,6 +12,8 @@ from ...algorithms.search import SearchResult
 from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
+EXACT = "exact, least cost within the limits"
+"""Label of the exact optimum among the references."""
 MOST = 5000
 """Designs recomputed at full accuracy at most."""
 
@@ -65,9 +67,12 @@ def with_references(
 ) -> tuple[pd.DataFrame, int, int]:
     """The front with the references that could have been found joined, and what they dominate gone.
 
-    A reference can join where it meets all limits and lies in the search space. Returns the front,
-    the number of points removed and the number of references joined.
+    A reference can join where it meets all limits and lies in the search space; the exact optimum
+    does not take the place of the one point of a single-objective run. Returns the front, the
+    number of points removed and the number of references joined.
     """
+    if problem.n_obj == 1 and len(references):
+        references = references[references["label"] != EXACT]
     if not len(references):
         return front, 0, 0
     names = list(problem.objectives)

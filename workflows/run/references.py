@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from ...algorithms.ga import GA
 from ...algorithms.search import search
-from ...algorithms.settings import AlgorithmSettings, Budget
+from ...algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
 from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
-from .front import reported_front
+from .front import EXACT, reported_front
 from .plan import RunPlan
 from .proofs import exact_front
 
@@ -64,7 +64,7 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
     first = next(seeds)
     if optimum is not None:
         label, cheapest = optimum
-        found.append(SideSearch(label, cheapest, GA(), GA_BUDGET, first, relaxed=False))
+        found.append(SideSearch(label, cheapest, *_ga(problem), first, relaxed=False))
     for row in printed.to_dict("records"):
         seed, bounds = next(seeds), relaxed_bounds(problem, row)
         if bounds:
@@ -74,6 +74,19 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
                 SideSearch(label, wider, plan.algorithm, plan.budget, seed, True, plan.engine)
             )
     return tuple(found)
+
+
+def _ga(problem: ToleranceProblem) -> tuple[GA, Budget]:
+    """The single-objective GA and its budget: as the documents have it, where they say."""
+    own = problem.reference_ga
+    if not own:
+        return GA(), GA_BUDGET
+    settings = GA(
+        population=int(own["population"]),
+        crossover=Crossover(probability=own["crossover"]),
+        mutation=Mutation(probability=own["mutation"]),
+    )
+    return settings, Budget(generations=int(own["generations"]))
 
 
 def violated(problem: ToleranceProblem, row: Mapping[Hashable, object]) -> list[str]:
@@ -106,7 +119,7 @@ def exact_optimum(problem: ToleranceProblem) -> pd.DataFrame:
     if found is None:
         return pd.DataFrame()
     frame = problem.reported().frame(found.designs[:1])
-    frame.insert(0, "label", "exact, least cost within the limits")
+    frame.insert(0, "label", EXACT)
     return frame
 
 

@@ -1,0 +1,105 @@
+"""Which orientation sources share a tolerance: the document's nine kinds, or the user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ...declarations import Kind, Variable
+from ...errors import nearest
+from ...models.costs import CostCurve, Reciprocal
+from ...models.manipulator.effects import KINDS
+from ...models.manipulator.sources import orientation_combinations
+from ...section import Section
+from ...units import split_unit
+
+Grouping = Mapping[str, tuple[str, ...]]
+"""Names of the sources (`orientation_combinations`) by design variable."""
+SOURCES = tuple(orientation_combinations())
+REFERENCE = {"rod_length": 10.0, "joint_distance": 20.0, "joint_line": 0.1}
+"""Standard deviation [um, um, mrad] of relative cost 1, by what a source is."""
+RANGE = (0.1, 4.0)
+"""Search range in units of the reference."""
+
+
+def _stem(source: str) -> str:
+    return next(stem for stem in REFERENCE if source.startswith(stem))
+
+
+def unit_of(source: str) -> str:
+    """Unit of a source's standard deviation."""
+    return "mrad" if _stem(source) == "joint_line" else "um"
+
+
+def _of_kind(kind: str) -> tuple[str, ...]:
+    stem, _, chain = kind.rpartition("_")
+    named = (f"{stem}_arm_{chain}_", f"{stem}_platform_{chain}_")
+    return tuple(one for one in SOURCES if one == kind or one.startswith(named))
+
+
+NINE: Grouping = {f"{kind}_{unit_of(kind)}": _of_kind(kind) for kind in KINDS}
+"""The document's count, in its preferred reading: three kinds for each of three chains."""
+
+
+def read_grouping(top: Section) -> Grouping | None:
+    """`[grouping]`: design variable = list of sources; the nine kinds where there is none.
+
+    None after a fault: every source belongs to exactly one variable, of its own unit.
+    """
+    if "grouping" not in top:
+        return NINE
+    section = top.section("grouping")
+    table = top.take("grouping")
+    found, owner, sound = {}, dict[str, str](), True
+    for name in table if isinstance(table, dict) else ():
+        sources = section.names(name)
+        sound &= sources is not None and _checked(section, name, sources, owner)
+        found[name] = tuple(sources or ())
+    left = [source for source in SOURCES if source not in owner]
+    if left and sound:
+        top.fault("grouping", f"leaves out {', '.join(left)}: every source needs a tolerance")
+    return found if sound and not left else None
+
+
+def _checked(section: Section, name: str, sources: list[str], owner: dict[str, str]) -> bool:
+    """Report unknown sources, those named twice, and wrong units; note the owner of each."""
+    sound = True
+    for source in sources:
+        if source not in SOURCES:
+            text = f'"{source}" is not an orientation source{nearest(source, SOURCES)}'
+        elif source in owner:
+            text = f'"{source}" already belongs to {owner[source]}'
+        elif split_unit(name)[1] != unit_of(source):
+            text = f"the name must end with _{unit_of(source)}, the unit of {source}"
+        else:
+            owner[source] = name
+            continue
+        owner.setdefault(source, name)
+        section.fault(name, text)
+        sound = False
+    return sound
+
+
+def variables_of(grouping: Grouping) -> tuple[Variable, ...]:
+    """The design variables: a standard deviation per group."""
+    return tuple(_variable(name, sources) for name, sources in grouping.items())
+
+
+def _variable(name: str, sources: tuple[str, ...]) -> Variable:
+    reference = REFERENCE[_stem(sources[0])]
+    meaning = (
+        "standard deviation of each of " + ", ".join(sources)
+        if len(sources) > 1
+        else "standard deviation of the relative "
+        + ("rod length dl2_a - dl2_b" if "rod" in sources[0] else "joint distance ddB - ddA")
+    )
+    low, high = (reference * factor for factor in RANGE)
+    return Variable(
+        name, unit_of(sources[0]), Kind.STANDARD_DEVIATION, low, high, meaning, valid_low=1e-9
+    )
+
+
+def costs_of(grouping: Grouping) -> dict[str, CostCurve]:
+    """Relative costs reference/sigma; all of them assumptions."""
+    return {
+        name: Reciprocal(0.0, REFERENCE[_stem(sources[0])]) for name, sources in grouping.items()
+    }

@@ -1,0 +1,223 @@
+"""Pose accuracy of a parallel manipulator against cost, by standard deviations of its errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...declarations import Assumption, Output, Parameter, Variable, number
+from ...errors import Fault
+from ...models.costs import CostCurve
+from ...models.manipulator import declared
+from ...models.manipulator.faults import faults
+from ...models.manipulator.indices import grid, sensitivity
+from ...models.manipulator.maps import first_order
+from ...models.manipulator.sources import matrix, orientation_combinations
+from ...section import Section
+from ...units import MM
+from ..forms import Feature, Form, Way
+from ..settings import Bound, Settings
+from ..tolerance_problem import Interval, ToleranceProblem
+from .grouping import NINE, SOURCES, Grouping, costs_of, read_grouping, unit_of, variables_of
+
+Array = NDArray[np.float64]
+SCALE = {"um": 1e-6, "mrad": 1e-3}
+OUTPUTS = (
+    Output("cost", "", "relative manufacturing cost, sum of the cost curves", low=0.0),
+    Output("squareness_mrad", "mrad", "standard deviation of the tilt of the platform, by the "
+           "index", low=0.0),
+    Output("yaw_mrad", "mrad", "standard deviation of its rotation about z, by the index", low=0.0),
+    Output("position_mm", "mm", "standard deviation of its position from these sources through the "
+           "orientation, and from other_sources", low=0.0),
+)  # fmt: skip
+ERRORS = ("squareness_mrad", "yaw_mrad", "position_mm")
+LIMITS = {"squareness_mrad": Bound(high=0.2), "yaw_mrad": Bound(high=0.2)}
+"""Assumed: the limits of the standard that the document cites are not at hand."""
+OTHER = Parameter(
+    "other_sources_mm", 0.0, "mm", "standard deviation of the position from other sources",
+    "assumed: none", assumed=True, low=0.0,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PoseKind:
+    """What a configuration declares: the variables of its grouping; it makes the problem."""
+
+    grouping: Grouping
+    variables: tuple[Variable, ...]
+    default_costs: Mapping[str, CostCurve]
+    outputs: tuple[Output, ...] = OUTPUTS
+    parameters: tuple[Parameter, ...] = (*declared.PARAMETERS, OTHER)
+    default_limits: Mapping[str, Bound] = field(default_factory=lambda: LIMITS)
+    default_objectives: tuple[str, ...] = ("cost", "squareness_mrad")
+    default_model: str = "manipulator_pose"
+
+    def __call__(self, settings: Settings) -> PoseAccuracy:
+        return PoseAccuracy(replace(settings, definition=self.grouping))
+
+
+class PoseAccuracy(ToleranceProblem):
+    """Pose accuracy of the manipulator with full-circle rotation against cost (document M).
+
+    Variables are standard deviations of the orientation sources, grouped into the document's nine
+    kinds unless `[grouping]` says otherwise. All outputs but the cost are root sums of squares of
+    first-order effects, so that the problem is convex: docs/manipulator.md.
+    """
+
+    parameters = (*declared.PARAMETERS, OTHER)
+    outputs = OUTPUTS
+    default_limits: ClassVar[Mapping[str, Bound]] = LIMITS
+    default_objectives = ("cost", "squareness_mrad")
+    default_model = "manipulator_pose"
+    reference_ga: ClassVar[Mapping[str, float]] = {
+        "population": 80, "generations": 400, "crossover": 0.99, "mutation": 0.08,
+    }  # fmt: skip
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        given = settings.definition if settings is not None else None
+        self.grouping: Grouping = NINE if given is None else given
+        self.variables = variables_of(self.grouping)
+        self.default_costs = costs_of(self.grouping)
+        super().__init__(settings)
+        self.machine = declared.manipulator(self.settings.parameters)
+        self.ring = declared.task_ring(self.settings.parameters)
+
+    @classmethod
+    def configured(cls, top: Section) -> Any:
+        grouping = read_grouping(top)
+        if grouping is None:
+            return None
+        return PoseKind(grouping, variables_of(grouping), costs_of(grouping))
+
+    def more_tables(self) -> dict[str, Any]:
+        if self.grouping == NINE:
+            return {}
+        return {"grouping": {name: list(sources) for name, sources in self.grouping.items()}}
+
+    # ---------------------------------------------------------------- evaluation
+
+    @cached_property
+    def squares(self) -> dict[str, Array]:
+        """Squared effect per squared unit of each variable, (poses or 1, variables), by output."""
+        index = str(self.settings.parameters["index"])
+        every = self._every_pose() if index == "every_pose" else self._means(index)
+        scale = np.array([SCALE[unit_of(source)] for source in SOURCES])
+        owners = np.array([
+            [source in sources for sources in self.grouping.values()] for source in SOURCES
+        ], dtype=float)  # fmt: skip
+        return {
+            name: (sizes * scale) ** 2 @ owners / unit**2
+            for (name, sizes), unit in zip(every.items(), (1e-3, 1e-3, MM), strict=True)
+        }
+
+    def _means(self, index: str) -> dict[str, Array]:
+        combinations = orientation_combinations()
+        found = sensitivity(self.machine, self.ring, index, combinations)  # type: ignore[arg-type]
+        each = (found.squareness, found.yaw, found.position)
+        return {name: one[None, :] for name, one in zip(ERRORS, each, strict=True)}
+
+    def _every_pose(self) -> dict[str, Array]:
+        maps = first_order(self.machine, *grid(self.ring))
+        columns = matrix(orientation_combinations())
+        turn, move = maps.orientation @ columns, maps.position @ columns
+        return {
+            "squareness_mrad": np.hypot(turn[:, 0], turn[:, 1]),
+            "yaw_mrad": np.abs(turn[:, 2]),
+            "position_mm": np.linalg.norm(move, axis=1),
+        }
+
+    @property
+    def _other(self) -> float:
+        return number(self.settings.parameters[OTHER.name])
+
+    def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
+        found = {"cost": self.cost_of(designs)}
+        for name, squares in self.squares.items():
+            worst = np.max(designs**2 @ squares.T, axis=1)
+            other = self._other**2 if name == "position_mm" else 0.0
+            found[name] = np.sqrt(worst + other)
+        return found
+
+    def gradient(self, designs: Array) -> dict[str, Array]:
+        """Derivatives of all outputs; of the worst pose where every pose is looked at."""
+        found = {"cost": np.stack([
+            self.settings.costs[name].slope(self.column(designs, name)) for name in self.names
+        ], axis=1)}  # fmt: skip
+        values = self._outputs(designs, searching=True)
+        for name, squares in self.squares.items():
+            worst = squares[np.argmax(designs**2 @ squares.T, axis=1)]
+            found[name] = worst * designs / values[name][:, None]
+        return found
+
+    # ---------------------------------------------------------------- what is known
+
+    def interval(self, output: str) -> Interval:
+        """Proven bounds: errors rise and costs fall with every standard deviation."""
+        if output == "cost":
+            return self.cost_interval
+        if output in self.squares:
+            ends = np.stack([self._corner(tight=True), self._corner(tight=False)])
+            low, high = self._outputs(ends, searching=True)[output]
+            return float(low), float(high)
+        return super().interval(output)
+
+    def least_cost(self) -> tuple[str, PoseAccuracy] | None:
+        """The document's task: tolerances as wide as the limits on the orientation allow."""
+        if "cost" not in self.objectives or not self.limits:
+            return None
+        label = "GA with the document's settings (not the document's allocation, which is lost)"
+        return label, PoseAccuracy(replace(self.given, objectives=("cost",)))
+
+    def form(self) -> Form:
+        """Root sums of squares, one per output and pose; exact."""
+        asked = {*self.objectives, *(limit.name for limit in self.limits)}
+        named = [name for name in ERRORS if name in asked] or ["squareness_mrad"]
+        rows = np.sqrt(np.vstack([self.squares[name] for name in named]))
+        outputs = tuple(name for name in named for _ in range(len(self.squares[name])))
+        moving = {v.name: self._range(v.name) for v in self.variables}
+        features = tuple(
+            Feature(name, (Way(self.settings.costs[name], *moving[name], (0.0,) * len(rows),
+                               tuple(rows[:, at].tolist())),))
+            for at, name in enumerate(self.names)
+        )  # fmt: skip
+        other = np.array([self._other**2 if name == "position_mm" else 0.0 for name in outputs])
+        relaxed = tuple(
+            limit.name for limit in self.limits
+            if limit.name in (*ERRORS, "cost") and np.isfinite(limit.low)
+        )  # fmt: skip
+        left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
+        return Form(
+            outputs,
+            features,
+            np.zeros(len(rows)),
+            other,
+            f"first-order errors, index {self.settings.parameters['index']}{left_out}",
+            relaxed=relaxed,
+        )
+
+    def _range(self, name: str) -> tuple[float, float]:
+        """Range of a variable, limits on it included."""
+        low, high = super().interval(name)
+        for limit in self.limits:
+            if limit.name == name:
+                low, high = max(low, limit.low), min(high, limit.high)
+        return low, high
+
+    # ---------------------------------------------------------------- faults and assumptions
+
+    def faults(self) -> list[Fault]:
+        return faults(self.machine, self.ring) or super().faults()
+
+    def assumptions(self) -> tuple[Assumption, ...]:
+        limited = [name for name in LIMITS if name in self.settings.limits]
+        return (*super().assumptions(), *(
+            Assumption(f"limits.{name}", self.settings.limits[name].high, "mrad",
+                       "the limits of the standard that the document cites are not at hand",
+                       "configuration" if name in self.given.limits else "default")
+            for name in limited
+        ))  # fmt: skip
