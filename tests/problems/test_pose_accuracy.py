@@ -1,0 +1,179 @@
+"""The document's allocation task on the rebuilt manipulator: optimum, symmetry, groupings, faults."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tolevo.algorithms.exact.bounds import proof
+from tolevo.algorithms.exact.choices import least_cost
+from tolevo.algorithms.exact.solver import Exact, closed_form
+from tolevo.algorithms.search import search
+from tolevo.algorithms.settings import Budget
+from tolevo.configuration import read
+from tolevo.errors import InputError
+from tolevo.models.manipulator.effects import unit_effects
+from tolevo.models.manipulator.geometry import Manipulator, TaskRing
+from tolevo.models.manipulator.indices import quadrature
+from tolevo.problems.pose_accuracy import PoseAccuracy
+from tolevo.problems.pose_accuracy.grouping import NINE, SOURCES
+from tolevo.problems.settings import Settings
+from tolevo.testing import ProblemContract
+
+
+class TestContract(ProblemContract):
+    problem_type = PoseAccuracy
+
+
+def problem_of(index: str, objectives: tuple[str, ...] = ("cost",)) -> PoseAccuracy:
+    return PoseAccuracy(Settings(parameters={"index": index}, objectives=objectives))
+
+
+def optimum(problem: PoseAccuracy) -> tuple[float, np.ndarray, float]:
+    """Least cost, its design, and the proven bound."""
+    form = closed_form(problem)
+    assert form is not None
+    found = least_cost(form, np.full((1, len(form.outputs)), 0.2))
+    return float(found.cost[0]), found.t[0], float(found.bound[0])
+
+
+# physics/manipulator.md, section 6
+PUBLISHED = [
+    ("rms_plane", 12.590, 5e-4),
+    ("rms_volume", 12.599, 5e-4),
+    ("every_pose", 17.679, 2e-3),
+]
+
+
+@pytest.mark.parametrize(("index", "cost", "within"), PUBLISHED)
+def test_optimum_of_the_notes(index: str, cost: float, within: float) -> None:
+    found, _, bound = optimum(problem_of(index))
+    np.testing.assert_allclose(found, cost, atol=within)
+    np.testing.assert_allclose(bound, found, rtol=1e-8)
+
+
+def test_allocation_of_the_notes() -> None:
+    _, t, _ = optimum(problem_of("rms_plane"))
+    np.testing.assert_allclose(t[:3], [5.73, 5.73, 10.87], atol=5e-3)
+    np.testing.assert_allclose(t[3:6], [12.3, 12.3, 80.0], atol=5e-2)
+    np.testing.assert_allclose(t[6:], [0.057, 0.057, 0.086], atol=5e-4)
+    np.testing.assert_allclose(t[[0, 3, 6]], t[[1, 4, 7]], rtol=1e-6)  # chains 1 and 2 are equal
+    np.testing.assert_allclose(t[5], 80.0, rtol=1e-9)  # it has no effect: on its bound
+
+
+def test_outputs_are_root_sums_over_the_ring() -> None:
+    """Recomputed from the unit effects at the nodes of a quadrature of another order."""
+    problem = problem_of("rms_plane", ("cost", "squareness_mrad"))
+    rng = np.random.default_rng(0)
+    designs = rng.uniform(problem.xl, problem.xu, (5, 9))
+    r, z, weight = quadrature(TaskRing(), "rms_plane", 40)
+    effects = unit_effects(Manipulator(), r, z)
+    total = np.zeros((5, 3, len(r)))
+    for at, name in enumerate(problem.names):
+        stem, unit = name.rsplit("_", 1)
+        sigma = designs[:, at] * {"um": 1e-6, "mrad": 1e-3}[unit]
+        turn = np.sum(effects.orientation[stem] ** 2, axis=2)  # (n, 3), over components
+        move = np.sum(effects.position[stem] ** 2, axis=(1, 2))
+        square = np.stack([turn[:, 0] + turn[:, 1], turn[:, 2], move])
+        total += sigma[:, None, None] ** 2 * square
+    expected = np.sqrt(total @ weight) * 1e3
+    found = problem.outputs_of(designs)
+    for at, name in enumerate(("squareness_mrad", "yaw_mrad", "position_mm")):
+        np.testing.assert_allclose(found[name], expected[:, at], rtol=1e-3)
+
+
+@pytest.mark.parametrize("index", ["plane", "rms_volume", "every_pose"])
+def test_gradient_is_the_central_difference(index: str) -> None:
+    problem = problem_of(index)
+    design = np.array([[6.0, 7.0, 9.0, 13.0, 12.0, 40.0, 0.05, 0.07, 0.09]])
+    exact = problem.gradient(design)
+    for at in range(9):
+        step = 1e-5 * design[0, at]
+        ends = np.repeat(design, 2, axis=0)
+        ends[:, at] += [-step, step]
+        values = problem.outputs_of(ends)
+        for name, slope in exact.items():
+            difference = (values[name][1] - values[name][0]) / (2.0 * step)
+            np.testing.assert_allclose(slope[0, at], difference, rtol=1e-6, atol=1e-9)
+
+
+def test_exact_front_beats_random_designs_and_is_its_own_bound() -> None:
+    problem = problem_of("rms_plane", ("cost", "squareness_mrad"))
+    found = search(problem, Exact(points=40), Budget(), 0)
+    assert len(found.x) >= 38
+    rng = np.random.default_rng(1)
+    x = np.exp(rng.uniform(np.log(problem.xl), np.log(problem.xu), (20_000, 9)))
+    designs = problem.complete(x)
+    values = problem.outputs_of(designs)
+    kept = np.all(problem.violations(designs, values) <= 0.0, axis=1)
+    assert kept.sum() > 20
+    proven = proof(problem, {n: values[n][kept] for n in problem.objectives}, int(kept.sum()))
+    assert np.all(proven.bound <= values["cost"][kept])
+    own = proof(problem, dict(zip(problem.objectives, found.f.T, strict=True)), len(found.f))
+    np.testing.assert_allclose(own.bound, found.f[:, 0], rtol=1e-6)
+
+
+BASE = """problem = "pose_accuracy"
+[objectives]
+minimise = ["cost", "yaw_mrad"]
+[algorithm]
+name = "exact"
+points = 20
+"""
+
+
+def configured(path: Path, text: str) -> PoseAccuracy:
+    path.write_text(BASE + text, encoding="utf-8")
+    problem = read(path).problem
+    assert isinstance(problem, PoseAccuracy)
+    return problem
+
+
+def grouping_of(changes: dict[str, list[str]]) -> str:
+    table = {name: list(sources) for name, sources in NINE.items()} | changes
+    lines = [f"{name} = {sources}" for name, sources in table.items() if sources]
+    return "[grouping]\n" + "\n".join(lines).replace("'", '"') + "\n"
+
+
+def test_a_grouping_of_ones_own(tmp_path: Path) -> None:
+    both = {"rod_length_12_um": ["rod_length_1", "rod_length_2"], "rod_length_1_um": [],
+            "rod_length_2_um": []}  # fmt: skip
+    problem = configured(tmp_path / "c.toml", grouping_of(both))
+    assert len(problem.names) == 8
+    nine = problem_of("plane", ("cost", "yaw_mrad"))
+    design = np.array([[5.0, 5.0, 9.0, 13.0, 12.0, 40.0, 0.05, 0.07, 0.09]])
+    own = np.array([[dict(zip(nine.names, design[0], strict=True)).get(n, 5.0)
+                     for n in problem.names]])  # fmt: skip
+    for name in ("squareness_mrad", "yaw_mrad", "position_mm"):
+        np.testing.assert_allclose(
+            problem.outputs_of(own)[name], nine.outputs_of(design)[name], rtol=1e-12
+        )
+    again = tmp_path / "again.toml"
+    again.write_text(read(tmp_path / "c.toml").toml(), encoding="utf-8")
+    assert read(again).toml() == read(tmp_path / "c.toml").toml()
+
+
+BAD = [
+    (grouping_of({"rod_length_1_um": ["rod_length_1", "rod_length_2"]}), "already belongs to"),
+    (grouping_of({"rod_length_1_um": []}), "leaves out rod_length_1"),
+    (grouping_of({"rod_length_1_um": ["rod_lenght_1"]}), "did you mean `rod_length_1`"),
+    (grouping_of({"rod_length_1_mrad": ["rod_length_1"], "rod_length_1_um": []}), "end with _um"),
+    ("[parameters]\nring_r_mm = [300, 900]\n", "too far away for chain"),
+    ("[parameters]\narm_length_mm = [400, 400]\n", "list of 3 numbers"),
+    ("[variables.rod_length_1_um]\nlow = 0\n", "rod_length_1_um"),
+    ("[variables.rod_length_1_um]\nvalue = -1\n", "rod_length_1_um"),
+    ("[parameters]\nindex = 'plain'\n", "plane"),
+    ("[limits]\nyaw_mrad = 0.001\n", "cannot be met"),
+]
+
+
+@pytest.mark.parametrize(("text", "expected"), BAD)
+def test_bad_input_is_named(tmp_path: Path, text: str, expected: str) -> None:
+    with pytest.raises(InputError, match=expected):
+        configured(tmp_path / "c.toml", text)
+
+
+def test_every_source_is_in_the_nine_kinds_once() -> None:
+    named = [source for sources in NINE.values() for source in sources]
+    assert sorted(named) == sorted(SOURCES)
+    assert len(SOURCES) == 18
