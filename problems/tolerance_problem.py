@@ -137,6 +137,10 @@ class ToleranceProblem(Problem):
         """The convex form that bounds of the cost are proven with, None where there is none."""
         return None
 
+    def guide(self) -> Form | None:
+        """A convex form close to the problem, to begin a search from; it proves nothing."""
+        return self.form()
+
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives (n, all variables) of the outputs for which the model gives them."""
         return {}

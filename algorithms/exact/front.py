@@ -31,7 +31,8 @@ def front(form: Form, points: int, upper: Array, swept: NDArray[np.bool_]) -> Op
         return least_cost(form, high[None, :])
     high = np.where(swept, high, upper)
     if np.count_nonzero(swept) != 1:
-        sample = qmc.Sobol(int(np.count_nonzero(swept)), scramble=False).random(points)
+        sobol = qmc.Sobol(int(np.count_nonzero(swept)), scramble=False)
+        sample = sobol.random_base2(max(0, points - 1).bit_length())[:points]
         limits = np.tile(high, (points, 1))
         limits[:, swept] = low[swept] + (high - low)[swept] * sample
         return least_cost(form, limits)
