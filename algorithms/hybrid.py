@@ -115,7 +115,7 @@ def seed_vectors(run: Run, count: int) -> Array:
     What a relaxation has settled is drawn anew for half of the seeds: the limits that it leaves
     out may forbid the value that is best for it.
     """
-    problem, form = run.problem, run.problem.form()
+    problem, form = run.problem, run.problem.guide()
     if form is None or "cost" not in problem.objectives:
         return np.empty((0, problem.n_var))
     if (closed := closed_form(problem)) is not None:

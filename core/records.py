@@ -20,12 +20,22 @@ class Axis:
 
 
 @dataclass(frozen=True, slots=True)
+class Bars:
+    """A bar chart: what it shows, the unit of its values, and one value per label."""
+
+    title: str
+    unit: str
+    labels: tuple[str, ...]
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class RunResult:
     """One finished optimisation.
 
     `front`, `references`, `convergence` are the tables of the files of these names; `summary` is
-    `summary.json`; `objectives` are the axes of the front, `variables` the design variables, and
-    `configuration` is the resolved TOML.
+    `summary.json`; `objectives` are the axes of the front, `variables` the design variables,
+    `bars` charts of the problem itself, and `configuration` is the resolved TOML.
     """
 
     title: str
@@ -36,4 +46,5 @@ class RunResult:
     objectives: tuple[Axis, ...]
     variables: tuple[Axis, ...] = ()
     notes: tuple[str, ...] = ()
+    bars: tuple[Bars, ...] = ()
     configuration: str = field(default="", repr=False)

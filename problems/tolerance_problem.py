@@ -16,6 +16,7 @@ from pymoo.core.problem import Problem
 from ..declarations import Assumption, Output, Parameter, Value, Variable
 from ..errors import Fault, ModelError
 from ..models.costs import CostCurve
+from ..records import Bars
 from ..section import Section
 from .assumptions import assumptions_of
 from .forms import Form
@@ -144,9 +145,17 @@ class ToleranceProblem(Problem):
         """The convex form that bounds of the cost are proven with, None where there is none."""
         return None
 
+    def guide(self) -> Form | None:
+        """A convex form close to the problem, to begin a search from; it proves nothing."""
+        return self.form()
+
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives (n, all variables) of the outputs for which the model gives them."""
         return {}
+
+    def bars(self) -> tuple[Bars, ...]:
+        """Charts of what matters in this problem, whatever is optimised."""
+        return ()
 
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting a run of this problem."""

@@ -10,7 +10,8 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ..records import RunResult
+from ..records import Bars, RunResult
+from .bars import bars_figure
 from .convergence import convergence_figure
 from .drawing import as_svg, flags
 from .figure import front_figure
@@ -34,6 +35,7 @@ def page(result: RunResult) -> str:
         _section("References", _references(result)),
         _section("Points of the front", _points(result)),
         _section("Convergence", _convergence(result.convergence)),
+        *(_section("Sensitivity", _bars(result.bars)) for _ in result.bars[:1]),
         _section("Assumptions", _assumptions(result.summary)),
         _section("Summary", _summary(result.summary)),
         _section("Configuration", f"<pre>{escape(result.configuration)}</pre>"),
@@ -66,6 +68,14 @@ def _picture(name: str, figure: Figure, caption: str) -> str:
     drawing = drawing.replace("url(#", f"url(#{name}-")
     drawing = drawing.replace("<svg ", f'<svg role="img" aria-label="{escape(caption)}" ', 1)
     return f"<figure>{drawing}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _bars(bars: Sequence[Bars]) -> str:
+    pictures = [
+        _picture(f"bars{at}", bars_figure(one), f"{one.title} [{one.unit}]")
+        for at, one in enumerate(bars)
+    ]
+    return "\n".join(pictures)
 
 
 def _front_caption(result: RunResult) -> str:

@@ -152,7 +152,7 @@ class _Search:
         The ways at the best prices may break a limit that they keep on average.
         """
         columns, before = np.arange(len(self.limits)), self.cost.copy()
-        for price in (at, np.minimum(at + 1, len(GRID) - 1), np.minimum(at + 3, len(GRID) - 1)):
+        for price in (at, np.minimum(at + 1, len(GRID) - 1)):
             chosen = np.stack([np.argmin(table, axis=0)[price, columns] for table in self.tables])
             ways, owner = np.unique(chosen, axis=1, return_inverse=True)
             for one, picked in enumerate(ways.T.tolist()):

@@ -95,7 +95,10 @@ class Branch:
         self.y, self.f = list(self.smooth.scaled(x)), list(f)
 
     def begin(self, run: Run) -> None:
-        """The ends of the front, from the best of a few designs drawn at random."""
+        """The ends of the front, from the best of a few designs drawn at random.
+
+        With one objective, which has no neighbours to begin from, all of them are tried.
+        """
         none = np.full(len(self.unit), np.inf)
         y = np.vstack([np.full(self.smooth.size, 0.5), run.rng.random((STARTS, self.smooth.size))])
         f, g = run.evaluate(self.smooth.vectors(y))
@@ -104,7 +107,8 @@ class Branch:
             order = np.lexsort([f[:, objective], broken])
             starts = [*self.y, *y[order[:TRIES]]]
             for start in starts:
-                if (end := self.minimise(objective, start, none)) is not None:
+                end = self.minimise(objective, start, none)
+                if end is not None and len(end) > 1:
                     self._settle(objective, end)
                     break
 

@@ -30,8 +30,9 @@ def front(
     """About `points` allocations along the front of cost and the swept requirements.
 
     `upper` (r,) are limits that all of them keep, inf where there is none, `most` is one on the
-    cost; `swept` (r,) marks the requirements that are objectives (all of them, if not given). With
-    one of them the points are spread evenly by arc length, with several by a Sobol sequence.
+    cost; `swept` (r,) marks the requirements that are objectives (all of them, if not given): those
+    of one name are one objective. With one objective beside the cost the points are spread evenly
+    by arc length, with several by a Sobol sequence.
     """
     swept = np.ones(len(upper), dtype=bool) if swept is None else swept
     form = convex_pieces(form)
@@ -41,14 +42,17 @@ def front(
     high = np.minimum(high, upper)
     if np.any(high < low) or not np.any(swept):
         return least_cost(form, np.where(swept, high, upper)[None, :])
-    if (several := int(np.count_nonzero(swept))) > 1:
-        sample = qmc.Sobol(several, scramble=False).random_base2(int(np.ceil(np.log2(points))))
-        limits = np.tile(upper, (points, 1))
-        limits[:, swept] = low[swept] + (high - low)[swept] * sample[:points]
-        return least_cost(form, limits)
-    at = int(np.argmax(swept))
-    coarse = np.linspace(low[at], high[at], min(COARSE, 2 * points))
-    return _by_limits(form, points, at, coarse, upper, most)
+    names = np.array(form.outputs)
+    rows = [names == name for name in dict.fromkeys(names[swept].tolist())]
+    ends = [(float(low[own].max()), float(high[own].max())) for own in rows]
+    if len(rows) == 1:
+        coarse = np.linspace(*ends[0], min(COARSE, 2 * points))
+        return _by_limits(form, points, rows[0], coarse, upper, most)
+    sample = qmc.Sobol(len(rows), scramble=False).random_base2(int(np.ceil(np.log2(points))))
+    limits = np.tile(upper, (points, 1))
+    for own, (first, last), share in zip(rows, ends, sample[:points].T, strict=True):
+        limits[:, own] = (first + (last - first) * share)[:, None]
+    return least_cost(form, limits)
 
 
 def _followed(form: Form) -> bool:
@@ -57,13 +61,18 @@ def _followed(form: Form) -> bool:
 
 
 def _by_limits(
-    form: Form, points: int, at: int, coarse: Array, upper: Array, most: float
+    form: Form,
+    points: int,
+    rows: NDArray[np.bool_],
+    coarse: Array,
+    upper: Array,
+    most: float,
 ) -> Optimum:
-    """Solved at limits of requirement `at`, spread by the arc length of a coarse front."""
+    """Solved at limits of the requirements `rows`, spread by the arc length of a coarse front."""
 
     def limits(values: Array) -> Array:
         found = np.tile(upper, (len(values), 1))
-        found[:, at] = values
+        found[:, rows] = values[:, None]
         return found
 
     first = least_cost(form, limits(coarse))

@@ -30,6 +30,11 @@ def unit_of(source: str) -> str:
     return "mrad" if _stem(source) == "joint_line" else "um"
 
 
+def reference_of(source: str) -> float:
+    """Standard deviation of relative cost 1, in the source's unit."""
+    return REFERENCE[_stem(source)]
+
+
 def _of_kind(kind: str) -> tuple[str, ...]:
     stem, _, chain = kind.rpartition("_")
     named = (f"{stem}_arm_{chain}_", f"{stem}_platform_{chain}_")
@@ -85,7 +90,7 @@ def variables_of(grouping: Grouping) -> tuple[Variable, ...]:
 
 
 def _variable(name: str, sources: tuple[str, ...]) -> Variable:
-    reference = REFERENCE[_stem(sources[0])]
+    reference = reference_of(sources[0])
     meaning = (
         "standard deviation of each of " + ", ".join(sources)
         if len(sources) > 1
@@ -100,6 +105,4 @@ def _variable(name: str, sources: tuple[str, ...]) -> Variable:
 
 def costs_of(grouping: Grouping) -> dict[str, CostCurve]:
     """Relative costs reference/sigma; all of them assumptions."""
-    return {
-        name: Reciprocal(0.0, REFERENCE[_stem(sources[0])]) for name, sources in grouping.items()
-    }
+    return {name: Reciprocal(0.0, reference_of(sources[0])) for name, sources in grouping.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -17,13 +17,23 @@ from ...models.manipulator import declared
 from ...models.manipulator.faults import faults
 from ...models.manipulator.indices import grid, sensitivity
 from ...models.manipulator.maps import first_order
-from ...models.manipulator.sources import matrix, orientation_combinations
+from ...models.manipulator.sources import matrix, orientation_combinations, position_sources
+from ...records import Bars
 from ...section import Section
 from ...units import MM
 from ..forms import Feature, Form, Way
 from ..settings import Bound, Settings
 from ..tolerance_problem import Interval, ToleranceProblem
-from .grouping import NINE, SOURCES, Grouping, costs_of, read_grouping, unit_of, variables_of
+from .grouping import (
+    NINE,
+    SOURCES,
+    Grouping,
+    costs_of,
+    read_grouping,
+    reference_of,
+    unit_of,
+    variables_of,
+)
 
 Array = NDArray[np.float64]
 SCALE = {"um": 1e-6, "mrad": 1e-3}
@@ -208,6 +218,24 @@ class PoseAccuracy(ToleranceProblem):
                 low, high = max(low, limit.low), min(high, limit.high)
         return low, high
 
+    def bars(self) -> tuple[Bars, ...]:
+        """Effect of one reference standard deviation of each source, as document M draws it."""
+        index = str(self.settings.parameters["index"])
+        mean = "plane" if index == "every_pose" else index
+        turning = orientation_combinations()
+        moving = {name: {name: 1.0} for name in position_sources()}
+        turn = sensitivity(self.machine, self.ring, mean, turning)  # type: ignore[arg-type]
+        move = sensitivity(self.machine, self.ring, mean, moving)  # type: ignore[arg-type]
+        own = np.array([reference_of(name) * SCALE[unit_of(name)] for name in turning])
+        step = np.array([1e-5 if name.endswith("_um") else 1e-4 for name in moving])
+        of = f"index {mean}"
+        return (
+            _bars(f"squareness by source, {of}", "mrad", turning, 1e3 * turn.squareness * own),
+            _bars(f"yaw by source, {of}", "mrad", turning, 1e3 * turn.yaw * own),
+            _bars(f"position by source (10 um, 0.1 mrad), {of}", "um", moving,
+                  1e6 * move.position * step),
+        )  # fmt: skip
+
     # ---------------------------------------------------------------- faults and assumptions
 
     def faults(self) -> list[Fault]:
@@ -221,3 +249,7 @@ class PoseAccuracy(ToleranceProblem):
                        "configuration" if name in self.given.limits else "default")
             for name in limited
         ))  # fmt: skip
+
+
+def _bars(title: str, unit: str, names: Iterable[str], values: Array) -> Bars:
+    return Bars(title, unit, tuple(names), tuple(values.tolist()))

@@ -22,17 +22,16 @@ ROWS = ("variation", "worst_case", "rss")
 """Outputs that the form can describe."""
 
 
-def form_of(stack: Stack) -> Form | None:
-    """The convex form; None where `variation` is a Monte Carlo estimate.
+def form_of(stack: Stack, method: str) -> Form | None:
+    """The convex form with the linear variation of a `method`; None where limits leave no process.
 
     Fixed parts go into the offset and the constant, but for those that are correlated with others.
     """
-    method = stack.definition.requirement.method
-    if method == "monte_carlo" or not _possible(stack):
+    if not _possible(stack):
         return None
     named = {*stack.objectives, *(limit.name for limit in stack.limits)}
     rows = tuple(name for name in ROWS if name == "variation" or name in named)
-    linear, spread = _coefficients(stack, rows)
+    linear, spread = _coefficients(stack, rows, method)
     parts, t = stack.definition.parts, np.array([part.low for part in stack.definition.parts])
     settled = _settled(stack)
     kept = [at for at in range(len(parts)) if not settled[at]]
@@ -67,7 +66,7 @@ def _possible(stack: Stack) -> bool:
     )
 
 
-def _coefficients(stack: Stack, rows: tuple[str, ...]) -> tuple[Array, Array]:
+def _coefficients(stack: Stack, rows: tuple[str, ...], method: str) -> tuple[Array, Array]:
     """Linear and spread coefficients (rows, parts)."""
     model = stack.linear
     std = SIGMAS * np.sqrt(np.diag(model.covariance))
@@ -77,7 +76,6 @@ def _coefficients(stack: Stack, rows: tuple[str, ...]) -> tuple[Array, Array]:
         "rss": (nothing, std),
         "shifted_rss": (model.shift, std),
     }
-    method = stack.definition.requirement.method
     found = [kinds[method if row == "variation" else row] for row in rows]
     return np.array([one for one, _ in found]), np.array([one for _, one in found])
 

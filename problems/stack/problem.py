@@ -274,7 +274,13 @@ class Stack(ToleranceProblem):
     # ---------------------------------------------------------------- what is known
 
     def form(self) -> Form | None:
-        return form_of(self)
+        method = self.definition.requirement.method
+        return None if method == "monte_carlo" else form_of(self, method)
+
+    def guide(self) -> Form | None:
+        """The form; of a half-width by Monte Carlo that of the root sum square."""
+        method = self.definition.requirement.method
+        return form_of(self, "rss" if method == "monte_carlo" else method)
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: cost and linear variations are monotone in every tolerance."""

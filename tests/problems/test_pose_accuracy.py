@@ -1,4 +1,4 @@
-"""The document's allocation task on the rebuilt manipulator: optimum, symmetry, groupings, faults."""
+"""The document's task on the rebuilt manipulator: optimum, symmetry, groupings, faults."""
 
 from pathlib import Path
 

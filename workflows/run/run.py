@@ -133,6 +133,7 @@ def _result(
         objectives=_axes(plan.problem, plan.problem.objectives),
         variables=tuple(Axis(v.name, v.unit, v.meaning) for v in plan.problem.variables),
         notes=notes,
+        bars=plan.problem.bars(),
         configuration=plan.configuration,
     )
 

@@ -94,3 +94,42 @@ def test_wide_choice_is_proven() -> None:
     form = mixed((3,) * 10, seed=5)  # 59,049 sets of ways
     found = least_cost(form, np.array([[0.35]]))
     np.testing.assert_allclose(found.bound, found.cost, rtol=1e-9)
+
+
+def ladder(parts: int) -> Form:
+    """Rough, fine and finest ways of each part, each dearer and tighter than the one before."""
+    rng = np.random.default_rng(7)
+    features = []
+    for at in range(parts):
+        b, spread = rng.uniform(0.05, 0.3), rng.uniform(0.5, 2.0)
+        table = ((0.3, 1.0, 0.1, 0.3), (1.5, 0.5, 0.03, 0.12), (3.5, 0.3, 0.01, 0.05))
+        ways = tuple(
+            Way(Reciprocal(a, share * b), low, high, (0.0,), (spread,), (), float(way))
+            for way, (a, share, low, high) in enumerate(table)
+        )
+        features.append(Feature(f"part_{at}_t", ways, f"part_{at}_process"))
+    return Form(("variation",), tuple(features), np.zeros(1), np.zeros(1), "")
+
+
+@pytest.mark.parametrize("times", [1.0, 1.02, 1.3, 2.0, 8.0])
+def test_limits_that_few_of_531441_sets_of_ways_keep(times: float) -> None:
+    form = ladder(12)
+    tightest = 0.01 * float(np.linalg.norm([f.ways[0].spread[0] for f in form.features]))
+    found = least_cost(form, np.array([[times * tightest * (1.0 + 1e-9)]]))
+    assert np.isfinite(found.cost[0])
+    np.testing.assert_allclose(found.bound, found.cost, rtol=1e-8)
+    assert found.t.shape == (1, 12)
+    below = least_cost(form, np.array([[0.999 * tightest]]))
+    assert np.isinf(below.cost[0]) and np.isinf(below.bound[0])
+
+
+def test_optimum_of_five_steep_parts_is_that_of_enumeration() -> None:
+    form = ladder(5)
+    tightest = 0.01 * float(np.linalg.norm([f.ways[0].spread[0] for f in form.features]))
+    for times in (1.1, 3.0):
+        found = least_cost(form, np.array([[times * tightest]]))
+        np.testing.assert_allclose(found.cost, by_enumeration(form, times * tightest), rtol=1e-6)
+
+
+def test_no_limits_at_all_are_no_allocations() -> None:
+    assert least_cost(mixed((3, 2)), np.empty((0, 1))).cost.shape == (0,)
