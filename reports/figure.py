@@ -84,7 +84,7 @@ def _draw_line(axes: Axes, result: RunResult) -> None:
     axes.set_yticks([])
     if not result.front.empty:
         axes.plot(result.front[name], [rows] * len(result.front), linestyle="none", marker="*",
-                  markersize=12, color=FRONT_COLOUR, label="optimum")  # fmt: skip
+                  markersize=12, color=FRONT_COLOUR, label="best found")  # fmt: skip
     for at, (_, row) in enumerate(result.references.iterrows()):
         _draw_reference(axes, row, at, float(row[name]), float(rows - 1 - at))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from ...declarations import Kind, Variable
 from ...errors import nearest
@@ -54,7 +54,9 @@ def read_grouping(top: Section) -> Grouping | None:
         return NINE
     section = top.section("grouping")
     table = top.take("grouping")
-    found, owner, sound = {}, dict[str, str](), True
+    found: dict[str, tuple[str, ...]] = {}
+    owner: dict[str, str] = {}
+    sound = True
     for name in table if isinstance(table, dict) else ():
         sources = section.names(name)
         sound &= sources is not None and _checked(section, name, sources, owner)
@@ -89,7 +91,7 @@ def variables_of(grouping: Grouping) -> tuple[Variable, ...]:
     return tuple(_variable(name, sources) for name, sources in grouping.items())
 
 
-def _variable(name: str, sources: tuple[str, ...]) -> Variable:
+def _variable(name: str, sources: Sequence[str]) -> Variable:
     reference = reference_of(sources[0])
     meaning = (
         "standard deviation of each of " + ", ".join(sources)

@@ -97,7 +97,7 @@ def test_three_objectives_show_the_first_two_without_a_line(result: RunResult) -
 
 def test_one_objective(result: RunResult) -> None:
     (axes,) = front_figure(replace(result, objectives=(COST,))).axes
-    assert axes.lines[0].get_label() == "optimum"
+    assert axes.lines[0].get_label() == "best found"
     assert len(axes.lines) == 3
 
 
