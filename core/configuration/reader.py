@@ -62,7 +62,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         top.known(("parameters", "variables", *PROBLEM_ONLY))
         top.finish()
         raise InputError(faults)
-    settings = replace(_settings(top, kind, model if "model" in top else None), seed=seed)
+    settings = replace(_settings(top, kind, model), seed=seed)
     section = top.section("algorithm")
     objectives = settings.objectives or kind.default_objectives
     budget = read_budget(section)
