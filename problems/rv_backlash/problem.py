@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...declarations import number
 from ...errors import Fault
 from ...models.propagation import Convolution, Moments, MonteCarlo, Propagated, Propagation
 from ...models.propagation.sums import ClippedSum
