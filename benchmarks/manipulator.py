@@ -14,6 +14,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from statistics import median
 
 import numpy as np
@@ -68,12 +69,20 @@ def compare_maps(machine: Manipulator, rng: np.random.Generator) -> None:
     ):
         part = list(zip(r[:count].tolist(), z[:count].tolist(), strict=True))
         batch, loop = interleaved(
-            lambda: first_order(machine, r, z),
-            lambda part=part, slow=slow: [slow(machine, *pose) for pose in part],
+            partial(first_order, machine, r, z), partial(looped, slow, machine, part)
         )
         loop *= POSES / count
         print(f"maps of {POSES} poses: {batch * 1e3:.0f} ms; differences, {name}: {loop:.0f} s")
         print(f"ratio: {loop / batch:.0f} (at least 500 wanted; loop extrapolated from {count})")
+
+
+def looped(
+    slow: Callable[[Manipulator, float, float], object],
+    machine: Manipulator,
+    part: list[tuple[float, float]],
+) -> None:
+    for r, z in part:
+        slow(machine, r, z)
 
 
 def compare_newton(machine: Manipulator, rng: np.random.Generator) -> None:

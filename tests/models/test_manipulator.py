@@ -417,7 +417,7 @@ def test_notes_allocation_meets_its_limits(weight: str, cost: float, limit: floa
     r, z, w = quadrature(RING, weight, 16)  # type: ignore[arg-type]
     effects = unit_effects(M1, r, z).orientation
     terms = zip(KINDS, sigma, strict=True)
-    variance = sum((effects[name] ** 2).sum(axis=-1) * s**2 for name, s in terms)
+    variance = np.sum([(effects[name] ** 2).sum(axis=-1) * s**2 for name, s in terms], axis=0)
     assert sum(np.array(ref) / sigma) == pytest.approx(cost, rel=2e-3)
     squareness, yaw = np.sqrt(w @ (variance[:, 0] + variance[:, 1])), np.sqrt(w @ variance[:, 2])
     assert squareness == pytest.approx(limit, rel=0.01)
@@ -506,3 +506,18 @@ def test_singularity_within_the_ring_is_found() -> None:
     r, z = (float(said.split(f"{name} = ")[1].split(" mm")[0]) * MM for name in "rz")
     at = np.array([r]), np.array([z])
     assert conditions(machine, *at)[0][0] > 1e4
+
+
+def test_singularity_of_the_follow_up_rod_is_found() -> None:
+    """At the pose named the slopes of the seven closures, written out above, lose their rank."""
+    machine = replace(M2, half_length=0.39)
+    said = next(one for one in text(machine).splitlines() if "with the follow-up rod" in one)
+    r, z = (float(said.split(f"{name} = ")[1].split(" mm")[0]) * MM for name in "rz")
+    x = np.array([r, 0.0, z, 0.0, 0.0, 0.0, 0.0])
+    found = [
+        residuals(machine, (r, z, 0.0), np.zeros(63), x + sign * step)
+        for step in 1e-6 * np.eye(7)
+        for sign in (1.0, -1.0)
+    ]
+    slopes = (np.array(found[::2]) - np.array(found[1::2])) / 2e-6
+    assert np.linalg.svd(slopes)[1].min() < 1e-6

@@ -12,6 +12,7 @@ import pytest
 from tolevo.configuration import read
 from tolevo.configuration.simulated import build_model
 from tolevo.errors import InputError
+from tolevo.models.inputs.distribution import Array
 from tolevo.models.manipulator import declared
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.maps import first_order
@@ -34,7 +35,7 @@ def configured(folder: Path, text: str) -> Path:
     return path
 
 
-def predicted(model: ManipulatorPose) -> dict[str, np.ndarray]:  # type: ignore[type-arg]
+def predicted(model: ManipulatorPose) -> dict[str, Array]:
     return model.predict(TABLE, np.random.default_rng(0))
 
 
