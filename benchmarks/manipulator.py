@@ -37,7 +37,8 @@ def seconds(function: Callable[[], object]) -> float:
 
 def interleaved(fast: Callable[[], object], slow: Callable[[], object]) -> tuple[float, float]:
     """Median wall times [s] of both, measured in turns."""
-    fast(), slow()  # the first call touches memory for the first time
+    for function in (fast, slow):  # the first call touches memory for the first time
+        function()
     times = [(seconds(fast), seconds(slow)) for _ in range(TURNS)]
     return median(one for one, _ in times), median(other for _, other in times)
 
