@@ -170,13 +170,23 @@ def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = Fals
     from . import registry
 
     with _exit_status():
+        groups = registry.listing() | {"elementary_errors": _elementary_errors()}
         if json_:
-            typer.echo(json.dumps(registry.listing(), indent=2))
+            typer.echo(json.dumps(groups, indent=2))
             return
-        for group, entries in registry.listing().items():
+        for group, entries in groups.items():
             typer.echo(f"{group}:" if entries else f"{group}: none")
             for entry in entries:
                 typer.echo(f"  {entry['name']:<16} {entry['description']} [{entry['origin']}]")
+
+
+def _elementary_errors() -> list[dict[str, str]]:
+    """The names that `[parameters.elementary_errors]` takes, in the form of `registry.listing`."""
+    from .models.manipulator.sources import SOURCES
+
+    return [
+        {"name": one.name, "description": one.meaning, "origin": "manipulator"} for one in SOURCES
+    ]
 
 
 def _read(config: Path, settings: list[str]) -> Configuration:

@@ -4,6 +4,8 @@ from pathlib import Path
 import pytest
 
 from tolevo.models.inputs import DISTRIBUTIONS
+from tolevo.models.manipulator.pose import ManipulatorPose
+from tolevo.models.manipulator.sources import ROWS
 from tolevo.problems.rv_backlash import RvBacklash
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -36,3 +38,11 @@ def test_every_distribution_is_documented_with_its_parameters(name: str) -> None
     else:
         parameters = [one.name for one in fields(DISTRIBUTIONS[name])]  # type: ignore[arg-type]
         assert [one for one in parameters if f"`{one}`" not in row] == []
+
+
+@pytest.mark.source_tree
+def test_every_parameter_and_error_of_the_manipulator_is_documented() -> None:
+    text = (DOCS / "manipulator.md").read_text(encoding="utf-8")
+    names = [one.name for one in ManipulatorPose.parameters]
+    names += [f"{name}_{unit}" for name, unit, _ in ROWS]
+    assert [name for name in names if f"| `{name}` |" not in text] == []

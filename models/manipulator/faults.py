@@ -98,13 +98,13 @@ def _of_singularities(manipulator: Manipulator, r: Array, z: Array, place: str) 
 
     The chain is the one whose equation takes most part in it.
     """
-    for at, name in enumerate(("position", "orientation")):
-        r_here, z_here, crossed = _worst(manipulator, r, z, at)
-        left, size, _ = np.linalg.svd(_rows(manipulator, r_here, z_here)[at])
-        condition = size[0, 0] / max(size[0, 2], np.finfo(float).tiny)
+    for name in _rows(manipulator, r[:1], z[:1]):
+        r_here, z_here, crossed = _worst(manipulator, r, z, name)
+        left, size, _ = np.linalg.svd(_rows(manipulator, r_here, z_here)[name])
+        condition = size[0, 0] / max(size[0, -1], np.finfo(float).tiny)
         if condition < WORST_CONDITION and not crossed:
             continue
-        chain = int(np.argmax(np.abs(left[0, :, 2]))) + 1
+        chain = min(int(np.argmax(np.abs(left[0, :, -1]))) + 1, CHAINS)  # its rod is of chain 3
         yield Fault(
             f"{place}.ring_r_mm",
             f"the ring {'crosses' if crossed else 'comes close to'} a singularity of the {name} at"
@@ -113,18 +113,29 @@ def _of_singularities(manipulator: Manipulator, r: Array, z: Array, place: str) 
         )
 
 
-def _rows(manipulator: Manipulator, r: Array, z: Array) -> tuple[Array, Array]:
-    """Rows (n, 3, 3) of the equations of the position and of the orientation."""
+def _rows(manipulator: Manipulator, r: Array, z: Array) -> dict[str, Array]:
+    """Rows (n, m, m) of the equations of the position, of the orientation, and of the whole.
+
+    The whole is that of model M2: the follow-up rod is the position's fourth equation,
+    dP_t - r dpsi, with r dpsi the unknown.
+    """
     chains = posture(manipulator, r, z)
-    return chains.w, cross(chains.n, chains.w)
+    found = {"position": chains.w, "orientation": cross(chains.n, chains.w)}
+    if manipulator.follow_up == "rod":
+        rows = np.zeros((len(r), CHAINS + 1, CHAINS + 1))
+        rows[:, :CHAINS, :CHAINS] = chains.w
+        rows[:, :CHAINS, CHAINS] = cross(chains.p, chains.w)[..., 2] / r[:, None]
+        rows[:, CHAINS, 1], rows[:, CHAINS, CHAINS] = 1.0, -1.0
+        found["position with the follow-up rod"] = rows
+    return found
 
 
-def _worst(manipulator: Manipulator, r: Array, z: Array, at: int) -> tuple[Array, Array, bool]:
+def _worst(manipulator: Manipulator, r: Array, z: Array, name: str) -> tuple[Array, Array, bool]:
     """The pose nearest to a singularity, r, z (1,), and whether the ring crosses it there.
 
     Where the determinant changes its sign, by bisection between its two extremes.
     """
-    rows = _rows(manipulator, r, z)[at]
+    rows = _rows(manipulator, r, z)[name]
     side = np.linalg.det(rows)
     low, high = int(np.argmin(side)), int(np.argmax(side))
     if not side[low] < 0.0 < side[high]:
@@ -133,7 +144,7 @@ def _worst(manipulator: Manipulator, r: Array, z: Array, at: int) -> tuple[Array
     ends = np.array([[r[low], z[low]], [r[high], z[high]]])
     for _ in range(60):
         middle = ends.mean(axis=0)
-        sign = np.linalg.det(_rows(manipulator, middle[:1], middle[1:])[at])[0]
+        sign = np.linalg.det(_rows(manipulator, middle[:1], middle[1:])[name])[0]
         ends[int(sign > 0.0)] = middle
     return ends[:1, 0], ends[:1, 1], True
 

@@ -125,7 +125,8 @@ def position_sources() -> tuple[str, ...]:
     """The 36 that move the platform, 12 per chain.
 
     Origin 3, arm length 1, arm orientation 3 (the drive's zero acts as its third), rod lengths 2,
-    platform attachment 3.
+    platform attachment 3. Of these the arm's rotation about itself does nothing at nominal
+    dimensions; what moves chain 3 out of its plane acts in model M2 alone, by the follow-up rod.
     """
     stems = ("origin_", "arm_length_", "arm_orientation_", "rod_length_", "platform_attachment_")
     return tuple(name for name in NAMES if name.startswith(stems))

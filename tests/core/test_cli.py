@@ -186,7 +186,10 @@ def test_files_that_cannot_be_read_or_written(config: Path, tmp_path: Path, comm
 def test_list_names_what_is_installed() -> None:
     groups = json.loads(tolevo("list", "--json").stdout)
     assert "rv_backlash" in json.dumps(groups)
+    names = [one["name"] for one in groups["elementary_errors"]]
+    assert len(names) == 63 and "rod_length_1a_um" in names
     assert "nsga2" in tolevo("list").stdout
+    assert "arm_length_1_um  length of the arm [manipulator]" in tolevo("list").stdout
 
 
 def test_progress_without_a_budget() -> None:
