@@ -157,10 +157,13 @@ def simulate(
 def check(config: Config, set_: Set = [], quiet: Quiet = False) -> None:  # noqa: B006
     """Validate a configuration and print all it comes to; the output is itself one."""
     with _exit_status():
-        configuration = _read(config, set_)
-        if not quiet:
-            from .configuration.description import describe
+        from .configuration.description import describe
+        from .configuration.simulated import build_model
 
+        configuration = _read(config, set_)
+        if configuration.problem is None:
+            build_model(configuration)  # it refuses what only its physics can tell
+        if not quiet:
             typer.echo(describe(configuration))
 
 

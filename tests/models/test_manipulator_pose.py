@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from typer.testing import CliRunner
 
+from tolevo.cli import app
 from tolevo.configuration import read
 from tolevo.configuration.simulated import build_model
 from tolevo.errors import InputError
@@ -143,6 +145,13 @@ def test_a_table_that_is_none(tmp_path: Path) -> None:
 def test_ring_out_of_reach_is_refused() -> None:
     with pytest.raises(InputError, match=r"parameters\.ring_r_mm: the pose r = 900 mm, z = 300 mm"):
         ManipulatorPose({"ring_r_mm": (300.0, 900.0)})
+
+
+def test_check_refuses_what_the_model_refuses(tmp_path: Path) -> None:
+    path = configured(tmp_path, "[parameters]\nring_r_mm = [300, 900]\n")
+    found = CliRunner().invoke(app, ["check", str(path)])
+    assert found.exit_code == 2
+    assert "parameters.ring_r_mm: the pose r = 900 mm" in found.output
 
 
 def test_row_out_of_reach_is_named() -> None:
