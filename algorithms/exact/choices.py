@@ -10,6 +10,7 @@ solved allocations are enough, counts with its bound: what is returned is always
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,7 @@ class _Search:
         self.cost, self.bound = np.full(n, np.inf), np.full(n, np.inf)
         self.factor = np.ones(n)
         self.floor, self.ceiling = cost_range(self.form)
+        self.alike = _alike(self.form)
         self.least = None if compensating(self.form) else _Least.of(self.form)
 
     def leaf(self, chosen: tuple[int, ...], alive: NDArray[np.bool_]) -> None:
@@ -173,8 +175,9 @@ class _Search:
             self.leaf(ways, enter)
             return
         children = []
-        for way, table in enumerate(self.tables[len(ways)]):
-            own = (*ways, way)
+        first = ways[-1] if self.alike[len(ways)] else 0
+        for way in range(first, len(self.tables[len(ways)])):
+            own, table = (*ways, way), self.tables[len(ways)][way]
             possible = enter if self.least is None else enter & self.least.keeps(own, self.limits)
             if np.any(possible):
                 total = decided + table
@@ -212,6 +215,14 @@ class _Least:
         square = further + sum((self.square[at][way] for at, way in enumerate(ways)), np.zeros(1))
         least = self.form.offset + linear + np.sqrt(self.form.constant + square)
         return np.asarray(np.all(least * (1.0 - np.sign(least) * ROUNDING) <= limits, axis=1))
+
+
+def _alike(form: Form) -> list[bool]:
+    """Which features could change places with the one before: their ways are tried in one order."""
+    pairs = pairwise(form.features)
+    same = [form.correlation is None and one.ways == other.ways and one.count == other.count
+            for one, other in pairs]  # fmt: skip
+    return [False, *same]
 
 
 def compensating(form: Form) -> bool:
