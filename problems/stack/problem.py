@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from ...declarations import Assumption, Output, Parameter, Variable
 from ...errors import Fault, ModelError
 from ...models.costs import CostCurve
-from ...models.costs.joint import Joint
 from ...models.inputs import Normal
 from ...models.stack import Linear, Sample, half_width, linearised, yield_percent
 from ...section import Section
@@ -23,6 +22,7 @@ from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from .assumptions import assumptions_of
 from .convex import form_of
+from .costs import PartCosts
 from .definition import Definition, Part, Process
 from .linearity import linearity_warnings
 from .outputs import OBJECTIVES, outputs_of, variables_of
@@ -215,35 +215,16 @@ class Stack(ToleranceProblem):
 
     def cost_of(self, designs: Array) -> Array:
         """Sum over parts of count times the cost of the chosen process (n,)."""
-        return np.asarray(self._by_part(designs, slope=False).sum(axis=1))
+        return np.asarray(self._by_part(designs).sum(axis=1))
 
-    def _by_part(self, designs: Array, slope: bool) -> Array:
+    @cached_property
+    def _costs(self) -> PartCosts:
+        return PartCosts(self._parts)
+
+    def _by_part(self, designs: Array, slope: bool = False) -> Array:
         """Cost, or its slope, of each part (n, parts)."""
-        t = self.tolerances(designs)
-        if self._joint is not None and not slope:
-            with np.errstate(divide="ignore"):
-                return self._joint.cost(t) * self._counts
-        found = np.zeros_like(t)
-        for at, part in enumerate(self._parts):
-            chosen = self._chosen(designs, part)
-            for number, process in enumerate(part.processes):
-                rows = chosen == number
-                if process.curve is not None and np.any(rows):
-                    curve = process.curve.slope if slope else process.curve.cost
-                    with np.errstate(divide="ignore", invalid="ignore"):
-                        found[rows, at] = part.count * curve(t[rows, at])
-        return found
-
-    @cached_property
-    def _joint(self) -> Joint | None:
-        """The curves of all parts as one, where each has one and there are no alternatives."""
-        curves = [part.processes[0].curve for part in self._parts if not part.alternatives]
-        known = [curve for curve in curves if curve is not None]
-        return Joint.of(known) if len(known) == len(self._parts) else None
-
-    @cached_property
-    def _counts(self) -> Array:
-        return np.array([float(part.count) for part in self._parts])
+        chosen = np.stack([self._chosen(designs, part) for part in self._parts], axis=1)
+        return self._costs.each(self.tolerances(designs), chosen, slope)
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives of cost and of the linear variations; 0 for a process.
@@ -324,13 +305,7 @@ class Stack(ToleranceProblem):
     @cached_property
     def cost_interval(self) -> Interval:
         """Least and largest cost: every part in its cheapest and its dearest process."""
-        ends = np.zeros(2)
-        for part in self._parts:
-            each = [process.curve.cost(np.array([process.high, process.low]))
-                    for process in part.processes if process.curve is not None]  # fmt: skip
-            if each:
-                ends += part.count * np.array([np.min(each), np.max(each)])
-        return float(ends[0]), float(ends[1])
+        return self._costs.interval
 
     def _corner(self, tight: bool) -> Array:
         """The design with every tolerance at its tightest or loosest, and a process for it."""
