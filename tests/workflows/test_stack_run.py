@@ -46,7 +46,8 @@ def test_files_of_a_run_repeat_byte_for_byte(tmp_path: Path) -> None:
     for name in ("config.toml", "front.csv", "front.json", "references.csv"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
     references = pd.read_csv(tmp_path / "a" / "references.csv")
-    assert references["label"].tolist() == ["GA, least cost within the limits"]
+    ways = ("exact", "GA")
+    assert references["label"].tolist() == [f"{way}, least cost within the limits" for way in ways]
     assert references["cage_process"].isin(["turned", "ground"]).all()
     notes = json.loads((tmp_path / "a" / "summary.json").read_text(encoding="utf-8"))["notes"]
     assert any("the linear model misleads" in note for note in notes)
