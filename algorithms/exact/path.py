@@ -44,7 +44,10 @@ class Path:
             return float(x[0]), float(x[-1])
         loosest = np.flatnonzero(value >= value[0])[-1]
         tightest = np.flatnonzero(value <= value[-1])[0]
-        return float(x[loosest]), float(x[max(tightest, loosest + 1)])
+        last = min(
+            max(tightest, loosest + 1), len(x) - 1
+        )  # one value at all prices: no limit binds
+        return float(x[loosest]), float(x[last])
 
     @cached_property
     def tightest(self) -> Array:

@@ -13,7 +13,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ..run import Run
 from ..settings import Solver
 from .bounds import reason, restricted, upper_limit
-from .choices import least_cost
+from .choices import Optimum, least_cost, tightest_ways
 from .designs import search_vectors
 from .epsilon import epsilon_front
 from .front import front, tightest
@@ -61,14 +61,24 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     """Search vectors (k, variables) of the exact front, or of the one least cost."""
     upper = np.array([upper_limit(problem, name) for name in form.outputs])
     real = np.isfinite(upper)
-    least = tightest(form)[real]  # a limit that is the tightest corner's own value stays
-    tighter = upper[real] - TIGHTER * np.abs(upper[real])
-    upper[real] = np.where(tighter < least, upper[real], tighter)
+    least, slack = tightest(form)[real], TIGHTER * np.abs(upper[real])
+    if np.any(np.abs(upper[real] - least) <= slack):
+        return _corner(problem, form)
+    upper[real] -= slack
     if problem.n_obj == 1:
         return _cheapest(problem, form, upper)
     swept = np.array([name in problem.objectives for name in form.outputs])
     most = upper_limit(problem, "cost")
     return search_vectors(problem, form, front(form, points, upper, swept, most))
+
+
+def _corner(problem: ToleranceProblem, form: Form) -> Array:
+    """The search vector (one) of the tightest tolerances: all that a limit just there leaves."""
+    ways = tightest_ways(form)
+    one = np.zeros(1)
+    low = [feature.ways[way].low for feature, way in zip(form.features, ways, strict=True)]
+    found = Optimum(np.array([ways]), np.array([low]), one, one, one[:, None])
+    return search_vectors(problem, form, found)
 
 
 def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:

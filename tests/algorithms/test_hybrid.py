@@ -130,7 +130,7 @@ def test_small_budget_on_rv_backlash_is_not_worse_than_gde3() -> None:
     problem = RvBacklash(Settings(propagation=PropagationSetting(method="moments"), limits=limits))
     reached = {
         name: [
-            search(problem, settings, Budget(evaluations=500), seed).history[-1].hypervolume
+            search(problem, settings, Budget(evaluations=400), seed).history[-1].hypervolume
             for seed in range(3)
         ]
         for name, settings in (("hybrid", Hybrid()), ("gde3", GDE3()))

@@ -138,9 +138,8 @@ def test_no_limits_at_all_are_no_allocations() -> None:
 def test_alike_parts_are_tried_in_one_order() -> None:
     one = mixed((3,), 0.2, seed=3).features[0]
     features = tuple(Feature(f"part_{at}_t", one.ways, f"part_{at}_process") for at in range(4))
-    other = mixed((2,), 0.2, seed=9).features[0]
-    form = Form(("variation",), (*features[:2], other, *features[2:]), np.zeros(1), np.zeros(1), "")
-    for limit in (0.35, 0.5, 0.8):
+    form = Form(("variation",), features, np.zeros(1), np.zeros(1), "")
+    for limit in (0.35, 0.6):
         found = least_cost(form, np.array([[limit]]))
         np.testing.assert_allclose(found.cost, by_enumeration(form, limit), rtol=1e-6)
         np.testing.assert_allclose(found.bound, found.cost, rtol=1e-8)

@@ -248,3 +248,13 @@ def test_backlash_by_moments_is_within_its_bound() -> None:
     gap = gaps(problem, found.f)
     assert np.all(gap >= 0.0)
     assert np.median(gap) < 1.0
+
+
+def test_requirement_that_no_tolerance_changes() -> None:
+    """Two pieces of one part that compensate each other wholly."""
+    both = '[[correlation]]\nparts = ["p0_1", "p0_2"]\ncoefficient = -1.0\n'
+    problem = stack(parts=part(0, "count = 2"), after=both)
+    found = run(problem)
+    assert len(found.f)
+    np.testing.assert_allclose(found.f[:, 0], 2.0 * (A[0] + B[0] / HIGH))
+    np.testing.assert_allclose(found.f[:, 1], 0.0, atol=1e-12)
