@@ -8,11 +8,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..problems.tolerance_problem import ToleranceProblem
 from .engine import GDE3Engine, Space
 from .exact.bounds import restricted, upper_limit
 from .exact.designs import search_vectors
-from .exact.epsilon import Branch, integer_moves
+from .exact.epsilon import Branch, integer_moves, scale_of
 from .exact.front import front
 from .exact.pieces import convex_pieces
 from .exact.solver import closed_form, exact_vectors
@@ -78,7 +77,7 @@ class Hybrid(Solver):
 
         An improvement is where the next ones are tried from, until none is left.
         """
-        unit, free, tried = _unit(run.problem), np.array([np.inf]), set[bytes]()
+        unit, free, tried = scale_of(run.problem), np.array([np.inf]), set[bytes]()
         start, best = _best(run)
         while True:
             moves = [x for x in integer_moves(run.problem, start) if _integers(run, x) not in tried]
@@ -141,7 +140,7 @@ def branches_of(run: Run, x: Array, f: Array, most: int) -> list[Branch]:
         rows = np.flatnonzero(np.ravel(owner) == one)
         rows = rows[np.argsort(f[rows, 1], kind="stable")]
         some = rows[np.unique(np.linspace(0, len(rows) - 1, 16).astype(int))]
-        branch = Branch(run, x[some[0]], _unit(run.problem))
+        branch = Branch(run, x[some[0]], scale_of(run.problem))
         branch.adopt(x[some], f[some])
         found.append(branch)
     return found
@@ -159,9 +158,3 @@ def _best(run: Run) -> tuple[Array, float]:
 def _integers(run: Run, x: Array) -> bytes:
     """The integers of a design, as a key."""
     return np.rint(x[[v.integer for v in run.problem.free]]).tobytes()
-
-
-def _unit(problem: ToleranceProblem) -> Array:
-    """Scale of the objectives."""
-    ideal, nadir = problem.box()
-    return np.maximum(nadir - ideal, 1e-12)

@@ -202,7 +202,7 @@ class _Least:
     @classmethod
     def of(cls, form: Form) -> _Least:
         """The contributions of a form that is not `compensating`."""
-        linear, square = zip(*(_contributions(feature) for feature in form.features), strict=True)
+        linear, square = zip(*(contributions(feature) for feature in form.features), strict=True)
         rest = [(np.zeros(len(form.outputs)), np.zeros(len(form.outputs)))]
         for one, other in zip(linear[::-1], square[::-1], strict=True):
             rest.insert(0, (rest[0][0] + one.min(axis=0), rest[0][1] + other.min(axis=0)))
@@ -230,7 +230,7 @@ def compensating(form: Form) -> bool:
     return form.correlation is not None and bool(np.any(form.correlation < 0.0))
 
 
-def _contributions(feature: Feature) -> tuple[Array, Array]:
+def contributions(feature: Feature) -> tuple[Array, Array]:
     """Least linear and least squared contribution of each way, (ways, r) each."""
     linear = [
         np.minimum(np.multiply(way.linear, way.low), np.multiply(way.linear, way.high))
@@ -245,7 +245,7 @@ def tightest_ways(form: Form) -> tuple[int, ...]:
     """The ways of least contribution, in units of what the widest add."""
     found = []
     for feature in form.features:
-        linear, square = _contributions(feature)
+        linear, square = contributions(feature)
         each = np.hstack([linear, np.sqrt(square)])
         span = np.ptp(each, axis=0)
         found.append(int(np.argmin((each / np.where(span > 0.0, span, 1.0)).sum(axis=1))))

@@ -162,7 +162,7 @@ class Branch:
 def epsilon_front(run: Run, points: int) -> None:
     """Evaluate designs along the front of a run's problem; `points` are spread over it."""
     problem = run.problem
-    unit = np.maximum(np.subtract(*problem.box()[::-1]), 1e-12)
+    unit = scale_of(problem)
     branches = [Branch(run, x, unit) for x in integer_sets(problem)]
     for at, branch in enumerate(branches):
         run.phase("ends of the front", 0.2 * at / len(branches))
@@ -183,6 +183,12 @@ def epsilon_front(run: Run, points: int) -> None:
     run.phase("points between", 0.9)
     for branch in alive:
         run.evaluate(branch.between(max(2, points // len(alive))))
+
+
+def scale_of(problem: ToleranceProblem) -> Array:
+    """Scale (m,) of the objectives."""
+    ideal, nadir = problem.box()
+    return np.maximum(nadir - ideal, 1e-12)
 
 
 def integer_sets(problem: ToleranceProblem) -> list[Array]:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from ...problems.forms import Form
-from .choices import Optimum, least_cost
+from .choices import Optimum, contributions, least_cost
 from .combination import Combination
-from .path import Path
+from .path import Path, arc_length
 from .pieces import convex_pieces
 from .programme import Programme
 
@@ -81,7 +81,7 @@ def _by_limits(
         coarse, cost = coarse[begin:], first.cost[begin:]
     else:
         cost = first.cost
-    length = _length(np.stack([coarse, cost]))
+    length = arc_length(np.stack([coarse, cost]))
     even = np.interp(np.linspace(0.0, length[-1], points), length, coarse)
     return least_cost(form, limits(even))
 
@@ -93,14 +93,6 @@ def _along_path(form: Form, points: int, upper: float, most: float) -> Optimum:
     nothing = np.full(len(t), np.nan)
     chosen = np.zeros(t.shape, dtype=np.int64)
     return Optimum(chosen, t, combination.cost(t), nothing, nothing[:, None])
-
-
-def _length(drawn: Array) -> Array:
-    """Arc length (n,) along points (2, n), each axis in units of its span."""
-    finite = np.where(np.isfinite(drawn), drawn, np.nan)
-    span = np.nanmax(finite, axis=1) - np.nanmin(finite, axis=1)
-    steps = np.nan_to_num(np.diff(finite, axis=1)) / np.where(span > 0.0, span, 1.0)[:, None]
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*steps))])
 
 
 def value_range(form: Form, upper: Array) -> tuple[Array, Array]:
@@ -122,19 +114,12 @@ def tightest(form: Form) -> Array:
     Every feature is made in the way that contributes least: exact for one requirement without
     correlation and either part zero, else a lower bound.
     """
-    r = range(len(form.outputs))
-    linear, square = form.offset.astype(float), form.constant.astype(float)
-    for feature in form.features:
-        parts = np.array([
-            [(way.offset[i] if way.offset else 0.0)
-             + min(way.linear[i] * way.low, way.linear[i] * way.high) for i in r]
-            for way in feature.ways
-        ])  # fmt: skip
-        spread = np.array([np.multiply(way.spread, way.low) for way in feature.ways])
-        linear = linear + parts.min(axis=0)
-        square = square + (spread**2).min(axis=0)
     if form.correlation is not None:
         return _least_correlated(form)
+    linear, square = form.offset, form.constant
+    for feature in form.features:
+        own_linear, own_square = contributions(feature)
+        linear, square = linear + own_linear.min(axis=0), square + own_square.min(axis=0)
     return np.asarray(linear + np.sqrt(square))
 
 

@@ -44,10 +44,7 @@ class Path:
             return float(x[0]), float(x[-1])
         loosest = np.flatnonzero(value >= value[0])[-1]
         tightest = np.flatnonzero(value <= value[-1])[0]
-        last = min(
-            max(tightest, loosest + 1), len(x) - 1
-        )  # one value at all prices: no limit binds
-        return float(x[loosest]), float(x[last])
+        return float(x[loosest]), float(x[max(tightest, loosest + 1)])
 
     @cached_property
     def tightest(self) -> Array:
@@ -109,11 +106,7 @@ class Path:
     def _inside(self, limits: Array) -> tuple[Array, Array, Array]:
         """Tolerances, bounds and multipliers at limits that bind."""
         limit = limits[:, 0]
-
-        def excess(x: Array, upper: Array) -> Array:
-            return self.value(self.at(np.exp(x.ravel()))).reshape(x.shape) - upper
-
-        found = find_root(excess, self.ends, args=(limit,))
+        found = find_root(self._excess, self.ends, args=(limit,))
         prices = tuple(np.exp(np.asarray(end)) for end in found.bracket)
         outside, inside = (self.at(price) for price in prices)
         met = self.value(outside) <= limit  # a root to the last digit
@@ -125,6 +118,10 @@ class Path:
             for price, t in zip(prices, (outside, inside), strict=True)
         ]
         return self._between(inside, outside, limit), np.maximum(*bounds), multiplier
+
+    def _excess(self, x: Array, upper: Array) -> Array:
+        """V less a limit at logarithms of the price, any shape."""
+        return self.value(self.at(np.exp(x.ravel()))).reshape(x.shape) - upper
 
     def _multiplier(self, price: Array, t: Array) -> Array:
         """lambda (n, 1) of a price nu (n,)."""
@@ -157,10 +154,7 @@ class Path:
         ends = self._begin(upper), self._end(most)
         x = np.linspace(ends[0], max(ends), COARSE)
         t = self.at(np.exp(x))
-        drawn = np.stack([self.value(t), self.combination.cost(t)])
-        span = np.ptp(drawn, axis=1, keepdims=True)
-        steps = np.diff(drawn, axis=1) / np.where(span > 0.0, span, 1.0)
-        length = np.concatenate([[0.0], np.cumsum(np.hypot(*steps))])
+        length = arc_length(np.stack([self.value(t), self.combination.cost(t)]))
         even = np.linspace(0.0, length[-1], count)
         return self.at(np.exp(np.interp(even, length, x)))
 
@@ -169,12 +163,7 @@ class Path:
         value = self.value(self.at(np.exp(np.array(self.ends))))
         if not value[1] < upper < value[0]:
             return self.ends[0]
-
-        def excess(x: Array) -> Array:
-            return self.value(self.at(np.exp(x.ravel()))).reshape(x.shape) - upper
-
-        found = find_root(excess, self.ends)
-        return float(found.bracket[1])
+        return float(find_root(self._excess, self.ends, args=(upper,)).bracket[1])
 
     def _end(self, most: float) -> float:
         """Logarithm of the largest price at which the cost keeps a limit."""
@@ -188,3 +177,11 @@ class Path:
 
         found = find_root(excess, self.ends)
         return float(found.bracket[0])
+
+
+def arc_length(drawn: Array) -> Array:
+    """Arc length (n,) along points (2, n), each axis in units of its span."""
+    finite = np.where(np.isfinite(drawn), drawn, np.nan)
+    span = np.nanmax(finite, axis=1) - np.nanmin(finite, axis=1)
+    steps = np.nan_to_num(np.diff(finite, axis=1)) / np.where(span > 0.0, span, 1.0)[:, None]
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*steps))])

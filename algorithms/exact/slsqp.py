@@ -16,11 +16,10 @@ _minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimensi
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Where SLSQP stopped: x (n,), multipliers (constraints,) >= 0, whether it converged."""
+    """Where SLSQP stopped: x (n,) and multipliers (constraints,) >= 0."""
 
     x: Array
     multiplier: Array
-    converged: bool
 
 
 def slsqp(
@@ -48,7 +47,7 @@ def slsqp(
         options={"ftol": tolerance, "maxiter": iterations},
     )
     multiplier = np.maximum(np.asarray(found.multipliers, dtype=float), 0.0)
-    return Found(np.clip(found.x, low, high), multiplier, bool(found.success))
+    return Found(np.clip(found.x, low, high), multiplier)
 
 
 def ascend(dual: Callable[[Array], float], start: Array) -> Array:

@@ -16,7 +16,7 @@ from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
 from .front import EXACT, reported_front
 from .plan import RunPlan
-from .proofs import exact_front
+from .proofs import Exact, exact_front
 
 Array = NDArray[np.float64]
 GA_BUDGET = Budget(generations=120)
@@ -108,14 +108,16 @@ def relaxed_bounds(problem: ToleranceProblem, row: Mapping[Hashable, object]) ->
     return found
 
 
-def exact_optimum(problem: ToleranceProblem) -> pd.DataFrame:
+def exact_optimum(problem: ToleranceProblem, exact: Exact | None) -> pd.DataFrame:
     """The proven least cost within the limits (one row with `label`), none where nothing proves it.
 
     Of a problem with more objectives, it is that of the documents' single-objective allocation.
     """
-    optimum = problem.least_cost()
-    cheapest = problem if problem.n_obj == 1 else optimum[1] if optimum else None
-    found = exact_front(cheapest) if cheapest is not None else None
+    if problem.n_obj == 1:
+        found = exact
+    else:
+        optimum = problem.least_cost()
+        found = exact_front(optimum[1]) if optimum else None
     if found is None:
         return pd.DataFrame()
     frame = problem.reported().frame(found.designs[:1])
@@ -127,10 +129,11 @@ def table(
     plan: RunPlan,
     printed: pd.DataFrame,
     fronts: Mapping[SideSearch, pd.DataFrame | None],
+    exact: Exact | None,
 ) -> pd.DataFrame:
-    """All references, one row each, before comparison with the front."""
-    exact = exact_optimum(plan.problem) if plan.references else pd.DataFrame()
-    frames = [frame for frame in (printed, exact) if len(frame)]
+    """All references, one row each, before comparison with the front; `exact` is its exact one."""
+    optimum = exact_optimum(plan.problem, exact) if plan.references else pd.DataFrame()
+    frames = [frame for frame in (printed, optimum) if len(frame)]
     for side, front in fronts.items():
         if not side.relaxed and front is not None and len(front):
             row = plan.problem.reported().frame(plan.problem.designs_of(front.iloc[:1]))

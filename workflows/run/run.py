@@ -61,11 +61,11 @@ def run(
             sides.finish()
         fronts = sides.fronts()
     front = reported_front(plan.problem, found)
-    references = table(plan, printed, fronts)
+    exact = exact_front(plan.problem)
+    references = table(plan, printed, fronts, exact)
     searched = front
     front, dropped, joined = with_references(front, references, plan.problem)
     front, statement = with_bounds(front, plan.problem)
-    exact = exact_front(plan.problem)
     relaxed = {side.label: other for side, other in fronts.items() if side.relaxed}
     if len(references):
         references, _ = with_bounds(references, plan.problem, inside(references, plan.problem))
