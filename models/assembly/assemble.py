@@ -49,7 +49,7 @@ class Assembled:
     def effort(self, process: Process) -> Array:
         """Sum of u'Ru over the steps, shape (...) [rad^2]."""
         u = self.adjustments
-        return np.einsum("...ki,kij,...kj->...", u, process.weight, u)
+        return np.asarray(np.einsum("...ki,kij,...kj->...", u, process.weight, u))
 
 
 def assemble(

@@ -68,7 +68,7 @@ class DatumFlowChain:
 
     def root(self) -> NDArray[np.int64]:
         """Index (N,) of the first part of the chain that each part belongs to."""
-        return np.argmax(self.error_matrix() > 0.0, axis=1)
+        return np.asarray(np.argmax(self.error_matrix() > 0.0, axis=1), dtype=np.int64)
 
     def observation(self) -> Array:
         """C, shape (q, N): the combined error of the parts at equal place in their chains."""

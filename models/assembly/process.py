@@ -53,26 +53,41 @@ class Process:
     def weighted(self, weights: Array, absent: float = 1000.0) -> Process:
         """The same process with other weights of adjustment (N, m) on the diagonal of R.
 
-        A weight below `absent` makes an adjustment possible. Raises InputError where that adjusts a
-        part that is not there yet.
+        A weight below `absent` makes an adjustment possible. Raises InputError where one is not
+        above zero, or adjusts a part that is not there yet.
         """
         if weights.shape != self.arriving.shape:
             text = f"must have shape {self.arriving.shape}, got {weights.shape}"
-            raise_all([Fault("weights", text)])
-        early = np.argwhere((weights < absent) & ~self.present)
-        raise_all(
-            Fault(f"weights[{step}][{part}]", f"step {step + 1} adjusts part {part + 1}, which is "
-                  f"put in at step {self.arriving[:, part].argmax() + 1}; give it the weight "
-                  f"{absent:g} of an absent part until then")
-            for step, part in early.tolist()
-        )  # fmt: skip
+            raise_all([Fault("adjustment_weights", text)])
+        raise_all(_weights(self, weights, absent))
         return replace(self, weight=weights[:, :, None] * np.eye(weights.shape[1]))
 
 
-def plane_process(chain: DatumFlowChain | None = None, weights: Array | None = None) -> Process:
+def _weights(process: Process, weights: Array, absent: float) -> list[Fault]:
+    """Each weight (N, m) that is not positive, or that lets an absent part be adjusted."""
+    positive = np.isfinite(weights) & (weights > 0.0)
+    found = [
+        Fault(f"adjustment_weights_{step + 1}[{part}]", "must be above 0 (R must be positive "
+              f"definite), got {weights[step, part]:g}")
+        for step, part in np.argwhere(~positive).tolist()
+    ]  # fmt: skip
+    early = positive & (weights < absent) & ~process.present
+    arrival = process.arriving.argmax(axis=0) + 1
+    return found + [
+        Fault(f"adjustment_weights_{step + 1}[{part}]", f"step {step + 1} adjusts part {part + 1}, "
+              f"which is put in at step {arrival[part]}; until then give it the weight "
+              f"{absent:g} of an absent part")
+        for step, part in np.argwhere(early).tolist()
+    ]  # fmt: skip
+
+
+def plane_process(
+    chain: DatumFlowChain | None = None, weights: Array | None = None, absent: float = 1000.0
+) -> Process:
     """Document A's process about one axis: one angle per key characteristic.
 
-    `weights` (N, N) takes the place of those that follow from the chain. Raises InputError.
+    `weights` (N, N) takes the place of those that follow from the chain, `absent` is the least one
+    of a part that cannot be adjusted. Raises InputError.
     """
     chain = chain or DatumFlowChain()
     count, flow = chain.steps, chain.error_matrix()
@@ -85,12 +100,13 @@ def plane_process(chain: DatumFlowChain | None = None, weights: Array | None = N
         observation=chain.observation(),
         coupling=chain.coupling(),
     )
-    return base if weights is None else base.weighted(weights)
+    return base if weights is None else base.weighted(weights, absent)
 
 
 def space_process(
     chain: DatumFlowChain | None = None,
     weights: Array | None = None,
+    absent: float = 1000.0,
     frames: Array | None = None,
 ) -> Process:
     """The process in space: the angles about x, y and z of every key characteristic.
@@ -99,21 +115,24 @@ def space_process(
     small rotation is a vector, so that a part moves what hangs on it by the same vector.
     `weights` (N, N) are those of the parts, alike about all three axes.
     """
-    plane = plane_process(chain, weights)
+    plane = plane_process(chain, weights, absent)
     count = plane.steps
     own = np.broadcast_to(np.eye(TURN), (count, TURN, TURN)) if frames is None else frames
     raise_all(_rotations(own, count))
     turned = np.einsum("ksp,pab->ksapb", plane.error, own)
     flow = turned.reshape(count, TURN * count, TURN * count)
-    three = np.eye(TURN)
+
+    def thrice(matrix: Array) -> Array:
+        return np.asarray(np.kron(matrix, np.eye(TURN)), dtype=float)
+
     return Process(
-        transition=np.kron(plane.transition, three),
+        transition=thrice(plane.transition),
         control=flow,
         error=flow,
         arriving=np.repeat(plane.arriving, TURN, axis=1),
-        weight=np.kron(plane.weight, three),
-        observation=np.kron(plane.observation, three),
-        coupling=np.kron(plane.coupling, three),
+        weight=thrice(plane.weight),
+        observation=thrice(plane.observation),
+        coupling=thrice(plane.coupling),
     )
 
 

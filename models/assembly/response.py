@@ -24,9 +24,11 @@ class Response:
     """Shape (..., N, m, p + noise)."""
 
     def std(self, sources: Array) -> Array:
-        """Standard deviation (..., n) of the final state; `sources` (..., p + noise) are those of
-        independent part errors and noises."""
-        return np.sqrt(np.einsum("...ij,...j->...i", self.state**2, sources**2))
+        """Standard deviation (..., n) of the final state.
+
+        `sources` (..., p + noise) are those of independent part errors and noises.
+        """
+        return np.asarray(np.sqrt(np.einsum("...ij,...j->...i", self.state**2, sources**2)))
 
     def effort(self, process: Process, sources: Array) -> Array:
         """Expected adjustment effort, sum of u'Ru, shape (...)."""
@@ -42,7 +44,7 @@ def response(
     insertion: str = "before",
     estimator: Estimator | None = None,
 ) -> Response:
-    """The response of `gains` (..., N, m, n): unit errors, and unit noises, assembled as a batch."""
+    """The response of `gains` (..., N, m, n): unit errors and noises, assembled as a batch."""
     parts = process.error.shape[-1]
     errors, noise = np.eye(parts), None
     if estimator is not None:
