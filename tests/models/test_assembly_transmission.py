@@ -153,7 +153,7 @@ def test_no_angles_leave_the_nominal_unit() -> None:
 
 
 def test_force_follows_a_difference_of_the_discs_exactly() -> None:
-    """Between and on the knots of the tabulated curve, until a disc has lost its load and beyond."""
+    """Between the knots of the tabulated curve too, until a disc has lost its load and beyond."""
     states = np.zeros((5, 4, 3))
     states[:, 1, 2], states[:, 3, 2] = np.linspace(0.0, 4.0, 5) * MRAD, -np.ones(5) * MRAD
     full = Transmission()
