@@ -26,6 +26,9 @@ from numpy.typing import NDArray
 
 from ..rv_reducer.contact.contact import LoadedContact
 from ..rv_reducer.contact.errors import PartErrors
+from ..rv_reducer.contact.mesh import Mesh
+from ..rv_reducer.dynamics.steady import Oscillator, transfer
+from ..rv_reducer.dynamics.train import Train
 
 Array = NDArray[np.float64]
 ECCENTRICS = ("one_crank", "own_cranks")
@@ -81,12 +84,20 @@ class Turned:
 
 @dataclass(frozen=True, slots=True)
 class Transmission:
-    """The full model: loaded contact of units with given final angles, quasi-statically."""
+    """The full model: loaded contact of units with given final angles, and its vibration.
+
+    Quasi-static contact; above speed 0 each order of its transmission error is amplified by the
+    transfer function of the train over the mean mesh stiffness, and the pin forces are those at the
+    rotation that results. Far below resonance this is the steady state (tested).
+    """
 
     contact: LoadedContact = field(default_factory=LoadedContact)
     mapping: AngleMapping = AngleMapping()
     torque: float = 412.0
-    """[N m] on the carrier."""
+    """[N m] on the output, resisting its motion."""
+    speed: float = 0.5 * pi
+    """[rad/s] of the output (15 rpm, rated); 0 is quasi-static."""
+    train: Train = Train()
     angles: int = 96
     """Crank angles over one period. With perfect pins all repeats after 1/40 of an output turn;
     more than two fall on each of its 39 pin pitches."""
@@ -103,13 +114,31 @@ class Transmission:
         for start in range(0, max(len(states), 1), BLOCK):
             part = states[start : start + BLOCK]
             errors = self.mapping.part_errors(part, geometry.nominal.eccentricity)
-            balance = self.contact.equilibrium(errors, psi, self.torque)
+            mesh = self.contact.mesh(errors, psi)
+            # a torque that resists the motion turns the carrier backward: twist = -rotation
+            twist = self._vibrating(mesh, -mesh.rotation(-self.torque))
             shape = (len(part), self.angles)
-            # theta_in/i - theta_out: the carrier leads where its rotation is forward
-            rotation = np.broadcast_to(-balance.rotation, shape)
-            forces = balance.pin_forces.max(axis=-1)
-            found.append((rotation, np.broadcast_to(forces, (*shape, forces.shape[-1]))))
+            forces = mesh.pin_forces(-twist).max(axis=-1)
+            found.append(
+                (np.broadcast_to(twist, shape), np.broadcast_to(forces, (*shape, forces.shape[-1])))
+            )
         return found
+
+    def _vibrating(self, mesh: Mesh, twist: Array) -> Array:
+        """The twist (n, angles) [rad] at speed, of the quasi-static one."""
+        if self.speed == 0.0:
+            return twist
+        stiffness = mesh.torque(-twist)[1].mean(axis=1)
+        speed = self.contact.geometry.pins * self.speed  # the period is turned in 1/pins of a turn
+        points = Oscillator(
+            *np.broadcast_arrays(
+                self.train.reduced_inertia, self.train.damping(stiffness), self.torque, stiffness,
+                speed,
+            )
+        )  # fmt: skip
+        waves = np.fft.rfft(twist, axis=1)
+        order = np.arange(waves.shape[1], dtype=float)
+        return np.asarray(np.fft.irfft(waves * transfer(points, order), self.angles, axis=1))
 
     def amplitude(self, turned: Turned) -> Array:
         """Half peak to peak (n,) [rad] of the transmission error, the floor included."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import pi
 from typing import Any
 
 from ...declarations import Kind, Output, Parameter, Value, Variable
@@ -11,7 +12,8 @@ from ...models.assembly import declared as assembly
 from ...models.assembly.transmission import ECCENTRICS, AngleMapping, Transmission
 from ...models.costs import CostCurve, Reciprocal
 from ...models.rv_reducer.contact.contact import LoadedContact
-from ...units import ARCMIN, ARCSEC, MM
+from ...models.rv_reducer.dynamics.train import Train
+from ...units import ARCMIN, ARCSEC, MM, UM
 
 PARTS = ("crankshaft_1", "gear_1", "crankshaft_2", "gear_2")
 AXES = ("x", "y", "z")
@@ -25,10 +27,10 @@ DOCUMENT_MRAD: Mapping[str, float] = {
 PRECISION_WEIGHTS = (0.0, 5.0, 10.0)
 """Document A's precision weights."""
 PRECISION = "precision_weight"
+RPM = pi / 30.0
+"""Radians per second in a revolution per minute."""
 SIZE = len(DOCUMENT_MRAD)
 """Number of angles."""
-MM_TO_N = 1e3
-"""N/m in an N/mm."""
 
 VARIABLES: tuple[Variable, ...] = (
     *(
@@ -44,6 +46,12 @@ VARIABLES: tuple[Variable, ...] = (
         "weight Q of the final error against the adjustment; 0: no adjustment", 0.0, valid_low=0.0,
     ),
 )  # fmt: skip
+
+
+def _assumed(name: str, default: float, meaning: str, high: float) -> Parameter:
+    return Parameter(name, default, "", meaning, "assumed", assumed=True, low=0.0, high=high,
+                     open_low=True)  # fmt: skip
+
 
 _OURS = "assumed: the document does not print how angles act on the mesh"
 PARAMETERS: tuple[Parameter, ...] = (
@@ -74,14 +82,15 @@ PARAMETERS: tuple[Parameter, ...] = (
         "names none", assumed=True, low=0.0, high=1e5, open_low=True,
     ),
     Parameter(
-        "normal_stiffness_N_per_mm", 2e5, "N/mm", "stiffness of a pin contact", "assumed",
-        assumed=True, low=0.0, high=1e9, open_low=True,
+        "output_speed_rpm", 15.0, "rpm", "speed of the output; 0: quasi-static", "rated speed; "
+        "assumed: the document names none", assumed=True, low=0.0, high=1e4,
     ),
-    Parameter(
-        "series_stiffness_Nm_per_arcmin", 58.5, "Nm/arcmin", "stiffness between a disc and the "
-        "carrier", "assumed: with it the unit has its catalogue rigidity", assumed=True,
-        low=0.0, high=1e6, open_low=True,
-    ),
+    _assumed("normal_stiffness_N_per_um", 200.0, "stiffness [N/um] of a pin contact", 1e6),
+    _assumed("series_stiffness_Nm_per_arcmin", 58.5, "stiffness [N m/arcmin] between a disc and "
+             "the carrier", 1e6),
+    _assumed("input_inertia_kgm2", 8e-4, "inertia at the input shaft [kg m^2]", 1e6),
+    _assumed("load_inertia_kgm2", 4.216, "inertia at the output [kg m^2]", 1e6),
+    _assumed("damping_ratio", 0.04, "damping ratio of the first mode", 0.999),
     Parameter(
         "adjustment_gain_error", 0.0, "", "achieved over commanded adjustment, less one", low=-1.0,
         high=1.0,
@@ -124,7 +133,7 @@ def transmission(parameters: Mapping[str, Value]) -> Transmission:
     """The full model (SI) of parameters by declared name; left-out ones keep their defaults."""
     p: dict[str, Any] = {one.name: one.default for one in PARAMETERS} | dict(parameters)
     contact = LoadedContact(
-        normal_stiffness=p["normal_stiffness_N_per_mm"] * MM_TO_N,
+        normal_stiffness=p["normal_stiffness_N_per_um"] / UM,
         series_stiffness=p["series_stiffness_Nm_per_arcmin"] / ARCMIN,
     )
     mapping = AngleMapping(
@@ -134,7 +143,9 @@ def transmission(parameters: Mapping[str, Value]) -> Transmission:
         disc_distance=p["disc_distance_mm"] * MM,
         face_width=p["face_width_mm"] * MM,
     )
-    return Transmission(contact, mapping, p["torque_Nm"])
+    train = Train(p["input_inertia_kgm2"], p["load_inertia_kgm2"], p["damping_ratio"])
+    speed = p["output_speed_rpm"] * RPM
+    return Transmission(contact, mapping, p["torque_Nm"], speed, train)
 
 
 def departures(parameters: Mapping[str, Value]) -> Departures:

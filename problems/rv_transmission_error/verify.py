@@ -15,10 +15,10 @@ from ...models.assembly.transmission import Transmission, Turned
 Array = NDArray[np.float64]
 SAMPLE = 4096
 """Units among which those nearest to the quantile are sought."""
-UNITS = 6
+UNITS = 4
 """Units at which the full model is asked, per design and output."""
-ANGLES = 48
-"""Crank angles of the period there."""
+ANGLES = 80
+"""Crank angles of the period there: more than two for each of its 39 pin pitches."""
 TOGETHER = 64
 """Designs whose units are drawn at once."""
 

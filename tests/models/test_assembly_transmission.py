@@ -11,6 +11,7 @@ from tolevo.models.assembly.coverage import normals, radius_quantile, root, samp
 from tolevo.models.assembly.document import MAPPINGS, Row, rows
 from tolevo.models.assembly.influence import Influence, influence
 from tolevo.models.assembly.transmission import AngleMapping, Transmission, about_z
+from tolevo.models.rv_reducer.dynamics.steady import Oscillator, steady_state
 from tolevo.units import ARCSEC, MRAD
 
 Array = NDArray[np.float64]
@@ -50,9 +51,9 @@ def test_document_is_reproduced_under_the_stated_mappings(mapping: int) -> None:
 def test_table_agrees_with_an_earlier_contact_model(
     mapping: int, te: tuple[float, float], force: tuple[float, float]
 ) -> None:
-    """Falls computed once with another code of the same contact."""
+    """Falls computed once, quasi-statically, with another code of the same contact."""
     _, five, ten, _ = table(mapping)
-    np.testing.assert_allclose((five.te_fall_percent, ten.te_fall_percent), te, atol=2.5)
+    np.testing.assert_allclose((five.te_fall_percent, ten.te_fall_percent), te, atol=3.5)
     np.testing.assert_allclose((five.force_fall_percent, ten.force_fall_percent), force, atol=0.5)
 
 
@@ -69,7 +70,7 @@ def test_whole_crank_cancels_order_40() -> None:
     """Both eccentrics of a crank: nothing of the document would come out."""
     states = np.zeros((2, 4, 3))
     states[0, 0, 2] = states[1, 0, 2] = states[1, 2, 2] = 1.0 * MRAD
-    full = Transmission()
+    full = Transmission(speed=0.0)
     error = full.turn(states).error
     order_40 = np.abs(np.fft.rfft(error, axis=1)[:, 1]) * 2.0 / error.shape[1]
     assert order_40[0] / ARCSEC == pytest.approx(1.86, rel=0.04)  # another code
@@ -99,15 +100,56 @@ def test_mapping_places_every_angle() -> None:
 def test_period_of_order_40_is_the_whole_turn() -> None:
     """With perfect pins nothing else happens in the other 39 fortieths of the output turn."""
     rng = np.random.default_rng(0)
-    full, states = Transmission(angles=64), 0.5 * MRAD * rng.standard_normal((1, 4, 3))
+    full, states = Transmission(angles=64, speed=0.0), 0.5 * MRAD * rng.standard_normal((1, 4, 3))
     errors = full.mapping.part_errors(states, 1.3e-3)
     turn = 2.0 * np.pi * 39.0 * np.arange(64 * 40) / (64 * 40)
-    balance = full.contact.equilibrium(errors, turn, full.torque)
+    balance = full.contact.equilibrium(errors, turn, -full.torque)
     once = full.turn(states)
     np.testing.assert_allclose(
         -balance.rotation, np.tile(once.error, 40), atol=1e-9 * np.abs(once.error).max()
     )
     assert full.peak(once)[0] == pytest.approx(balance.pin_forces.max(), rel=1e-9)
+
+
+class OnePeriod:
+    """The contact of one unit as the mesh of a steady state over the period of order 40."""
+
+    def __init__(self, full: Transmission, state: Array, samples: int) -> None:
+        self.full, self.state, self.samples = full, state, samples
+        errors = full.mapping.part_errors(state, 1.3e-3)
+        period = 2.0 * np.pi * 39.0 / 40.0
+        self.mesh = full.contact.mesh(errors, period * np.arange(samples) / samples)
+
+    def torque(self, twist: Array) -> tuple[Array, Array]:
+        found = [self.mesh.torque(-one[None]) for one in twist.reshape(-1, self.samples)]
+        torque, stiffness = (
+            np.concatenate(part).reshape(twist.shape) for part in zip(*found, strict=True)
+        )
+        return -torque, stiffness
+
+    def equilibrium(self, torque: Array) -> Array:
+        return np.concatenate([-self.mesh.rotation(-float(one)) for one in torque])
+
+    def peak_force(self, twist: Array) -> Array:
+        return np.array([self.mesh.pin_forces(-one[None]).max() for one in twist])
+
+    def resampled(self, samples: int) -> "OnePeriod":
+        return OnePeriod(self.full, self.state, samples)
+
+
+@pytest.mark.parametrize("rpm", [15.0, 40.0])
+def test_transfer_function_is_the_steady_state(rpm: float) -> None:
+    """Document A's parts, unadjusted and at Q = 10, against the nonlinear harmonic balance."""
+    full = Transmission(speed=rpm * np.pi / 30.0)
+    states = about_z(np.array([[-1.6, 3.7, 5.8, 9.0], [-0.985, 0.884, 2.486, 4.029]]) * MRAD)
+    turned = full.turn(states)
+    for at, state in enumerate(states):
+        mesh = OnePeriod(full, state[None], full.angles)
+        points = Oscillator.of(mesh, full.train, np.array([412.0]), np.array([40.0 * full.speed]))
+        steady = steady_state(mesh, points)
+        assert steady.converged(1e-9)
+        assert full.amplitude(turned)[at] == pytest.approx(0.5 * np.ptp(steady.twist), rel=5e-3)
+        assert full.peak(turned)[at] == pytest.approx(mesh.peak_force(steady.twist)[0], rel=2e-3)
 
 
 def test_floor_and_absorption() -> None:
@@ -126,7 +168,7 @@ def test_floor_and_absorption() -> None:
 def test_influence_agrees_with_closed_forms() -> None:
     """1.86 arcsec per mrad of eccentric phase; a rotation of a disc shows
     no order; a tilt of the crank acts like (L/2)/e times its phase."""
-    size = np.hypot(*coefficients().order_40).reshape(4, 3) / ARCSEC * MRAD
+    size = np.hypot(*influence(Transmission(speed=0.0)).order_40).reshape(4, 3) / ARCSEC * MRAD
     np.testing.assert_allclose(size[[0, 2], 2], 1.86, rtol=0.04)
     np.testing.assert_allclose(size[[1, 3], 2], 0.0, atol=1e-6)
     np.testing.assert_allclose(size[[0, 2], 0], size[[0, 2], 2] * 6.5 / 1.3, rtol=1e-3)
