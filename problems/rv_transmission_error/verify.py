@@ -13,7 +13,7 @@ from ...models.assembly.influence import Influence
 from ...models.assembly.transmission import Transmission, Turned
 
 Array = NDArray[np.float64]
-SAMPLE = 4096
+SAMPLE = 2048
 """Units among which those nearest to the quantile are sought."""
 UNITS = 4
 """Units at which the full model is asked, per design and output."""

@@ -5,11 +5,18 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy import stats
+from scipy.optimize import NonlinearConstraint, minimize
 
+from tolevo.algorithms.exact.bounds import proof
+from tolevo.algorithms.gde3 import GDE3
+from tolevo.algorithms.search import search
+from tolevo.algorithms.settings import Budget
 from tolevo.models.assembly import assemble
 from tolevo.models.inputs import Normal, Uniform
+from tolevo.problems.forms import Form
 from tolevo.problems.rv_transmission_error import RvTransmissionError, declared, implied
+from tolevo.problems.rv_transmission_error.form import least_ratio
 from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting
 from tolevo.testing import ProblemContract
 from tolevo.units import ARCSEC, MRAD
@@ -182,15 +189,17 @@ def test_implied_costs_give_the_printed_allocation_back(composite: str, exponent
     limit = float(np.linalg.norm(influence * DOCUMENT))
     forward = implied.optimal_allocation(costs, influence, limit, exponent)
     np.testing.assert_allclose(forward, DOCUMENT, rtol=1e-12)
+    kept = NonlinearConstraint(
+        lambda x: np.sum((influence * np.exp(x) / limit) ** 2),
+        -np.inf,
+        1.0,
+        jac=lambda x: 2.0 * (influence * np.exp(x) / limit) ** 2,
+    )
     found = minimize(
-        lambda x: np.sum(costs * np.exp(-exponent * x)),
+        lambda x: float(np.sum(costs * np.exp(-exponent * x))),
         np.zeros(12),
         jac=lambda x: -exponent * costs * np.exp(-exponent * x),
-        constraints={
-            "type": "ineq",
-            "fun": lambda x: 1.0 - np.sum((influence * np.exp(x) / limit) ** 2),
-            "jac": lambda x: -2.0 * (influence * np.exp(x) / limit) ** 2,
-        },
+        constraints=kept,
         method="SLSQP",
         options={"ftol": 1e-14, "maxiter": 500},
     )
@@ -244,8 +253,67 @@ def test_faults(settings: Settings, place: str) -> None:
 
 
 def test_warnings() -> None:
-    bought = RvTransmissionError(Settings(objectives=("cost", "te_amplitude_arcsec")))
-    assert "adjustment" in bought.warnings()[0]
-    assert plain().warnings() == ()
-    heavy = RvTransmissionError(Settings(parameters={"torque_Nm": 3000.0}))
-    assert "momentary torque" in heavy.warnings()[0]
+    limits = {"peak_mesh_force_N": Bound(high=2500.0)}
+    bought = Settings(objectives=("cost", "te_amplitude_arcsec"), limits=limits)
+    assert "adjustment" in RvTransmissionError(bought).warnings()[0]
+    assert "peak_mesh_force_N is neither" in plain().warnings()[0]
+    sound = Settings(limits=limits)
+    assert RvTransmissionError(sound).warnings() == ()
+    heavy = Settings(limits=limits, parameters={"torque_Nm": 3000.0})
+    assert "momentary torque" in RvTransmissionError(heavy).warnings()[0]
+
+
+# ---------------------------------------------------------------- the convex form
+
+
+def form_values(form: Form, designs: Array) -> Array:
+    """The requirements (n, rows) of a form, by its formula."""
+    spread = np.array([feature.ways[0].spread for feature in form.features])
+    return np.asarray(form.offset + np.sqrt(form.constant + designs[:, :12] ** 2 @ spread**2))
+
+
+def fixed(precision: float, **parameters: float) -> RvTransmissionError:
+    setting = {"precision_weight": VariableSetting(value=precision)}
+    pair = ("cost", "te_amplitude_arcsec")
+    return RvTransmissionError(Settings(parameters, setting, objectives=pair))
+
+
+@pytest.mark.parametrize("precision", [0.0, 5.0])
+def test_form_bounds_the_transmission_error_from_below(precision: float) -> None:
+    problem = fixed(precision, measurement_std_mrad=0.2)
+    form = problem.form()
+    assert form is not None
+    designs = problem.complete(np.random.default_rng(2).uniform(problem.xl, problem.xu, (50, 12)))
+    found, values = searched(problem, designs), form_values(form, designs)
+    te = found["te_amplitude_arcsec"]
+    assert np.all(values[:, 0] <= te)
+    assert np.max(te / values[:, 0]) < 1.25
+    for at, name in enumerate(form.outputs[1:], 1):
+        np.testing.assert_allclose(values[:, at], found[name], rtol=1e-9)
+
+
+def test_form_is_tight_where_the_ellipse_is_round() -> None:
+    problem, level = fixed(5.0), np.full((1, 12), 1.0)
+    form = problem.form()
+    assert form is not None
+    designs = problem.complete(level)
+    te = searched(problem, designs)["te_amplitude_arcsec"]
+    assert form_values(form, designs)[0, 0] == pytest.approx(te[0], rel=0.02)
+
+
+def test_no_form_where_the_precision_weight_is_searched() -> None:
+    assert plain().form() is None
+
+
+@pytest.mark.parametrize("coverage", [0.2, 0.9, 0.9973])
+def test_least_ratio_is_that_of_a_circle_or_a_line(coverage: float) -> None:
+    ends = stats.rayleigh.ppf(coverage) ** 2 / 2.0, stats.halfnorm.ppf(coverage) ** 2
+    assert least_ratio(coverage) == pytest.approx(min(ends), rel=1e-4)
+
+
+def test_front_at_fixed_precision_weight_is_proven_within_a_few_percent() -> None:
+    problem = fixed(5.0)
+    found = search(problem, GDE3(population=60), Budget(evaluations=12_000), 0, engine="array")
+    values = {name: found.f[:, at] for at, name in enumerate(problem.objectives)}
+    gap = proof(problem, values, len(found.f)).gap_percent(values["cost"])
+    assert 0.0 < np.median(gap) < 5.0
