@@ -222,7 +222,7 @@ def test_radius_of_an_elliptic_gaussian() -> None:
     radius = float(radius_quantile(covariance, 0.99))
     law = stats.multivariate_normal(cov=covariance)
     mass, _ = integrate.dblquad(
-        lambda r, phi: r * law.pdf((r * np.cos(phi), r * np.sin(phi))),
+        lambda r, phi: float(r * law.pdf((r * np.cos(phi), r * np.sin(phi)))),
         0.0, 2.0 * np.pi, 0.0, radius, epsabs=1e-9,
     )  # fmt: skip
     assert mass == pytest.approx(0.99, abs=1e-6)
