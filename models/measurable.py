@@ -5,6 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,6 +14,24 @@ from numpy.typing import NDArray
 
 from ..declarations import Output, Parameter, Value, Variable
 from .inputs.distribution import Array, Distribution
+
+
+class Role(StrEnum):
+    """What a column of a measurement table is to an effect."""
+
+    ANGLE = "angle"
+    TORQUE = "torque"
+    FORCE = "force"
+    DIRECTION = "direction"
+    SPEED = "speed"
+    TEMPERATURE = "temperature"
+    TIME = "time"
+    UNIT = "unit"
+    LOT = "lot"
+    PAYLOAD = "payload"
+    POSITION = "position"
+    INPUT = "input"
+    REPEAT = "repeat"
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,15 +43,33 @@ class Column:
     meaning: str
     needed: bool = True
     text: bool = False
+    role: Role = Role.INPUT
+
+
+@dataclass(frozen=True, slots=True)
+class Changeable:
+    """A quantity inside a model that an effect may change; 0 is the model as it stands.
+
+    A quantity that bears the name of an effect (`bearing_clearance_mm`, its unit aside) is where
+    that effect acts in this model.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+
+
+NO_CHANGES: Mapping[str, Any] = MappingProxyType({})
 
 
 class MeasurableModel(ABC):
     """A model that predicts the readings of a measurement table, row by row.
 
     `columns` are its inputs, `free` the parameters that a recalibration may move, each with its
-    tolerance (half-width, in the parameter's unit). It is set up from `parameters` and `designs`
-    (variables by name, in their units; what is left out keeps its default) and the distributions
-    `inputs` of the variables by name.
+    tolerance (half-width, in the parameter's unit), `changeable` what effects may change in it. A
+    model of a `population` draws a unit for each row: it is compared with data as a distribution,
+    not row by row. It is set up from `parameters` and `designs` (variables by name, in their units;
+    what is left out keeps its default) and the distributions `inputs` of the variables by name.
     """
 
     columns: ClassVar[tuple[Column, ...]]
@@ -39,6 +77,8 @@ class MeasurableModel(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     variables: ClassVar[tuple[Variable, ...]] = ()
     free: ClassVar[Mapping[str, float]]
+    changeable: ClassVar[tuple[Changeable, ...]] = ()
+    population: ClassVar[bool] = False
 
     @abstractmethod
     def __init__(
@@ -50,6 +90,12 @@ class MeasurableModel(ABC):
 
     @abstractmethod
     def predict(
-        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator
+        self,
+        table: Mapping[str, NDArray[Any]],
+        rng: np.random.Generator,
+        changes: Mapping[str, Array] = NO_CHANGES,
     ) -> dict[str, Array]:
-        """Every output (n,), in its unit, at the rows of a table of columns (n,)."""
+        """Every output (n,), in its unit, at the rows of a table of columns (n,).
+
+        `changes` holds, by name, what is added to a changeable quantity: a number, or one per row.
+        """

@@ -12,7 +12,7 @@ from ...declarations import Output, Value
 from ...errors import raise_all
 from ...units import MM
 from ..inputs.distribution import Array, Distribution
-from ..measurable import Column, MeasurableModel
+from ..measurable import NO_CHANGES, Column, MeasurableModel, Role
 from . import declared
 from .compensation import compensated
 from .faults import faults
@@ -32,11 +32,11 @@ class ManipulatorPose(MeasurableModel):
     """
 
     columns = (
-        Column("r_mm", "mm", "radius of the pose"),
-        Column("z_mm", "mm", "height of the pose"),
-        Column("phi_deg", "deg", "azimuth of the pose"),
-        Column("payload_kg", "kg", f"payload; {ACTED_ON}", needed=False),
-        Column("temperature_C", "C", f"temperature; {ACTED_ON}", needed=False),
+        Column("r_mm", "mm", "radius of the pose", role=Role.POSITION),
+        Column("z_mm", "mm", "height of the pose", role=Role.POSITION),
+        Column("phi_deg", "deg", "azimuth of the pose", role=Role.ANGLE),
+        Column("payload_kg", "kg", f"payload; {ACTED_ON}", False, role=Role.PAYLOAD),
+        Column("temperature_C", "C", f"temperature; {ACTED_ON}", False, role=Role.TEMPERATURE),
     )
     outputs = (
         Output("dr_mm", "mm", "position error along e_r"),
@@ -66,7 +66,10 @@ class ManipulatorPose(MeasurableModel):
         raise_all(faults(self.machine, declared.task_ring(given)))
 
     def predict(
-        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator
+        self,
+        table: Mapping[str, NDArray[Any]],
+        rng: np.random.Generator,
+        changes: Mapping[str, Array] = NO_CHANGES,
     ) -> dict[str, Array]:
         r, z = np.asarray(table["r_mm"]) * MM, np.asarray(table["z_mm"]) * MM
         pose = (self.machine, r, z, np.radians(table["phi_deg"]), self.errors)

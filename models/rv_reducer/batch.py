@@ -12,7 +12,7 @@ from ...declarations import Output, Value
 from ...errors import refuse
 from ...units import ARCMIN
 from ..inputs.distribution import Array, Distribution
-from ..measurable import Column, MeasurableModel
+from ..measurable import NO_CHANGES, Column, MeasurableModel, Role
 from ..propagation import Term
 from . import declared
 
@@ -26,13 +26,14 @@ class RvBatch(MeasurableModel):
     """
 
     columns = (
-        Column("unit", "", "name or number of the unit", text=True),
-        Column("temperature_C", "C", "temperature of the unit", needed=False),
-        Column("lot", "", "production lot", needed=False, text=True),
+        Column("unit", "", "name or number of the unit", text=True, role=Role.UNIT),
+        Column("temperature_C", "C", "temperature of the unit", False, role=Role.TEMPERATURE),
+        Column("lot", "", "production lot", needed=False, text=True, role=Role.LOT),
     )
     outputs = (Output("backlash_arcmin", "arcmin", "effective backlash of the unit", low=0.0),)
     parameters = declared.PARAMETERS
     variables = declared.VARIABLES
+    population = True
     free: ClassVar[Mapping[str, float]] = {
         f"{v.name.removesuffix('_um')}_mid_um": float(v.document)
         for v in declared.VARIABLES
@@ -56,7 +57,10 @@ class RvBatch(MeasurableModel):
         self.total = self.model.total(declared.allocation(one))
 
     def predict(
-        self, table: Mapping[str, NDArray[Any]], rng: np.random.Generator
+        self,
+        table: Mapping[str, NDArray[Any]],
+        rng: np.random.Generator,
+        changes: Mapping[str, Array] = NO_CHANGES,
     ) -> dict[str, Array]:
         row = _units(table)
         count = int(row.max(initial=-1)) + 1
