@@ -13,7 +13,7 @@ from ...errors import Fault, raise_all
 from ...units import ARCMIN, UM
 from ..measurable import Changeable
 from .loaded_unit import MRAD, LoadedUnit
-from .order_table import NEGLIGIBLE, OrderTable
+from .order_table import LEFT_OUT, OrderTable
 
 Array = NDArray[np.float64]
 
@@ -76,13 +76,57 @@ class Change:
 
 CHANGES = (
     Change("pin_circle_radius_um", "um", "radius of the pin circle", UM, -1.0, 1.0, _pin_circle),
-    Change("equidistance_um", "um", "equidistance modification of both discs", UM, -1.0, 1.0, _equidistance),
-    Change("crank_bearing_um", "um", "radial clearance of the crank bearings", UM, 0.0, 1.0, _bearing),
-    Change("sharing_percent", "percent", "series stiffness of disc 1 above the mean, disc 2 below", 0.01, -2.0, 2.0, _sharing),
-    Change("series_stiffness_percent", "percent", "series stiffness of both discs", 0.01, -2.0, 2.0, _series),
-    Change("eccentric_phase_1_mrad", "mrad", "phase of crank 1's eccentric for disc 1", MRAD, -0.1, 0.1, _phase_1),
-    Change("eccentric_phase_2_mrad", "mrad", "phase of crank 1's eccentric for disc 2", MRAD, -0.1, 0.1, _phase_2),
-    Change("stagger_arcmin", "arcmin", "disc 2 turned against disc 1", ARCMIN, -0.02, 0.02, _stagger),
+    Change(
+        "equidistance_um",
+        "um",
+        "equidistance modification of both discs",
+        UM,
+        -1.0,
+        1.0,
+        _equidistance,
+    ),
+    Change(
+        "crank_bearing_um", "um", "radial clearance of the crank bearings", UM, 0.0, 1.0, _bearing
+    ),
+    Change(
+        "sharing_percent",
+        "percent",
+        "series stiffness of disc 1 above the mean, disc 2 below",
+        0.01,
+        -2.0,
+        2.0,
+        _sharing,
+    ),
+    Change(
+        "series_stiffness_percent",
+        "percent",
+        "series stiffness of both discs",
+        0.01,
+        -2.0,
+        2.0,
+        _series,
+    ),
+    Change(
+        "eccentric_phase_1_mrad",
+        "mrad",
+        "phase of crank 1's eccentric for disc 1",
+        MRAD,
+        -0.1,
+        0.1,
+        _phase_1,
+    ),
+    Change(
+        "eccentric_phase_2_mrad",
+        "mrad",
+        "phase of crank 1's eccentric for disc 2",
+        MRAD,
+        -0.1,
+        0.1,
+        _phase_2,
+    ),
+    Change(
+        "stagger_arcmin", "arcmin", "disc 2 turned against disc 1", ARCMIN, -0.02, 0.02, _stagger
+    ),
 )
 """First order is exact for none of them, but within a few percent for changes of the size of a
 tolerance under load (docs/transmission_error.md)."""
@@ -103,12 +147,12 @@ class Answers:
             change = next(one for one in CHANGES if one.name == name)
             low, high = (self._twist(change, step) for step in (change.low, change.high))
             step = change.high - change.low
-            self._known[name] = high.difference(low, step, NEGLIGIBLE)
+            self._known[name] = high.difference(low, step, LEFT_OUT)
         return self._known[name]
 
     def _twist(self, change: Change, amount: float) -> OrderTable:
         mesh = change.applied(self.unit, amount).mesh(self.samples)
-        return OrderTable.of(mesh, self.most, least=0.0)
+        return OrderTable.of(mesh, self.most, left_out=0.0)
 
     def of(self, changes: Mapping[str, Any], rows: int) -> list[tuple[OrderTable, Array]]:
         """Table and amount (n,) of every change that is not zero.

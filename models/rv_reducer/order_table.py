@@ -15,11 +15,11 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 SOFT = 2.0
 """[N m] Nodes are even in asinh(T/SOFT): dense where the mesh is soft."""
-NODES = 28
+NODES = 24
 TOUCH = 1e-6
 """[N m] in place of no torque, where the stiffness is that of the first pins that bear."""
-NEGLIGIBLE = 1e-3 * ARCMIN / 60.0
-"""[rad] Orders below this at all torques are left out: 0.001 arcsec."""
+LEFT_OUT = 0.1 * ARCMIN / 60.0
+"""[rad] The smallest orders are left out, to this rms of their sum at any torque: 0.1 arcsec."""
 ELEMENTS = 1_000_000
 """Rows times orders that are worked on at once."""
 
@@ -40,7 +40,7 @@ class OrderTable:
     stiffness: Array
 
     @classmethod
-    def of(cls, mesh: Mesh, most: float, least: float = NEGLIGIBLE) -> OrderTable:
+    def of(cls, mesh: Mesh, most: float, left_out: float = LEFT_OUT) -> OrderTable:
         """The table of a mesh over one turn, up to torques of +-`most` [N m]."""
         nodes = np.linspace(0.0, np.arcsinh(most / SOFT), NODES)
         torques = np.maximum(SOFT * np.sinh(nodes), TOUCH)
@@ -53,12 +53,15 @@ class OrderTable:
         stretch = np.array([1.0, -1.0])[:, None, None] * SOFT * np.cosh(nodes)[:, None]
         lines = spectrum(twist)
         slopes = spectrum(stretch / stiffness).amplitude
-        return cls(lines.order, nodes, lines.amplitude, slopes, stiffness.mean(-1)).kept(least)
+        return cls(lines.order, nodes, lines.amplitude, slopes, stiffness.mean(-1)).kept(left_out)
 
-    def kept(self, least: float) -> OrderTable:
-        """The orders that reach `least` at some torque, and the mean."""
-        large = np.abs(self.values).max(axis=(0, 1)) >= least
-        large[0] = True
+    def kept(self, left_out: float) -> OrderTable:
+        """The mean and the largest orders; the rms of the others is `left_out` at most."""
+        power = 0.5 * np.abs(self.values) ** 2
+        power[..., 0] = np.inf
+        upward = np.argsort(power.max(axis=(0, 1)))
+        total = np.cumsum(power[..., upward], axis=-1).max(axis=(0, 1))
+        large = np.sort(upward[np.sqrt(total) > left_out])
         parts = self.order[large], self.nodes, self.values[..., large], self.slopes[..., large]
         return OrderTable(*parts, self.stiffness)
 
@@ -68,10 +71,10 @@ class OrderTable:
             self.order[:1], self.nodes, self.values[..., :1], self.slopes[..., :1], self.stiffness
         )
 
-    def difference(self, other: OrderTable, step: float, least: float) -> OrderTable:
-        """(self - other)/step, of tables that hold all orders; `least` as for the twist itself."""
+    def difference(self, other: OrderTable, step: float, left_out: float) -> OrderTable:
+        """(self - other)/step, of tables that hold all orders; `left_out` as in `kept`."""
         values, slopes = self.values - other.values, self.slopes - other.slopes
-        found = OrderTable(self.order, self.nodes, values, slopes, self.stiffness).kept(least)
+        found = OrderTable(self.order, self.nodes, values, slopes, self.stiffness).kept(left_out)
         return OrderTable(
             found.order, found.nodes, found.values / step, found.slopes / step, found.stiffness
         )
@@ -89,7 +92,7 @@ class OrderTable:
         """Mean tangent stiffness (n,) [N m/rad] at torques (n,)."""
         node = np.arcsinh(np.abs(torque) / SOFT)
         both = [np.interp(node, self.nodes, one) for one in self.stiffness]
-        return np.where(side == 0, *both)
+        return np.asarray(np.where(side == 0, both[0], both[1]))
 
     def amplitudes(self, torque: Array, side: NDArray[np.intp]) -> ComplexArray:
         """Amplitudes (n, m) [rad] at torques (n,) [N m] on the side (n,) 0 or 1."""

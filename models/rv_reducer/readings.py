@@ -18,16 +18,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Columns (n,) of a table in SI; None where the table has no such column.
+    """Columns (n,) of a table in SI; `speed` and `direction` are None where there are none.
 
-    `angle` [rad], `torque` [N m], `speed` [rad/s], `direction` (+1, -1).
+    `angle` [rad] and `torque` [N m] are zero where there are none, `speed` is in rad/s, `direction`
+    +1 or -1; `angled` says whether the table has angles.
     """
 
-    count: int
-    angle: Array | None
-    torque: Array | None
+    angle: Array
+    torque: Array
     speed: Array | None
     direction: Array | None
+    angled: bool
+
+    def __len__(self) -> int:
+        return len(self.angle)
 
     @classmethod
     def of(cls, table: Mapping[str, NDArray[Any]]) -> Rows:
@@ -35,13 +39,14 @@ class Rows:
         names = ("output_angle_deg", "torque_Nm", "output_speed_rpm", "direction")
         found = {n: np.asarray(table[n], dtype=float) for n in names if n in table}
         raise_all(_faults(found))
-        angle, torque, speed, direction = (found.get(name) for name in names)
+        count = len(next(iter(table.values()))) if table else 0
+        speed = found.get("output_speed_rpm")
         return cls(
-            count=len(next(iter(table.values()))) if table else 0,
-            angle=None if angle is None else np.radians(angle),
-            torque=torque,
+            angle=np.radians(found.get("output_angle_deg", np.zeros(count))),
+            torque=found.get("torque_Nm", np.zeros(count)),
             speed=None if speed is None else speed * (2.0 * np.pi / 60.0),
-            direction=direction,
+            direction=found.get("direction"),
+            angled="output_angle_deg" in found,
         )
 
 

@@ -14,22 +14,20 @@ from ...errors import raise_all
 from ...units import ARCMIN, MM, UM
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Role
-from . import loaded_unit
+from . import declared, loaded_unit
 from .changes import CHANGEABLE, Answers
 from .dynamics.contact_mesh import tabulated
 from .dynamics.displaced import DisplacedMesh
 from .dynamics.full import FullDynamics
 from .dynamics.steady import Oscillator, transfer
 from .dynamics.train import Train
-from .order_table import NEGLIGIBLE, ComplexArray, OrderTable
+from .order_table import LEFT_OUT, ComplexArray, OrderTable
 from .readings import Rows, warn_of_overload
 
 ARCSEC = ARCMIN / 60.0
 SAMPLES_PER_PIN = 100
 REACH = 1.25
 """The tables go to so many momentary torques, and straight on beyond."""
-
-_TRAIN = Train()
 
 
 def _inertia(name: str, default: float, meaning: str) -> Parameter:
@@ -43,7 +41,7 @@ def _reading(name: str, unit: str, meaning: str, high: float) -> Parameter:
 
 
 OWN: tuple[Parameter, ...] = (
-    next(one for one in loaded_unit.declared.PARAMETERS if one.name == "sun_pitch_radius_mm"),
+    next(one for one in declared.PARAMETERS if one.name == "sun_pitch_radius_mm"),
     _reading("sun_runout_um", "um", "runout of the sun (twice its eccentricity), as seen by one "
              "planet", 200.0),
     _reading("sun_runout_phase_deg", "deg", "where in a turn of the sun it advances most", 360.0),
@@ -109,7 +107,7 @@ class RvTransmission(MeasurableModel):
         most = REACH * self.momentary
         mesh = self.unit.mesh(self.samples)
         excitation = _excitation(p, self.unit)
-        self.static = OrderTable.of(mesh, most, NEGLIGIBLE).plus(excitation)
+        self.static = OrderTable.of(mesh, most, LEFT_OUT).plus(excitation)
         self.train = self._scaled(train, p["first_mode_Hz"])
         self.answers = Answers(self.unit, self.samples, most)
         self.full: FullDynamics | None = None
@@ -126,33 +124,27 @@ class RvTransmission(MeasurableModel):
         changes: Mapping[str, Array] = NO_CHANGES,
     ) -> dict[str, Array]:
         rows = Rows.of(table)
-        assert rows.angle is not None
-        torque = np.zeros(rows.count) if rows.torque is None else rows.torque
-        direction = np.ones(rows.count) if rows.direction is None else rows.direction
-        warn_of_overload(torque, self.momentary)
-        side = np.where(np.where(torque == 0.0, direction, torque) > 0.0, 0, 1)
+        warn_of_overload(rows.torque, self.momentary)
+        direction = np.ones(len(rows)) if rows.direction is None else rows.direction
+        side = np.where(np.where(rows.torque == 0.0, direction, rows.torque) > 0.0, 0, 1)
         speed = None if rows.speed is None else rows.speed * direction
         if self.full is None or speed is None:
-            te = self._twist(self.static, rows.angle, torque, side, speed)
+            te = self._twist(self.static, rows, side, speed)
         else:
-            te = self.full.twist(rows.angle, torque, speed)
-        for answer, amount in self.answers.of(changes, rows.count):
-            te = te + amount * self._twist(answer, rows.angle, torque, side, speed)
+            te = self.full.twist(rows.angle, rows.torque, speed)
+        for answer, amount in self.answers.of(changes, len(rows)):
+            te = te + amount * self._twist(answer, rows, side, speed)
         if self.removed:
-            te = te - self.static.mean_only().twist(rows.angle, torque, side, None)
+            te = te - self.static.mean_only().twist(rows.angle, rows.torque, side, None)
         te = te + self.eccentricity * np.cos(rows.angle - self.largest_at)
         return {"te_arcsec": te / ARCSEC}
 
     def _twist(
-        self,
-        orders: OrderTable,
-        angle: Array,
-        torque: Array,
-        side: NDArray[np.intp],
-        speed: Array | None,
+        self, orders: OrderTable, rows: Rows, side: NDArray[np.intp], speed: Array | None
     ) -> Array:
-        factor = None if speed is None else self._factor(orders.order, torque, side, speed)
-        return orders.twist(angle, torque, side, factor)
+        """Twist (n,) [rad]: quasi-static, or with every order times its transfer function."""
+        factor = None if speed is None else self._factor(orders.order, rows.torque, side, speed)
+        return orders.twist(rows.angle, rows.torque, side, factor)
 
     def _factor(
         self, order: Array, torque: Array, side: NDArray[np.intp], speed: Array

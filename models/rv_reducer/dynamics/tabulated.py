@@ -23,8 +23,8 @@ class TabulatedMesh:
     """Torque and its slope per node (m, n) at twists `scale` sinh(`nodes`), `nodes` even steps.
 
     Cubic between the nodes, by values and slopes; the slopes are limited as by Fritsch and Carlson
-    (1980), so that the torque rises as the mesh's does. Beyond the nodes it goes on straight. `peak` is asked
-    at the output angles that the table was made for, every `stride`-th of those it has now.
+    (1980), so that the torque rises as the mesh's does. Beyond the nodes it goes on straight. What
+    `peak` is asked for are the output angles that it was made for: every `stride`-th of those here.
     """
 
     scale: float
@@ -35,9 +35,7 @@ class TabulatedMesh:
     stride: int = 1
 
     @classmethod
-    def of(
-        cls, loads: Loads, peak: Peak, scale: float, reach: float, count: int
-    ) -> TabulatedMesh:
+    def of(cls, loads: Loads, peak: Peak, scale: float, reach: float, count: int) -> TabulatedMesh:
         """The table of `loads` at `count` twists up to +-`reach` [rad], densest within `scale`."""
         nodes = np.linspace(-1.0, 1.0, count) * np.arcsinh(reach / scale)
         torque, stiffness = loads(scale * np.sinh(nodes)[:, None])
