@@ -77,6 +77,40 @@ def split_unit(name: str) -> tuple[str, str]:
     return (stem, last) if stem and last in SUFFIXES else (name, "")
 
 
+def dimension(unit: str) -> str:
+    """The physical dimension that `unit` measures, empty for a plain number.
+
+    Raises ValueError where the unit is not known.
+    """
+    return _parsed(unit)[1]
+
+
+def factor(unit: str, wanted: str) -> tuple[float, float]:
+    """Scale and offset that take a number from `unit` to `wanted`: scale * number + offset.
+
+    Raises ValueError where the units are not known or do not fit.
+    """
+    if dimension(unit) != dimension(wanted):
+        raise ValueError(f'"{unit}" does not fit "{wanted}"')
+    registry = _registry()
+    at = [registry.Quantity(x, _parsed(unit)[0]).to(_parsed(wanted)[0]).magnitude for x in (0, 1)]
+    return float(at[1] - at[0]), float(at[0])
+
+
+@lru_cache(maxsize=256)
+def _parsed(unit: str) -> tuple[str, str]:
+    """What pint calls `unit`, and its dimension; angles have one of their own."""
+    from pint.errors import PintError
+
+    name = _PINT_NAMES.get(unit, "dimensionless" if unit == "1" else unit)
+    try:
+        base = _registry().Quantity(1.0, name).to_base_units().units
+    except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
+        raise ValueError(f'"{unit}" is not a unit; write "mm", "N m", "rad", "rpm", ...') from error
+    text = str(base)
+    return name, "" if text == "dimensionless" else text
+
+
 def family(unit: str) -> tuple[str, float]:
     """The base unit that `unit` measures ("meter", "radian", empty for a plain number), and how
     many of it one is.
