@@ -106,6 +106,11 @@ class Scored:
         return len(wrong) + max(len(right) - len(self.told), 0)
 
     @property
+    def nothing_like_it(self) -> bool:
+        """Whether every name of the library leaves something of a cause that it does not have."""
+        return all(len(one.names) == 1 for one in self.told)
+
+    @property
     def all_named(self) -> bool:
         """Each hidden effect named by its own or by an untold name, its twins declared."""
         if not self.said.named:
@@ -117,11 +122,6 @@ class Scored:
                 return False
             left.remove(match[0])
         return True
-
-
-def scored(truth: Truth, found: Mapping[str, Any]) -> Scored:
-    known = () if truth.outside else truth.hidden
-    return Scored(truth, tuple(told(truth, one) for one in known), verdict(found))
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ def figures(records: Sequence[Scored]) -> list[Figure]:
     single = [*by["good"], *by["poor"]]
     sets = [one for one in single if one.said.named]
     named = [one for one in (*single, *by["pair"]) if one.said.named and one.all_named]
-    untold = [one for one in by["outside"] if nothing_like_it(one.truth)]
+    untold = [one for one in by["outside"] if one.nothing_like_it]
     changed = [*by["size"], *by["delay"]]
 
     def rate(of: Sequence[Scored], hit: Callable[[Scored], bool]) -> list[bool]:
@@ -231,8 +231,3 @@ def rightly(one: Scored) -> bool:
 
 def holds_truth(one: Scored) -> bool:
     return set(one.truth.names) <= one.said.reported
-
-
-def nothing_like_it(truth: Truth) -> bool:
-    """Whether every name of the library leaves something of a cause that it does not have."""
-    return len(told(truth, truth.hidden[0]).names) == 1
