@@ -1,4 +1,4 @@
-"""Result records of `tolevo gap`: one per stage of its loop, and the whole that reports are drawn from.
+"""Result records of `tolevo gap`: one per stage of its loop, and the whole.
 
 Every record prints as one plain sentence. Amounts are in the unit of the output they speak of,
 except where they are said to be in noise units (divided by the standard deviation of the noise).

@@ -69,8 +69,8 @@ class Section:
     def __contains__(self, key: str) -> bool:
         return key in self._table
 
-    def keys(self) -> list[str]:
-        """Every key of the table, as a list that a section of free names is read by."""
+    def names_given(self) -> list[str]:
+        """Every key of the table: how a table whose keys are free is read."""
         return list(self._table)
 
     def place(self, key: str = "") -> str:

@@ -63,10 +63,9 @@ def to_unit(text: str, unit: str) -> float:
     match = _QUANTITY.match(text)
     if match is None or bool(match[2]) != bool(unit):
         raise ValueError(f'must be a number or {wanted}, got "{text}"')
-    given = _PINT_NAMES.get(match[2], match[2])
     try:
-        quantity = _registry().Quantity(float(match[1]), given)
-        return float(quantity.to(_PINT_NAMES.get(unit, unit)).magnitude)
+        quantity = _registry().Quantity(float(match[1]), pint_unit(match[2]))
+        return float(quantity.to(pint_unit(unit)).magnitude)
     except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
         raise ValueError(f'must be a number or {wanted}, got "{text}"') from error
 
@@ -78,37 +77,47 @@ def split_unit(name: str) -> tuple[str, str]:
 
 
 def dimension(unit: str) -> str:
-    """The physical dimension that `unit` measures, empty for a plain number.
+    """The base unit of the physical dimension that `unit` measures, empty for a plain number.
 
     Raises ValueError where the unit is not known.
     """
-    return _parsed(unit)[1]
-
-
-def factor(unit: str, wanted: str) -> tuple[float, float]:
-    """Scale and offset that take a number from `unit` to `wanted`: scale * number + offset.
-
-    Raises ValueError where the units are not known or do not fit.
-    """
-    if dimension(unit) != dimension(wanted):
-        raise ValueError(f'"{unit}" does not fit "{wanted}"')
-    registry = _registry()
-    at = [registry.Quantity(x, _parsed(unit)[0]).to(_parsed(wanted)[0]).magnitude for x in (0, 1)]
-    return float(at[1] - at[0]), float(at[0])
-
-
-@lru_cache(maxsize=256)
-def _parsed(unit: str) -> tuple[str, str]:
-    """What pint calls `unit`, and its dimension; angles have one of their own."""
     from pint.errors import PintError
 
-    name = _PINT_NAMES.get(unit, "dimensionless" if unit == "1" else unit)
     try:
-        base = _registry().Quantity(1.0, name).to_base_units().units
+        name = pint_unit("" if unit == "1" else unit)
+        text = str(_registry().Quantity(1.0, name).to_base_units().units)
     except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
         raise ValueError(f'"{unit}" is not a unit; write "mm", "N m", "rad", "rpm", ...') from error
-    text = str(base)
-    return name, "" if text == "dimensionless" else text
+    return "" if text == "dimensionless" else text
+
+
+def unit_key(unit: str) -> str:
+    """A unit as names of parameters end with it: `arcsec_per_Nm` of "arcsec/Nm"."""
+    words = re.sub(r"\s+", "_", unit.strip())
+    words = re.sub(r"^1/", "per_", words).replace("/", "_per_")
+    return re.sub(r"\W+", "", words)
+
+
+def converted(values: Any, unit: str, to: str) -> Any:
+    """Numbers or an array of them in `unit`, in the unit `to`.
+
+    Raises ValueError where the units are not of one kind.
+    """
+    from pint.errors import PintError
+
+    if unit == to:
+        return values
+    try:
+        return _registry().Quantity(values, pint_unit(unit)).to(pint_unit(to)).magnitude
+    except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
+        raise ValueError(f'"{unit}" is not a unit that can be stated in {to}') from error
+
+
+def pint_unit(unit: str) -> str:
+    """A unit as pint reads it: there "Nm" is a nanometre and "C" a coulomb."""
+    if unit in _PINT_NAMES:
+        return _PINT_NAMES[unit]
+    return re.sub(r"\bNm\b", "(newton * meter)", unit)
 
 
 def family(unit: str) -> tuple[str, float]:

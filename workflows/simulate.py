@@ -9,15 +9,23 @@ import pandas as pd
 
 from .. import tables
 from ..errors import Fault, raise_all
+from ..models.effects.compose import Active, predicted
 from ..models.measurable import MeasurableModel
 
 ALWAYS_ALLOWED = ("time_s", "repeat")
 
 
 def simulate(
-    model: MeasurableModel, path: Path, out: Path, seed: int = 0
+    model: MeasurableModel,
+    path: Path,
+    out: Path,
+    seed: int = 0,
+    name: str = "",
+    effects: tuple[Active, ...] = (),
 ) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """The inputs in `path` with the predicted outputs beside them, written to `out`.
+
+    `effects` are active in the model `name`.
 
     Also returns what the user should know: optional columns that are missing. Raises InputError
     with every fault of the table; nothing is written then.
@@ -26,8 +34,7 @@ def simulate(
     frame, faults = _inputs(model, tables.read(path, place), place)
     raise_all(faults)
     table = {str(name): frame[name].to_numpy() for name in frame}
-    predicted = model.predict(table, np.random.default_rng(seed))
-    found = frame.assign(**predicted)
+    found = frame.assign(**predicted(model, name, table, effects, np.random.default_rng(seed)))
     tables.write(found, out)
     notes = tuple(
         f"{place}: no column {c.name} (optional: {c.meaning}); the model's nominal value is taken"

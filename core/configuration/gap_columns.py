@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..section import Section
 from ..units import dimension
-from ..workflows.gap.plan import ROLE_UNITS, ROLES, ColumnRole
+from ..workflows.gap.plan import ROLE_UNITS, ROLES, ColumnRole, output_of
 
 PLAIN = ("unit", "lot", "repeat", "direction", "ignore")
 """Roles without a unit: labels, signs and counts."""
@@ -17,7 +17,7 @@ def read_columns(top: Section, table: bool) -> dict[str, ColumnRole]:
         if "columns" in top:
             top.fault("columns", 'is only for model = "table": a model knows its columns')
         return {}
-    names = section.keys()
+    names = section.names_given()
     found = {name: _column(section.section(name)) for name in names}
     given = {name: column for name, column in found.items() if column is not None}
     if not names:
@@ -79,14 +79,3 @@ def _same(section: Section, name: str, output: str, columns: dict[str, ColumnRol
             section.section(name).fault("unit", text)
     except ValueError:
         return  # the unknown unit is reported where it stands
-
-
-def output_of(name: str, columns: dict[str, ColumnRole]) -> str | None:
-    """The measured column that a predicted or std column belongs to, None where it is not clear."""
-    measured = [n for n, column in columns.items() if column.role == "measured"]
-    if columns[name].of:
-        return columns[name].of if columns[name].of in measured else None
-    suffix = {"predicted": "_predicted", "std": "_std"}[columns[name].role]
-    if name.removesuffix(suffix) in measured:
-        return name.removesuffix(suffix)
-    return measured[0] if len(measured) == 1 else None

@@ -13,7 +13,7 @@ from ...errors import refuse
 from ...units import ARCMIN
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Role
-from ..propagation import Term
+from ..propagation import Convolution, Term
 from . import declared
 
 
@@ -67,6 +67,10 @@ class RvBatch(MeasurableModel):
         cycloid = drawn(self.total.clipped, count, rng)
         effective = np.maximum(cycloid, 0.0) + drawn(self.total.free, count, rng)
         return {"backlash_arcmin": effective[row] / ARCMIN}
+
+    def means(self) -> Mapping[str, float]:
+        exact = Convolution().propagate(self.total, 0.9973, ARCMIN)
+        return {"backlash_arcmin": float(exact.mean.value[0]) / ARCMIN}
 
 
 def _units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:

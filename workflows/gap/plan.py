@@ -76,3 +76,14 @@ class GapPlan:
     rebuild: Callable[[Mapping[str, Any]], MeasurableModel] | None = None
     tables: Mapping[str, Any] = field(default_factory=dict)
     configuration: str = ""
+
+
+def output_of(name: str, columns: Mapping[str, ColumnRole]) -> str | None:
+    """The measured column that a predicted or std column belongs to, None where it is not clear."""
+    measured = [n for n, column in columns.items() if column.role == "measured"]
+    if columns[name].of:
+        return columns[name].of if columns[name].of in measured else None
+    suffix = {"predicted": "_predicted", "std": "_std"}[columns[name].role]
+    if name.removesuffix(suffix) in measured:
+        return name.removesuffix(suffix)
+    return measured[0] if len(measured) == 1 else None

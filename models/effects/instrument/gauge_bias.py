@@ -1,0 +1,25 @@
+"""An instrument that reads too much or too little."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ..effect import INSTRUMENT, Readings, Target
+from ..shapes import OneColumn, Weight
+
+
+class GaugeBias(OneColumn):
+    """A constant that the instrument adds."""
+
+    name, family = "gauge_bias", INSTRUMENT
+    cause = "The instrument's zero is off."
+    formula = "c"
+    mistaken_for = ("process_mean_shift", "lot_offset")
+    weight = Weight("offset", "c, what the instrument adds", low=-inf)
+
+    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+        return np.ones(len(readings))

@@ -1,0 +1,28 @@
+"""Friction in proportion to the speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import SPEED, Readings, Target
+from ..shapes import OneColumn, Weight, speed_unit
+
+
+class ViscousFriction(OneColumn):
+    """Friction in proportion to the speed."""
+
+    name, family = "viscous_friction", SPEED
+    cause = "Grease is sheared, and holds the output back in proportion to the speed."
+    formula = "a v d"
+    needs = (Role.SPEED, Role.DIRECTION)
+    mistaken_for = ("read_out_lag", "windage", "friction_hysteresis")
+
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        return (Weight("rate", "a, per unit of speed", speed_unit(target)),)
+
+    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+        return np.asarray(readings[Role.SPEED] * readings[Role.DIRECTION])

@@ -1,0 +1,26 @@
+"""Backlash that grows with time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import TIME, Readings, Target
+from ..shapes import OneColumn, Weight
+
+
+class Wear(OneColumn):
+    """Backlash that grows with time."""
+
+    name, family = "wear", TIME
+    cause = "Flanks wear, and the gap between there and back opens."
+    formula = "a t d"
+    needs = (Role.TIME, Role.DIRECTION)
+    mistaken_for = ("drift", "friction_hysteresis", "clock_drift")
+    weight = Weight("rate", "a, half of the gap per second", "s")
+
+    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+        return np.asarray(readings[Role.TIME] * readings[Role.DIRECTION])
