@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.gap_trial.records import GROUPS
+from tests.gap_trial.records import BENCH_GROUPS, GROUPS
 from tests.gap_trial.scorer import Scored, figures
 from tests.gap_trial.trial import NAMERS, WORKFLOW, line, printed, scored
 
@@ -32,7 +32,7 @@ def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--records", type=int, default=30, help="of each group")
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
-    parser.add_argument("--groups", nargs="*", default=list(GROUPS), choices=list(GROUPS))
+    parser.add_argument("--groups", nargs="*", default=list(BENCH_GROUPS), choices=list(GROUPS))
     parser.add_argument("--namers", nargs="*", default=[WORKFLOW], choices=list(NAMERS))
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, default=Path("runs/gap_trial.jsonl"))

@@ -11,7 +11,8 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LassoCV
 
-from tests.gap_trial.records import OUTPUTS, Record, Truth
+from tests.gap_trial.kinds import KINDS
+from tests.gap_trial.records import Record, Truth
 from tests.gap_trial.rivals import RIVALS, Rival, least_left, without
 from tests.gap_trial.tables import Array
 
@@ -28,7 +29,7 @@ def said(names: list[str], after: float) -> dict[str, Any]:
 
 
 def residual(record: Record, truth: Truth) -> Array:
-    output = OUTPUTS[truth.kind][0]
+    output = KINDS[truth.kind].outputs[0]
     return (record.table[output] - record.table[f"{output}_predicted"]).to_numpy(dtype=float)
 
 

@@ -24,7 +24,7 @@ def friction_hysteresis(rng: np.random.Generator, at: Points) -> Injected:
     half = rng.uniform(0.03, 0.2) * at.largest_torque
     limits = half * rng.uniform(0.92, 1.08, 4)
     c = rng.uniform(0.0005, 0.003)
-    return Injected(-c * maxwell_slip(at.torque, limits), {"c": c, "w": half})
+    return Injected(-c * maxwell_slip(at.torque, limits))
 
 
 def in_arcmin(mechanism: Mechanism) -> Mechanism:
@@ -32,8 +32,7 @@ def in_arcmin(mechanism: Mechanism) -> Mechanism:
 
     def scaled(rng: np.random.Generator, at: Points) -> Injected:
         found = mechanism(rng, at)
-        numbers = {name: value / 60.0 for name, value in found.numbers.items() if name != "T0"}
-        return Injected(found.added / 60.0, numbers, found.beside)
+        return Injected(found.added / 60.0, found.beside)
 
     return scaled
 

@@ -7,7 +7,7 @@ shared with the models and effects of the project.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,12 +18,9 @@ ARCSEC = np.pi / 648000.0
 
 @dataclass(frozen=True)
 class Injected:
-    """What a mechanism adds (n,), its amplitude by the formula of the notes (where it has one that
-    is compared), and the names that may stand beside it.
-    """
+    """What a mechanism adds (n,), and the names that may stand beside its own."""
 
     added: Array
-    numbers: dict[str, float] = field(default_factory=dict)
     beside: tuple[str, ...] = ()
 
 
@@ -42,7 +39,7 @@ def torsional_compliance(rng: np.random.Generator, at: Points) -> Injected:
     stiffness, s = at.largest_torque / largest, rng.uniform(0.0, 0.03)
     twist = inverse(lambda x: stiffness * x * (1.0 + s * (x / largest) ** 2), at.torque,
                     1.2 * largest)  # fmt: skip
-    return Injected(twist, {"per_torque": 1.0 / stiffness})
+    return Injected(twist)
 
 
 def hertz_stiffening(rng: np.random.Generator, at: Points) -> Injected:
@@ -50,13 +47,13 @@ def hertz_stiffening(rng: np.random.Generator, at: Points) -> Injected:
     k = at.largest_torque / rng.uniform(2.0, 40.0) ** 1.5
     reach = 1.2 * (at.largest_torque / k) ** (2.0 / 3.0)
     twist = inverse(lambda x: k * np.sign(x) * np.abs(x) ** 1.5, at.torque, reach)
-    return Injected(twist, {"c": k ** (-2.0 / 3.0)})
+    return Injected(twist)
 
 
 def lost_motion(rng: np.random.Generator, at: Points) -> Injected:
     """Free play, taken up on the flank that the torque loads; oil holds it near zero."""
     half, oil = rng.uniform(2.0, 30.0), 0.003 * at.largest_torque
-    return Injected(half * np.tanh(at.torque / oil), {"c": half})
+    return Injected(half * np.tanh(at.torque / oil))
 
 
 def bearing_clearance(rng: np.random.Generator, at: Points) -> Injected:
@@ -70,14 +67,14 @@ def bearing_clearance(rng: np.random.Generator, at: Points) -> Injected:
         pressed -= onset * np.logaddexp(0.0, -half / onset)
         return taken_up * x / half + race * np.sign(x) * pressed
 
-    return Injected(inverse(force, at.torque, 1.5 * half), {"c": half, "T0": taken_up})
+    return Injected(inverse(force, at.torque, 1.5 * half))
 
 
 def friction_hysteresis(rng: np.random.Generator, at: Points) -> Injected:
     """Dry friction that each reading approaches over a few presliding lengths (Dahl)."""
     a = rng.uniform(2.0, 20.0)
     lengths = rng.uniform(5.0, 12.0, len(at))
-    return Injected(a * at.direction * (1.0 - 2.0 * np.exp(-lengths)), {"a": a})
+    return Injected(a * at.direction * (1.0 - 2.0 * np.exp(-lengths)))
 
 
 def load_sharing(rng: np.random.Generator, at: Points) -> Injected:
@@ -149,26 +146,26 @@ def structural_resonance(rng: np.random.Generator, at: Points) -> Injected:
     response = 1.0 / (1.0 - ratio**2 + 2j * rng.uniform(0.02, 0.06) * ratio)
     phase = order * at.angle + rng.uniform(0.0, 2.0 * np.pi)
     moving = np.abs(response) * np.cos(phase + at.direction * np.angle(response))
-    return Injected(rng.uniform(0.5, 3.0) * moving, {"Hz": own}, (EXCITED[order],))
+    return Injected(rng.uniform(0.5, 3.0) * moving, (EXCITED[order],))
 
 
 def viscous_friction(rng: np.random.Generator, at: Points) -> Injected:
     """Oil drag winds the unit up in proportion to its speed."""
     a = rng.uniform(0.05, 1.0)
-    return Injected(a * at.speed * at.direction, {"a": a})
+    return Injected(a * at.speed * at.direction)
 
 
 def windage(rng: np.random.Generator, at: Points) -> Injected:
     """Churned oil: a drag with the square of the speed."""
     a = rng.uniform(0.001, 0.02)
-    return Injected(a * at.speed * np.abs(at.speed) * at.direction, {"a": a})
+    return Injected(a * at.speed * np.abs(at.speed) * at.direction)
 
 
 def read_out_lag(rng: np.random.Generator, at: Points) -> Injected:
     """The output is sampled late: it has moved on by then."""
     late = rng.uniform(2e-6, 1e-4)
     output = at.direction * at.speed * 2.0 * np.pi / 60.0
-    return Injected((output * 100.0 - output * (100.0 - late)) / ARCSEC, {"s": late})
+    return Injected((output * 100.0 - output * (100.0 - late)) / ARCSEC)
 
 
 def differential_thermal_expansion(rng: np.random.Generator, at: Points) -> Injected:
@@ -195,7 +192,7 @@ def wear(rng: np.random.Generator, at: Points) -> Injected:
 def drift(rng: np.random.Generator, at: Points) -> Injected:
     """The zero of the read-out walks."""
     a = rng.uniform(2.0, 30.0) / at.time[-1]
-    return Injected(a * at.time, {"a": a})
+    return Injected(a * at.time)
 
 
 def creep(rng: np.random.Generator, at: Points) -> Injected:

@@ -10,14 +10,17 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 
+from tests.gap_trial.assemblies import Faults, departure
+from tests.gap_trial.populations import Units
 from tests.gap_trial.tables import Array, Points
 
-Columns = Callable[[Points, Array], Array]
-"""Columns (n, m) at nonlinear parameters (p,)."""
+Columns = Callable[[Any, Array], Array]
+"""Columns (n, m) at points and nonlinear parameters (p,)."""
 ORDERS_OF_RESONANCE = (39.0, 40.0, 78.0, 80.0, 120.0, 121.0)
 
 
@@ -133,15 +136,54 @@ RESONANT = tuple(
 )  # fmt: skip
 HYSTERESIS = Rival("friction_hysteresis", flipped(lambda at, _: np.ones(len(at))))
 LOOP = Rival("friction_hysteresis", play_less_torque, fixed((0.02, 0.05, 0.1, 0.15, 0.2, 0.3)))
+ROTATING_RIVALS = (*LOADED, *TIMED, *FLIPPED, EXPANSION, *ANGLES, *RESONANT, HYSTERESIS)
+LOCKED_RIVALS = (*LOADED, *TIMED, FLIPPED[-1], EXPANSION, LOOP)
+
+
+def of_lots(at: Units, _: Array) -> Array:
+    return np.asarray(at.lot[:, None] == np.arange(1, at.lot.max() + 1), dtype=float)
+
+
+BATCH_RIVALS = (
+    *(
+        Rival(name, lambda at, _: np.ones((len(at), 1)), either_sign=True)
+        for name in ("process_mean_shift", "gauge_bias")
+    ),
+    Rival("tool_wear_drift", lambda at, _: at.number[:, None], either_sign=True),
+    Rival("spread_inflation", lambda at, _: (at.drawn - at.drawn.mean())[:, None]),
+    *(Rival(name, of_lots, either_sign=True) for name in ("lot_offset", "lot_mixture")),
+    Rival("differential_thermal_expansion", lambda at, _: at.tau[:, None], either_sign=True),
+)
+
+
+def tangent(fault: str) -> Columns:
+    """What a little of a fault of the assembly adds, per unit of it."""
+    return lambda at, _: departure(at, Faults(**{fault: 1e-4}))[:, None] / 1e-4
+
+
+ASSEMBLY_RIVALS = (
+    Rival("adjustment_gain", tangent("gain"), either_sign=True),
+    Rival("chain_coupling", tangent("coupling"), either_sign=True),
+    Rival("springback", tangent("back")),
+    Rival("adjustment_backlash", lambda at, p: departure(at, Faults(play=float(p[0])))[:, None],
+          fixed(tuple(np.geomspace(0.02, 1.0, 15).tolist())), linear=0),
+)  # fmt: skip
 RIVALS: dict[str, tuple[Rival, ...]] = {
-    "rotating": (*LOADED, *TIMED, *FLIPPED, EXPANSION, *ANGLES, *RESONANT, HYSTERESIS),
-    "lost_motion": (*LOADED, *TIMED, FLIPPED[-1], EXPANSION, LOOP),
+    "rotating": ROTATING_RIVALS,
+    "rv_transmission": ROTATING_RIVALS,
+    "lost_motion": LOCKED_RIVALS,
+    "rv_lost_motion": LOCKED_RIVALS,
+    "rv_batch": BATCH_RIVALS,
+    "assembly": ASSEMBLY_RIVALS,
 }
 
 
 @lru_cache(maxsize=8)
 def basis_of(key: bytes, rows: int) -> Array:
+    """Orthonormal basis of the columns that the bytes are."""
     free = np.frombuffer(key).reshape(rows, -1)
+    if free.shape[1] == 0:
+        return free
     vectors, values, _ = np.linalg.svd(free / np.linalg.norm(free, axis=0), full_matrices=False)
     return vectors[:, values > 1e-9 * values[0]]
 
@@ -152,7 +194,7 @@ def without(free: Array, what: Array) -> Array:
     return np.asarray(what - basis @ (basis.T @ what))
 
 
-def left_at(rival: Rival, p: Array, at: Points, free: Array, what: Array) -> float:
+def left_at(rival: Rival, p: Array, at: Any, free: Array, what: Array) -> float:
     """Squares of `what` (n,), already without `free`, that the rival leaves at p."""
     columns = without(free, rival.columns(at, p))
     if columns.shape[1] == 1:
@@ -164,7 +206,7 @@ def left_at(rival: Rival, p: Array, at: Points, free: Array, what: Array) -> flo
     return float(((what - columns @ solved) ** 2).sum())
 
 
-def least_left(rival: Rival, at: Points, free: Array, what: Array) -> tuple[float, Array]:
+def least_left(rival: Rival, at: Any, free: Array, what: Array) -> tuple[float, Array]:
     """The least that the rival leaves, its nonlinear parameters fitted, and where."""
     what = without(free, what)
     starts = list(rival.starts())

@@ -194,8 +194,8 @@ def falsely_named(one: Scored) -> bool:
 
 def figures(records: Sequence[Scored]) -> list[Figure]:
     """Every figure of the table, in its order."""
-    by = {group: [one for one in records if one.truth.group == group] for group in
-          ("clean", "good", "poor", "pair", "outside", "size", "delay")}  # fmt: skip
+    words = ("clean", "good", "poor", "pair", "outside", "size", "delay")
+    by = {word: [one for one in records if one.truth.group.split()[-1] == word] for word in words}
     single = [*by["good"], *by["poor"]]
     sets = [one for one in single if one.said.named]
     named = [one for one in (*single, *by["pair"]) if one.said.named and one.all_named]

@@ -105,6 +105,13 @@ def loops(rng: np.random.Generator, n: int, poor: str | None) -> Points:
     return Points(**at)
 
 
+NAMES = {
+    "rotating": ("output_angle_deg", "torque_Nm", "output_speed_rpm", "temperature_C", "direction",
+                 "time_s"),
+    "lost_motion": ("torque_Nm", "direction", "output_angle_deg", "temperature_C", "time_s"),
+}  # fmt: skip
+
+
 def as_columns(at: Points, kind: str) -> dict[str, NDArray[Any]]:
     """The columns of a measurement table, in the units of its file."""
     found = {
@@ -115,6 +122,4 @@ def as_columns(at: Points, kind: str) -> dict[str, NDArray[Any]]:
         "direction": at.direction,
         "time_s": at.time,
     }
-    if kind == "lost_motion":
-        found.pop("output_speed_rpm")
-    return found
+    return {name: found[name] for name in NAMES[kind]}

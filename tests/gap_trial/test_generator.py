@@ -9,13 +9,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.gap_trial.assemblies import Builds, Faults, assembled
 from tests.gap_trial.mechanisms import ROTATING
 from tests.gap_trial.noise import NOISES
-from tests.gap_trial.records import GROUPS, LEAST_LAMBDA, orthogonal, record
+from tests.gap_trial.records import BENCH_GROUPS, LEAST_LAMBDA, orthogonal, record
 from tests.gap_trial.tables import points
 
 HERE = Path(__file__).parent
-MAKERS = ("tables", "mechanisms", "hysteresis", "outside", "noise", "records", "rivals")
+MAKERS = (
+    "tables", "mechanisms", "hysteresis", "outside", "noise", "populations", "assemblies", "kinds",
+    "records", "rivals", "scorer", "baselines",
+)  # fmt: skip
+
+
+KNOWN = (
+    "__future__", "collections", "dataclasses", "functools", "itertools", "typing", "math",
+    "warnings", "numpy", "scipy", "sklearn", "pandas", "tests.gap_trial",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", MAKERS)
@@ -24,14 +34,13 @@ def test_nothing_of_the_project_is_imported(name: str) -> None:
     found = [one for one in ast.walk(tree) if isinstance(one, ast.Import | ast.ImportFrom)]
     modules = [one.module or "." for one in found if isinstance(one, ast.ImportFrom)]
     modules += [alias.name for one in found if isinstance(one, ast.Import) for alias in one.names]
-    known = ("__future__", "collections", "dataclasses", "functools", "itertools", "typing",
-             "math", "numpy", "scipy", "pandas", "tests.gap_trial")  # fmt: skip
-    assert [one for one in modules if not one.startswith(known)] == []
+    assert [one for one in modules if not one.startswith(KNOWN)] == []
+    assert not {one for one in modules if one.endswith((".trial", ".workflow", ".damper"))}
     called = {one.id for one in ast.walk(tree) if isinstance(one, ast.Name)}
     assert not called & {"__import__", "exec", "eval"}
 
 
-@pytest.mark.parametrize("group", GROUPS)
+@pytest.mark.parametrize("group", BENCH_GROUPS)
 def test_a_record_follows_from_its_group_and_number(group: str) -> None:
     (one, truth), (again, _), (other, _) = record(group, 3), record(group, 3), record(group, 4)
     assert one.table.equals(again.table)
@@ -51,6 +60,16 @@ def test_signal_to_noise_is_that_of_the_part_that_recalibration_cannot_make(grou
             strength = float((left**2).sum()) / truth.sigma**2
             assert strength >= LEAST_LAMBDA - 1e-9 if group != "pair" else strength > 149.0
             assert 0.19 < np.sqrt(strength / len(left)) < 3.01
+
+
+def test_assembly_is_the_printed_one() -> None:
+    """Document A's part errors, final states of its printed reading at Q = 0, 5 and 10."""
+    errors = np.tile([-1.6, 5.3, 5.8, 3.2], (3, 1))
+    found = assembled(Builds(errors, np.array([0.0, 5.0, 10.0])), Faults())
+    printed = [
+        [-1.6, 3.7, 5.8, 9.0], [-1.314, 1.375, 3.314, 4.857], [-0.985, 0.884, 2.486, 4.029],
+    ]  # fmt: skip
+    np.testing.assert_allclose(found, printed, atol=5e-4)
 
 
 def test_every_mechanism_adds_something_and_draws_its_own_dimensions() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 from tests.gap_trial.baselines import BASELINES
 from tests.gap_trial.records import Record, Truth, record
 from tests.gap_trial.scorer import Figure, Scored, Told, told, verdict
-from tests.gap_trial.workflow import analysed
+from tests.gap_trial.workflow import SIMULATORS, analysed
 
 Namer = Callable[[Record, Truth], Mapping[str, Any]]
 WORKFLOW = "tolevo"
@@ -25,7 +25,7 @@ NAMERS: dict[str, Namer] = {WORKFLOW: through_workflow, **BASELINES}
 
 def line(namer: str, group: str, number: int) -> dict[str, Any]:
     """A record named and what it can tell, as JSON takes it."""
-    found, truth = record(group, number)
+    found, truth = record(group, number, SIMULATORS)
     start = time.process_time()
     said = dict(NAMERS[namer](found, truth))
     seconds = time.process_time() - start
@@ -41,7 +41,7 @@ def _kept(one: Told) -> dict[str, Any]:
 
 def scored(one: Mapping[str, Any]) -> Scored:
     """The line with its truth beside it again."""
-    _, truth = record(one["group"], one["number"])
+    _, truth = record(one["group"], one["number"], SIMULATORS)
     kept = tuple(
         Told(each["strength"], frozenset(each["names"]), frozenset(each["twins"]))
         for each in one["told"]
