@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from ...declarations import Output
 from ...models.effects import Readings, Target
+from ...models.effects.readings import readings_of, target_from
 from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
-from ...units import factor
-from .plan import ROLE_UNITS, GapPlan
-
-LABELS = (Role.UNIT, Role.LOT)
+from ...units import converted, dimension
+from .plan import GapPlan
 
 
 @dataclass(frozen=True)
@@ -58,13 +57,11 @@ class GapData:
 
     def some(self, rows: NDArray[np.int64]) -> GapData:
         """The same data at some of the rows."""
-        from dataclasses import replace
-
         return replace(
             self,
-            readings=Readings(
+            readings=readings_of(
+                self.target.columns,
                 {name: values[rows] for name, values in self.readings.table.items()},
-                {role: values[rows] for role, values in self.readings.by_role.items()},
             ),
             measured={name: values[rows] for name, values in self.measured.items()},
             predicted={name: values[rows] for name, values in self.predicted.items()},
@@ -90,24 +87,15 @@ def assembled(
     """
     frame = _in_time(frame, columns, notes)
     table = {c.name: frame[c.name].to_numpy() for c in columns}
-    by_role = _by_role(columns, table)
     units = {o.name: o.unit for o in outputs}
-    target = Target(
-        model=plan.model_name,
-        outputs=outputs,
-        columns=columns,
-        changeable=() if plan.model is None else plan.model.changeable,
-        population=plan.model is not None and plan.model.population,
-        several=len(outputs) > 1 if plan.model is None else len(plan.model.outputs) > 1,
-        largest={role: float(np.abs(values).max()) for role, values in by_role.items()
-                 if role not in (*LABELS, Role.REPEAT)},
-        labels={role: tuple(dict.fromkeys(by_role[role].astype(str).tolist()))
-                for role in LABELS if role in by_role},
-        units={c.role: _base(c) for c in columns if not c.text},
-    )  # fmt: skip
+    changeable = () if plan.model is None else plan.model.changeable
+    population = plan.model is not None and plan.model.population
+    target = target_from(plan.model_name, outputs, columns, table, changeable, population)
+    if plan.model is not None:
+        target = replace(target, several=len(plan.model.outputs) > 1)
     return GapData(
         target=target,
-        readings=Readings(table, by_role),
+        readings=readings_of(columns, table),
         measured={name: frame[name].to_numpy(dtype=float) for name in units},
         predicted={
             name: _converted(frame[column], _unit(plan, column, units[name]), units[name])
@@ -131,8 +119,9 @@ def _unit(plan: GapPlan, column: str, unit: str) -> str:
 
 
 def _converted(values: pd.Series[Any], unit: str, wanted: str, scale_only: bool = False) -> Array:
-    scale, offset = (1.0, 0.0) if unit == wanted else factor(unit, wanted)
-    return values.to_numpy(dtype=float) * scale + (0.0 if scale_only else offset)
+    numbers = values.to_numpy(dtype=float)
+    zero = converted(0.0, unit, wanted) if scale_only else 0.0
+    return np.asarray(converted(numbers, unit, wanted) - zero, dtype=float)
 
 
 def _in_time(frame: pd.DataFrame, columns: tuple[Column, ...], notes: list[str]) -> pd.DataFrame:
@@ -154,35 +143,6 @@ def _in_time(frame: pd.DataFrame, columns: tuple[Column, ...], notes: list[str])
     return frame
 
 
-def _by_role(
-    columns: tuple[Column, ...], table: Mapping[str, NDArray[Any]]
-) -> dict[Role, NDArray[Any]]:
-    """The first column of each role, in the unit in which effects see it."""
-    found: dict[Role, NDArray[Any]] = {}
-    for column in columns:
-        wanted = ROLE_UNITS.get(str(column.role))
-        if column.role in found or column.role is Role.INPUT:
-            continue
-        values = table[column.name]
-        if wanted is not None and not column.text:
-            scale, offset = factor(column.unit, _base(column))
-            values = np.asarray(values, dtype=float) * scale + offset
-        found[column.role] = values
-    return found
-
-
-def _base(column: Column) -> str:
-    """The unit in which effects see a column; what moves along a line has m and m/s."""
-    wanted = ROLE_UNITS.get(str(column.role), column.unit)
-    for unit in (wanted, "m", "m/s"):
-        try:
-            factor(column.unit, unit)
-        except ValueError:
-            continue
-        return unit
-    return column.unit
-
-
 def _repeats(frame: pd.DataFrame, columns: tuple[Column, ...]) -> NDArray[Any] | None:
     """A label of equal inputs, where the table says that readings were repeated."""
     if not any(c.role is Role.REPEAT for c in columns):
@@ -199,8 +159,4 @@ def _zeros(plan: GapPlan, target: Target) -> tuple[str, ...]:
 
 
 def _is_angle(unit: str) -> bool:
-    try:
-        factor(unit, "rad")
-    except ValueError:
-        return False
-    return unit not in ("", "1")
+    return dimension(unit) == dimension("rad")

@@ -58,6 +58,7 @@ class Fitter:
         self.space = space
         self.columns = columns
         self.y = space.whiten(y)
+        self.raw_base = base
         self.base = space.with_prior(base)
         self.q = basis(self.base)
         self.y_left = beside(self.y, self.q)

@@ -5,7 +5,7 @@ They show where something is left, whatever its cause, and what form it has.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -76,9 +76,28 @@ def _smooth(column: Column, x: Array, sign: Array | None) -> list[tuple[Form, Ar
     fine = 6 if column.role in (Role.TORQUE, Role.FORCE) else 4
     curve = spline(x, min(fine, max(2, len(x) // 25)))
     found = [(Form(kind, column.name), curve)]
+    found += [(form, values[:, None]) for form, values in _powers(column, x)]
     if sign is not None:
-        found.append((Form(kind, column.name, direction="odd"), curve * sign[:, None]))
+        odd = [(replace(form, direction="odd"), columns * sign[:, None]) for form, columns in found]
+        found += odd
     return found
+
+
+def _powers(column: Column, x: Array) -> list[tuple[Form, Array]]:
+    """Powers of a signed input, odd and even; of another one, above its least and below its most."""
+    signed = bool((x < 0).any() and (x > 0).any())
+    if signed:
+        size = np.abs(x) / np.abs(x).max()
+        bases = {"odd": (size, np.sign(x)), "even": (size, np.ones_like(x))}
+    else:
+        size = (x - x.min()) / np.ptp(x)
+        one = np.ones_like(x)
+        bases = {"from zero": (np.abs(x) / np.abs(x).max(), one), "from least": (size, one)}
+    return [
+        (Form("power", column.name, order=power, detail=which), sign * magnitude**power)
+        for which, (magnitude, sign) in bases.items()
+        for power in POWERS
+    ]
 
 
 def _scaled(x: Array) -> Array:

@@ -150,8 +150,7 @@ def _content_faults(
             found += tables.cell_faults(place, column.name, text)
     for name in stds.values():
         bad = frame.index[frame[name] <= 0.0]
-        text = {at: "a standard deviation must be above 0; leave the column out where the noise is "
-                "not known" for at in bad}  # fmt: skip
+        text = dict.fromkeys(bad, "a standard deviation must be above 0; leave the column out where the noise is " "not known")  # fmt: skip
         found += tables.cell_faults(place, name, text)
     for output in outputs:
         values = frame[output.name]
