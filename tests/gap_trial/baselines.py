@@ -71,7 +71,7 @@ def lasso(record: Record, truth: Truth) -> dict[str, Any]:
     what = (what - what.mean()) / what.std()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        fitted = LassoCV(cv=5, max_iter=2000).fit(columns, what)
+        fitted = LassoCV(cv=3, max_iter=2000, alphas=30, precompute=True).fit(columns, what)
     kept = [str(name) for name in names[np.abs(fitted.coef_) > 1e-9]]
     error = residual(record, truth).std() * float(np.std(what - fitted.predict(columns)))
     return said(kept, error)

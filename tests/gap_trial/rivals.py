@@ -42,7 +42,9 @@ class Rival:
         return self.linear + len(self.grids)
 
     def starts(self) -> Iterator[Array]:
-        return (np.array(one, dtype=float) for one in product(*self.grids))
+        """Every point of the first grid, the others in their middle (geometric mean of ends)."""
+        middles = [((min(grid) * max(grid)) ** 0.5,) for grid in self.grids[1:]]
+        return (np.array(one, dtype=float) for one in product(*self.grids[:1], *middles))
 
 
 def torque_law(law: Callable[[Array], Array]) -> Columns:
@@ -127,11 +129,11 @@ ANGLES = (
     Rival("sun_runout", partial(waves, orders=(120.0, 121.0)), linear=4),
     Rival("encoder_harmonics", partial(waves, orders=(1.0, 2.0, 4.0)), linear=6),
     Rival("pitch_defect", bump,
-          (tuple(np.linspace(0.0, 2.0 * np.pi, 25)[:-1].tolist()), (0.5, 0.8, 1.2))),
+          (tuple(np.linspace(0.0, 2.0 * np.pi, 25)[:-1].tolist()), (0.5, 1.2))),
 )  # fmt: skip
 RESONANT = tuple(
     Rival("structural_resonance", partial(resonant, order=order),
-          (tuple(np.linspace(0.3, 0.9, 25).tolist()), (0.02, 0.04, 0.06)), linear=2)
+          (tuple(np.linspace(0.3, 0.9, 25).tolist()), (0.02, 0.06)), linear=2)
     for order in ORDERS_OF_RESONANCE
 )  # fmt: skip
 HYSTERESIS = Rival("friction_hysteresis", flipped(lambda at, _: np.ones(len(at))))
