@@ -63,6 +63,7 @@ def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:
         model=model,
         seed=_seed(table),
         parameters=dict(configuration.settings.parameters) if configuration else {},
+        given=dict(table.get("parameters", {})) if configuration else {},
         free=free,
         library=library,
         noise=noise,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -63,6 +64,12 @@ class Fitter:
         self.q = basis(self.base)
         self.y_left = beside(self.y, self.q)
         self._kept: dict[tuple[str, tuple[float, ...]], Array] = {}
+
+    def of_record(self, y: Array) -> Fitter:
+        """The same for another whitened record (N,)."""
+        found = copy(self)
+        found.y, found.y_left = y, beside(y, self.q)
+        return found
 
     @property
     def penalty(self) -> float:

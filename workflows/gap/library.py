@@ -128,7 +128,7 @@ def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:
     axes = [_axis(one, spread, len(candidate.shape)) for one in candidate.shape]
     while np.prod([len(axis) for axis in axes]) > MOST:
         longest = max(range(len(axes)), key=lambda k: len(axes[k]))
-        axes[longest] = axes[longest][:: 2]
+        axes[longest] = axes[longest][::2]
     names = [one.name for one in candidate.shape]
     return [dict(zip(names, point, strict=True)) for point in product(*axes)]
 

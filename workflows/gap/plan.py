@@ -55,7 +55,7 @@ class GapPlan:
     """A resolved gap analysis; `configuration` is the TOML text that repeats it.
 
     `model` is None for `model = "table"`, whose columns `columns` describes; `rebuild` makes it
-    again from other `parameters`. `free` maps what may be recalibrated to its half-width, `library`
+    again from other `parameters`, of which the configuration itself set `given`. `free` maps what may be recalibrated to its half-width, `library`
     are the effects considered. `noise` holds a known standard deviation by output, `blocks` is
     "auto" or a column. `run` are the raw tables of the configuration whose allocation the corrected
     model is to repeat (empty for none), `tables` the resolved ones of the model.
@@ -65,6 +65,7 @@ class GapPlan:
     model: MeasurableModel | None
     seed: int = 0
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    given: Mapping[str, Any] = field(default_factory=dict)
     free: Mapping[str, float] = field(default_factory=dict)
     library: tuple[str, ...] = ()
     noise: Mapping[str, float] = field(default_factory=dict)

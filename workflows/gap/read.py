@@ -164,9 +164,7 @@ def _content_faults(
     return found
 
 
-def finite_faults(
-    predicted: Mapping[str, Any], rows: Any, place: str = "data"
-) -> list[Fault]:
+def finite_faults(predicted: Mapping[str, Any], rows: Any, place: str = "data") -> list[Fault]:
     """Rows at which the model has no finite prediction: outside of its range."""
     found = []
     for name, values in predicted.items():

@@ -83,9 +83,7 @@ class Found:
     gain: float
 
 
-def scan(
-    fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Member]
-) -> list[Found]:
+def scan(fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Member]) -> list[Found]:
     """Each candidate that is not in a fit of `members`, at its best grid point, best first."""
     parts = [fitter.white(one) for one in members]
     q = basis(np.hstack([fitter.base, *parts])) if parts else fitter.q

@@ -99,7 +99,7 @@ def _gradient(plan: GapPlan, data: GapData) -> tuple[tuple[str, ...], Array]:
     count = len(data) * len(data.outputs)
     names, found = [], []
     for name, tolerance in plan.free.items() if plan.rebuild is not None else ():
-        up, down = (_moved(plan, data, {name: _at(plan, name) + s * 0.1 * tolerance})
+        up, down = (_moved(plan, data, {name: nominal(plan, name) + s * 0.1 * tolerance})
                     for s in (1.0, -1.0))  # fmt: skip
         column = (up - down) / 0.2
         if np.isfinite(column).all() and np.abs(column).max(initial=0.0) > 0.0:
@@ -108,7 +108,7 @@ def _gradient(plan: GapPlan, data: GapData) -> tuple[tuple[str, ...], Array]:
     return tuple(names), np.column_stack(found) if found else np.zeros((count, 0))
 
 
-def _at(plan: GapPlan, name: str) -> float:
+def nominal(plan: GapPlan, name: str) -> float:
     """The value of a parameter, that of a table by its dotted name; 0 where it is not given."""
     table, dot, key = name.partition(".")
     if not dot:
