@@ -38,7 +38,7 @@ class Hidden:
 @dataclass(frozen=True)
 class Truth:
     """What is true of a record; `free` (m n, k) is the gradient of what may be recalibrated,
-    `noise_rms` that of the first output.
+    `noise_rms` that of the first output's noise, outliers (5 sigma) aside.
     """
 
     group: str
@@ -138,8 +138,9 @@ def record(
     law = laws[rng.integers(len(laws))]
     reading, noise = _measured(rng, kind, law, sigma, predicted, hidden, at)
     table = _table(kind, at, reading, predicted)
+    good = np.abs(noise[:n]) < 5.0 * sigma
     truth = Truth(group, name, number, at, hidden, task.outside, poor, law, sigma,
-                  float(np.sqrt(np.mean(noise[:n] ** 2))), kind.free(n))  # fmt: skip
+                  float(np.sqrt(np.mean(noise[:n][good] ** 2))), kind.free(n))  # fmt: skip
     blind = f"r{rng.integers(10**9):09d}"
     return Record(blind, configuration(kind, number), table), truth
 

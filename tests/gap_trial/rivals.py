@@ -170,6 +170,29 @@ ASSEMBLY_RIVALS = (
     Rival("adjustment_backlash", lambda at, p: departure(at, Faults(play=float(p[0])))[:, None],
           fixed(tuple(np.geomspace(0.02, 1.0, 15).tolist())), linear=0),
 )  # fmt: skip
+FIRST = {
+    "torsional_compliance": "compliance", "hertz_stiffening": "at_1", "lost_motion": "half_width",
+    "bearing_clearance": "half_width", "drift": "rate", "creep": "rate", "wear": "rate",
+    "viscous_friction": "rate", "read_out_lag": "rate", "windage": "rate",
+    "thermal_friction": "half_width", "differential_thermal_expansion": "rate",
+    "load_sharing": "cos_78", "output_eccentricity": "cos_1", "pin_circle_runout": "cos_39",
+    "eccentric_error": "cos_40", "two_disc_error": "cos_78", "sun_runout": "cos_120",
+    "encoder_harmonics": "cos_1", "process_mean_shift": "shift", "tool_wear_drift": "rate",
+    "spread_inflation": "growth", "adjustment_gain": "adjustment_gain",
+    "chain_coupling": "chain_coupling", "springback": "springback",
+}  # fmt: skip
+"""How the published name of the parameter begins that the first column's coefficient is."""
+
+
+def first_parameter(name: str, kind: str) -> str:
+    """The parameter whose interval is judged, empty where none is."""
+    if name == "friction_hysteresis":
+        return "half_width" if KIND_TURNS[kind] else "compliance"
+    return FIRST.get(name, "")
+
+
+KIND_TURNS = {"rotating": True, "rv_transmission": True, "lost_motion": False,
+              "rv_lost_motion": False}  # fmt: skip
 RIVALS: dict[str, tuple[Rival, ...]] = {
     "rotating": ROTATING_RIVALS,
     "rv_transmission": ROTATING_RIVALS,
@@ -206,6 +229,12 @@ def left_at(rival: Rival, p: Array, at: Any, free: Array, what: Array) -> float:
         return float(((what - slope * columns[:, 0]) ** 2).sum())
     solved = np.linalg.lstsq(columns, what, rcond=None)[0]
     return float(((what - columns @ solved) ** 2).sum())
+
+
+def coefficients(rival: Rival, p: Array, at: Any, free: Array, what: Array) -> Array:
+    """Least-squares coefficients (m,) of the rival's columns beside the free parameters."""
+    columns = without(free, rival.columns(at, p))
+    return np.asarray(np.linalg.lstsq(columns, without(free, what), rcond=None)[0])
 
 
 def least_left(rival: Rival, at: Any, free: Array, what: Array) -> tuple[float, Array]:

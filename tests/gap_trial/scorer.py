@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from math import log, nan, sqrt
+from dataclasses import dataclass, field
+from math import isfinite, log, nan, sqrt
 from typing import Any
 
 import numpy as np
 from scipy.stats import beta
 
 from tests.gap_trial.records import Hidden, Truth
-from tests.gap_trial.rivals import RIVALS, least_left, without
+from tests.gap_trial.rivals import RIVALS, coefficients, first_parameter, least_left, without
 
 UNTOLD = 10.0
 INSTRUMENT = frozenset(
@@ -23,12 +23,14 @@ INSTRUMENT = frozenset(
 @dataclass(frozen=True)
 class Told:
     """Of one hidden effect: lambda, the names that the record cannot tell from it, and those of
-    them whose columns are the same.
+    them whose columns are the same; `value` is its first number by the notes' formula.
     """
 
     strength: float
     names: frozenset[str]
     twins: frozenset[str]
+    name: str = ""
+    value: float = nan
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,7 @@ class Verdict:
     names: tuple[str, ...]
     alternatives: frozenset[str]
     after: float
+    intervals: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
 
     @property
     def named(self) -> bool:
@@ -56,7 +59,15 @@ def verdict(found: Mapping[str, Any]) -> Verdict:
     after = found.get("gap_after")
     if isinstance(after, Mapping):
         after = next(iter(after.values()))
-    return Verdict(found["verdict"], names, others, nan if after is None else float(after))
+    intervals = {
+        one["name"]: {
+            name: (float(number["interval"][0]), float(number["interval"][1]))
+            for name, number in one.get("parameters", {}).items()
+        }
+        for one in found["effects"]
+    }
+    return Verdict(found["verdict"], names, others, nan if after is None else float(after),
+                   intervals)  # fmt: skip
 
 
 def told(truth: Truth, one: Hidden) -> Told:
@@ -66,15 +77,18 @@ def told(truth: Truth, one: Hidden) -> Told:
     own = without(free, one.added)
     strength = float((own**2).sum()) / truth.sigma**2
     extra = own_count(truth, one)
-    names, twins = {one.name}, {one.name}
+    names, twins, value = {one.name}, {one.name}, nan
     for rival in RIVALS[truth.kind]:
-        left = least_left(rival, truth.points, free, one.added)[0] / truth.sigma**2
+        least, p = least_left(rival, truth.points, free, one.added)
+        left = least / truth.sigma**2
+        if rival.name == one.name and rival.linear:
+            value = float(coefficients(rival, p, truth.points, free, one.added)[0])
         left_out = left + log(len(truth.points)) * max(rival.count - extra, 0)
         if left_out < UNTOLD:
             names.add(rival.name)
         if left < 1e-9 * strength:
             twins.add(rival.name)
-    return Told(strength, frozenset(names), frozenset(twins & names))
+    return Told(strength, frozenset(names), frozenset(twins & names), one.name, value)
 
 
 def own_count(truth: Truth, one: Hidden) -> int:
@@ -192,6 +206,17 @@ def falsely_named(one: Scored) -> bool:
     return one.said.named and bool(set(one.said.names) - harmless)
 
 
+def covered(one: Scored) -> list[bool]:
+    """Whether the interval of each hidden effect's first number holds it, where it was named."""
+    found = []
+    for each in one.told:
+        stem = first_parameter(each.name, one.truth.kind)
+        for name, (low, high) in one.said.intervals.get(each.name, {}).items():
+            if stem and name.startswith(stem) and isfinite(low + high + each.value):
+                found.append(low <= each.value <= high)
+    return found
+
+
 def figures(records: Sequence[Scored]) -> list[Figure]:
     """Every figure of the table, in its order."""
     words = ("clean", "good", "poor", "pair", "outside", "size", "delay")
@@ -221,7 +246,15 @@ def figures(records: Sequence[Scored]) -> list[Figure]:
               0.02, True),
         mean("held-out RMSE over noise after naming",
              [one.said.after / one.truth.noise_rms for one in named], 1.10, 1.03),
+        *coverage([hit for one in (*single, *by["pair"]) for hit in covered(one)]),
     ]  # fmt: skip
+
+
+def coverage(hits: Sequence[bool]) -> list[Figure]:
+    """Share of the 90 % intervals that hold the truth: within two bounds."""
+    name = "coverage of 90 % intervals, at "
+    return [share(f"{name}least", hits, 0.80, 0.87, False),
+            share(f"{name}most", hits, 0.95, 0.93, True)]  # fmt: skip
 
 
 def rightly(one: Scored) -> bool:

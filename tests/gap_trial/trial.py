@@ -30,22 +30,30 @@ def line(namer: str, group: str, number: int) -> dict[str, Any]:
     said = dict(NAMERS[namer](found, truth))
     seconds = time.process_time() - start
     return {
-        "namer": namer, "group": group, "number": number, "seconds": seconds, "said": said,
+        "namer": namer, "group": group, "number": number, "seconds": seconds, "said": kept_of(said),
         "told": [_kept(told(truth, one)) for one in truth.hidden],
     }  # fmt: skip
 
 
+def kept_of(said: Mapping[str, Any]) -> dict[str, Any]:
+    """The part of a `gap.json` that is scored."""
+    names = ("verdict", "effects", "alternatives", "gap_after", "noise_floor", "where", "unnamed")
+    return {name: said[name] for name in names if name in said}
+
+
 def _kept(one: Told) -> dict[str, Any]:
-    return {"strength": one.strength, "names": sorted(one.names), "twins": sorted(one.twins)}
+    names = {"names": sorted(one.names), "twins": sorted(one.twins)}
+    return {"name": one.name, "strength": one.strength, "value": one.value, **names}
 
 
 def scored(one: Mapping[str, Any]) -> Scored:
     """The line with its truth beside it again."""
     _, truth = record(one["group"], one["number"], SIMULATORS)
     kept = tuple(
-        Told(each["strength"], frozenset(each["names"]), frozenset(each["twins"]))
+        Told(each["strength"], frozenset(each["names"]), frozenset(each["twins"]), each["name"],
+             each["value"])
         for each in one["told"]
-    )
+    )  # fmt: skip
     return Scored(truth, kept, verdict(one["said"]))
 
 

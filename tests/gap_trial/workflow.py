@@ -12,14 +12,17 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from typer.testing import CliRunner
 
 from tests.gap_trial.kinds import KINDS, Simulator
 from tests.gap_trial.records import Record
 from tests.gap_trial.tables import Array
 from tolevo import registry
-from tolevo.cli import app
+from tolevo.configuration.gap import read_gap
 from tolevo.models.measurable import MeasurableModel
+from tolevo.workflows.gap import gap
+from tolevo.workflows.gap.read import read_data
+from tolevo.workflows.gap.write import record
+from tolevo.workflows.run.write import as_json
 
 OWN_MODELS = ("rv_batch", "rv_transmission", "rv_lost_motion")
 
@@ -47,16 +50,15 @@ SIMULATORS: Mapping[str, Simulator] = {name: simulated(name) for name in OWN_MOD
 
 
 def analysed(found: Record) -> dict[str, Any]:
-    """What `tolevo gap` writes to `gap.json`. Raises RuntimeError where it ends in a fault."""
+    """What `gap.json` holds of a record, from its files as a user has them.
+
+    Raises InputError where the project refuses them.
+    """
     with TemporaryDirectory() as folder:
-        place = Path(folder)
-        configuration, table = place / f"{found.name}.toml", place / f"{found.name}.csv"
+        configuration, table = Path(folder, "gap.toml"), Path(folder, f"{found.name}.csv")
         configuration.write_text(found.configuration, encoding="utf-8")
         found.table.to_csv(table, index=False)
-        out = place / "found"
-        words = ["gap", str(configuration), str(table), "--out", str(out), "--quiet"]
-        ended = CliRunner().invoke(app, words)
-        if ended.exit_code != 0:
-            raise RuntimeError(f"{found.name}: status {ended.exit_code}\n{ended.output}")
-        said: dict[str, Any] = json.loads((out / "gap.json").read_text(encoding="utf-8"))
-        return said
+        plan = read_gap(configuration)
+        result = gap.found(plan, read_data(plan, table))
+    said: dict[str, Any] = json.loads(as_json(record(result)))
+    return said
