@@ -10,12 +10,18 @@ import ast
 import re
 import sys
 from importlib.machinery import ModuleSpec
-from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
+from importlib.metadata import (
+    EntryPoint,
+    PackageNotFoundError,
+    distribution,
+    entry_points,
+    version,
+)
 from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
 
-from .errors import nearest, refuse
+from .errors import Fault, nearest, refuse
 
 GROUPS = ("models", "problems", "algorithms", "effects")
 PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError,
@@ -25,7 +31,7 @@ PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, Name
 
 def _offers(group: str) -> list[EntryPoint]:
     """The entry points of a group, by name."""
-    return sorted(entry_points(group=f"tolevo.{group}"), key=lambda one: (one.name, _origin(one)))
+    return sorted(entry_points(group=f"tolevo.{group}"), key=lambda one: (one.name, one.value))
 
 
 def _origin(offer: EntryPoint) -> str:
@@ -51,7 +57,7 @@ def _find(group: str, name: str) -> EntryPoint:
         text = f'"{name}" is not an installed {kind}{nearest(name, known)}; {listed}'
         raise refuse(kind, text)
     if len(offers) > 1:
-        both = " and ".join(_origin(offer) for offer in offers)
+        both = " and ".join(sorted(_origin(offer) for offer in offers))
         raise refuse(kind, f'"{name}" is offered by {both}; uninstall one of them')
     return offers[0]
 
@@ -79,6 +85,17 @@ def load(group: str, name: str) -> Any:
             command = f"pip install '{offer.dist.name}[{extra}]'"
             raise refuse(kind, f'"{name}" needs {", ".join(missing)}: {command}')
     return found
+
+
+def needed(extra: str) -> list[Fault]:
+    """A fault where packages of an extra of ours are not installed, with the command."""
+    try:
+        requires = distribution("tolevo").requires or []
+    except PackageNotFoundError:
+        return []
+    missing = _missing(requires, extra)
+    command = f"pip install 'tolevo[{extra}]'"
+    return [Fault(extra, f"needs {', '.join(missing)}: {command}")] if missing else []
 
 
 def _missing(requirements: list[str], extra: str) -> list[str]:

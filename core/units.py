@@ -80,6 +80,21 @@ def split_unit(name: str) -> tuple[str, str]:
     return (stem, last) if stem and last in SUFFIXES else (name, "")
 
 
+def dimension(unit: str) -> str:
+    """The base unit of the physical dimension that `unit` measures, empty for a plain number.
+
+    Raises ValueError where the unit is not known.
+    """
+    from pint.errors import PintError
+
+    try:
+        name = pint_unit("" if unit == "1" else unit)
+        text = str(_registry().Quantity(1.0, name).to_base_units().units)
+    except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
+        raise ValueError(f'"{unit}" is not a unit; write "mm", "N m", "rad", "rpm", ...') from error
+    return "" if text == "dimensionless" else text
+
+
 def unit_key(unit: str) -> str:
     """A unit as names of parameters end with it: `arcsec_per_Nm` of "arcsec/Nm"."""
     words = re.sub(r"\s+", "_", unit.strip())

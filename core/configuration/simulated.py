@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from .. import registry
@@ -32,3 +34,17 @@ def build_model(configuration: Configuration) -> Any:
         designs={name: value for name, value in designs.items() if value is not None},
         inputs={name: s.distribution for name, (_, s) in settings.items() if s.distribution},
     )
+
+
+def rebuilt(configuration: Configuration, parameters: Mapping[str, Any]) -> Any:
+    """The model with some of its parameters changed; those of tables have dotted names."""
+    given = dict(configuration.settings.parameters)
+    for name, value in parameters.items():
+        table, dot, key = name.partition(".")
+        if dot:
+            known = given.get(table)
+            given[table] = {**(known if isinstance(known, Mapping) else {}), key: value}
+        else:
+            given[name] = value
+    settings = replace(configuration.settings, parameters=given)
+    return build_model(replace(configuration, settings=settings))
