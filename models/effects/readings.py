@@ -75,8 +75,7 @@ def target_of(model: MeasurableModel | type[MeasurableModel], name: str, table: 
               ) -> Target:  # fmt: skip
     """What effects may do in a model; of a known table, in the columns that it has."""
     columns = (*model.columns, *(one for one in EXTRAS if table is None or one.name in table))
-    kind = model if isinstance(model, type) else type(model)
-    return target_from(name, kind.outputs, columns, table, kind.changeable, kind.population)
+    return target_from(name, model.outputs, columns, table, model.changeable, model.population)
 
 
 def target_from(
