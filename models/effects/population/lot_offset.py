@@ -25,6 +25,7 @@ class LotOffset(OfUnits):
     formula = "y + c_l in lot l"
     needs = (Role.LOT,)
     mistaken_for = ("lot_mixture", "process_mean_shift", "gauge_bias")
+    reference = "Searle, Casella and McCulloch, Variance Components, 1992"
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         """One per lot of the table but the first, in the order of their labels."""
