@@ -31,7 +31,7 @@ PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, Name
 
 def _offers(group: str) -> list[EntryPoint]:
     """The entry points of a group, by name."""
-    return sorted(entry_points(group=f"tolevo.{group}"), key=lambda one: (one.name, _origin(one)))
+    return sorted(entry_points(group=f"tolevo.{group}"), key=lambda one: (one.name, one.value))
 
 
 def _origin(offer: EntryPoint) -> str:

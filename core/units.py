@@ -14,6 +14,10 @@ from typing import Any
 
 ARCMIN = math.radians(1.0 / 60.0)
 """Radians in an arc minute."""
+ARCSEC = ARCMIN / 60.0
+"""Radians in an arc second."""
+MRAD = 1e-3
+"""Radians in a milliradian."""
 UM = 1e-6
 """Metres in a micrometre."""
 MM = 1e-3

@@ -64,7 +64,7 @@ def added(
     means: Mapping[str, float],
     rng: np.random.Generator,
 ) -> dict[str, Array]:
-    """Predicted outputs (n,) with what the effects do after the model; `means` are of a population."""
+    """Predicted outputs (n,) with what effects do after it; `means` are of a population."""
     found = dict(outputs)
     for action in actions:
         if action.population is not None:

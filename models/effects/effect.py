@@ -161,11 +161,14 @@ class Effect(ABC):
     """Names of the effects that it is easily mistaken for."""
     reference: ClassVar[str] = ""
     inside_bounds: ClassVar[tuple[float, float]] = (0.0, inf)
+    inside_name: ClassVar[str] = ""
+    """The quantity inside of a model that stands for the effect, where not the one of its name."""
 
     def place(self, target: Target) -> Changeable | None:
         """The changeable quantity that bears the effect's name, its unit aside."""
+        name = self.inside_name or self.name
         for one in target.changeable:
-            if one.name == self.name or one.name == f"{self.name}_{unit_key(one.unit)}":
+            if one.name in (name, f"{name}_{unit_key(one.unit)}"):
                 return one
         return None
 

@@ -17,8 +17,9 @@ from .linear import Groups, basis, beside
 from .scan import Left, left_over
 from .select import Search
 
-PRICE = 8.0
-"""What a form without a name must fit better by than named effects, to displace them."""
+PRICE = {1: 8.0, 2: -4.0}
+"""What a form without a name must fit better by than so many named effects, to displace them: one
+cause is likelier than two."""
 SMALL = 0.01
 """Share of what the effects explain below which a remainder is no fault of their form."""
 
@@ -70,7 +71,7 @@ def _displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
         less = search.fitter.fit(others)
         gains = _gains(search, less, generic)
         numbers = generic.white.sizes + np.array([_more(form) for form in generic.forms])
-        score = less.score - gains + search.fitter.penalty * numbers + PRICE
+        score = less.score - gains + search.fitter.penalty * numbers + PRICE[len(gone)]
         by = fit.score - float(score.min())
         if by > worst[0]:
             worst = (by, gone)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.inputs.distribution import Array
+from ...models.measurable import Role
 from .abstain import Judged, Remaining, judged
 from .ambiguity import Other, instrument_first, rivals
 from .blocks import block_labels
@@ -47,21 +48,18 @@ class Analysis:
 
 def analysed(setup: Setup) -> Analysis:
     """The loop, with the noise estimated again beside what was named."""
-    plan = setup.plan
     noises = noise_of(setup, ())
     book = dictionary(setup.library, setup.columns, _spread(noises))
     forms, which = stacked(setup.generic, len(setup.data.outputs))
     raw = joined(forms, [False] * len(forms))
-    found = None
-    for _ in range(ROUNDS):
-        search, generic = searching(setup, noises, book, raw, which, None)
-        found = select(search)
-        again = noise_of(setup, _contributions(search, found.fit))
-        if not found.fit.members:
-            break
-        noises = again
-    search, generic = searching(setup, noises, book, raw, which, search.thresholds)
+    search, generic = searching(setup, noises, book, raw, which, None)
     found = select(search)
+    for _ in range(ROUNDS if found.fit.members else 0):
+        noises = noise_of(setup, _contributions(search, found.fit))
+        search, generic = searching(setup, noises, book, raw, which, search.thresholds)
+        before, found = found.fit.names, select(search)
+        if found.fit.names == before:
+            break
     return concluded(setup, noises, search, generic, found)
 
 
@@ -118,6 +116,7 @@ def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
         setup.forms,
         setup.generic,
         values_of(setup.data),
+        [c.name for c in setup.data.inputs if c.role is Role.TIME],
         setup.data.repeats,
         [_known(setup, output.name) for output in outputs],
     )

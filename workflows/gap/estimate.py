@@ -30,6 +30,7 @@ class Remainder:
     forms: tuple[Form, ...]
     generic: Groups
     inputs: Mapping[str, Array]
+    slow: tuple[bool, ...]
     repeats: NDArray[np.int64] | None = None
     known: Array | None = None
     source: str = "estimated"
@@ -60,10 +61,11 @@ def _first_scale(of: Remainder, kept: Array, sigma: Array) -> float:
 
 def _improved(of: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
     """One pass: forms taken out, then outliers, size and autocorrelation of what is left."""
-    options = [_with_forms(of, kept, noise, trends) for trends in (False, True)]
-    tried = [(_one(of, chosen, noise), chosen) for chosen in options]
-    if options[0].shape == options[1].shape:
-        return tried[0]
+    whole, trend = _with_forms(of, kept, noise, True)
+    tried = [(_one(of, whole, noise), whole)]
+    if trend:  # a trend, or noise that wanders: what is likelier
+        plain, _ = _with_forms(of, kept, noise, False)
+        tried.append((_one(of, plain, noise), plain))
     scores = [_likelihood(of.residual, chosen, one) for one, chosen in tried]
     return tried[int(np.argmax(scores))]
 
@@ -97,12 +99,17 @@ def _fitted(residual: Array, chosen: Array, noise: Noise) -> Array:
     return np.asarray(q @ (q.T @ y) * noise.sigma)
 
 
-def _with_forms(of: Remainder, kept: Array, noise: Noise, trends: bool) -> Array:
-    """The columns kept, and those of forms that are certainly there, one after another."""
-    allowed = np.array([trends or form.kind != "trend" for form in of.forms], dtype=bool)
+def _with_forms(
+    of: Remainder, kept: Array, noise: Noise, trends: bool
+) -> tuple[Array, bool]:
+    """The columns kept, and those of forms that are certainly there, one after another; also
+    whether a trend is among them.
+    """
+    allowed = np.array([trends or not slow for slow in of.slow], dtype=bool)
     if not allowed.any():
-        return kept
-    groups = of.generic.some(np.flatnonzero(allowed))
+        return kept, False
+    which = np.flatnonzero(allowed)
+    groups, trend = of.generic.some(which), False
     white = Groups(noise.whiten(groups.columns), groups.starts, groups.one_sided)
     y, chosen = noise.whiten(of.residual), kept
     while chosen.shape[1] < max(len(y) // 5, kept.shape[1] + 2):
@@ -115,7 +122,8 @@ def _with_forms(of: Remainder, kept: Array, noise: Noise, trends: bool) -> Array
         if level[best] < CERTAIN:
             break
         chosen = np.column_stack([chosen, groups.of(best)])
-    return chosen
+        trend |= of.slow[int(which[best])]
+    return chosen, trend
 
 
 def _likelihood(residual: Array, chosen: Array, noise: Noise) -> float:
@@ -154,13 +162,14 @@ def _pure(of: Remainder) -> float | None:
 
 def remainders(
     residuals: Sequence[Array], kept: Sequence[Array], forms: tuple[Form, ...],
-    generic: list[Array], inputs: Mapping[str, Array], repeats: NDArray[np.int64] | None,
-    known: Sequence[tuple[Array, str] | None],
+    generic: list[Array], inputs: Mapping[str, Array], trends: Sequence[str],
+    repeats: NDArray[np.int64] | None, known: Sequence[tuple[Array, str] | None],
 ) -> list[Remainder]:  # fmt: skip
     """One record per output."""
     groups = groups_of(generic)
+    slow = tuple(form.variable in trends for form in forms)
     return [
-        Remainder(residual, columns, forms, groups, inputs, repeats,
+        Remainder(residual, columns, forms, groups, inputs, slow, repeats,
                   None if given is None else given[0], "estimated" if given is None else given[1])
         for residual, columns, given in zip(residuals, kept, known, strict=True)
     ]  # fmt: skip

@@ -19,6 +19,8 @@ from .linear import Groups, joined
 
 HIGHEST = 130.0
 """Highest order of the periodogram; its grid is of quarters."""
+USUAL = (1.0, 2.0, 4.0, 39.0, 40.0, 78.0, 80.0, 120.0)
+"""Orders that are also tried with a size that follows another input."""
 POWERS = (0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)
 SMOOTH = (Role.TORQUE, Role.FORCE, Role.SPEED, Role.TEMPERATURE, Role.TIME, Role.PAYLOAD,
           Role.POSITION, Role.INPUT)  # fmt: skip
@@ -168,6 +170,23 @@ def _orders(data: GapData) -> list[tuple[Form, Array]]:
             size = data.readings[load] / max(float(np.abs(data.readings[load]).max()), 1e-300)
             form = Form("order", column.name, order=float(order), detail=f"times {load}")
             found.append((form, wave * size[:, None]))
+    return found + _modulated(data, column, angle)
+
+
+def _modulated(data: GapData, column: Column, angle: Array) -> list[tuple[Form, Array]]:
+    """Waves of the usual orders that grow with another input, or with its square."""
+    found = []
+    for order in USUAL:
+        wave = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
+        for other in (c for c in data.inputs if c.role in (*SMOOTH, Role.DIRECTION)):
+            x = np.asarray(data.readings.table[other.name], dtype=float)
+            for power in (1, 2):
+                if power == 2 and other.role is Role.DIRECTION:
+                    continue
+                size = (x / np.abs(x).max()) ** power
+                detail = f"times {other.name}" + (" squared" if power == 2 else "")
+                form = Form("order", column.name, order=order, detail=detail, more=(other.name,))
+                found.append((form, wave * size[:, None]))
     return found
 
 

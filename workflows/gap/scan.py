@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from ...models.inputs.distribution import Array
 from .fit import Fit, Fitter, Member
@@ -18,6 +18,8 @@ from .space import Space
 
 CHUNK = 250
 """Noise records that are simulated at once."""
+FAR = 300.0
+"""Half of a gain from which the first term of the tail's expansion does."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,12 @@ def thresholds(
 
 def evidence(groups: Groups, gains: Array) -> Array:
     """Minus the logarithm of the chance of gains (g, ...) under noise, by the size of the group."""
-    sizes = groups.sizes.reshape(-1, *([1] * (gains.ndim - 1)))
-    return -stats.chi2.logsf(np.maximum(gains, 0.0), sizes)
+    half = groups.sizes.reshape(-1, *([1] * (gains.ndim - 1))) / 2.0
+    x = np.maximum(gains, 0.0) / 2.0
+    chance = special.gammaincc(half, np.minimum(x, FAR))
+    with np.errstate(divide="ignore"):
+        far = x - (half - 1.0) * np.log(np.maximum(x, 1.0)) + special.gammaln(half)
+        return np.asarray(np.where(x < FAR, -np.log(chance), far))
 
 
 @dataclass(frozen=True)

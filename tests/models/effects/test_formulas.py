@@ -53,7 +53,7 @@ def sign(x: float) -> float:
 
 def orders(*which: int, by_torque: bool = False) -> tuple[dict[str, float], Callable[[Row], float]]:
     unit = "arcsec_per_Nm" if by_torque else "arcsec"
-    values = {}
+    values: dict[str, float] = {}
     for order in which:
         values |= {f"cos_{order}_{unit}": 0.3 + order, f"sin_{order}_{unit}": 0.2 - order}
 

@@ -1,0 +1,23 @@
+"""A base that does not stand upright."""
+
+from __future__ import annotations
+
+from math import inf
+
+from ..effect import MANIPULATOR, EffectParameter, Target, quantity
+from ..inside import InsideSeveral
+
+
+class BaseTilt(InsideSeveral):
+    """A base that does not stand upright."""
+
+    name, family = "base_tilt", MANIPULATOR
+    cause = "The base, or the frame of measuring, is turned about its x and y."
+    formula = "rotation of the machine about x and y of its base"
+    mistaken_for = ("joint_zero_offset", "gravity_sag")
+
+    def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
+        return tuple(
+            (quantity(axis, "mrad", f"rotation about the base's {axis}", -inf), f"tilt_{axis}_mrad")
+            for axis in "xy"
+        )

@@ -1,0 +1,25 @@
+"""Drives whose zeros are off."""
+
+from __future__ import annotations
+
+from math import inf
+
+from ..effect import MANIPULATOR, EffectParameter, Target, quantity
+from ..inside import InsideSeveral
+
+CHAINS = (1, 2, 3)
+
+
+class JointZeroOffset(InsideSeveral):
+    """Drives whose zeros are off."""
+
+    name, family = "joint_zero_offset", MANIPULATOR
+    cause = "The zeros of the drives were not taught where they are."
+    formula = "drive zero of each chain"
+    mistaken_for = ("drive_eccentricity", "base_tilt")
+
+    def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
+        return tuple(
+            (quantity(f"zero_{i}", "mrad", f"zero of drive {i}", -inf), f"drive_zero_{i}_mrad")
+            for i in CHAINS
+        )

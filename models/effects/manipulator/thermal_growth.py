@@ -1,0 +1,28 @@
+"""Links and base grow with temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import MANIPULATOR, EffectParameter, Readings, Target, quantity
+from ..inside import InsideSeveral
+from ..shapes import warming
+
+
+class ThermalGrowth(InsideSeveral):
+    """Links and base grow with temperature."""
+
+    name, family = "thermal_growth", MANIPULATOR
+    cause = "Links and base warm up alike, and the machine stays similar to itself."
+    formula = "all lengths times 1 + a tau"
+    needs = (Role.TEMPERATURE,)
+    mistaken_for = ("arm_length_error",)
+
+    def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
+        meaning = "a, expansion per kelvin above 20 degC"
+        return ((quantity("expansion_per_K", "ppm", meaning), "growth_ppm"),)
+
+    def factor(self, readings: Readings, values: Mapping[str, float]) -> Array:
+        return warming(readings)

@@ -1,0 +1,133 @@
+"""Nominal geometry of the loaded contact: the modified profile around one pin, exactly.
+
+All around a pin is written in axes that point from the housing's centre to the pin (real part) and
+counter-clockwise (imaginary part). With phi the angle from the pin to the eccentric, the pin's
+centre relative to that of the disc is r_p - e exp(i phi), and the curve that it must follow is
+C(v) = (r_p + dr_p) exp(i v) - e exp(i (phi + z_p v)); the tooth is its inner parallel curve at
+r_rp + dr_rp. The gap is the distance of the pin's centre from C plus dr_rp.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry import RvGeometry
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+_SPACING = 1e-3
+"""Spacing [rad] of the points of C from which its nearest point is sought."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContactGeometry:
+    """Nominal parts: lengths in metres; the modification of document B by default.
+
+    Two cranks and two discs are assumptions, as in document A.
+    """
+
+    nominal: RvGeometry = RvGeometry()
+    dr_rp: float = -40e-6
+    dr_p: float = -70e-6
+    discs: int = 2
+    cranks: int = 2
+
+    @property
+    def pins(self) -> int:
+        """Number of pins."""
+        return self.nominal.pins
+
+    @property
+    def output_ratio(self) -> float:
+        """b'/b: how far a disc turns against its mesh when the carrier turns and the sun is held.
+
+        The cranks turn by 1 + z1/z2 with the carrier: 1 + (1 + z1/z2)/z_c = 121/117.
+        """
+        nominal = self.nominal
+        gears = (nominal.reduction_ratio - 1.0) / nominal.pins  # z2/z1
+        return 1.0 + (1.0 + 1.0 / gears) / nominal.cycloid_teeth
+
+    @property
+    def pin_angles(self) -> Array:
+        """Angles [rad] of the pins in the housing, (pins,)."""
+        return 2.0 * np.pi * np.arange(self.pins) / self.pins
+
+    @property
+    def disc_angles(self) -> Array:
+        """Angles [rad] of the discs' eccentrics, and of the discs, against the first, (discs,)."""
+        return 2.0 * np.pi * np.arange(self.discs) / self.discs
+
+    def phase(self, angles: Array) -> Array:
+        """Angle phi [rad] from each pin to the eccentric, (angles, discs, pins)."""
+        eccentric = angles[:, None] + self.disc_angles
+        return np.asarray(eccentric[:, :, None] - self.pin_angles)
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """C and its first three derivatives by v, and exp(i v)."""
+
+    point: Complex
+    first: Complex
+    second: Complex
+    third: Complex
+    radial: Complex
+
+
+def curve(geometry: ContactGeometry, phi: Array, v: Array, shift: Array | float = 0.0) -> Curve:
+    """The curve C at v around a pin at phase phi, with a deviation of the shift modification."""
+    nominal = geometry.nominal
+    radial = np.exp(1j * v)
+    big = (nominal.pin_circle_radius + geometry.dr_p + shift) * radial
+    small = nominal.eccentricity * np.exp(1j * (phi + nominal.pins * v))
+    first = 1j * (big - nominal.pins * small)
+    second, third = -big + nominal.pins**2 * small, 1j * (nominal.pins**3 * small - big)
+    return Curve(big - small, first, second, third, radial)
+
+
+def foot(geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | float = 0.0) -> Array:
+    """Parameter v of the point of C nearest to `pin`.
+
+    Newton's method from the nearest of a few points: close to the bottom of a tooth space C is bent
+    inwards with a radius below a tenth of a millimetre, and a pin's centre may have two feet.
+    Raises ArithmeticError where it does not settle: errors far beyond a tooth's radius.
+    """
+    v = _nearest_start(geometry, phi, pin, shift)
+    for _ in range(100):
+        at = curve(geometry, phi, v, shift)
+        away = pin - at.point
+        speed = np.abs(at.first) ** 2
+        slope = speed - np.real(away * at.second.conj())
+        # downhill also where the distance is not convex
+        step = np.real(away * at.first.conj()) / np.maximum(np.abs(slope), 2e-3 * speed)
+        v = v + np.clip(step, -_SPACING, _SPACING)
+        if np.max(np.abs(step), initial=0.0) < 1e-11:
+            return np.asarray(v)
+    raise ArithmeticError("no nearest point of the profile found: the errors are too large")
+
+
+def _nearest_start(
+    geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | float
+) -> Array:
+    v = np.zeros(np.broadcast_shapes(phi.shape, pin.shape, np.shape(shift)))
+    least = np.abs(pin - curve(geometry, phi, v, shift).point)
+    for start in _SPACING * np.array([-4, -3, -2, -1, 1, 2, 3, 4]):
+        distance = np.abs(pin - curve(geometry, phi, np.full_like(v, start), shift).point)
+        v, least = np.where(distance < least, start, v), np.minimum(distance, least)
+    return v
+
+
+def nominal_pin(geometry: ContactGeometry, phi: Array) -> Complex:
+    """Centre of a pin relative to the disc's centre, in the pin's axes [m]."""
+    nominal = geometry.nominal
+    return np.asarray(nominal.pin_circle_radius - nominal.eccentricity * np.exp(1j * phi))
+
+
+def lever(geometry: ContactGeometry, phi: Array) -> Array:
+    """Gap closed per radian of forward rotation of the disc: e z_c sin(phi)/sqrt(S) [m]."""
+    k1 = geometry.nominal.k1
+    root = np.sqrt(1.0 + k1**2 - 2.0 * k1 * np.cos(phi))
+    return np.asarray(geometry.nominal.lever * np.sin(phi) / root)
