@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from .. import tables
 from ..errors import Fault, raise_all
 from ..models.effects.compose import Active, predicted
+from ..models.effects.readings import target_of
 from ..models.measurable import MeasurableModel
 
 ALWAYS_ALLOWED = ("time_s", "repeat")
@@ -34,6 +37,7 @@ def simulate(
     frame, faults = _inputs(model, tables.read(path, place), place)
     raise_all(faults)
     table = {str(name): frame[name].to_numpy() for name in frame}
+    raise_all(_without_columns(model, name, table, effects, place))
     found = frame.assign(**predicted(model, name, table, effects, np.random.default_rng(seed)))
     tables.write(found, out)
     notes = tuple(
@@ -42,6 +46,24 @@ def simulate(
         if c.name not in frame
     )
     return found, notes
+
+
+def _without_columns(
+    model: MeasurableModel,
+    name: str,
+    table: dict[str, NDArray[Any]],
+    effects: tuple[Active, ...],
+    place: str,
+) -> list[Fault]:
+    """Effects that need a column which the table has not."""
+    target = target_of(model, name, table)
+    found = []
+    for one in effects:
+        if not one.effect.applies(target):
+            missing = [role for role in one.effect.needs if role not in target.roles()]
+            text = f"the effect {one.effect.name} needs a column of {' and '.join(missing)}"
+            found.append(Fault(place, text))
+    return found
 
 
 def _inputs(

@@ -18,10 +18,16 @@ from ...units import unit_key
 from ..inputs.distribution import Array
 from ..measurable import Changeable, Column, Role
 
-LOAD, ANGLE, SPEED = "load", "geometry by angle", "speed"
-TIME, POPULATION, MANIPULATOR = "temperature, time", "population", "manipulator"
-ASSEMBLY, INSTRUMENT = "assembly", "instrument"
-FAMILIES = (LOAD, ANGLE, SPEED, TIME, POPULATION, MANIPULATOR, ASSEMBLY, INSTRUMENT)
+FAMILIES = (
+    "load",
+    "geometry by angle",
+    "speed",
+    "temperature, time",
+    "population",
+    "manipulator",
+    "assembly",
+    "instrument",
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from ..effect import ASSEMBLY
 from ..inside import Inside
 
 
 class AdjustmentGain(Inside):
     """An adjustment that is not what was commanded."""
 
-    name, family = "adjustment_gain", ASSEMBLY
+    name = "adjustment_gain"
+    family = "assembly"
     cause = "What is achieved at an adjustment is not what was commanded, but a share of it."
     formula = "achieved = (1 + e) commanded"
     mistaken_for = ("springback",)

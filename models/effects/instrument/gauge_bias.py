@@ -8,14 +8,15 @@ from math import inf
 import numpy as np
 
 from ...inputs.distribution import Array
-from ..effect import INSTRUMENT, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import OneColumn, Weight
 
 
 class GaugeBias(OneColumn):
     """A constant that the instrument adds."""
 
-    name, family = "gauge_bias", INSTRUMENT
+    name = "gauge_bias"
+    family = "instrument"
     cause = "The instrument's zero is off."
     formula = "c"
     mistaken_for = ("process_mean_shift", "lot_offset")

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import POPULATION, EffectParameter, Readings, Target, known, quantity
+from ..effect import EffectParameter, Readings, Target, known, quantity
 from ..readings import unit_numbers
 from ..shapes import Weight
 from .units import OfUnits, number
@@ -18,7 +18,8 @@ from .units import OfUnits, number
 class LotMixture(OfUnits):
     """Some units come from a second supplier."""
 
-    name, family = "lot_mixture", POPULATION
+    name = "lot_mixture"
+    family = "population"
     cause = "Parts come from two suppliers, one of which is off by a step."
     formula = "y + c of a share p of the units (of the lots, where they are known)"
     mistaken_for = ("lot_offset", "spread_inflation", "process_mean_shift")

@@ -10,7 +10,7 @@ import numpy as np
 from ....units import unit_key
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import POPULATION, EffectParameter, Readings, Target, known
+from ..effect import EffectParameter, Readings, Target, known
 from ..readings import label
 from ..shapes import Weight
 from .units import OfUnits, number
@@ -19,7 +19,8 @@ from .units import OfUnits, number
 class LotOffset(OfUnits):
     """Single lots are off by a step."""
 
-    name, family = "lot_offset", POPULATION
+    name = "lot_offset"
+    family = "population"
     cause = "A lot was made, or set up, apart from the others."
     formula = "y + c_l in lot l"
     needs = (Role.LOT,)

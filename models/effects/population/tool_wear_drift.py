@@ -9,7 +9,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import POPULATION, EffectParameter, Readings, Target, known
+from ..effect import EffectParameter, Readings, Target, known
 from ..readings import unit_numbers
 from ..shapes import Weight
 from .units import OfUnits, number
@@ -18,7 +18,8 @@ from .units import OfUnits, number
 class ToolWearDrift(OfUnits):
     """Units drift as the tool wears."""
 
-    name, family = "tool_wear_drift", POPULATION
+    name = "tool_wear_drift"
+    family = "population"
     cause = "The tool wears, and each unit is a little further off than the one before it."
     formula = "y + a u, u the number of the unit from 0"
     needs = (Role.UNIT,)

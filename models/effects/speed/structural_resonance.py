@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import SPEED, EffectParameter, Readings, Target, quantity
+from ..effect import EffectParameter, Readings, Target, quantity
 from ..shapes import Shape, Weight
 
 Waves = NDArray[np.complex128]
@@ -21,7 +21,8 @@ EXCITATIONS = (1.0, 2.0, 4.0, 39.0, 40.0, 78.0, 80.0, 117.0, 120.0, 121.0)
 class StructuralResonance(Shape):
     """Fixed frequency: a wave, whatever its order, magnified where it meets a resonance."""
 
-    name, family = "structural_resonance", SPEED
+    name = "structural_resonance"
+    family = "speed"
     cause = "A wave of some order meets a natural frequency of the structure at some speed."
     formula = "Re[(c - j s) H exp(j k theta)], H = 1/(1 - r^2 + 2 j z r), r = k v d/f"
     needs = (Role.ANGLE, Role.SPEED)

@@ -8,14 +8,15 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import SPEED, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import OneColumn, Weight, speed_unit
 
 
 class ViscousFriction(OneColumn):
     """Friction in proportion to the speed."""
 
-    name, family = "viscous_friction", SPEED
+    name = "viscous_friction"
+    family = "speed"
     cause = "Grease is sheared, and holds the output back in proportion to the speed."
     formula = "a v d"
     needs = (Role.SPEED, Role.DIRECTION)

@@ -8,14 +8,15 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import SPEED, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import OneColumn, Weight, speed_unit
 
 
 class Windage(OneColumn):
     """Drag with the square of the speed."""
 
-    name, family = "windage", SPEED
+    name = "windage"
+    family = "speed"
     cause = "Air and oil are thrown about, with the square of the speed."
     formula = "a v^2 d"
     needs = (Role.SPEED, Role.DIRECTION)

@@ -8,14 +8,15 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import TIME, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import OneColumn, Weight
 
 
 class Wear(OneColumn):
     """Backlash that grows with time."""
 
-    name, family = "wear", TIME
+    name = "wear"
+    family = "temperature, time"
     cause = "Flanks wear, and the gap between there and back opens."
     formula = "a t d"
     needs = (Role.TIME, Role.DIRECTION)
