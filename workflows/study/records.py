@@ -23,13 +23,14 @@ if TYPE_CHECKING:
 Level = float | int | str
 RESPONSES = (
     "hypervolume_ratio",
+    "hypervolume",
     "gap_percent",
     "evaluations_to_99",
     "cpu_s_to_99",
     "feasible_fraction",
 )
 """Responses in the order in which they are known."""
-LARGER_IS_BETTER = frozenset({"hypervolume_ratio", "feasible_fraction"})
+LARGER_IS_BETTER = frozenset({"hypervolume_ratio", "hypervolume", "feasible_fraction"})
 
 
 @dataclass(frozen=True, slots=True)
