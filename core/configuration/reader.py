@@ -18,7 +18,7 @@ from .parameters import read_parameters
 from .plugins import effect_faults, load_named
 from .resolved import resolved_problem, resolved_variables
 from .search import read_algorithm, read_budget, read_engine, resolved_algorithm
-from .source import load, override
+from .source import Table, load, override
 from .variables import mid_parameter, read_variable
 
 REFERENCES = ("documents", "none")
@@ -36,6 +36,11 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
         raise_all(faults)
     assert table is not None
     override(table, overrides, faults)
+    return read_table(table, faults)
+
+
+def read_table(table: Table, faults: list[Fault]) -> Configuration:
+    """The configuration in the tables of a file; raises InputError with `faults` and its own."""
     top = Section(table, "", faults)
     faults += effect_faults(top.take("effect"))
     if "problem" in top or "model" not in top:
