@@ -1,0 +1,1 @@
+"""Statistics of a study: what its settings do, beside the noise of its runs."""
