@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import multiprocessing.context
+import operator
 import os
 import random
 import re
@@ -15,7 +16,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -24,8 +27,10 @@ from tolevo.cli import app
 from tolevo.configuration.study import read_study
 from tolevo.errors import InputError, RunError
 from tolevo.workflows.study import StudyPlan, StudyProgress, executor_of, study
-from tolevo.workflows.study.execution import InProcess, Processes
+from tolevo.workflows.study.execution import InProcess, Lost, Processes
+from tolevo.workflows.study.execution.executor import Result, TaskT
 from tolevo.workflows.study.storage import DATABASE
+from tolevo.workflows.study.trial import Chunk
 
 RUN = """
 problem = "pose_accuracy"
@@ -233,18 +238,38 @@ def parent_of(pid: int) -> int:
         return 0
 
 
-def fatal(task: Named) -> int:
-    """A task that takes its process with it, one that does so once, and a sound one."""
-    if task.key == "fatal" or (task.key == "once" and not task.path.exists()):
-        task.path.touch()
-        os._exit(9)
-    return os.getpid()
+def test_a_task_that_kills_every_process_is_given_up() -> None:
+    """Its neighbours are not: three tasks, the second of which ends its process."""
+    tasks: Any = iter([partial(os.getpid), partial(os._exit, 9), partial(os.getpid)])
+    with Processes(2) as pool:
+        found = list(pool.completed(operator.call, lambda: next(tasks, None)))
+    lost = [result for _, result in found if isinstance(result, Lost)]
+    assert len(lost) == 1
+    assert "lost 3 times" in lost[0].reason
+    assert len(found) == 3
 
 
-class Named:
-    def __init__(self, key: str, path: Path) -> None:
-        self.key = key
-        self.path = path
+class Losing(InProcess):
+    """Loses every chunk that one certain run is in."""
+
+    def completed(
+        self, function: Callable[[TaskT], Result], source: Callable[[], TaskT | None]
+    ) -> Iterator[tuple[TaskT, Result | Lost]]:
+        while (task := source()) is not None:
+            jobs = task.jobs if isinstance(task, Chunk) else ()
+            fatal = any((job.point, job.replicate) == (2, 7) for job in jobs)
+            yield task, Lost("its process was lost") if fatal else function(task)
+
+
+def test_of_a_lost_chunk_only_the_guilty_run_has_failed(
+    plan: StudyPlan, table: bytes, tmp_path: Path
+) -> None:
+    study(plan, tmp_path, Losing())
+    lines = zip((tmp_path / "study.csv").read_bytes().splitlines(), table.splitlines(), strict=True)
+    other = [one for one, expected in lines if one != expected]
+    assert len(other) == 1
+    assert other[0].startswith(b"2,10,0.05,7,")
+    assert other[0].endswith(b",failed,its process was lost,,")
 
 
 @contextmanager
