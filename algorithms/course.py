@@ -24,6 +24,11 @@ BLOCK = 20_000
 """Feasible values after which a front takes their place, so that memory is bounded."""
 
 
+Batch = tuple[int, int, float, float, NDArray[np.int64], Array]
+"""Generation, evaluations so far, CPU time so far, share that is feasible, the evaluations at which
+its feasible designs came, their objectives."""
+
+
 @dataclass(frozen=True, slots=True)
 class Box:
     """Ideal and nadir (objectives,) of the normalised hypervolume."""
@@ -60,7 +65,7 @@ class Course:
         self.evaluations = 0
         self.feasible = 0
         self._rows: list[tuple[float, ...]] = []
-        self._open: list[tuple[int, int, float, float, Array, Array]] = []
+        self._open: list[Batch] = []
         self._waiting = 0
         self._per_octave = PER_OCTAVE.get(self.objectives, FEW)
 
@@ -69,7 +74,7 @@ class Course:
         self.batches += 1
         rows = np.flatnonzero(feasible)
         share = len(rows) / len(f) if len(f) else 0.0
-        at = self.evaluations + rows + 1
+        at = (self.evaluations + rows + 1).astype(np.int64)
         self.evaluations += len(f)
         self.feasible += len(rows)
         found = f if len(rows) == len(f) else f[rows]
@@ -90,7 +95,7 @@ class Course:
 
     def _settle(self, last: bool = False) -> None:
         """Chart the open batches and replace their values by the front."""
-        group: list[tuple[int, int, float, float, Array, Array]] = []
+        group: list[Batch] = []
         for batch in self._open:
             group.append(batch)
             end = last and batch is self._open[-1]
@@ -100,7 +105,7 @@ class Course:
         self._open = group
         self._waiting = sum(len(batch[5]) for batch in group)
 
-    def _chart(self, group: list[tuple[int, int, float, float, Array, Array]]) -> None:
+    def _chart(self, group: list[Batch]) -> None:
         """Add the last batch of a group to the curve, after those before it."""
         before, news = self.front, np.concatenate([batch[5] for batch in group])
         if len(news):
@@ -112,9 +117,7 @@ class Course:
         generation, evaluations, cpu_s, share, *_ = group[-1]
         self._rows.append((generation, evaluations, cpu_s, value, share))
 
-    def _passed(
-        self, before: Array, news: Array, group: list[tuple[int, int, float, float, Array, Array]]
-    ) -> tuple[float, float]:
+    def _passed(self, before: Array, news: Array, group: list[Batch]) -> tuple[float, float]:
         """Evaluations, and CPU time at the end of their batch, at which the level was passed."""
         low, high = 0, len(news)
         while high - low > 1:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
 from typing import Any
 
 from ..errors import nearest
-from ..section import Range, Section, shown
+from ..section import Range, Section, flat, shown
 from ..workflows.study.records import Factor, Level
-from .source import Table, flat
+from .source import Table, merge
 
 RANGE_KEYS = ("low", "high", "levels", "log", "integer")
 SEED = "seed"
@@ -27,7 +28,7 @@ def read_factors(section: Section, table: Table, base: Mapping[str, Any]) -> tup
             section.fault(key, f"cannot be varied: {hint}")
         elif key not in base:
             known = ", ".join(_beside(key, base))
-            text = f"is no setting of this run{nearest(key, base)}"
+            text = f"is no setting of this run that has a value{nearest(key, base)}"
             section.fault(key, f"{text}; beside it: {known}" if known else text)
         else:
             found.append(_factor(section, key, value, base[key]))
@@ -84,9 +85,7 @@ def _levels(section: Section, key: str, value: list[Any], own: Any) -> Factor | 
 
 
 def _range(section: Section, key: str, value: Table, whole: bool) -> Factor | None:
-    table = Section(value, section.place(key), [])
-    own = Section(value, section.place(key), section._faults)
-    del table
+    own = section.of(key, value)
     low, high = own.number("low"), own.number("high")
     count = own.integer("levels", Range(low=2))
     log, integer = own.flag("log") or False, own.flag("integer")
@@ -108,16 +107,14 @@ def _range(section: Section, key: str, value: Table, whole: bool) -> Factor | No
     return Factor(key, (), low, high, log, integer, count)
 
 
-def point_table(base: Table, values: Mapping[str, Level]) -> Table:
-    """The run's table with other values of some keys (dotted)."""
-    found = dict(base)
+def with_values(table: Table, values: Mapping[str, Level]) -> Table:
+    """A copy of the run's tables with other values of some keys (dotted)."""
+    found = deepcopy(table)
     for key, value in values.items():
-        *path, last = key.split(".")
-        at = found
-        for name in path:
-            at[name] = dict(at.get(name) or {})
-            at = at[name]
-        at[last] = value
+        nested: Any = value
+        for name in reversed(key.split(".")):
+            nested = {name: nested}
+        merge(found, nested)
     return found
 
 

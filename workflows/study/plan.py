@@ -49,6 +49,14 @@ class StudyPlan:
         )
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know before trusting the study."""
+        found = [text for problem in self.problems for text in problem.warnings()]
+        if any(point.budget.time_limit_s is not None for point in self.points):
+            found.append("algorithm.time_limit_s ends a run by the clock: no two studies are equal")
+        return tuple(dict.fromkeys(found))
+
+    @property
     def total(self) -> int:
         """Number of runs."""
         return len(self.points) * self.settings.seeds

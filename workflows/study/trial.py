@@ -6,6 +6,7 @@ import pickle
 import time
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.metadata import version
 from math import nan
 from types import TracebackType
 
@@ -148,10 +149,9 @@ def lost(job: Job, reason: str, responses: tuple[str, ...]) -> RunRecord:
 
 def check_version(sent: str) -> None:
     """Raises RunError where a worker has another version of the package than the sender."""
-    from ... import __version__
-
-    if sent != __version__:
-        text = f"a worker has tolevo {__version__}, this is {sent}: install the same everywhere"
+    own = version("tolevo")
+    if sent != own:
+        text = f"a worker has tolevo {own}, this is {sent}: install the same everywhere"
         raise RunError(text)
 
 

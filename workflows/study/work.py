@@ -7,8 +7,9 @@ import pickle
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from importlib.metadata import version
+from math import isnan
 
-from ... import __version__
 from .execution import Executor, Lost
 from .plan import Point, StudyPlan, StudyProgress
 from .storage import Database
@@ -37,6 +38,7 @@ class Work:
         self._report = report
         self._problems = tuple(pickle.dumps(problem) for problem in plan.problems)
         self._identity = hashlib.sha256(plan.settings.configuration.encode()).hexdigest()[:16]
+        self._version = version("tolevo")
         self._todo: deque[int] = deque()
         self._alone: deque[Chunk] = deque()
         self._measures: Mapping[int, Yardstick] = {}
@@ -56,7 +58,7 @@ class Work:
                 return None
             number = open_.popleft()
             key = self._key("survey", str(number))
-            return Surveying(key, __version__, self._problems[number], number)
+            return Surveying(key, self._version, self._problems[number], number)
 
         for task, found in self.executor.completed(survey, source):
             if isinstance(found, Lost):
@@ -108,7 +110,7 @@ class Work:
         problem = self._point(numbers[0]).problem
         return Chunk(
             self._key("runs", *map(str, numbers)),
-            __version__,
+            self._version,
             self._problems[problem],
             self._measures[problem],
             tuple(self._job(number) for number in numbers),
@@ -133,10 +135,10 @@ class Work:
             self._alone.extend(self._chunk([number]) for number in numbers)
             return
         if isinstance(result, Lost):
-            result = (lost(chunk.jobs[0], result.reason, chunk.responses),)
+            result = tuple(lost(job, result.reason, chunk.responses) for job in chunk.jobs)
         self.database.record(result)
         self._own += len(result)
-        self._cpu_s += sum(run.cpu_s for run in result if run.cpu_s == run.cpu_s)
+        self._cpu_s += sum(run.cpu_s for run in result if not isnan(run.cpu_s))
         self._tell()
 
     def _key(self, *parts: str) -> str:

@@ -11,7 +11,6 @@ from ...algorithms.course import Box
 from ...algorithms.exact.bounds import proof
 from ...errors import ModelError
 from ...problems.tolerance_problem import ToleranceProblem
-from ..run.proofs import exact_front
 
 SHARE = 0.99
 """Share of the exact hypervolume, and 1 less the relative gap of one objective, that `..._to_99`
@@ -40,6 +39,8 @@ class Yardstick:
 
 def yardstick(problem: ToleranceProblem) -> Yardstick:
     """The yardstick of a problem (some seconds where the exact front takes programmes)."""
+    from ..run.proofs import exact_front  # with it come the libraries of the page, slow to load
+
     ideal, nadir = (tuple(float(v) for v in end) for end in problem.box())
     exact, value, bound = exact_front(problem), nan, nan
     if exact is not None and problem.n_obj > 1:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from typing import Any
+
+import distributed
 
 from ....errors import RunError, refuse
 from .executor import ATTEMPTS, Executor, Lost, Result, TaskT
@@ -28,12 +29,10 @@ class DaskCluster(Executor):
     """
 
     def __init__(self, address: str) -> None:
-        from distributed import Client
-
         self.address = address
         try:
-            self._client = Client(address, timeout=PATIENCE, set_as_default=False)
-        except (OSError, TimeoutError, asyncio.TimeoutError, ValueError, TypeError) as error:
+            self._client: Any = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        except (OSError, TimeoutError, ValueError, TypeError) as error:
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             text = f"no Dask scheduler answers at {address} ({reason}); start one: dask scheduler"
             raise refuse("--dask", text) from error
@@ -43,7 +42,7 @@ class DaskCluster(Executor):
         """Threads of the workers that are there now; 0 where there is none."""
         try:
             return sum(self._client.nthreads().values())
-        except (OSError, CancelledError, asyncio.TimeoutError) as error:
+        except (TimeoutError, OSError, CancelledError) as error:
             raise RunError(GONE.format(address=self.address)) from error
 
     def completed(
@@ -71,11 +70,10 @@ class DaskCluster(Executor):
 
     def _ended(self, futures: list[Any]) -> list[Any]:
         """The futures that have ended; waits for one at least."""
-        from distributed import wait
-
         while True:
             try:
-                done = wait(futures, timeout=LOOK, return_when="FIRST_COMPLETED").done
+                waited: Any = distributed.wait(futures, timeout=LOOK, return_when="FIRST_COMPLETED")
+                done = waited.done
                 return [future for future in futures if future in done]
             except TimeoutError:
                 if self._client.status != "running":
@@ -84,16 +82,21 @@ class DaskCluster(Executor):
                 raise RunError(GONE.format(address=self.address)) from error
 
     def _result(self, future: Any) -> Any:
-        from distributed import KilledWorker
-
-        if future.cancelled() or future.status == "lost":
+        if future.status not in ("finished", "error"):
             raise RunError(GONE.format(address=self.address))
         try:
-            return future.result(timeout=PATIENCE)
-        except KilledWorker:
-            return Lost("it took every Dask worker with it that tried (killed, or out of memory)")
+            failure = future.exception(timeout=PATIENCE)
+            result = future.result(timeout=PATIENCE) if failure is None else None
         except (CancelledError, OSError) as error:
             raise RunError(GONE.format(address=self.address)) from error
+        if isinstance(failure, distributed.KilledWorker):
+            return Lost("it took every Dask worker with it that tried (killed, or out of memory)")
+        if isinstance(failure, ImportError):
+            text = f"a Dask worker cannot run tolevo ({failure}): install the same version there"
+            raise RunError(text) from failure
+        if failure is not None:
+            raise failure
+        return result
 
     def close(self) -> None:
         self._client.close(timeout=PATIENCE)

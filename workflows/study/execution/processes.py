@@ -71,9 +71,7 @@ class _Lane:
 
     def _started(self) -> ProcessPoolExecutor:
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(
-                1, mp_context=get_context("spawn"), initializer=_begin
-            )
+            self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_begin)
             others = set(active_children())
             with _one_thread():  # the process starts with its first task
                 self._pool.submit(os.getpid)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, ExitStack
+from functools import lru_cache
+from typing import Any
 
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Environment variables that those libraries read when they are loaded."""
@@ -13,8 +15,15 @@ def pinned() -> AbstractContextManager[object]:
 
     The result of a sum may depend on the number of threads, so this holds in every process.
     """
+    controller = _controller()
+    return ExitStack() if controller is None else controller.limit(limits=1)
+
+
+@lru_cache(maxsize=1)
+def _controller() -> Any:
+    """What switches the libraries that are loaded; looking for them takes some milliseconds."""
     try:
-        from threadpoolctl import threadpool_limits
+        from threadpoolctl import ThreadpoolController
     except ImportError:  # then the environment variables alone hold
-        return ExitStack()
-    return threadpool_limits(limits=1)
+        return None
+    return ThreadpoolController()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -71,16 +71,15 @@ class Database:
     def __exit__(self, *error: object) -> None:
         self.close()
 
-    @property
-    def identity(self) -> str:
-        """The configuration of the study that the database belongs to, empty for a new one."""
-        found = self._connection.execute("SELECT value FROM meta WHERE key = 'identity'").fetchone()
+    def meta(self, key: str) -> str:
+        """What the database says of the study it belongs to, empty for a new one."""
+        found = self._connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
         return str(found[0]) if found else ""
 
-    def identify(self, identity: str) -> None:
-        """Set the configuration that the database belongs to."""
+    def set_meta(self, values: Mapping[str, str]) -> None:
+        """Say what study the database belongs to."""
         with self._writing() as cursor:
-            cursor.execute("INSERT OR REPLACE INTO meta VALUES ('identity', ?)", (identity,))
+            cursor.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", values.items())
 
     # what has been done
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import sqlite3
 import tomllib
 from collections.abc import Mapping
@@ -10,11 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from ....errors import Fault, raise_all, refuse
+from ....section import flat
 from ..plan import StudyPlan
 from .database import APPLICATION, DATABASE, FORMAT, NAMES, Database
 from .rows import Row, whole
 
 CONFIGURATION = "config.toml"
+IDENTITY, POINTS = "configuration", "points"
+"""What a database says of its study: the resolved configuration, and a hash of the design."""
 GROWS = "seeds"
 """The one key that may differ between a study and what goes on with it, upwards."""
 SHOWN = 12
@@ -79,12 +83,14 @@ def _check_format(path: Path) -> None:
 
 def _check_identity(database: Database, plan: StudyPlan) -> None:
     """Takes the database for this study; raises InputError where it belongs to another."""
-    new = plan.settings.configuration
-    old = database.identity
+    new, old = plan.settings.configuration, database.meta(IDENTITY)
     if old and old != new:
         raise_all(_differences(flat(tomllib.loads(old)), flat(tomllib.loads(new))))
-    if old != new:
-        database.identify(new)
+    points = hashlib.sha256(plan.design.to_csv(index=False).encode()).hexdigest()
+    if database.meta(POINTS) not in ("", points):
+        text = "its points are not those of the study to resume: the table, or the version of what "
+        raise refuse("design", f"{text}draws them, has changed; start again with --overwrite")
+    database.set_meta({IDENTITY: new, POINTS: points})
 
 
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
@@ -99,15 +105,6 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
     return found
 
 
-def flat(table: Mapping[str, Any], place: str = "") -> dict[str, Any]:
-    """Values of nested tables by dotted key."""
-    found: dict[str, Any] = {}
-    for key, value in table.items():
-        at = f"{place}{key}"
-        found |= flat(value, f"{at}.") if isinstance(value, dict) else {at: value}
-    return found
-
-
 def _recovered(path: Path, plan: StudyPlan, error: str) -> tuple[Database, tuple[str, ...]]:
     """A new database with every row of a damaged one that can be read and is as it was written."""
     identity, rows, holes = _salvaged(path, plan)
@@ -118,7 +115,7 @@ def _recovered(path: Path, plan: StudyPlan, error: str) -> tuple[Database, tuple
     aside = _put_aside(path)
     database = _database(path, plan)
     if identity:
-        database.identify(identity)
+        database.set_meta({IDENTITY: identity})
     database.insert(rows)
     again = f"; {_named(holes, plan)} could not be read and are done again" if holes else ""
     return database, (f"{path} was damaged ({error}): {len(rows)} runs in it are whole{again}; the "
@@ -130,11 +127,13 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
 
     Every number is looked up by itself, so that a damaged page hides its own rows only.
     """
-    identity, rows, holes = "", [], []
+    identity = ""
+    rows: list[Row] = []
+    holes: list[int] = []
     connection = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
     try:
         try:
-            text = "SELECT value FROM meta WHERE key = 'identity'"
+            text = f"SELECT value FROM meta WHERE key = '{IDENTITY}'"
             identity = str(connection.execute(text).fetchone()[0])
         except (sqlite3.DatabaseError, TypeError):
             pass  # the configuration beside it says the same
@@ -145,8 +144,12 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
             except (sqlite3.DatabaseError, UnicodeDecodeError):
                 holes.append(number)
                 continue
-            if row is not None:
-                (rows if whole(row) else holes).append(row if whole(row) else number)
+            if row is None:
+                continue
+            if whole(row):
+                rows.append(row)
+            else:
+                holes.append(number)
     finally:
         connection.close()
     return identity, rows, holes

@@ -15,7 +15,7 @@ PREFIX = ".at-work-"
 
 
 class Owner:
-    """This process's claim to be alive, in the folder of the study."""
+    """The claim of this process to be alive, in the folder of the study."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

@@ -44,7 +44,11 @@ def record_of(row: Row) -> RunRecord:
     named = dict(zip(COLUMNS, row[1:-1], strict=True))
     curve = np.frombuffer(zlib.decompress(named["curve"]), dtype="<f8").reshape(-1, len(CURVE))
     return RunRecord(
-        *(named[name] for name in ("point", "replicate", "seed", "status", "reason")),
+        point=named["point"],
+        replicate=named["replicate"],
+        seed=named["seed"],
+        status=named["status"],
+        reason=named["reason"],
         evaluations=named["evaluations"],
         cpu_s=_number(named["cpu_s"]),
         responses={name: _number(named[name]) for name in RESPONSES},
