@@ -37,12 +37,12 @@ def interval_of_median(values: Array, rng: np.random.Generator) -> Array:
     middle = np.median(values, axis=1)
     with np.errstate(invalid="ignore"):
         if values.shape[1] < 2:
-            low = high = np.full(len(values), np.nan)
+            low, high = np.full((2, len(values)), np.nan)
         else:
             found = bootstrap(
                 (values,), np.median, axis=1, vectorized=True, n_resamples=RESAMPLES, batch=BATCH,
                 confidence_level=LEVEL, method="percentile", rng=rng,
             ).confidence_interval  # fmt: skip
-            low, high = found.low, found.high
+            low, high = np.asarray(found.low), np.asarray(found.high)
         stacked = np.column_stack([middle, low, high])
     return np.where(np.isfinite(stacked), stacked, np.nan)

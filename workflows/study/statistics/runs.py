@@ -31,7 +31,7 @@ class Runs:
     @property
     def replicates(self) -> int:
         """Seeds per setting."""
-        return self.array.shape[1]
+        return int(self.array.shape[1])
 
     def costs(self) -> Array:
         """The values turned so that less is better, a failed run worst of all."""

@@ -42,7 +42,7 @@ def factorial_shares(
     """Shares of every key, every pair of keys, and all that is left between settings."""
     whole = complete(values)
     means = {(one.key,): _means(whole, one.members) for one in found}
-    effects = dict(means)
+    effects: dict[tuple[str, ...], Array] = dict(means)
     for a, b in combinations(found, 2):
         cells = _cells(len(values), a, b)
         joint = _means(whole, tuple(cells.values()))
@@ -60,7 +60,8 @@ def factorial_shares(
 
 def _means(values: Array, members: tuple[np.ndarray, ...]) -> Array:
     """Mean over the settings of each level less that of all, shape (levels, replicates)."""
-    return np.stack([values[rows].mean(axis=0) for rows in members]) - values.mean(axis=0)
+    means = np.stack([values[rows].mean(axis=0) for rows in members])
+    return np.asarray(means - values.mean(axis=0))
 
 
 def _squares(values: Array, weights: Array) -> Array:
