@@ -57,8 +57,8 @@ def random_settings(
     statistic: Statistic, settings: int, replicates: int, rng: np.random.Generator
 ) -> Estimates:
     """Estimates where the settings are a sample (blocks of a Sobol design, trajectories)."""
-    value, flat = _value(statistic, settings)
-    rows = _spread(lambda n: statistic(rng.exponential(size=(n, settings)), np.ones((1, 1, 1))),
+    value, flat = _value(statistic, settings, replicates)
+    rows = _spread(lambda n: statistic(rng.exponential(size=(n, settings)), np.ones((1, 1, replicates))),
                    settings)  # fmt: skip
     seeds = _spread(lambda n: statistic(flat, rng.exponential(size=(n, 1, replicates))), replicates)
     runs = _spread(
@@ -71,16 +71,16 @@ def random_settings(
 
 def fixed_settings(statistic: Statistic, replicates: int, rng: np.random.Generator) -> Estimates:
     """Estimates for exactly the settings of the design; the seeds are the sample."""
-    value, flat = _value(statistic, 1)
+    value, flat = _value(statistic, 1, replicates)
     variance = _spread(
         lambda n: statistic(flat, rng.exponential(size=(n, 1, replicates))), replicates
     )
     return _around(value, variance, replicates - 1)
 
 
-def _value(statistic: Statistic, settings: int) -> tuple[Array, Array]:
+def _value(statistic: Statistic, settings: int, replicates: int) -> tuple[Array, Array]:
     flat = np.ones((1, settings))
-    return statistic(flat, np.ones((1, 1, 1)))[0], flat
+    return statistic(flat, np.ones((1, 1, replicates)))[0], flat
 
 
 def _spread(draw: Callable[[int], Array], units: int, block: int = DRAWS) -> Array:

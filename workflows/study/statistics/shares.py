@@ -41,8 +41,8 @@ def factorial_shares(
 ) -> tuple[list[str], Estimates]:
     """Shares of every key, every pair of keys, and all that is left between settings."""
     whole = complete(values)
-    means = {(one.key,): _means(whole, one.members) for one in found}
-    effects: dict[tuple[str, ...], Array] = dict(means)
+    means: dict[tuple[str, ...], Array] = {(one.key,): _means(whole, one.members) for one in found}
+    effects = dict(means)
     for a, b in combinations(found, 2):
         cells = _cells(len(values), a, b)
         joint = _means(whole, tuple(cells.values()))

@@ -17,7 +17,7 @@ def indices(values: Array, keys: int, rng: np.random.Generator) -> Estimates:
     variance between settings without the noise.
     """
     blocks = values.reshape(-1, keys + 2, values.shape[1])
-    whole: NDArray[np.bool_] = ~np.isnan(blocks).any(axis=1)
+    whole: NDArray[np.bool_] = np.isfinite(blocks).all(axis=1)
     ends = np.where(whole[:, None], blocks, np.nan)[:, [0, -1]]
     # What a seed does alike at every setting is no effect of a setting.
     blocks = np.where(whole[:, None], blocks - _mean_of_seeds(ends), 0.0)
