@@ -14,10 +14,11 @@ from ..errors import Fault, InputError, nearest, raise_all
 from ..section import POSITIVE, Range, Section
 from ..workflows.study.designs import DESIGNS
 from ..workflows.study.plan import StudyPlan
-from ..workflows.study.records import RESPONSES, Design, Factor, StudySettings
+from ..workflows.study.records import RESPONSES, Design, Factor, Reading, StudySettings
 from ..workflows.study.responses import unsuitable
 from .configuration import Configuration
 from .reader import read_table
+from .readings import read_readings, written
 from .search import settings_of
 from .settings_of_points import built_points
 from .source import Table, load, override
@@ -55,6 +56,7 @@ def read_study(path: Path, overrides: Sequence[str] = ()) -> StudyPlan:
     vary = top.section("vary")
     if base is not None:
         factors = read_factors(vary, top.take("vary") or {}, base_values(run or {}, base.resolved))
+    readings = read_readings(top, factors, responses)
     top.finish()
     seed, seeds = 0 if seed is None else seed, SEEDS if seeds is None else seeds
     if design is not None and factors and not _faulty(faults, "vary"):
@@ -72,7 +74,8 @@ def read_study(path: Path, overrides: Sequence[str] = ()) -> StudyPlan:
         seed=seed,
         base={factor.key: values[factor.key] for factor in factors},
         objectives=base.settings.objectives,
-        configuration=_resolved(base, factors, design, responses, seeds, seed, limit),
+        readings=readings,
+        configuration=_resolved(base, factors, design, responses, seeds, seed, limit, readings),
     )
     return _planned(settings, base, run or {}, limit)
 
@@ -195,12 +198,14 @@ def _resolved(
     seeds: int,
     seed: int,
     limit: float | None,
+    readings: tuple[Reading, ...],
 ) -> str:
     """The study as TOML, every default included; reading it again gives the same study."""
     vary = {factor.key: _vary(factor) for factor in factors}
     table: dict[str, Any] = {"seed": seed, "seeds": seeds, "response": list(responses)}
     table |= {} if limit is None else {"time_limit_s": limit}
     kind = {"kind": design.kind} | asdict(design)  # type: ignore[call-overload]
+    table |= {"reading": written(readings)} if readings else {}
     return tomli_w.dumps(table | {"design": kind, "vary": vary, RUN: dict(base.resolved)})
 
 

@@ -117,6 +117,22 @@ class Design(ABC):
 
 
 @dataclass(frozen=True, slots=True)
+class Reading:
+    """What somebody reads from a figure: at level `a` of a key a run is better than at level `b`.
+
+    `better` False: it is worse. `says` are their words, `figure` is where they stand.
+    """
+
+    figure: str
+    says: str
+    key: str
+    a: Level
+    b: Level
+    response: str
+    better: bool = True
+
+
+@dataclass(frozen=True, slots=True)
 class StudySettings:
     """What is studied. `base` holds the run configuration's own values of the varied keys."""
 
@@ -129,13 +145,14 @@ class StudySettings:
     base: Mapping[str, Level] = field(default_factory=dict)
     objectives: tuple[str, ...] = ()
     """Objectives of the run: one, or a front."""
+    readings: tuple[Reading, ...] = ()
     configuration: str = field(default="", repr=False)
     """The resolved configuration as TOML."""
 
 
 @dataclass(frozen=True, slots=True)
 class StudyData:
-    """What was measured: `analyse(data.table, data.design, settings, rng, data)`.
+    """What was measured: `statistics.analyse` takes it.
 
     `design` is the frame of `Design.points`, its row number is `point`. `curves` has one row per
     checkpoint of a run: point, replicate, generation, evaluations, `value` and feasible_fraction.

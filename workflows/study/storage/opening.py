@@ -20,7 +20,9 @@ CONFIGURATION = "config.toml"
 IDENTITY, POINTS = "configuration", "points"
 """What a database says of its study: the resolved configuration, and a hash of the design."""
 GROWS = "seeds"
-"""The one key that may differ between a study and what goes on with it, upwards."""
+"""The one key of the runs that may differ between a study and what goes on with it, upwards."""
+SAID = "reading"
+"""What is only tested on the runs."""
 SHOWN = 12
 """Lost runs that are named one by one."""
 
@@ -97,7 +99,7 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
     found = []
     for key in dict.fromkeys([*new, *old]):
         was, now = old.get(key, "unset"), new.get(key, "unset")
-        if was == now or (key == GROWS and now > was):
+        if was == now or key == SAID or (key == GROWS and now > was):
             continue
         hint = "it may only grow" if key == GROWS else "only seeds may grow"
         text = f"is {now}, but the study to resume has {was}: {hint}; undo the change, or start "
