@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
@@ -165,7 +166,7 @@ def test_killed_at_ten_random_moments(plan: StudyPlan, table: bytes, tmp_path: P
     while len(counts) < 10:
         process = server().Process(target=study, args=(plan, out, InProcess(), None, True))
         process.start()
-        wait_until(lambda one=process, out=out: not one.is_alive() or any(out.glob(".at-work-*")))
+        wait_until(partial(begun, process, out))
         time.sleep(moments.uniform(0.0, longest))
         process.kill()
         process.join()
@@ -180,6 +181,11 @@ def test_killed_at_ten_random_moments(plan: StudyPlan, table: bytes, tmp_path: P
     assert any(0 < count < plan.total for count in counts)
     assert study(plan, out, InProcess(), resume=True).status == "done"
     sound(out, plan, table)
+
+
+def begun(process: BaseProcess, out: Path) -> bool:
+    """Whether a process works on the study in `out`, or is through with it."""
+    return not process.is_alive() or any(out.glob(".at-work-*"))
 
 
 def server() -> multiprocessing.context.ForkServerContext:
