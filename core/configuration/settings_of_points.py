@@ -17,7 +17,7 @@ from .configuration import Configuration
 from .reader import read_table
 from .search import read_algorithm, read_budget, read_engine
 from .source import Table
-from .varied import with_values
+from .varied import variable_table, with_values
 
 SHOWN = 10
 """Faults of points that are listed; the rest is counted."""
@@ -30,7 +30,7 @@ def built_points(
 
     Raises InputError with the faults of all points, each named once.
     """
-    builder = _Builder(run, base)
+    builder = _Builder(variable_table(run, [one.key for one in factors], base.resolved))
     faults: dict[str, Fault] = {}
     points = []
     for row in design[[factor.key for factor in factors]].to_dict("records"):
@@ -52,8 +52,7 @@ def built_points(
 class _Builder:
     """Reads points; a problem is built once, however many points share it."""
 
-    def __init__(self, run: Table, base: Configuration) -> None:
-        assert base.problem is not None
+    def __init__(self, run: Table) -> None:
         self.run = run
         self.problems: list[ToleranceProblem] = []
         self._numbers: dict[str, int] = {}

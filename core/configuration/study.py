@@ -55,7 +55,7 @@ def read_study(path: Path, overrides: Sequence[str] = ()) -> StudyPlan:
     factors: tuple[Factor, ...] = ()
     vary = top.section("vary")
     if base is not None:
-        factors = read_factors(vary, top.take("vary") or {}, base_values(base.resolved))
+        factors = read_factors(vary, top.take("vary") or {}, base_values(run or {}, base.resolved))
     readings = read_readings(top, factors, responses)
     top.finish()
     seed, seeds = 0 if seed is None else seed, SEEDS if seeds is None else seeds
@@ -64,7 +64,7 @@ def read_study(path: Path, overrides: Sequence[str] = ()) -> StudyPlan:
     raise_all(faults)
     assert base is not None
     assert design is not None
-    values = base_values(base.resolved)
+    values = base_values(run or {}, base.resolved)
     settings = StudySettings(
         title=path.stem,
         factors=factors,

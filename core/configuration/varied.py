@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from typing import Any
 
@@ -68,20 +68,19 @@ def _factor(section: Section, key: str, value: Any, own: Any) -> Factor | None:
 
 
 def _levels(section: Section, key: str, value: list[Any], own: Any) -> Factor | None:
-    kind = str if isinstance(own, str) else (int, float)
+    kinds = {str: (str, "a name"), int: (int, "a whole number")}
+    kind, wanted = kinds.get(type(own), ((int, float), "a number"))
     if not value:
         section.fault(key, "names no values")
     for at, one in enumerate(value):
         if not isinstance(one, kind) or isinstance(one, bool):
-            wanted = "a name" if kind is str else "a number"
             section.fault(f"{key}[{at}]", f"must be {wanted}, got {shown(one)}")
             return None
         if one in value[:at]:
             section.fault(key, f"names {shown(one)} twice")
             return None
-    levels: tuple[Level, ...] = tuple(value)
-    whole = all(isinstance(one, int) for one in levels)
-    return Factor(key, levels, integer=whole) if levels else None
+    levels = tuple(float(one) if isinstance(own, float) else one for one in value)
+    return Factor(key, levels, integer=isinstance(own, int)) if levels else None
 
 
 def _range(section: Section, key: str, value: Table, whole: bool) -> Factor | None:
@@ -107,21 +106,44 @@ def _range(section: Section, key: str, value: Table, whole: bool) -> Factor | No
     return Factor(key, (), low, high, log, integer, count)
 
 
+def variable_table(run: Table, keys: Iterable[str], resolved: Mapping[str, Any]) -> Table:
+    """The run's tables, those resolved whose short forms the keys lead through.
+
+    `limits.yaw_mrad.max` is a key of the resolved run, where the file may say `yaw_mrad = 0.2`.
+    """
+    found = deepcopy(run)
+    for key in keys:
+        if not merge(deepcopy(found), _nested(key, 0.0)):
+            top = key.split(".")[0]
+            found[top] = deepcopy(resolved[top])
+    return found
+
+
 def with_values(table: Table, values: Mapping[str, Level]) -> Table:
     """A copy of the run's tables with other values of some keys (dotted)."""
     found = deepcopy(table)
     for key, value in values.items():
-        nested: Any = value
-        for name in reversed(key.split(".")):
-            nested = {name: nested}
-        merge(found, nested)
+        merge(found, _nested(key, value))
     return found
 
 
-def base_values(resolved: Mapping[str, Any]) -> dict[str, Any]:
-    """Numbers and names of a resolved run by dotted key: all that can be varied."""
+def _nested(key: str, value: Any) -> Table:
+    for name in reversed(key.split(".")):
+        value = {name: value}
+    found: Table = value
+    return found
+
+
+def base_values(run: Table, resolved: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers and names of a run by dotted key, as its file and as its resolved form have them."""
+    written = {k: float(v) if isinstance(v, int) else v for k, v in _plain(run).items()}
+    return written | _plain(resolved)
+
+
+def _plain(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Values that can be varied: no truth values, no lists."""
     return {
         key: value
-        for key, value in flat(resolved).items()
+        for key, value in flat(table).items()
         if isinstance(value, int | float | str) and not isinstance(value, bool)
     }

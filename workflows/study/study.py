@@ -124,6 +124,10 @@ def _written(plan: StudyPlan, data: StudyData, out: Path) -> StudyOutcome:
     write_with(out / "curves.parquet", lambda path: data.curves.to_parquet(path, index=False))
     write_text(out / "study.csv", data.table.to_csv(index=False))
     failed = data.table[data.table["status"] == "failed"]
+    if len(failed) == len(data.table):
+        reason = failed["reason"].iloc[0]
+        raise RunError(f"every run failed ({reason}): see study.csv; mend the cause, then "
+                       "start again with --overwrite")  # fmt: skip
     lines = [f"done: {len(data.table)} runs of {len(plan.points)} settings, {len(failed)} failed"]
     if len(failed):
         reason, times = next(iter(failed["reason"].value_counts().items()))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from typing import Any
@@ -30,6 +32,7 @@ class DaskCluster(Executor):
 
     def __init__(self, address: str) -> None:
         self.address = address
+        self._threads, self._counted = 0, -math.inf
         try:
             self._client: Any = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
         except (OSError, TimeoutError, ValueError, TypeError) as error:
@@ -39,11 +42,14 @@ class DaskCluster(Executor):
 
     @property
     def workers(self) -> int:  # type: ignore[override]
-        """Threads of the workers that are there now; 0 where there is none."""
-        try:
-            return sum(self._client.nthreads().values())
-        except (TimeoutError, OSError, CancelledError) as error:
-            raise RunError(GONE.format(address=self.address)) from error
+        """Threads of the workers, `LOOK` seconds ago at most; 0 where there is none."""
+        if time.monotonic() >= self._counted + LOOK:
+            try:
+                self._threads = sum(self._client.nthreads().values())
+            except (CancelledError, OSError) as error:
+                raise RunError(GONE.format(address=self.address)) from error
+            self._counted = time.monotonic()
+        return self._threads
 
     def completed(
         self, function: Callable[[TaskT], Result], source: Callable[[], TaskT | None]
@@ -72,7 +78,8 @@ class DaskCluster(Executor):
         """The futures that have ended; waits for one at least."""
         while True:
             try:
-                waited: Any = distributed.wait(futures, timeout=LOOK, return_when="FIRST_COMPLETED")
+                with self._client.as_current():
+                    waited: Any = distributed.wait(futures, LOOK, "FIRST_COMPLETED")
                 done = waited.done
                 return [future for future in futures if future in done]
             except TimeoutError:

@@ -134,6 +134,7 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
     holes: list[int] = []
     connection = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
     try:
+        connection.execute("PRAGMA writable_schema = ON")  # else a file cut short is refused whole
         try:
             text = f"SELECT value FROM meta WHERE key = '{IDENTITY}'"
             identity = str(connection.execute(text).fetchone()[0])
