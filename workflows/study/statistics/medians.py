@@ -10,8 +10,8 @@ from .resampling import LEVEL, Array
 from .runs import Runs
 
 RESAMPLES = 2000
-BATCH = 50
-"""Resamples held at a time, so that thousands of settings fit into memory."""
+BATCH = 2_000_000
+"""Resampled values held at a time, so that thousands of settings fit into memory."""
 
 
 def medians(runs: Runs, rng: np.random.Generator) -> pd.DataFrame:
@@ -40,7 +40,7 @@ def interval_of_median(values: Array, rng: np.random.Generator) -> Array:
             low, high = np.full((2, len(values)), np.nan)
         else:
             found = bootstrap(
-                (values,), np.median, axis=1, vectorized=True, n_resamples=RESAMPLES, batch=BATCH,
+                (values,), np.median, axis=1, vectorized=True, n_resamples=RESAMPLES, batch=max(1, BATCH // values.size),
                 confidence_level=LEVEL, method="percentile", rng=rng,
             ).confidence_interval  # fmt: skip
             low, high = np.asarray(found.low), np.asarray(found.high)

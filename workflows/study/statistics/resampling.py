@@ -58,8 +58,8 @@ def random_settings(
 ) -> Estimates:
     """Estimates where the settings are a sample (blocks of a Sobol design, trajectories)."""
     value, flat = _value(statistic, settings, replicates)
-    rows = _spread(lambda n: statistic(rng.exponential(size=(n, settings)), np.ones((1, 1, replicates))),
-                   settings)  # fmt: skip
+    all_runs = np.ones((1, 1, replicates))
+    rows = _spread(lambda n: statistic(rng.exponential(size=(n, settings)), all_runs), settings)
     seeds = _spread(lambda n: statistic(flat, rng.exponential(size=(n, 1, replicates))), replicates)
     runs = _spread(
         lambda n: statistic(flat, rng.exponential(size=(n, settings, replicates))),
