@@ -10,6 +10,8 @@ from scipy.integrate import solve_ivp
 
 from tolevo.errors import InputError
 from tolevo.models.rv_reducer.dynamics import cyclic
+from tolevo.models.rv_reducer.dynamics.displaced import DisplacedMesh
+from tolevo.models.rv_reducer.dynamics.full import FullDynamics, NoSteadyState
 from tolevo.models.rv_reducer.dynamics.spectrum import mean_square, spectrum
 from tolevo.models.rv_reducer.dynamics.steady import Oscillator, steady_state
 from tolevo.models.rv_reducer.dynamics.sweep import Response, samples_needed, sweep, warnings
@@ -55,7 +57,7 @@ class AnalyticMesh:
         return np.asarray(0.5 * (low + high))
 
     def peak_force(self, twist: Array) -> Array:
-        return np.abs(self.torque(twist)[0]) / 0.05
+        return np.asarray(np.abs(self.torque(twist)[0]).max(axis=-1) / 0.05)
 
     def resampled(self, samples: int) -> "AnalyticMesh":
         return replace(self, samples=samples)
@@ -244,6 +246,40 @@ def test_speeds_that_are_no_speeds(speed: float) -> None:
         sweep(LINEAR, Train(), 412.0, np.array([1.0, speed]))
 
 
+def test_a_vibration_that_is_not_periodic_is_said() -> None:
+    """Almost without load, in the resonance, a unit with clearance hammers between its flanks."""
+    full = FullDynamics(RATTLING, Train())
+    angle, torque = np.zeros(3), np.array([4.0, 60.0, 4.0])
+    with pytest.warns(NoSteadyState, match="4 N m and 41 rpm, 2 readings"):
+        found = full.twist(angle, torque, np.full(3, 41.0 * RPM))
+    assert np.isnan(found).tolist() == [True, False, True]
+    response = sweep(RATTLING, Train(), 4.0, 41.0 * RPM)
+    assert np.isnan(response.amplitude[0])
+    assert response.residual[0] > 1e-3
+
+
+def test_full_dynamics_reads_the_steady_state() -> None:
+    one = points(PARAMETRIC, Train(), 200.0, 42.0)
+    expected = steady_state(PARAMETRIC, one).twist[0]
+    full = FullDynamics(PARAMETRIC, Train())
+    count = PARAMETRIC.samples
+    found = full.twist(PARAMETRIC.angle, np.full(count, 200.0), np.full(count, 42.0 * RPM))
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_a_displaced_input_moves_the_twist() -> None:
+    plain = AnalyticMesh(256)
+    moved = DisplacedMesh(plain, waves(k40=2e-5)(plain.angle))
+    direct = AnalyticMesh(256, waves(k40=2e-5))
+    both = [steady_state(m, Oscillator.of(m, Train(), np.asarray(50.0), np.asarray(8.0))).twist
+            for m in (moved, direct)]  # fmt: skip
+    np.testing.assert_allclose(both[0], both[1], rtol=1e-9)
+    assert moved.peak_force(both[0]) == pytest.approx(direct.peak_force(both[1]))
+    finer = moved.resampled(512)
+    np.testing.assert_allclose(finer.displacement, waves(k40=2e-5)(direct.resampled(512).angle),
+                               atol=1e-18)  # fmt: skip
+
+
 def test_all_faults_at_once() -> None:
     train = Train(load_inertia=0.0, damping_ratio=2.0)
     with pytest.raises(InputError) as caught:
@@ -288,11 +324,10 @@ def test_cyclic_equations_against_a_dense_matrix() -> None:
 
 
 def table(mesh: AnalyticMesh, count: int) -> TabulatedMesh:
-    def loads(twist: Array) -> tuple[Array, Array, Array]:
-        every = np.broadcast_to(twist, (len(twist), mesh.samples))
-        return *mesh.torque(every), mesh.peak_force(every)
+    def loads(twist: Array) -> tuple[Array, Array]:
+        return mesh.torque(np.broadcast_to(twist, (len(twist), mesh.samples)))
 
-    return TabulatedMesh.of(loads, 2e-5, 5e-3, count)
+    return TabulatedMesh.of(loads, mesh.peak_force, 2e-5, 5e-3, count)
 
 
 def test_table_is_the_mesh() -> None:
@@ -323,6 +358,7 @@ def test_resampled_table_keeps_the_samples_it_had() -> None:
     found = table(PARAMETRIC, 65)
     fine = found.resampled(2 * found.samples)
     static = fine.equilibrium(np.asarray(412.0))
+    assert fine.peak_force(static) == pytest.approx(found.peak_force(static[::2]))
     np.testing.assert_allclose(static[::2], found.equilibrium(np.asarray(412.0)), atol=1e-12)
 
 

@@ -31,11 +31,11 @@ class Mesh(Protocol):
         ...
 
     def peak_force(self, twist: Array) -> Array:
-        """Largest contact force (..., n) [N] at twists (..., n) [rad]."""
+        """Largest contact force (...) [N] over the turn at twists (..., n) [rad]."""
         ...
 
     def resampled(self, samples: int) -> Mesh:
-        """The same mesh at another number of output angles."""
+        """The same mesh at a multiple of its output angles."""
         ...
 
 

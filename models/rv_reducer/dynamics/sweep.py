@@ -79,7 +79,7 @@ def _fill(
 ) -> None:
     state = steady_state(mesh, points, tolerance)
     reached = state.converged(tolerance)
-    twist, force = state.twist, mesh.peak_force(state.twist).max(axis=-1)
+    twist, force = state.twist, mesh.peak_force(state.twist)
     found.residual[chosen] = state.residual
     found.amplitude[chosen] = np.where(reached, 0.5 * np.ptp(twist, axis=-1), np.nan)
     found.peak_force[chosen] = np.where(reached, force, np.nan)

@@ -10,33 +10,37 @@ from numpy.typing import NDArray
 from scipy.signal import resample
 
 Array = NDArray[np.float64]
-Loads = Callable[[Array], tuple[Array, Array, Array]]
-"""Torque, tangent stiffness and largest contact force (m, n) at twists (m, 1)."""
+Loads = Callable[[Array], tuple[Array, Array]]
+"""Torque and tangent stiffness (m, n) at twists (m, 1)."""
+Peak = Callable[[Array], Array]
+"""Largest contact force (...) over the turn at twists (..., n)."""
 ROOT_STEPS = 60
 """Bisections of a cell: the twist in it is then exact to the last digit."""
 
 
 @dataclass(frozen=True, slots=True)
 class TabulatedMesh:
-    """Torque, stiffness and peak force (m, n) at twists `scale` sinh(`nodes`), `nodes` even steps.
+    """Torque and its slope per node (m, n) at twists `scale` sinh(`nodes`), `nodes` even steps.
 
     Cubic between the nodes, by values and slopes; the slopes are limited as by Fritsch and Carlson
-    (1980), so that the torque rises as the mesh's does. Beyond the nodes it goes on straight.
+    (1980), so that the torque rises as the mesh's does. Beyond the nodes it goes on straight. What
+    `peak` is asked for are the output angles that it was made for: every `stride`-th of those here.
     """
 
     scale: float
     nodes: Array
     torques: Array
     slopes: Array
-    forces: Array
+    peak: Peak
+    stride: int = 1
 
     @classmethod
-    def of(cls, loads: Loads, scale: float, reach: float, count: int) -> TabulatedMesh:
+    def of(cls, loads: Loads, peak: Peak, scale: float, reach: float, count: int) -> TabulatedMesh:
         """The table of `loads` at `count` twists up to +-`reach` [rad], densest within `scale`."""
         nodes = np.linspace(-1.0, 1.0, count) * np.arcsinh(reach / scale)
-        torque, stiffness, force = loads(scale * np.sinh(nodes)[:, None])
+        torque, stiffness = loads(scale * np.sinh(nodes)[:, None])
         slope = stiffness * scale * np.cosh(nodes)[:, None]
-        return cls(scale, nodes, torque, _limited(torque, slope, nodes[1] - nodes[0]), force)
+        return cls(scale, nodes, torque, _limited(torque, slope, nodes[1] - nodes[0]), peak)
 
     @property
     def samples(self) -> int:
@@ -82,20 +86,21 @@ class TabulatedMesh:
         return np.asarray(self.scale * np.sinh(node))
 
     def peak_force(self, twist: Array) -> Array:
-        """Largest contact force (..., n) [N] at twists (..., n) [rad]."""
-        cell, t = self._cell(twist)
-        at = np.arange(self.samples)
-        return (1.0 - t) * self.forces[cell, at] + t * self.forces[cell + 1, at]
+        """Largest contact force (...) [N] over the turn at twists (..., n) [rad]."""
+        return self.peak(np.ascontiguousarray(twist[..., :: self.stride]))
 
     def resampled(self, samples: int) -> TabulatedMesh:
-        """The same mesh at another number of output angles, by trigonometric interpolation."""
+        """The same mesh at a multiple of its output angles, by trigonometric interpolation."""
         if samples == self.samples:
             return self
-        tables = (self.torques, self.slopes, self.forces)
-        torque, slope, force = (np.asarray(resample(one, samples, axis=-1)) for one in tables)
+        if samples % self.samples != 0:
+            raise ValueError(f"{samples} samples are no multiple of {self.samples}")
+        tables = (self.torques, self.slopes)
+        torque, slope = (np.asarray(resample(one, samples, axis=-1)) for one in tables)
         torque = np.maximum.accumulate(torque, axis=0)
         limited = _limited(torque, slope, self.nodes[1] - self.nodes[0])
-        return TabulatedMesh(self.scale, self.nodes, torque, limited, force)
+        stride = self.stride * samples // self.samples
+        return TabulatedMesh(self.scale, self.nodes, torque, limited, self.peak, stride)
 
 
 def _cubic(corners: tuple[Array, Array, Array, Array], t: Array) -> Array:
