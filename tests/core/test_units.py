@@ -87,7 +87,7 @@ def test_constants() -> None:
         ([32.0, 212.0], "degF", "C", [0.0, 100.0]),
         ([2.0], "kN m", "Nm", [2000.0]),
         ([1.0], "arcsec/Nm", "arcmin/Nm", [1.0 / 60.0]),
-        ([1.0], "rev/s", "rpm", [60.0]),
+        ([np.pi], "rad/s", "rpm", [30.0]),
     ],
 )
 def test_arrays_are_converted(
