@@ -41,11 +41,19 @@ SUFFIXES = frozenset(
         "Nm",
         "kg",
         "N",
+        "N_per_mm",
+        "Nm_per_arcmin",
     ]
 )
 """The unit suffixes that names of parameters, variables and outputs end with."""
 
-_PINT_NAMES = {"Nm": "newton * meter", "C": "degC", "": "dimensionless"}
+_PINT_NAMES = {
+    "Nm": "newton * meter",
+    "C": "degC",
+    "": "dimensionless",
+    "N_per_mm": "newton / millimeter",
+    "Nm_per_arcmin": "newton * meter / arcminute",
+}
 _QUANTITY = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
 
 
@@ -76,6 +84,9 @@ def to_unit(text: str, unit: str) -> float:
 
 def split_unit(name: str) -> tuple[str, str]:
     """`crank_bearing_um` as ("crank_bearing", "um"); the unit is empty where the name has none."""
+    for ratio in ("N_per_mm", "Nm_per_arcmin"):
+        if name.endswith(f"_{ratio}"):
+            return name.removesuffix(f"_{ratio}"), ratio
     stem, _, last = name.rpartition("_")
     return (stem, last) if stem and last in SUFFIXES else (name, "")
 

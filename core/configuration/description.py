@@ -9,6 +9,7 @@ from ..declarations import Assumption, Variable
 from ..models.effects.effect import Target
 from ..models.effects.readings import target_of
 from ..problems.settings import VariableSetting
+from ..workflows.study.plan import StudyPlan
 from .configuration import Configuration
 from .table import TABLE, table_model
 
@@ -75,3 +76,14 @@ def _assumptions(assumptions: Iterable[Assumption]) -> list[str]:
         f"  {one.name} = {one.value} {one.unit} ({one.set_by}): {one.reason}".replace("  (", " (")
         for one in assumptions
     ]
+
+
+def describe_plan(plan: StudyPlan) -> str:
+    """TOML of a study that can be run as it stands, with its size and warnings as comments."""
+    settings = plan.settings
+    lines = [f"{plan.total} runs: {len(plan.points)} settings, {settings.seeds} replicates each",
+             f"Responses: {', '.join(settings.responses)}"]  # fmt: skip
+    if plan.warnings:
+        lines += ["", "Warnings", *(f"  {warning}" for warning in plan.warnings)]
+    comments = "\n".join(f"# {line}".rstrip() for line in lines)
+    return f"{settings.configuration}\n{comments}"

@@ -53,7 +53,6 @@ class Jenkins(MeasurableModel):
 
     columns = (
         Column("displacement_in", "in", "movement of the damper", role=Role.POSITION),
-        Column("time_s", "s", "time", needed=False, role=Role.TIME),
     )
     outputs = (Output("force_kip", "kip", "friction force"),)
     parameters = (
