@@ -118,14 +118,25 @@ def converted(values: Any, unit: str, to: str) -> Any:
 
     Raises ValueError where the units are not of one kind.
     """
-    from pint.errors import PintError
-
     if unit == to:
         return values
+    scale, zero = _affine(unit, to)
+    return values * scale + zero if zero else values * scale
+
+
+@lru_cache(maxsize=256)
+def _affine(unit: str, to: str) -> tuple[float, float]:
+    """How many of `to` one `unit` is, and where its zero lies."""
+    from pint.errors import PintError
+
     try:
-        return _registry().Quantity(values, pint_unit(unit)).to(pint_unit(to)).magnitude
+        zero, one = (
+            float(_registry().Quantity(at, pint_unit(unit)).to(pint_unit(to)).magnitude)
+            for at in (0.0, 1.0)
+        )
     except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
         raise ValueError(f'"{unit}" is not a unit that can be stated in {to}') from error
+    return one - zero, zero
 
 
 def pint_unit(unit: str) -> str:
