@@ -61,6 +61,7 @@ def test_millimetres_and_micrometres_agree(value: float) -> None:
         ("crank_bearing_um", ("crank_bearing", "um")),
         ("backlash_limit_arcmin", ("backlash_limit", "arcmin")),
         ("involute_grade", ("involute_grade", "")),
+        ("normal_stiffness_N_per_mm", ("normal_stiffness", "N_per_mm")),
         ("um", ("um", "")),
         ("_um", ("_um", "")),
         ("cost", ("cost", "")),
@@ -73,6 +74,12 @@ def test_name_is_split_from_its_unit(name: str, parts: tuple[str, str]) -> None:
 @pytest.mark.parametrize("unit", sorted(SUFFIXES))
 def test_every_suffix_is_a_unit(unit: str) -> None:
     np.testing.assert_allclose(to_unit(f"3 {unit}", unit), 3.0, rtol=1e-12)
+
+
+def test_stiffness_in_other_units() -> None:
+    np.testing.assert_allclose(to_unit("200 kN/mm", "N_per_mm"), 2e5, rtol=1e-12)
+    found = to_unit("3510 N m/deg", "Nm_per_arcmin")
+    np.testing.assert_allclose(found, 58.5, rtol=1e-12)
 
 
 def test_constants() -> None:
