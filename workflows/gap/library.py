@@ -115,8 +115,9 @@ class Columns:
 
 
 def _step(parameter: EffectParameter) -> float:
-    """A small value of a linear parameter: 1, or less where its bounds ask for it."""
-    return min(1.0, parameter.high) if parameter.high > 0 else max(-1.0, parameter.low)
+    """A small value of a linear parameter, at which a model is still linear in it."""
+    end = parameter.high if parameter.high > 0 else parameter.low
+    return 0.01 * end if np.isfinite(end) else 1.0
 
 
 def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
