@@ -169,6 +169,8 @@ def evaluate(
         from .workflows.evaluate import evaluate
 
         assert configuration.problem is not None
+        for note in () if quiet else configuration.problem.effect_notes():
+            typer.echo(f"note: {note}", err=True)
         evaluate(configuration.problem, designs, out)
         typer.echo(f"written: {out}")
 
@@ -189,7 +191,9 @@ def simulate(
         from .configuration.simulated import build_model
         from .workflows.simulate import simulate
 
-        _, notes = simulate(build_model(configuration), inputs, out, configuration.seed)
+        name, effects = configuration.model_name, configuration.settings.effects
+        model, seed = build_model(configuration), configuration.seed
+        _, notes = simulate(model, inputs, out, seed, name, effects)
         for note in () if quiet else notes:
             typer.echo(f"note: {note}", err=True)
         typer.echo(f"written: {out}")
@@ -222,7 +226,9 @@ def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = Fals
         for group, entries in groups.items():
             typer.echo(f"{group}:" if entries else f"{group}: none")
             for entry in entries:
-                typer.echo(f"  {entry['name']:<16} {entry['description']} [{entry['origin']}]")
+                family = f"{entry['family']}: " if "family" in entry else ""
+                text = f"{family}{entry['description']} [{entry['origin']}]"
+                typer.echo(f"  {entry['name']:<16} {text}")
 
 
 def _elementary_errors() -> list[dict[str, str]]:

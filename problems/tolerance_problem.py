@@ -157,6 +157,23 @@ class ToleranceProblem(Problem):
         """Charts of what matters in this problem, whatever is optimised."""
         return ()
 
+    def counterparts(self) -> tuple[str, ...]:
+        """What each active effect does in this problem; empty where it does nothing."""
+        return ("",) * len(self.settings.effects)
+
+    def effect_notes(self) -> tuple[str, ...]:
+        """A sentence for each active effect, those without a counterpart included."""
+        missing = "has no counterpart in this problem: it changes nothing here"
+        pairs = zip(self.settings.effects, self.counterparts(), strict=True)
+        return tuple(
+            f"effect {one.effect.name}: {does}" if does else f"effect {one.effect.name} {missing}"
+            for one, does in pairs
+        )
+
+    def without_effects(self) -> ToleranceProblem:
+        """The same problem with no effect in its model."""
+        return type(self)(replace(self.given, effects=()))
+
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting a run of this problem."""
         return ()

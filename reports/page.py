@@ -25,12 +25,20 @@ GAINS = (
     "reference's own value; empty where nothing is broken."
 )
 
+MOVED = (
+    "How the effects in the model move the allocation. At each level of the second objective the "
+    "cheapest point of the front without the effects (before), what the same design comes to with "
+    "them (kept), and the cheapest point with them (after). front_without_effects.csv has the "
+    "whole front, allocation_moved.csv this table."
+)
+
 
 def page(result: RunResult) -> str:
     """The whole page; every text that comes from outside is escaped."""
     sections = (
         section("Front", picture("front", front_figure(result), _front_caption(result))),
         section("In words", bullets(result.notes)),
+        *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),
         section("References", _references(result)),
         section("Points of the front", _points(result)),
         section("Convergence", _convergence(result.convergence)),
@@ -67,6 +75,11 @@ def _references(result: RunResult) -> str:
     short = table(chosen(result.references, names))
     full = f"<details><summary>All columns</summary>{table(result.references)}</details>"
     return f"<p>{escape(GAINS)}</p>\n{short}\n{full}"
+
+
+def _moved(found: pd.DataFrame) -> str:
+    marked = [label == "after" for label in found["allocation"]] if len(found) else []
+    return f"<p>{escape(MOVED)}</p>\n{table(found, marked)}"
 
 
 def _is_gain(name: str) -> bool:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from .. import tables
 from ..errors import Fault, raise_all
 from ..models.effects.compose import Active, predicted
+from ..models.effects.readings import target_of
 from ..models.measurable import MeasurableModel
+from ..models.table import MeasuredTable
 
 ALWAYS_ALLOWED = ("time_s", "repeat")
 
@@ -34,6 +38,7 @@ def simulate(
     frame, faults = _inputs(model, tables.read(path, place), place)
     raise_all(faults)
     table = {str(name): frame[name].to_numpy() for name in frame}
+    raise_all(_without_columns(model, name, table, effects, place))
     found = frame.assign(**predicted(model, name, table, effects, np.random.default_rng(seed)))
     tables.write(found, out)
     notes = tuple(
@@ -41,7 +46,29 @@ def simulate(
         for c in model.columns
         if c.name not in frame
     )
+    if isinstance(model, MeasuredTable):
+        named = ", ".join(output.name for output in model.outputs)
+        notes += (f"{place}: {named} as written are predictions with the effects in them, not the "
+                  "measurements",)  # fmt: skip
     return found, notes
+
+
+def _without_columns(
+    model: MeasurableModel,
+    name: str,
+    table: dict[str, NDArray[Any]],
+    effects: tuple[Active, ...],
+    place: str,
+) -> list[Fault]:
+    """Effects that need a column which the table has not."""
+    target = target_of(model, name, table)
+    found = []
+    for one in effects:
+        if not one.effect.applies(target):
+            missing = [role for role in one.effect.needs if role not in target.roles()]
+            text = f"the effect {one.effect.name} needs a column of {' and '.join(missing)}"
+            found.append(Fault(place, text))
+    return found
 
 
 def _inputs(
@@ -49,6 +76,8 @@ def _inputs(
 ) -> tuple[pd.DataFrame, list[Fault]]:
     """The typed inputs and every fault of the table."""
     outputs = [output.name for output in model.outputs]
+    if isinstance(model, MeasuredTable):  # the measured columns stand beside the predictions
+        given = given.drop(columns=[*outputs, *model.ignored], errors="ignore")
     taken = [name for name in outputs if name in given]
     text = "is an output of the model; remove the column, or rename it"
     faults = [Fault(place, f"column {name} {text}") for name in taken]

@@ -39,8 +39,9 @@ def predicted(
         return model.predict(table, rng)
     target = target_of(model, name, table)
     actions = acting(active, readings_of(target.columns, table), target)
-    outputs = model.predict(table, rng, changes_of(actions) or NO_CHANGES)
-    means = model.means() if model.population else {}
+    changes = changes_of(actions) or NO_CHANGES
+    outputs = model.predict(table, rng, changes)
+    means = model.means(changes) if any(one.population for one in actions) else {}
     return added(outputs, actions, means, rng)
 
 

@@ -79,8 +79,9 @@ class RvBatch(MeasurableModel):
         effective = np.maximum(cycloid, 0.0) + drawn(self.total.free, count, rng)[row]
         return {"backlash_arcmin": effective / ARCMIN}
 
-    def means(self) -> Mapping[str, float]:
-        exact = Convolution().propagate(self.total, 0.9973, ARCMIN)
+    def means(self, changes: Mapping[str, Array] = NO_CHANGES) -> Mapping[str, float]:
+        total = self.total.shifted(float(np.mean(opening(self.model.geometry, changes))))
+        exact = Convolution().propagate(total, 0.9973, ARCMIN)
         return {"backlash_arcmin": float(exact.mean.value[0]) / ARCMIN}
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import ANGLE, EffectParameter, Readings, Target, quantity
+from ..effect import EffectParameter, Readings, Target, quantity
 from ..shapes import OneColumn, Weight
 
 SCANS = 39
@@ -18,7 +18,8 @@ SCANS = 39
 class PitchDefect(OneColumn):
     """A pulse, 39 times per turn: one pin is bad."""
 
-    name, family = "pitch_defect", ANGLE
+    name = "pitch_defect"
+    family = "geometry by angle"
     cause = "One bad pin is scanned by each of the 39 teeth of a disc."
     formula = "h exp(k (cos(39 theta - p) - 1)), k from the pulse's width at half its height"
     needs = (Role.ANGLE,)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from ..effect import ANGLE
 from ..shapes import Orders
 
 
 class TwoDiscError(Orders):
     """Orders 78 and 80: errors common to both discs."""
 
-    name, family = "two_disc_error", ANGLE
+    name = "two_disc_error"
+    family = "geometry by angle"
     cause = "Two discs half a turn apart cancel odd waves and double what is common to both."
     formula = "orders 78 and 80, as above"
     mistaken_for = ("load_sharing", "pitch_defect", "structural_resonance")
+    reference = "Blanche and Yang, J. Mech. Transm. Autom. Des. 111, 1989"
     orders = (78, 80)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from ..effect import ASSEMBLY
 from ..inside import Inside
 
 
 class AdjustmentBacklash(Inside):
     """An adjustment with play."""
 
-    name, family = "adjustment_backlash", ASSEMBLY
+    name = "adjustment_backlash"
+    family = "assembly"
     cause = "The adjuster has play: what it moves follows late."
     formula = "dead band of the adjuster"
     mistaken_for = ("adjustment_gain",)
+    reference = "Nordin and Gutman, Automatica 38, 2002"

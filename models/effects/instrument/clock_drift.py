@@ -9,18 +9,20 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import INSTRUMENT, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import OneColumn, Weight, speed_unit
 
 
 class ClockDrift(OneColumn):
     """A clock that runs off."""
 
-    name, family = "clock_drift", INSTRUMENT
+    name = "clock_drift"
+    family = "instrument"
     cause = "The clocks of input and output run apart, and the reading is ever further behind."
     formula = "a t v d"
     needs = (Role.TIME, Role.SPEED, Role.DIRECTION)
     mistaken_for = ("wear", "read_out_lag")
+    reference = "IEEE 1588-2019"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (

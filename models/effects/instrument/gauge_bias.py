@@ -8,17 +8,19 @@ from math import inf
 import numpy as np
 
 from ...inputs.distribution import Array
-from ..effect import INSTRUMENT, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import OneColumn, Weight
 
 
 class GaugeBias(OneColumn):
     """A constant that the instrument adds."""
 
-    name, family = "gauge_bias", INSTRUMENT
+    name = "gauge_bias"
+    family = "instrument"
     cause = "The instrument's zero is off."
     formula = "c"
     mistaken_for = ("process_mean_shift", "lot_offset")
+    reference = "AIAG, Measurement Systems Analysis, 2010"
     weight = Weight("offset", "c, what the instrument adds", low=-inf)
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:

@@ -8,13 +8,14 @@ from functools import partial
 import numpy as np
 
 from ...inputs.distribution import Array
-from ..effect import INSTRUMENT, Action, Effect, EffectParameter, Readings, Target, known, quantity
+from ..effect import Action, Effect, EffectParameter, Readings, Target, known, quantity
 
 
 class Quantisation(Effect):
     """Readings come in steps of the instrument's resolution."""
 
-    name, family = "quantisation", INSTRUMENT
+    name = "quantisation"
+    family = "instrument"
     cause = "The instrument resolves no less than a step."
     formula = "y becomes q round(y/q)"
     mistaken_for = ()

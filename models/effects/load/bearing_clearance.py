@@ -7,17 +7,19 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...inputs.distribution import Array
-from ..effect import LOAD, EffectParameter, Readings, Target, quantity
+from ..effect import EffectParameter, Readings, Target, quantity
 from ..shapes import Load, LoadShape, Weight
 
 
 class BearingClearance(LoadShape):
     """Dead band: the clearance is taken up over a small torque."""
 
-    name, family = "bearing_clearance", LOAD
+    name = "bearing_clearance"
+    family = "load"
     cause = "Rolling elements are loaded one after another until the clearance is taken up."
     formula = "c clip(T/T0, -1, 1)"
     mistaken_for = ("lost_motion", "torsional_compliance", "hertz_stiffening")
+    reference = "Harris and Kotzalas, Essential Concepts of Bearing Technology, 2006"
     weight = Weight("half_width", "c, half of the dead band")
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import LOAD, EffectParameter, Readings, Target, quantity
+from ..effect import EffectParameter, Readings, Target, quantity
 from ..path import along_path
 from ..shapes import Load, OneColumn, Weight
 
@@ -18,7 +18,8 @@ LOCKED = "rv_lost_motion"
 class FrictionHysteresis(OneColumn):
     """Loop of dry friction, between there and back."""
 
-    name, family = "friction_hysteresis", LOAD
+    name = "friction_hysteresis"
+    family = "load"
     cause = "Dry friction holds part of the twist back until the motion, or the load, turns round."
     formula = "a d; input locked: c (play(T, w) - T) along the path"
     needs = (Role.DIRECTION,)

@@ -7,14 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...inputs.distribution import Array
-from ..effect import LOAD, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import Load, LoadShape, Weight
 
 
 class HertzStiffening(LoadShape):
     """Hertzian twist, with the torque to the power 2/3."""
 
-    name, family = "hertz_stiffening", LOAD
+    name = "hertz_stiffening"
+    family = "load"
     cause = "Contacts flatten under load and stiffen: their approach grows with T^(2/3)."
     formula = "c sgn(T) |T|^(2/3)"
     mistaken_for = ("torsional_compliance", "bearing_clearance", "lost_motion")

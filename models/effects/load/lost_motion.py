@@ -7,17 +7,19 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...inputs.distribution import Array
-from ..effect import LOAD, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import Load, LoadShape, Weight
 
 
 class LostMotion(LoadShape):
     """Offset with the sign of the torque."""
 
-    name, family = "lost_motion", LOAD
+    name = "lost_motion"
+    family = "load"
     cause = "A gap is crossed when the torque changes its sign."
     formula = "c sgn(T)"
     mistaken_for = ("bearing_clearance", "friction_hysteresis", "hertz_stiffening")
+    reference = "Nordin and Gutman, Automatica 38, 2002"
     weight = Weight("half_width", "c, half of the motion lost")
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:

@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ...inputs.distribution import Array
-from ..effect import LOAD, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import Load, LoadShape, Weight
 
 
 class TorsionalCompliance(LoadShape):
     """Elastic twist in proportion to the torque."""
 
-    name, family = "torsional_compliance", LOAD
+    name = "torsional_compliance"
+    family = "load"
     cause = "Shafts, bearings and housing twist elastically, in proportion to the torque."
     formula = "T/K"
     mistaken_for = ("hertz_stiffening", "bearing_clearance", "lost_motion")
-    reference = "VDI 2157"
+    reference = "Timoshenko, Strength of Materials, 1955"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("compliance", "1/K, twist per unit of torque", Load.unit(target)),)

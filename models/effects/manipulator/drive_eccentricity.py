@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
-from ..effect import MANIPULATOR, EffectParameter, Target, quantity
+from ..effect import EffectParameter, Target, quantity
 from ..inside import InsideSeveral
 
 CHAINS = (1, 2, 3)
@@ -13,10 +13,12 @@ CHAINS = (1, 2, 3)
 class DriveEccentricity(InsideSeveral):
     """One wave per turn of an arm."""
 
-    name, family = "drive_eccentricity", MANIPULATOR
+    name = "drive_eccentricity"
+    family = "manipulator"
     cause = "The wheel or encoder of a drive is mounted off its axis."
     formula = "c cos theta_i + s sin theta_i on the angle of each arm"
     mistaken_for = ("joint_zero_offset",)
+    reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         return tuple(

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import MANIPULATOR, EffectParameter, Readings, Target, quantity
+from ..effect import EffectParameter, Readings, Target, quantity
 from ..inside import InsideSeveral
 
 CHAINS = (1, 2, 3)
@@ -17,11 +17,13 @@ CHAINS = (1, 2, 3)
 class GravitySag(InsideSeveral):
     """Drives that give way under the load."""
 
-    name, family = "gravity_sag", MANIPULATOR
+    name = "gravity_sag"
+    family = "manipulator"
     cause = "Drives turn back elastically under the static torque of what they carry."
     formula = "-a_i (m + m0) g dz/dtheta_i on the angle of each arm"
     needs = (Role.PAYLOAD,)
     mistaken_for = ("base_tilt", "joint_clearance")
+    reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         meaning = "a, compliance of drive"

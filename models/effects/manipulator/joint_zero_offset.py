@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
-from ..effect import MANIPULATOR, EffectParameter, Target, quantity
+from ..effect import EffectParameter, Target, quantity
 from ..inside import InsideSeveral
 
 CHAINS = (1, 2, 3)
@@ -13,10 +13,12 @@ CHAINS = (1, 2, 3)
 class JointZeroOffset(InsideSeveral):
     """Drives whose zeros are off."""
 
-    name, family = "joint_zero_offset", MANIPULATOR
+    name = "joint_zero_offset"
+    family = "manipulator"
     cause = "The zeros of the drives were not taught where they are."
     formula = "drive zero of each chain"
     mistaken_for = ("drive_eccentricity", "base_tilt")
+    reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         return tuple(

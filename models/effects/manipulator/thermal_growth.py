@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import MANIPULATOR, EffectParameter, Readings, Target, quantity
+from ..effect import EffectParameter, Readings, Target, quantity
 from ..inside import InsideSeveral
 from ..shapes import warming
 
@@ -14,11 +14,13 @@ from ..shapes import warming
 class ThermalGrowth(InsideSeveral):
     """Links and base grow with temperature."""
 
-    name, family = "thermal_growth", MANIPULATOR
+    name = "thermal_growth"
+    family = "manipulator"
     cause = "Links and base warm up alike, and the machine stays similar to itself."
     formula = "all lengths times 1 + a tau"
     needs = (Role.TEMPERATURE,)
     mistaken_for = ("arm_length_error",)
+    reference = "ISO 230-3:2020"
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         meaning = "a, expansion per kelvin above 20 degC"

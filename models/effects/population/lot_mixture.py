@@ -9,8 +9,8 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import POPULATION, EffectParameter, Readings, Target, known, quantity
-from ..readings import unit_numbers
+from ..effect import EffectParameter, Readings, Target, known, quantity
+from ..readings import labels_of, unit_numbers
 from ..shapes import Weight
 from .units import OfUnits, number
 
@@ -18,7 +18,8 @@ from .units import OfUnits, number
 class LotMixture(OfUnits):
     """Some units come from a second supplier."""
 
-    name, family = "lot_mixture", POPULATION
+    name = "lot_mixture"
+    family = "population"
     cause = "Parts come from two suppliers, one of which is off by a step."
     formula = "y + c of a share p of the units (of the lots, where they are known)"
     mistaken_for = ("lot_offset", "spread_inflation", "process_mean_shift")
@@ -41,6 +42,6 @@ class LotMixture(OfUnits):
     ) -> Array:
         of_group = unit_numbers(readings)
         if Role.LOT in readings:
-            of_group = np.unique(readings[Role.LOT].astype(str), return_inverse=True)[1]
+            of_group = labels_of(readings[Role.LOT])[1]
         second = rng.random(int(of_group.max(initial=-1)) + 1) < values["share"]
         return drawn + known(values, number(self.weight, target)) * second[of_group]

@@ -8,7 +8,7 @@ from math import inf
 import numpy as np
 
 from ...inputs.distribution import Array
-from ..effect import POPULATION, EffectParameter, Readings, Target, known
+from ..effect import EffectParameter, Readings, Target, known
 from ..shapes import Weight
 from .units import OfUnits, number
 
@@ -16,10 +16,12 @@ from .units import OfUnits, number
 class ProcessMeanShift(OfUnits):
     """All units are off by the same."""
 
-    name, family = "process_mean_shift", POPULATION
+    name = "process_mean_shift"
+    family = "population"
     cause = "The process runs off its middle: every unit is off by the same."
     formula = "y + c"
     mistaken_for = ("gauge_bias", "lot_mixture", "differential_thermal_expansion")
+    reference = "Montgomery, Introduction to Statistical Quality Control, 2013"
     weight = Weight("shift", "c, shift of the mean", low=-inf)
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

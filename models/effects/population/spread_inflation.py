@@ -7,17 +7,19 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...inputs.distribution import Array
-from ..effect import POPULATION, EffectParameter, Readings, Target, known, quantity
+from ..effect import EffectParameter, Readings, Target, known, quantity
 from .units import OfUnits
 
 
 class SpreadInflation(OfUnits):
     """Units scatter more than the allocation says."""
 
-    name, family = "spread_inflation", POPULATION
+    name = "spread_inflation"
+    family = "population"
     cause = "The process scatters more than its capability says."
     formula = "y + g (y - mean)"
     mistaken_for = ("lot_mixture", "tool_wear_drift")
+    reference = "Montgomery, Introduction to Statistical Quality Control, 2013"
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         return (quantity("growth", "", "g, growth of the standard deviation as a share of it"),)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import POPULATION, EffectParameter, Readings, Target, known
+from ..effect import EffectParameter, Readings, Target, known
 from ..readings import unit_numbers
 from ..shapes import Weight
 from .units import OfUnits, number
@@ -18,11 +18,13 @@ from .units import OfUnits, number
 class ToolWearDrift(OfUnits):
     """Units drift as the tool wears."""
 
-    name, family = "tool_wear_drift", POPULATION
+    name = "tool_wear_drift"
+    family = "population"
     cause = "The tool wears, and each unit is a little further off than the one before it."
     formula = "y + a u, u the number of the unit from 0"
     needs = (Role.UNIT,)
     mistaken_for = ("drift", "spread_inflation", "lot_offset")
+    reference = "Montgomery, Introduction to Statistical Quality Control, 2013"
     weight = Weight("rate_per_unit", "a, change from one unit to the next", low=-inf)
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

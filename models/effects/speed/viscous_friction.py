@@ -8,18 +8,20 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import SPEED, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import OneColumn, Weight, speed_unit
 
 
 class ViscousFriction(OneColumn):
     """Friction in proportion to the speed."""
 
-    name, family = "viscous_friction", SPEED
+    name = "viscous_friction"
+    family = "speed"
     cause = "Grease is sheared, and holds the output back in proportion to the speed."
     formula = "a v d"
     needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("read_out_lag", "windage", "friction_hysteresis")
+    reference = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per unit of speed", speed_unit(target)),)

@@ -8,18 +8,20 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import SPEED, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import OneColumn, Weight, speed_unit
 
 
 class Windage(OneColumn):
     """Drag with the square of the speed."""
 
-    name, family = "windage", SPEED
+    name = "windage"
+    family = "speed"
     cause = "Air and oil are thrown about, with the square of the speed."
     formula = "a v^2 d"
     needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("viscous_friction", "read_out_lag")
+    reference = "Townsend, Dudley's Gear Handbook, 1991"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per squared unit of speed", _squared(speed_unit(target))),)

@@ -9,18 +9,20 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import TIME, EffectParameter, Readings, Target, quantity
+from ..effect import EffectParameter, Readings, Target, quantity
 from ..shapes import OneColumn, Weight
 
 
 class Creep(OneColumn):
     """A reading that settles logarithmically."""
 
-    name, family = "creep", TIME
+    name = "creep"
+    family = "temperature, time"
     cause = "Grease and joints settle under load, ever more slowly."
     formula = "a ln(1 + t/t0)"
     needs = (Role.TIME,)
     mistaken_for = ("drift", "wear")
+    reference = "Nabarro, Mater. Sci. Eng. A 309, 2001"
     weight = Weight("rate", "a, per factor e of time")
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

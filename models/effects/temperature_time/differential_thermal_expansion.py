@@ -9,7 +9,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import TIME, Action, EffectParameter, Readings, Target, known, quantity
+from ..effect import Action, EffectParameter, Readings, Target, known, quantity
 from ..shapes import OneColumn, Weight, warming
 
 DISC = "disc_temperature_K"
@@ -22,11 +22,13 @@ class DifferentialThermalExpansion(OneColumn):
     and by a share of the measured temperature above 20 degC, where that is known.
     """
 
-    name, family = "differential_thermal_expansion", TIME
+    name = "differential_thermal_expansion"
+    family = "temperature, time"
     cause = "The disc is warmer than the housing, and fills the pin circle."
     formula = "a tau d; where a model has a pin circle: disc warmer by D + s tau"
     needs = (Role.TEMPERATURE, Role.DIRECTION)
     mistaken_for = ("thermal_friction", "process_mean_shift", "gauge_bias")
+    reference = "ISO 1:2022 (20 degC); thermal expansion of steel"
     weight = Weight("rate", "a, per kelvin above 20 degC", "K", low=-inf)
 
     def own_applies(self, target: Target) -> bool:

@@ -8,18 +8,20 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import TIME, Readings, Target
+from ..effect import Readings, Target
 from ..shapes import OneColumn, Weight
 
 
 class Drift(OneColumn):
     """A reading that moves with time."""
 
-    name, family = "drift", TIME
+    name = "drift"
+    family = "temperature, time"
     cause = "Something runs away steadily while it is measured."
     formula = "a t"
     needs = (Role.TIME,)
     mistaken_for = ("creep", "wear")
+    reference = "JCGM 200:2012, 4.21 instrumental drift"
     weight = Weight("rate", "a, per second", "s")
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:

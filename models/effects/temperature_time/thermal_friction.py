@@ -8,14 +8,15 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import TIME, EffectParameter, Readings, Target, quantity
+from ..effect import EffectParameter, Readings, Target, quantity
 from ..shapes import OneColumn, Weight, warming
 
 
 class ThermalFriction(OneColumn):
     """Friction that falls as the grease warms."""
 
-    name, family = "thermal_friction", TIME
+    name = "thermal_friction"
+    family = "temperature, time"
     cause = "The viscosity of the grease falls with the temperature."
     formula = "a d (exp(-b tau) - 1)"
     needs = (Role.TEMPERATURE, Role.DIRECTION)
