@@ -17,7 +17,7 @@ from .linear import Groups, basis, beside
 from .scan import Left, left_over
 from .select import Search
 
-PRICE = {1: 8.0, 2: -4.0}
+PRICE = {1: 8.0, 2: -6.0}
 """What a form without a name must fit better by than so many named effects, to displace them: one
 cause is likelier than two."""
 SMALL = 0.01
