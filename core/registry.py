@@ -57,7 +57,7 @@ def _find(group: str, name: str) -> EntryPoint:
         text = f'"{name}" is not an installed {kind}{nearest(name, known)}; {listed}'
         raise refuse(kind, text)
     if len(offers) > 1:
-        both = " and ".join(_origin(offer) for offer in offers)
+        both = " and ".join(sorted(_origin(offer) for offer in offers))
         raise refuse(kind, f'"{name}" is offered by {both}; uninstall one of them')
     return offers[0]
 

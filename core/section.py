@@ -69,9 +69,9 @@ class Section:
     def __contains__(self, key: str) -> bool:
         return key in self._table
 
-    def given(self) -> tuple[str, ...]:
-        """Every key that the table has."""
-        return tuple(self._table)
+    def names_given(self) -> list[str]:
+        """Every key of the table: how a table whose keys are free is read."""
+        return list(self._table)
 
     def place(self, key: str = "") -> str:
         """Where `key` of this table stands, as faults name it."""

@@ -199,7 +199,7 @@ class EffectContract:
         assert (
             effect.cause.endswith(".") and effect.cause.count(".") == effect.cause.count(". ") + 1
         )
-        assert effect.formula
+        assert effect.formula and effect.reference
         assert effect.name not in effect.mistaken_for
 
     def test_applies_to_its_target_and_not_without_what_it_needs(self) -> None:

@@ -47,7 +47,9 @@ def _number(one: EffectParameter) -> str:
 @pytest.mark.source_tree
 @pytest.mark.parametrize("name", registry.names("effects"))
 def test_every_effect_is_documented_as_it_is(name: str) -> None:
-    assert row(name) in PAGE.read_text(encoding="utf-8").splitlines()
+    lines = PAGE.read_text(encoding="utf-8").splitlines()
+    assert row(name) in lines
+    assert f"- `{name}`: {registry.load('effects', name).reference}" in lines
 
 
 @pytest.mark.source_tree

@@ -14,6 +14,7 @@ from ..errors import Fault, raise_all
 from ..models.effects.compose import Active, predicted
 from ..models.effects.readings import target_of
 from ..models.measurable import MeasurableModel
+from ..models.table import MeasuredTable
 
 ALWAYS_ALLOWED = ("time_s", "repeat")
 
@@ -45,6 +46,10 @@ def simulate(
         for c in model.columns
         if c.name not in frame
     )
+    if isinstance(model, MeasuredTable):
+        named = ", ".join(output.name for output in model.outputs)
+        notes += (f"{place}: {named} as written are predictions with the effects in them, not the "
+                  "measurements",)  # fmt: skip
     return found, notes
 
 
@@ -71,6 +76,8 @@ def _inputs(
 ) -> tuple[pd.DataFrame, list[Fault]]:
     """The typed inputs and every fault of the table."""
     outputs = [output.name for output in model.outputs]
+    if isinstance(model, MeasuredTable):  # the measured columns stand beside the predictions
+        given = given.drop(columns=[*outputs, *model.ignored], errors="ignore")
     taken = [name for name in outputs if name in given]
     text = "is an output of the model; remove the column, or rename it"
     faults = [Fault(place, f"column {name} {text}") for name in taken]

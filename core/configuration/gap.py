@@ -128,7 +128,7 @@ def _free(top: Section, configuration: Configuration | None) -> dict[str, float]
     if "free" not in top:
         return dict(kind.free) if kind is not None else {}
     known = _freeable(kind) if kind is not None else {}
-    found = {}
+    found: dict[str, float | None] = {}
     for key, value in _flat(top.take("free")).items():
         if key not in known:
             why = "is not a parameter of the model" if kind else 'model = "table" has no parameters'
@@ -149,7 +149,7 @@ def _flat(table: Any, place: str = "") -> dict[str, Any]:
 
 def _freeable(kind: Any) -> dict[str, str]:
     """Unit by name of every parameter that is a number, those of tables by dotted name."""
-    found = {}
+    found: dict[str, str] = {}
     for one in kind.parameters:
         if isinstance(one.default, Mapping):
             found |= {f"{one.name}.{name}": unit_of(name) for name in one.choices}
@@ -196,7 +196,7 @@ def _named(section: Section, key: str, given: Any, known: list[str]) -> list[str
 
 def _noise(section: Section) -> dict[str, float]:
     """`[noise]`: a known standard deviation per output; the names are checked with the data."""
-    found = {name: section.number(name, "", POSITIVE) for name in section.given()}
+    found = {name: section.number(name, "", POSITIVE) for name in section.names_given()}
     return {name: value for name, value in found.items() if value is not None}
 
 

@@ -20,6 +20,7 @@ from .plugins import load_named
 from .resolved import resolved_problem, resolved_variables
 from .search import read_algorithm, read_budget, read_engine, resolved_algorithm
 from .source import load, override
+from .table import TABLE, read_table
 from .variables import mid_parameter, read_variable
 
 REFERENCES = ("documents", "none")
@@ -143,6 +144,8 @@ def _variables(
 
 def _read_model(top: Section, faults: list[Fault]) -> Configuration:
     """A configuration with a model alone, as `simulate` takes it."""
+    if top.take("model") == TABLE:
+        return read_table(top, _seed(top), faults)
     kind = load_named(top, "model", "models")
     seed = _seed(top)
     for key in PROBLEM_ONLY:

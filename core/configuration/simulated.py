@@ -9,12 +9,15 @@ from typing import Any
 from .. import registry
 from ..errors import refuse
 from .configuration import Configuration
+from .table import TABLE, table_model
 
 
 def build_model(configuration: Configuration) -> Any:
     """The model at the configuration's parameters; searched variables keep the document's value."""
     if not configuration.model_name:
         raise refuse("model", 'is missing: name a model (see `tolevo list`), model = "..."')
+    if configuration.model_name == TABLE:
+        return table_model(configuration.settings.definition)
     kind = registry.load("models", configuration.model_name)
     given = configuration.settings
     settings = {v.name: (v, given.variables[v.name]) for v in kind.variables

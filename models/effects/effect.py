@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -226,8 +225,3 @@ class Effect(ABC):
 def known(values: Mapping[str, float], name: str) -> float:
     """A linear parameter, 0 where it is not given."""
     return float(values.get(name, 0.0))
-
-
-def plain(text: str) -> str:
-    """Words of a label, as a name may hold them."""
-    return re.sub(r"\W+", "_", text)

@@ -75,8 +75,7 @@ def target_of(model: MeasurableModel | type[MeasurableModel], name: str, table: 
               ) -> Target:  # fmt: skip
     """What effects may do in a model; of a known table, in the columns that it has."""
     columns = (*model.columns, *(one for one in EXTRAS if table is None or one.name in table))
-    kind = model if isinstance(model, type) else type(model)
-    return target_from(name, kind.outputs, columns, table, kind.changeable, kind.population)
+    return target_from(name, model.outputs, columns, table, model.changeable, model.population)
 
 
 def target_from(
@@ -101,7 +100,9 @@ def target_from(
     readings = readings_of(columns, table)
     numbers = {role: v for role, v in readings.by_role.items() if role in FIXED}
     largest = {role: float(np.max(np.abs(v), initial=0.0)) for role, v in numbers.items()}
-    labels = {role: _labels(readings[role]) for role in LABELS if role in readings}
+    labels = {
+        role: tuple(labels_of(readings[role])[0].tolist()) for role in LABELS if role in readings
+    }
     return replace(target, largest=largest, labels=labels)
 
 
@@ -109,15 +110,15 @@ def _present(columns: Iterable[Column], table: Table) -> list[Column]:
     return [column for column in columns if column.name in table]
 
 
-def _labels(values: NDArray[Any]) -> tuple[str, ...]:
-    return tuple(sorted({label(one) for one in values.tolist()}))
+def labels_of(values: NDArray[Any]) -> tuple[NDArray[np.str_], NDArray[np.int64]]:
+    """The labels (k,) of a column in their order, and which of them each row (n,) bears.
 
-
-def label(value: Any) -> str:
-    """A label as text; a whole number is written without its decimals."""
-    if isinstance(value, float) and value.is_integer():
-        return str(int(value))
-    return str(value)
+    A whole number is written without its decimals.
+    """
+    names, which = np.unique(np.asarray(values).astype(str), return_inverse=True)
+    if np.asarray(values).dtype.kind == "f":
+        names = np.array([name.removesuffix(".0") for name in names.tolist()], dtype=str)
+    return names, np.asarray(which, dtype=np.int64)
 
 
 def unit_numbers(readings: Readings) -> NDArray[np.int64]:
@@ -130,7 +131,9 @@ def unit_numbers(readings: Readings) -> NDArray[np.int64]:
     if Role.REPEAT not in readings or Role.UNIT not in readings:
         found[order] = np.arange(len(readings))
         return found
-    seen: dict[tuple[Any, ...], int] = {}
-    marks = [readings[role][order].tolist() for role in LABELS if role in readings]
-    found[order] = [seen.setdefault(pair, len(seen)) for pair in zip(*marks, strict=True)]
+    codes = [labels_of(readings[role][order])[1] for role in LABELS if role in readings]
+    _, first, which = np.unique(np.stack(codes), axis=1, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))  # by first appearance
+    found[order] = rank[which.ravel()]
     return found

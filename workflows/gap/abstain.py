@@ -97,13 +97,13 @@ def _touched(search: Search, fit: Fit, generic: Remaining, at: int) -> set[int]:
     variables = {generic.roles.get(name) for name in (form.variable, *form.more)}
     found = set()
     for k, one in enumerate(fit.members):
-        mine = acts_in(one.candidate.effect.needs, one.candidate.shape and one.name)
+        mine = acts_in(one.candidate.effect.needs)
         if (mine - {Role.DIRECTION}) & variables or (mine == {Role.DIRECTION} and form.direction):
             found.add(k)
     return found
 
 
-def acts_in(needs: Sequence[Role], _: object = None) -> set[Role]:
+def acts_in(needs: Sequence[Role]) -> set[Role]:
     """The variables that an effect acts in; force stands for torque."""
     found = set(needs)
     if Role.TORQUE in found:
@@ -115,4 +115,5 @@ def _overlap(search: Search, fit: Fit, generic: Remaining, at: int, k: int) -> f
     """Share of a member's contribution that lies in the span of a generic form."""
     mine = beside(search.fitter.white(fit.members[k]) @ fit.coefficients[k], search.fitter.q)
     span = basis(beside(generic.white.of(at), search.fitter.q))
-    return float(np.sum((span.T @ mine) ** 2) / max(mine @ mine, 1e-300))
+    whole = float(np.sum(mine**2))
+    return float(np.sum((span.T @ mine) ** 2)) / max(whole, 1e-300)

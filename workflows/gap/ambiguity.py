@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from .fit import Fit, Member
 from .scan import scan
@@ -44,8 +44,7 @@ def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
 
 def _near(search: Search, others: Sequence[Member], fit: Fit) -> list[Fit]:
     """Fits with one more beside `others`, about as good as `fit`."""
-    wide = replace(search)
-    return wide.refined(others, scan(search.fitter, search.white, search.book, others))
+    return search.refined(others, scan(search.fitter, search.white, search.book, others))
 
 
 def instrument_first(search: Search, fit: Fit, found: Sequence[Other]) -> Fit | None:
@@ -56,7 +55,7 @@ def instrument_first(search: Search, fit: Fit, found: Sequence[Other]) -> Fit | 
     for one in found:
         new, old = one.fit.members[-1].candidate, one.instead_of
         mine = next(m.candidate for m in fit.members if m.name == old[0])
-        if abs(one.distance) < TWIN and len(old) == 1 and new.effect.family == INSTRUMENT:
-            if mine.effect.family != INSTRUMENT:
-                return one.fit
+        same = abs(one.distance) < TWIN and len(old) == 1
+        if same and new.effect.family == INSTRUMENT and mine.effect.family != INSTRUMENT:
+            return one.fit
     return None

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
@@ -17,6 +18,7 @@ from .fit import Fit, Fitter
 from .generic import stacked
 from .linear import Groups, joined
 from .noise import Noise
+from .population import Scatter, scatter
 from .scan import Dictionary, Thresholds, dictionary, left_over, thresholds
 from .select import Search, Selection, select
 from .setup import Setup, values_of
@@ -39,6 +41,7 @@ class Analysis:
     judged: Judged
     others: tuple[Other, ...]
     significant: bool
+    scatter: tuple[Scatter, ...] = ()
 
     @property
     def fit(self) -> Fit:
@@ -77,12 +80,14 @@ def concluded(
         others = rivals(search, first, verdict.kept)
     left = left_over(empty, search.fitter, generic.white, generic.forms, generic.outputs)
     seen = bool(left.evidence.max(initial=0.0) > search.thresholds.generic)
+    wider = scatter(setup, found.fit, setup.on_scatter)
     return Analysis(setup, tuple(noises), search, generic, empty, found, verdict, tuple(others),
-                    bool(found.fit.members) or seen)  # fmt: skip
+                    bool(found.fit.members or wider) or seen, wider)  # fmt: skip
 
 
 def searching(
-    setup: Setup, noises: Sequence[Noise], book: Dictionary, raw: Groups, which: Array,
+    setup: Setup, noises: Sequence[Noise], book: Dictionary, raw: Groups,
+    which: NDArray[np.int64],
     known: Thresholds | None,
 ) -> tuple[Search, Remaining]:  # fmt: skip
     """The search in the space of this noise."""

@@ -35,7 +35,7 @@ class HeldOut:
 
     def squares(self, labels: NDArray[np.int64]) -> Array:
         """Sum of squares in each block."""
-        return np.bincount(labels, self.white**2)
+        return np.asarray(np.bincount(labels, self.white**2), dtype=float)
 
 
 def held_out(

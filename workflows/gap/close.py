@@ -10,11 +10,10 @@ from scipy import optimize, stats
 
 from ...models.effects.compose import Active, acting, added, changes_of
 from ...models.inputs.distribution import Array
-from ...models.measurable import NO_CHANGES
 from .data import GapData
 from .fit import Fit, Member
 from .plan import GapPlan
-from .setup import Setup, nominal
+from .setup import Setup, nominal, predictor
 from .space import Space
 
 
@@ -71,10 +70,11 @@ class Corrected:
         at = self if values is None else replace(self, values=values)
         active = [Active(one.candidate.effect, at.effect(one.name)) for one in self.members]
         actions = acting(active, data.readings, data.target)
+        means = {} if at.plan.model is None else at._means(data)
         outputs = at._model(data, changes_of(actions))
         for one, value in at._of("zero"):
             outputs[one.name] = outputs[one.name] + value
-        return added(outputs, actions, {}, np.random.default_rng(self.plan.seed))
+        return added(outputs, actions, means, np.random.default_rng(self.plan.seed))
 
     def _model(self, data: GapData, changes: Mapping[str, Array]) -> dict[str, Array]:
         plan = self.plan
@@ -82,9 +82,11 @@ class Corrected:
             return dict(data.predicted)
         model = plan.rebuild(self.free()) if self.free() else plan.model
         assert model is not None
-        rng = np.random.default_rng(plan.seed)
-        found = model.predict(data.readings.table, rng, changes or NO_CHANGES)
+        found = predictor(plan, data, model)(changes)
         return {o.name: found[o.name] for o in data.outputs}
+
+    def _means(self, data: GapData) -> Mapping[str, float]:
+        return self.plan.model.means() if self.plan.model and data.target.population else {}
 
 
 def corrected(setup: Setup, space: Space, fit: Fit) -> Corrected:
@@ -106,14 +108,13 @@ def corrected(setup: Setup, space: Space, fit: Fit) -> Corrected:
     low = np.array([one.low for one in numbers]) / scale
     high = np.array([one.high for one in numbers]) / scale
     x = np.clip(start / scale, low + 1e-9 * (high > low), high - 1e-9 * (high > low))
+    jacobian = np.zeros((len(measured) + space.prior, 0))
     if len(x):
         again = optimize.least_squares(residual, x, bounds=(low, high), max_nfev=12,
-                                       diff_step=1e-4)  # fmt: skip
-        x, jacobian = again.x, again.jac
-    else:
-        jacobian = np.zeros((len(residual(x)), 0))
-    gram = jacobian.T @ jacobian
-    errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(gram, rcond=1e-12)), 0.0)) * scale
+                                       diff_step=[1e-4])  # fmt: skip
+        x, jacobian = again.x, np.asarray(again.jac)
+    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
+    errors = np.sqrt(np.maximum(np.diag(inverse), 0.0)) * scale
     freedom = max(space.count - len(numbers), 1)
     return replace(found, values=x * scale, errors=errors, freedom=freedom)
 

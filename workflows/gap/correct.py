@@ -10,9 +10,10 @@ import tomli_w
 
 from .close import Corrected
 from .plan import GapPlan
+from .population import Scatter
 
 
-def corrected_toml(plan: GapPlan, model: Corrected) -> str:
+def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...] = ()) -> str:
     """The run configuration (where there is one) with model, parameters and effects."""
     found: dict[str, Any] = deepcopy(dict(plan.run))
     if not found:
@@ -29,6 +30,7 @@ def corrected_toml(plan: GapPlan, model: Corrected) -> str:
     if parameters:
         found["parameters"] = _plain(parameters)
     more = [{"name": one.name, "parameters": model.effect(one.name)} for one in model.members]
+    more += [{"name": one.candidate.name, "parameters": one.numbers} for one in scatter]
     effects = [*found.get("effect", []), *plan.tables.get("effect", []), *more]
     if effects:
         found["effect"] = effects

@@ -1,4 +1,4 @@
-"""The data of a gap analysis: a checked table in the order of measuring, and what its columns mean."""
+"""The data of a gap analysis: a checked table in the order of measuring, and its meaning."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def assembled(
         rows=frame.index.to_numpy(),
         blocks=None if plan.blocks == "auto" else frame[plan.blocks].to_numpy(),
         repeats=_repeats(frame, columns),
-        zeros=_zeros(plan, target),
+        zeros=_zeros(target),
         notes=tuple(notes),
     )
 
@@ -151,9 +151,9 @@ def _repeats(frame: pd.DataFrame, columns: tuple[Column, ...]) -> NDArray[Any] |
     return frame.groupby(same, sort=False, dropna=False).ngroup().to_numpy()
 
 
-def _zeros(plan: GapPlan, target: Target) -> tuple[str, ...]:
+def _zeros(target: Target) -> tuple[str, ...]:
     """The outputs whose zero is always free: angles, twists, transmission errors."""
-    if target.population or (plan.model is not None and target.several):
+    if target.population:
         return ()
     return tuple(o.name for o in target.outputs if _is_angle(o.unit))
 

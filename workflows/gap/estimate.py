@@ -99,9 +99,7 @@ def _fitted(residual: Array, chosen: Array, noise: Noise) -> Array:
     return np.asarray(q @ (q.T @ y) * noise.sigma)
 
 
-def _with_forms(
-    of: Remainder, kept: Array, noise: Noise, trends: bool
-) -> tuple[Array, bool]:
+def _with_forms(of: Remainder, kept: Array, noise: Noise, trends: bool) -> tuple[Array, bool]:
     """The columns kept, and those of forms that are certainly there, one after another; also
     whether a trend is among them.
     """

@@ -106,7 +106,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         scores=scores(end),
         steps=renumbered(analysis.selection.steps),
         effects=named,
-        rivals=rival_records(end) if end.fit.members else (),
+        rivals=rival_records(end),
         shapes=shape_records(end),
         noise_floor=noise | {"total": 1.0},
         gap_before=gaps(end, end.before),
@@ -117,7 +117,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         summary=_summary(plan, data, end, spread),
         notes=_notes(analysis, data, end),
         configuration=plan.configuration,
-        corrected=corrected_toml(plan, end.model),
+        corrected=corrected_toml(plan, end.model, analysis.scatter[:1]),
     )  # fmt: skip
 
 

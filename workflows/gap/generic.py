@@ -86,7 +86,7 @@ def _smooth(column: Column, x: Array, sign: Array | None) -> list[tuple[Form, Ar
 
 
 def _powers(column: Column, x: Array) -> list[tuple[Form, Array]]:
-    """Powers of a signed input, odd and even; of another one, above its least and below its most."""
+    """Powers of a signed input, odd and even; of another one, from zero and from its least."""
     signed = bool((x < 0).any() and (x > 0).any())
     if signed:
         size = np.abs(x) / np.abs(x).max()

@@ -13,6 +13,9 @@ from ...models.effects import Effect, EffectParameter
 from ...models.inputs.distribution import Array
 from .data import GapData
 
+ON_SCATTER = ("spread_inflation", "lot_mixture")
+"""Effects on the scatter of a population: they move no single unit."""
+
 Predict = Callable[[Mapping[str, Array]], Mapping[str, Array]]
 """The model's outputs (n,) by name, at changes inside of it."""
 
@@ -41,7 +44,7 @@ class Candidate:
     @property
     def one_sided(self) -> bool:
         """Whether it is one column whose coefficient cannot be negative."""
-        return len(self.linear) == 1 and self.linear[0].low >= 0.0 or self.alone
+        return self.alone or (len(self.linear) == 1 and self.linear[0].low >= 0.0)
 
     @property
     def alone(self) -> bool:
@@ -93,6 +96,8 @@ class Columns:
             changed = self._predict(action.changes)
             return np.concatenate([changed[o.name] - self._base[o.name] for o in data.outputs])
         zero = np.zeros(len(data))
+        if action.population is not None:
+            return self._of_units(action.population)
         if action.reading:
             return np.concatenate([
                 action.reading[o.name](self._base[o.name]) - self._base[o.name]
@@ -102,10 +107,17 @@ class Columns:
         return np.concatenate([np.asarray(action.output.get(o.name, zero), dtype=float)
                                for o in data.outputs])  # fmt: skip
 
+    def _of_units(self, act: Callable[[Array, float, np.random.Generator], Array]) -> Array:
+        """What an effect on a population does to units that are all at the mean."""
+        rng = np.random.default_rng(0)
+        means = [(o.name, self._base[o.name]) for o in self.data.outputs]
+        return np.concatenate([act(m, float(m.mean()), rng) - m for _, m in means])
+
 
 def _step(parameter: EffectParameter) -> float:
-    """A small value of a linear parameter: 1, or less where its bounds ask for it."""
-    return min(1.0, parameter.high) if parameter.high > 0 else max(-1.0, parameter.low)
+    """A small value of a linear parameter, at which a model is still linear in it."""
+    end = parameter.high if parameter.high > 0 else parameter.low
+    return 0.01 * end if np.isfinite(end) else 1.0
 
 
 def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:

@@ -77,7 +77,7 @@ class Groups:
         z = self.columns.T @ residuals
         lone = self.starts[self.one_sided]
         z[lone] = np.maximum(z[lone], 0.0)
-        return np.add.reduceat(z * z, self.starts, axis=0)
+        return np.asarray(np.add.reduceat(z * z, self.starts, axis=0))
 
 
 def _each_orthonormal(left: Array, before: Array, at: NDArray[np.int64]) -> Array:

@@ -55,10 +55,11 @@ class GapPlan:
     """A resolved gap analysis; `configuration` is the TOML text that repeats it.
 
     `model` is None for `model = "table"`, whose columns `columns` describes; `rebuild` makes it
-    again from other `parameters`, of which the configuration itself set `given`. `free` maps what may be recalibrated to its half-width, `library`
-    are the effects considered. `noise` holds a known standard deviation by output, `blocks` is
-    "auto" or a column. `run` are the raw tables of the configuration whose allocation the corrected
-    model is to repeat (empty for none), `tables` the resolved ones of the model.
+    again from other `parameters`, of which the configuration itself set `given`. `free` maps what
+    may be recalibrated to its half-width, `library` are the effects considered. `noise` holds a
+    known standard deviation by output, `blocks` is "auto" or a column. `run` are the raw tables of
+    the configuration whose allocation the corrected model is to repeat (empty for none), `tables`
+    the resolved ones of the model.
     """
 
     model_name: str

@@ -145,22 +145,34 @@ def _content_faults(
                            f"noise need at least {max(LEAST, 2 * count)}"))  # fmt: skip
     for column in columns:
         if column.role is Role.DIRECTION and column.name in frame:
-            bad = frame.index[~frame[column.name].isin([-1.0, 1.0])]
-            text = {at: f"a direction is +1 or -1, got {frame.at[at, column.name]:g}" for at in bad}
-            found += tables.cell_faults(place, column.name, text)
+            bad = ~frame[column.name].isin([-1.0, 1.0])
+            found += _cells(frame, column.name, bad, place, "a direction is +1 or -1")
     for name in stds.values():
-        bad = frame.index[frame[name] <= 0.0]
-        text = dict.fromkeys(bad, "a standard deviation must be above 0; leave the column out where the noise is " "not known")  # fmt: skip
-        found += tables.cell_faults(place, name, text)
+        text = "must be above 0; leave the column out where the noise is not known"
+        found += _cells(frame, name, frame[name] <= 0.0, place, text)
     for output in outputs:
-        values = frame[output.name]
-        if len(frame) > 1 and values.nunique() == 1:
-            found.append(Fault(f"{place}: column {output.name}", "is the same in every row: nothing"
-                               " was measured"))  # fmt: skip
-        name = predictions.get(output.name)
-        if name is not None and alike(values, frame[name]):
-            found.append(Fault(f"{place}: column {name}", f"is a copy of {output.name}: a "
-                               "prediction comes from the simulation, not from the data"))  # fmt: skip
+        found += _measured_faults(frame, output.name, predictions.get(output.name), place)
+    return found
+
+
+def _cells(
+    frame: pd.DataFrame, column: str, bad: pd.Series[bool], place: str, text: str
+) -> list[Fault]:
+    """The same fault in some cells of a column."""
+    return tables.cell_faults(place, column, dict.fromkeys(frame.index[bad], text))
+
+
+def _measured_faults(
+    frame: pd.DataFrame, name: str, prediction: str | None, place: str
+) -> list[Fault]:
+    """A measurement that never changes, or that the prediction is a copy of."""
+    found = []
+    if len(frame) > 1 and np.ptp(frame[name].to_numpy()) == 0.0:
+        text = "is the same in every row: nothing was measured"
+        found.append(Fault(f"{place}: column {name}", text))
+    if prediction is not None and alike(frame[name], frame[prediction]):
+        text = f"is a copy of {name}: a prediction comes from the simulation, not from the data"
+        found.append(Fault(f"{place}: column {prediction}", text))
     return found
 
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ...gap_records import (
     Detectable,
     FoundEffect,
     FoundParameter,
     Gate,
+    Measurement,
     OutputGate,
     Recalibrated,
     Rival,
@@ -27,12 +28,15 @@ from .data import GapData
 from .fit import Fit
 from .linear import beside
 from .noise import outliers
+from .population import Scatter
 from .scan import left_over, scan
 from .separate import separating
 from .setup import Setup, nominal
 from .uncertainty import Spread
 from .where import shapes
 
+SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
+MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
 SEPARATED = 4
 """Rivals for which the separating measurement is searched."""
 
@@ -57,9 +61,16 @@ class Ending:
         """The one word."""
         if not self.analysis.significant:
             return "no_gap"
-        if not self.fit.members:
+        if not self.fit.members and not self.analysis.scatter:
             return "unnamed"
-        return "ambiguous" if self.analysis.others else "named"
+        rivals = self.analysis.others or len(self.analysis.scatter) > 1 or self.twin
+        return "ambiguous" if rivals else "named"
+
+    @property
+    def twin(self) -> bool:
+        """Whether lots are off, which a second supplier would do as well."""
+        names = {one.name for one in self.setup.on_scatter}
+        return "lot_offset" in self.fit.names and "lot_mixture" in names
 
 
 def ended(analysis: Analysis) -> Ending:
@@ -126,8 +137,8 @@ def detectable(end: Ending) -> tuple[Detectable, ...]:
         rms = value * float(np.sqrt(np.mean(raw[:, column] ** 2)))
         if member.name not in found or rms < found[member.name].rms:
             one = member.candidate.linear[column]
-            found[member.name] = Detectable(member.name, member.candidate.effect.family, rms,
-                                            setup.data.outputs[0].unit, one.name, value)  # fmt: skip
+            family, unit = member.candidate.effect.family, setup.data.outputs[0].unit
+            found[member.name] = Detectable(member.name, family, rms, unit, one.name, value)
     return tuple(found.values())
 
 
@@ -143,7 +154,27 @@ def scores(end: Ending) -> tuple[Score, ...]:
 
 def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
     """The effects that keep their name, with intervals and evidence."""
-    return tuple(_effect(end, at, spread) for at in range(len(end.fit.members)))
+    moving = [_effect(end, at, spread) for at in range(len(end.fit.members))]
+    return (*moving, *(_of_scatter(one) for one in end.analysis.scatter[:1]))
+
+
+def _of_scatter(one: Scatter) -> FoundEffect:
+    """An effect on the scatter of a batch as a record; nothing of it can be held out."""
+    effect = one.candidate.effect
+    numbers = (*one.candidate.linear, *one.candidate.shape)
+    return FoundEffect(
+        name=effect.name,
+        family=effect.family,
+        cause=effect.cause,
+        parameters=tuple(
+            FoundParameter(p.name, one.numbers[p.name], *one.intervals[p.name], p.unit, p.meaning)
+            for p in numbers
+        ),
+        gain=one.gain,
+        threshold=one.threshold,
+        held_out_gain=float("nan"),
+        held_out_error=float("nan"),
+    )
 
 
 def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
@@ -187,11 +218,16 @@ def _ends(end: Ending, owner: str, name: str, spread: Spread | None) -> tuple[fl
 def rival_records(end: Ending) -> tuple[Rival, ...]:
     """Stage 5 as records."""
     levels = end.analysis.search.fitter.space.level()
-    found = []
+    found: list[Rival] = []
     for at, one in enumerate(end.analysis.others):
         measurement = separating(end.setup, levels, end.fit, one.fit) if at < SEPARATED else \
             found[0].measurement  # fmt: skip
         found.append(Rival(one.names, one.instead_of, one.distance, measurement))
+    if end.twin:
+        found.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
+    for other in end.analysis.scatter[1:]:
+        mine = (end.analysis.scatter[0].candidate.name,)
+        found.append(Rival((other.candidate.name,), mine, other.distance, Measurement(MORE)))
     return tuple(found)
 
 
@@ -212,8 +248,8 @@ def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
     """Every reading with its prediction before and after, in the order of measuring."""
     setup, n = end.setup, len(end.setup.data)
     frame = pd.DataFrame({"row": full.rows, **full.readings.table})
-    used = np.searchsorted(full.rows, setup.data.rows) if n < len(full) else np.arange(n)
-    bare = Corrected(setup.plan, (), *_without_effects(end))
+    used = np.flatnonzero(np.isin(full.rows, setup.data.rows))
+    bare = corrected(setup, end.analysis.search.fitter.space, end.analysis.empty)
     before, after = bare.predicted(full), end.model.predicted(full)
     for at, (output, noise) in enumerate(zip(setup.data.outputs, end.analysis.noises, strict=True)):
         name, measured = output.name, full.measured[output.name]
@@ -233,13 +269,7 @@ def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
     return frame
 
 
-def _without_effects(end: Ending) -> tuple[tuple[object, ...], Array, Array, int]:
-    """The numbers of the recalibrated model alone."""
-    found = corrected(end.setup, end.analysis.search.fitter.space, end.analysis.empty)
-    return found.numbers, found.values, found.errors, found.freedom
-
-
-def _at_rows(values: Array, rows: Array, count: int) -> Array:
+def _at_rows(values: Array, rows: NDArray[np.int64], count: int) -> Array:
     found = np.full(count, np.nan)
     found[rows] = values
     return found
@@ -254,8 +284,3 @@ def gaps(end: Ending, held: HeldOut) -> dict[str, float]:
         found[output.name] = rmse(raw[at * n : (at + 1) * n], noise.good)
         squares.append((found[output.name] / noise.level) ** 2)
     return found | {"total": float(np.sqrt(np.mean(squares)))}
-
-
-def names(members: Sequence[str]) -> str:
-    """Names as a list in a sentence."""
-    return ", ".join(members)

@@ -20,6 +20,12 @@ REFINED = 8
 WITHIN = 40.0
 """Gain behind the best on the grid, beyond which a candidate is not refined."""
 
+BOTH = "beyond what noise reaches, and held-out rows are predicted better"
+MASKED = 12
+"""Candidates that are tried in pairs where none shows alone."""
+TWO = 1.6
+"""Thresholds that two names must pass together."""
+
 
 @dataclass(frozen=True)
 class Search:
@@ -64,7 +70,9 @@ class Selection:
 
 
 def select(search: Search, quick: bool = False) -> Selection:
-    """Names that pass the threshold and the held-out test, from none; `quick` keeps no path."""
+    """Names that pass the threshold and the held-out test, from none; `quick` does not
+    look for names that only show in pairs.
+    """
     fit = search.fitter.fit(())
     steps: list[Step] = []
     rejected: set[str] = set()
@@ -73,20 +81,22 @@ def select(search: Search, quick: bool = False) -> Selection:
     _note(steps, search, fit, before, "start", "", True, "the model as recalibrated")
     while len(fit.members) < search.settings.effects_at_most:
         grown = _next(search, fit, rejected)
+        if grown is None and not quick:
+            grown = masked(search, fit, rejected)
         if grown is None:
             break
-        name = grown.names[-1]
+        new = grown.names[len(fit.members) :]
+        name = " + ".join(new)
         after = search.tested(grown)
         better = improvement(before, after, search.labels)
         gain = fit.rss - grown.rss
         if not better.real:
-            rejected.add(name)
+            rejected.update(new)
             _note(steps, search, fit, after, "reject", name, False,
                   "rows the fit never saw are not predicted better", gain, better)  # fmt: skip
             continue
-        real[name] = better
-        _note(steps, search, grown, after, "add", name, True,
-              "beyond what noise reaches, and held-out rows are predicted better", gain, better)  # fmt: skip
+        real |= dict.fromkeys(new, better)
+        _note(steps, search, grown, after, "add", name, True, BOTH, gain, better)
         fit = _retested(search, grown, steps)
         rejected.clear()  # effects mask each other: what failed before may not fail now
         before = search.tested(fit)
@@ -102,6 +112,28 @@ def _next(search: Search, fit: Fit, rejected: set[str]) -> Fit | None:
     fits = [one for one in search.refined(fit.members, found) if fit.rss - one.rss > limit]
     fits = [one for one in fits if one.score < fit.score]
     return fits[0] if fits else None
+
+
+def masked(search: Search, fit: Fit, rejected: set[str]) -> Fit | None:
+    """The best fit with two names more, neither of which shows without the other; else None."""
+    limit = search.thresholds.library
+    firsts = [one for one in scan(search.fitter, search.white, search.book, fit.members)
+              if one.member.name not in rejected][:MASKED]  # fmt: skip
+    best: Fit | None = None
+    for first in firsts:
+        members = (*fit.members, first.member)
+        seconds = [one for one in scan(search.fitter, search.white, search.book, members)
+                   if one.member.name not in rejected]  # fmt: skip
+        if not seconds or first.gain + seconds[0].gain < TWO * limit:
+            continue
+        whole = search.fitter.refined([*members, seconds[0].member])
+        if best is None or whole.score < best.score:
+            best = whole
+    if best is None or fit.rss - best.rss < TWO * limit or best.score > fit.score:
+        return None
+    alone = [search.fitter.fit(best.without(k)).rss - best.rss
+             for k in range(len(fit.members), len(best.members))]  # fmt: skip
+    return best if min(alone) > limit else None
 
 
 def _retested(search: Search, fit: Fit, steps: list[Step]) -> Fit:
@@ -127,7 +159,7 @@ def _swapped(search: Search, fit: Fit) -> Fit | None:
         others = fit.without(at)
         found = scan(search.fitter, search.white, search.book, others)
         for one in search.refined(others, found)[:1]:
-            if one.score < best.score - 0.5:
+            if one.score < best.score - 1e-3:
                 best = one
     return None if best is fit else best
 

@@ -43,7 +43,7 @@ class Design:
 
 
 def separating(setup: Setup, levels: Array, fit: Fit, other: Fit) -> Measurement:
-    """The best of a few designs: each input on its own, or further out; `levels` (q,) is the noise."""
+    """The best of a few designs: each input on its own, or further out; `levels` (q,): noise."""
     names = frozenset(set(fit.names) ^ set(other.names))
     if names in UNSEEN:
         return Measurement(UNSEEN[names])

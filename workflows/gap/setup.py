@@ -12,9 +12,12 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, MeasurableModel, Role
 from .data import GapData
 from .generic import Form, generic
-from .library import Candidate, Columns, Predict, candidates
+from .library import ON_SCATTER, Candidate, Columns, Predict, candidates
 from .plan import GapPlan
 from .read import finite_faults
+
+UNITS = 32
+"""Units drawn for each row to average what a change does to a population."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,7 @@ class Setup:
     base: Array
     free: tuple[str, ...]
     library: tuple[Candidate, ...]
+    on_scatter: tuple[Candidate, ...]
     columns: Columns
     forms: tuple[Form, ...]
     generic: list[Array]
@@ -46,10 +50,32 @@ def predictor(plan: GapPlan, data: GapData, model: MeasurableModel | None = None
     if plan.model is None:
         return lambda changes: data.predicted
     of = plan.model if model is None else model
+    if of.population:
+        return _of_mean_unit(plan, data, of)
 
     def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
         rng = np.random.default_rng(plan.seed)
         return of.predict(data.readings.table, rng, changes or NO_CHANGES)
+
+    return predict
+
+
+def _of_mean_unit(plan: GapPlan, data: GapData, model: MeasurableModel) -> Predict:
+    """The mean over the units of a population; what changes it is averaged over drawn units."""
+
+    def drawn(changes: Mapping[str, Array]) -> dict[str, Array]:
+        runs = [
+            model.predict(data.readings.table, np.random.default_rng([plan.seed, 7, k]), changes)
+            for k in range(UNITS)
+        ]
+        return {o.name: np.mean([run[o.name] for run in runs], axis=0) for o in data.outputs}
+
+    def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
+        means = {o.name: np.full(len(data), model.means()[o.name]) for o in data.outputs}
+        if not changes:
+            return means
+        with_them, without = drawn(changes), drawn(NO_CHANGES)
+        return {name: mean + with_them[name] - without[name] for name, mean in means.items()}
 
     return predict
 
@@ -64,6 +90,7 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
     free, gradient = _gradient(plan, data)
     base = np.column_stack([gradient, _zeros(data)])
     forms, columns = generic(data)
+    library = candidates(plan.library, data)
     return Setup(
         plan=plan,
         data=data,
@@ -71,7 +98,8 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         residual=residual,
         base=base,
         free=free,
-        library=tuple(candidates(plan.library, data)),
+        library=tuple(one for one in library if one.name not in ON_SCATTER),
+        on_scatter=tuple(one for one in library if one.name in ON_SCATTER),
         columns=Columns(data, predict),
         forms=tuple(forms),
         generic=columns,
@@ -86,9 +114,10 @@ def thinned(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:
         return full, ()
     rng = np.random.default_rng([plan.seed, 1])
     edges = np.linspace(0, len(full), most + 1)
-    rows = np.floor(edges[:-1] + rng.random(most) * np.diff(edges)).astype(np.int64)
+    drawn = np.floor(edges[:-1] + rng.random(most) * np.diff(edges)).astype(np.int64)
+    rows = np.unique(drawn)
     text = (
-        f"{len(full)} rows: effects are searched on {most} of them, one at random out of each "
+        f"{len(full)} rows: effects are searched on {len(rows)} of them, one at random out of each "
         "stretch of equal length (settings.rows_used)"
     )
     return full.some(rows), (text,)

@@ -55,7 +55,7 @@ def bootstrap(analysis: Analysis, fit: Fit, workers: int = 1) -> Spread:
 def _replicate(search: Search, fit: Fit, seed: int, number: int) -> Replicate:
     rng = np.random.default_rng([seed, 4, number])
     again = replace(search, fitter=search.fitter.of_record(_drawn(search, fit, rng)))
-    found = select(again).fit
+    found = select(again, quick=True).fit
     return {
         member.name: member.candidate.values(member.shape, coefficients)
         for member, coefficients in zip(found.members, found.coefficients, strict=True)

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import Fault
-from ...files import write_text, write_with
+from ...files import write_bytes, write_text, write_with
 from ...gap_records import FoundEffect, GapResult, Rival
+from ...reports.drawing import as_png, as_svg
+from ...reports.gap.page import figures, gap_page
 from ..run.write import as_json
 from .plan import GapPlan
 
@@ -21,6 +23,10 @@ def write(result: GapResult, folder: Path) -> None:
     write_text(folder / "corrected.toml", result.corrected)
     write_with(folder / "residuals.parquet",
                lambda path: result.residuals.to_parquet(path, index=False))  # fmt: skip
+    for name, figure in figures(result).items():
+        write_bytes(folder / f"{name}.png", as_png(figure))
+        write_bytes(folder / f"{name}.svg", as_svg(figure))
+    write_text(folder / "report.html", gap_page(result))
     write_text(folder / "gap.json", as_json(record(result)))
 
 

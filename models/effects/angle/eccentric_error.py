@@ -13,4 +13,5 @@ class EccentricError(Orders):
     cause = "A crank turns 40 times per turn of the output and brings its error along."
     formula = "c cos 40 theta + s sin 40 theta"
     mistaken_for = ("pin_circle_runout", "structural_resonance")
+    reference = "Blanche and Yang, J. Mech. Transm. Autom. Des. 111, 1989"
     orders = (40,)

@@ -13,4 +13,5 @@ class OutputEccentricity(Orders):
     cause = "The output, or the encoder on it, is mounted off its axis."
     formula = "c cos 1 theta + s sin 1 theta"
     mistaken_for = ("encoder_harmonics",)
+    reference = "Sanchez-Brea and Morlanes, Meas. Sci. Technol. 19, 2008"
     orders = (1,)

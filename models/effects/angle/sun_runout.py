@@ -13,4 +13,5 @@ class SunRunout(Orders):
     cause = "The sun turns 121 times per turn of the output, and 120 times against the cranks."
     formula = "orders 120 and 121, as above"
     mistaken_for = ("structural_resonance",)
+    reference = "Smith, Gear Noise and Vibration, 2003"
     orders = (120, 121)

@@ -13,4 +13,5 @@ class TwoDiscError(Orders):
     cause = "Two discs half a turn apart cancel odd waves and double what is common to both."
     formula = "orders 78 and 80, as above"
     mistaken_for = ("load_sharing", "pitch_defect", "structural_resonance")
+    reference = "Blanche and Yang, J. Mech. Transm. Autom. Des. 111, 1989"
     orders = (78, 80)

@@ -13,3 +13,4 @@ class AdjustmentBacklash(Inside):
     cause = "The adjuster has play: what it moves follows late."
     formula = "dead band of the adjuster"
     mistaken_for = ("adjustment_gain",)
+    reference = "Nordin and Gutman, Automatica 38, 2002"

@@ -13,5 +13,6 @@ class AdjustmentGain(Inside):
     cause = "What is achieved at an adjustment is not what was commanded, but a share of it."
     formula = "achieved = (1 + e) commanded"
     mistaken_for = ("springback",)
+    reference = "Mantripragada and Whitney, IEEE Trans. Robot. Autom. 15, 1999"
     inside_bounds = (-1.0, 1.0)
     inside_name = "adjustment_gain_error"

@@ -22,6 +22,7 @@ class ClockDrift(OneColumn):
     formula = "a t v d"
     needs = (Role.TIME, Role.SPEED, Role.DIRECTION)
     mistaken_for = ("wear", "read_out_lag")
+    reference = "IEEE 1588-2019"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (

@@ -13,4 +13,5 @@ class EncoderHarmonics(Orders):
     cause = "The scale is eccentric and oval, the signals of its reading heads are not alike."
     formula = "orders 1, 2 and 4, as above; without 2 and 4 it is output_eccentricity"
     mistaken_for = ("output_eccentricity",)
+    reference = "Sanchez-Brea and Morlanes, Meas. Sci. Technol. 19, 2008"
     orders = (1, 2, 4)

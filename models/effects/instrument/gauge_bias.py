@@ -20,6 +20,7 @@ class GaugeBias(OneColumn):
     cause = "The instrument's zero is off."
     formula = "c"
     mistaken_for = ("process_mean_shift", "lot_offset")
+    reference = "AIAG, Measurement Systems Analysis, 2010"
     weight = Weight("offset", "c, what the instrument adds", low=-inf)
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:

@@ -21,6 +21,7 @@ class ReadOutLag(OneColumn):
     formula = "a v d"
     needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("viscous_friction", "windage")
+    reference = "Franklin, Powell and Workman, Digital Control of Dynamic Systems, 1998"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per unit of speed", speed_unit(target)),)

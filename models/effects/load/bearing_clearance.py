@@ -19,6 +19,7 @@ class BearingClearance(LoadShape):
     cause = "Rolling elements are loaded one after another until the clearance is taken up."
     formula = "c clip(T/T0, -1, 1)"
     mistaken_for = ("lost_motion", "torsional_compliance", "hertz_stiffening")
+    reference = "Harris and Kotzalas, Essential Concepts of Bearing Technology, 2006"
     weight = Weight("half_width", "c, half of the dead band")
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

@@ -17,6 +17,7 @@ class LoadSharing(Orders):
     formula = "T (c cos 78 theta + s sin 78 theta)"
     needs = (Role.ANGLE, Role.TORQUE)
     mistaken_for = ("two_disc_error", "pitch_defect")
+    reference = "Blanche and Yang, J. Mech. Transm. Autom. Des. 111, 1989"
     orders = (78,)
 
     def per(self, target: Target) -> str:

@@ -19,6 +19,7 @@ class LostMotion(LoadShape):
     cause = "A gap is crossed when the torque changes its sign."
     formula = "c sgn(T)"
     mistaken_for = ("bearing_clearance", "friction_hysteresis", "hertz_stiffening")
+    reference = "Nordin and Gutman, Automatica 38, 2002"
     weight = Weight("half_width", "c, half of the motion lost")
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:

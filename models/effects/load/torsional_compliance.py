@@ -17,7 +17,7 @@ class TorsionalCompliance(LoadShape):
     cause = "Shafts, bearings and housing twist elastically, in proportion to the torque."
     formula = "T/K"
     mistaken_for = ("hertz_stiffening", "bearing_clearance", "lost_motion")
-    reference = "VDI 2157"
+    reference = "Timoshenko, Strength of Materials, 1955"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("compliance", "1/K, twist per unit of torque", Load.unit(target)),)

@@ -18,6 +18,7 @@ class ArmLengthError(InsideSeveral):
     cause = "The arms are longer or shorter than the drawing says."
     formula = "arm length of each chain"
     mistaken_for = ("thermal_growth", "joint_zero_offset")
+    reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         return tuple(

@@ -16,6 +16,7 @@ class BaseTilt(InsideSeveral):
     cause = "The base, or the frame of measuring, is turned about its x and y."
     formula = "rotation of the machine about x and y of its base"
     mistaken_for = ("joint_zero_offset", "gravity_sag")
+    reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         return tuple(

@@ -18,6 +18,7 @@ class DriveEccentricity(InsideSeveral):
     cause = "The wheel or encoder of a drive is mounted off its axis."
     formula = "c cos theta_i + s sin theta_i on the angle of each arm"
     mistaken_for = ("joint_zero_offset",)
+    reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         return tuple(

@@ -23,6 +23,7 @@ class GravitySag(InsideSeveral):
     formula = "-a_i (m + m0) g dz/dtheta_i on the angle of each arm"
     needs = (Role.PAYLOAD,)
     mistaken_for = ("base_tilt", "joint_clearance")
+    reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         meaning = "a, compliance of drive"

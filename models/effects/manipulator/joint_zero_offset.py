@@ -18,6 +18,7 @@ class JointZeroOffset(InsideSeveral):
     cause = "The zeros of the drives were not taught where they are."
     formula = "drive zero of each chain"
     mistaken_for = ("drive_eccentricity", "base_tilt")
+    reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         return tuple(

@@ -20,6 +20,7 @@ class ThermalGrowth(InsideSeveral):
     formula = "all lengths times 1 + a tau"
     needs = (Role.TEMPERATURE,)
     mistaken_for = ("arm_length_error",)
+    reference = "ISO 230-3:2020"
 
     def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
         meaning = "a, expansion per kelvin above 20 degC"

@@ -10,7 +10,7 @@ import numpy as np
 from ...inputs.distribution import Array
 from ...measurable import Role
 from ..effect import EffectParameter, Readings, Target, known, quantity
-from ..readings import unit_numbers
+from ..readings import labels_of, unit_numbers
 from ..shapes import Weight
 from .units import OfUnits, number
 
@@ -42,6 +42,6 @@ class LotMixture(OfUnits):
     ) -> Array:
         of_group = unit_numbers(readings)
         if Role.LOT in readings:
-            of_group = np.unique(readings[Role.LOT].astype(str), return_inverse=True)[1]
+            of_group = labels_of(readings[Role.LOT])[1]
         second = rng.random(int(of_group.max(initial=-1)) + 1) < values["share"]
         return drawn + known(values, number(self.weight, target)) * second[of_group]

@@ -11,7 +11,7 @@ from ....units import unit_key
 from ...inputs.distribution import Array
 from ...measurable import Role
 from ..effect import EffectParameter, Readings, Target, known
-from ..readings import label
+from ..readings import labels_of
 from ..shapes import Weight
 from .units import OfUnits, number
 
@@ -25,6 +25,7 @@ class LotOffset(OfUnits):
     formula = "y + c_l in lot l"
     needs = (Role.LOT,)
     mistaken_for = ("lot_mixture", "process_mean_shift", "gauge_bias")
+    reference = "Searle, Casella and McCulloch, Variance Components, 1992"
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         """One per lot of the table but the first, in the order of their labels."""
@@ -48,8 +49,7 @@ class LotOffset(OfUnits):
         mean: float,
         rng: np.random.Generator,
     ) -> Array:
-        names = np.array([label(one) for one in readings[Role.LOT].tolist()], dtype=str)
-        lots, of_lot = np.unique(names, return_inverse=True)
+        lots, of_lot = labels_of(readings[Role.LOT])
         offsets = [known(values, number(_offset(str(lot)), target)) for lot in lots]
         return np.asarray(drawn + np.array(offsets)[of_lot])
 

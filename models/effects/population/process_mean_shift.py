@@ -21,6 +21,7 @@ class ProcessMeanShift(OfUnits):
     cause = "The process runs off its middle: every unit is off by the same."
     formula = "y + c"
     mistaken_for = ("gauge_bias", "lot_mixture", "differential_thermal_expansion")
+    reference = "Montgomery, Introduction to Statistical Quality Control, 2013"
     weight = Weight("shift", "c, shift of the mean", low=-inf)
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

@@ -19,6 +19,7 @@ class SpreadInflation(OfUnits):
     cause = "The process scatters more than its capability says."
     formula = "y + g (y - mean)"
     mistaken_for = ("lot_mixture", "tool_wear_drift")
+    reference = "Montgomery, Introduction to Statistical Quality Control, 2013"
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         return (quantity("growth", "", "g, growth of the standard deviation as a share of it"),)

@@ -24,6 +24,7 @@ class ToolWearDrift(OfUnits):
     formula = "y + a u, u the number of the unit from 0"
     needs = (Role.UNIT,)
     mistaken_for = ("drift", "spread_inflation", "lot_offset")
+    reference = "Montgomery, Introduction to Statistical Quality Control, 2013"
     weight = Weight("rate_per_unit", "a, change from one unit to the next", low=-inf)
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

@@ -14,8 +14,8 @@ from ..effect import EffectParameter, Readings, Target, quantity
 from ..shapes import Shape, Weight
 
 Waves = NDArray[np.complex128]
-EXCITATIONS = (1.0, 2.0, 4.0, 39.0, 40.0, 78.0, 80.0, 117.0, 120.0, 121.0)
-"""Orders of the library's own waves."""
+EXCITATIONS = (39.0, 40.0, 78.0, 80.0, 120.0, 121.0)
+"""Orders of the waves of pins, cranks, discs and sun."""
 
 
 class StructuralResonance(Shape):
@@ -46,10 +46,12 @@ class StructuralResonance(Shape):
         order = "k, order of the excitation in waves per turn of the angle"
         first, last = EXCITATIONS[0], EXCITATIONS[-1]
         fastest = target.largest.get(Role.SPEED, 0.0) / 60.0
-        low, high = (0.2 * fastest, 1.5 * last * fastest) if fastest > 0.0 else (0.0, inf)
+        # between a quarter of the slowest wave at full speed and just above the quickest
+        bounds = (0.25 * first * fastest, 1.1 * last * fastest)
+        low, high = bounds if fastest > 0.0 else (0.0, inf)
         return (
             quantity("frequency", "Hz", "f, the natural frequency", low, high, linear=False),
-            quantity("damping", "", "z, share of the critical damping", 0.002, 0.5, linear=False),
+            quantity("damping", "", "z, share of the critical damping", 0.005, 0.3, linear=False),
             quantity("order", "", order, first, last, linear=False, choices=EXCITATIONS),
         )
 

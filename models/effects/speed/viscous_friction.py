@@ -21,6 +21,7 @@ class ViscousFriction(OneColumn):
     formula = "a v d"
     needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("read_out_lag", "windage", "friction_hysteresis")
+    reference = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per unit of speed", speed_unit(target)),)

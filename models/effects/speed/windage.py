@@ -21,6 +21,7 @@ class Windage(OneColumn):
     formula = "a v^2 d"
     needs = (Role.SPEED, Role.DIRECTION)
     mistaken_for = ("viscous_friction", "read_out_lag")
+    reference = "Townsend, Dudley's Gear Handbook, 1991"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (Weight("rate", "a, per squared unit of speed", _squared(speed_unit(target))),)

@@ -22,6 +22,7 @@ class Creep(OneColumn):
     formula = "a ln(1 + t/t0)"
     needs = (Role.TIME,)
     mistaken_for = ("drift", "wear")
+    reference = "Nabarro, Mater. Sci. Eng. A 309, 2001"
     weight = Weight("rate", "a, per factor e of time")
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:

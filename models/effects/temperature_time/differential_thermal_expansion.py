@@ -28,6 +28,7 @@ class DifferentialThermalExpansion(OneColumn):
     formula = "a tau d; where a model has a pin circle: disc warmer by D + s tau"
     needs = (Role.TEMPERATURE, Role.DIRECTION)
     mistaken_for = ("thermal_friction", "process_mean_shift", "gauge_bias")
+    reference = "ISO 1:2022 (20 degC); thermal expansion of steel"
     weight = Weight("rate", "a, per kelvin above 20 degC", "K", low=-inf)
 
     def own_applies(self, target: Target) -> bool:

@@ -21,6 +21,7 @@ class Drift(OneColumn):
     formula = "a t"
     needs = (Role.TIME,)
     mistaken_for = ("creep", "wear")
+    reference = "JCGM 200:2012, 4.21 instrumental drift"
     weight = Weight("rate", "a, per second", "s")
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:

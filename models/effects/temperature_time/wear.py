@@ -21,6 +21,7 @@ class Wear(OneColumn):
     formula = "a t d"
     needs = (Role.TIME, Role.DIRECTION)
     mistaken_for = ("drift", "friction_hysteresis", "clock_drift")
+    reference = "Archard, J. Appl. Phys. 24, 1953"
     weight = Weight("rate", "a, half of the gap per second", "s")
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
-from math import pi
+from dataclasses import dataclass, replace
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....units import ARCMIN
 from .errors import PartErrors
-from .gaps import gaps
+from .gaps import displacements, gaps
 from .geometry import ContactGeometry
 from .mesh import Mesh
+from .nominal import Nominal
 
 Array = NDArray[np.float64]
-BLOCK = 4096
-"""Meshes (a unit at a crank angle) solved at once: 25 MiB or so of each array."""
+Engine = Literal["auto", "arrays", "numba"]
+BLOCK = 512
+"""Meshes (a unit at a crank angle) solved at once by arrays, so that they stay in the cache."""
 
 
 class OverloadWarning(UserWarning):
@@ -41,13 +45,22 @@ class Equilibrium:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """The meshes of some units at some angles, and their place among all (units, angles)."""
+
+    place: tuple[slice, slice]
+    mesh: Mesh
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class LoadedContact:
     """Pins and discs of one design, with its stiffness.
 
     `normal_stiffness` [N/m] of a pin contact along its normal and `series_stiffness` [N m/rad]
     between one disc and the carrier (bearings, cranks, carrier; `inf` without) are assumptions;
     both may be arrays that fit (units, angles, discs), so that discs share unequally or stiffness
-    depends on the angle. Torques [N m] of the catalogue. `exact`: see `gaps`.
+    depends on the angle. Torques [N m] of the catalogue. `exact`: see `gaps`. `engine`: numba where
+    it is installed ("auto"), or one of the two; `rotation` alone uses it.
     """
 
     geometry: ContactGeometry = ContactGeometry()
@@ -56,15 +69,18 @@ class LoadedContact:
     rated_torque: float = 412.0
     momentary_torque: float = 2058.0
     exact: bool = False
+    engine: Engine = "auto"
 
-    def mesh(self, errors: PartErrors, angles: Array) -> Mesh:
+    def __post_init__(self) -> None:
+        for name in ("normal_stiffness", "series_stiffness"):
+            if not np.all(np.asarray(getattr(self, name)) > 0.0):
+                raise ValueError(f"{name} must be above 0")
+
+    def mesh(self, errors: PartErrors, angles: Array, nominal: Nominal | None = None) -> Mesh:
         """The meshes of all units at the crank angles (angles,) [rad], gaps computed once."""
-        shape = (errors.units, angles.size, self.geometry.discs)
-        stiffness, series = (
-            _spread(value, shape) for value in (self.normal_stiffness, self.series_stiffness)
-        )
-        found = gaps(self.geometry, errors, angles, self.exact)
-        return Mesh.of(found, self.geometry.output_ratio, stiffness[..., None], 1.0 / series)
+        found = gaps(self.geometry, errors, angles, self.exact, nominal)
+        normal, series = self._stiffness()
+        return Mesh.of(found, self.geometry.output_ratio, normal[..., None], 1.0 / series)
 
     def equilibrium(
         self, errors: PartErrors, angles: Array, torque: Array | float, direction: int = 1
@@ -84,15 +100,14 @@ class LoadedContact:
     def rotation(
         self, errors: PartErrors, angles: Array, torque: Array | float, direction: int = 1
     ) -> Array:
-        """The rotation of `equilibrium` alone, in blocks: memory does not grow with the units."""
+        """The rotation of `equilibrium` alone; its memory does not grow with the contacts."""
         self._warn(torque)
         wanted = np.broadcast_to(torque, (errors.units, angles.size))
+        if not self.exact and self._uses_numba():
+            return self._compiled(errors, angles, wanted, direction)
         found = np.empty(wanted.shape)
-        for units, part in self.blocks(errors.units, angles.size):
-            mesh = self._part(units, part, errors.units, angles.size).mesh(
-                errors.of_units(units), angles[part]
-            )
-            found[units, part] = mesh.rotation(wanted[units, part], direction)
+        for block in self.blocks(errors, angles):
+            found[block.place] = block.mesh.rotation(wanted[block.place], direction)
         return found
 
     def reaction(self, errors: PartErrors, angles: Array, rotation: Array) -> tuple[Array, Array]:
@@ -102,22 +117,46 @@ class LoadedContact:
         """
         return self.mesh(errors, angles).torque(rotation)
 
-    def blocks(self, units: int, angles: int) -> Iterator[tuple[slice, slice]]:
-        """Slices of units and of angles that hold about `BLOCK` meshes each."""
-        wide = min(angles, BLOCK)
+    def blocks(self, errors: PartErrors, angles: Array) -> Iterator[Block]:
+        """The meshes in blocks of some units at some angles."""
+        wide = min(angles.size, BLOCK)
         tall = max(1, BLOCK // wide)
-        for unit in range(0, units, tall):
-            for angle in range(0, angles, wide):
-                yield slice(unit, unit + tall), slice(angle, angle + wide)
+        for start in range(0, angles.size, wide):
+            part = slice(start, start + wide)
+            nominal = Nominal.at(self.geometry, self.geometry.phase(angles[part]))
+            for first in range(0, errors.units, tall):
+                units = slice(first, first + tall)
+                contact = self._of(units, part)
+                yield Block(
+                    (units, part), contact.mesh(errors.of_units(units), angles[part], nominal)
+                )
 
-    def _part(self, units: slice, part: slice, all_units: int, all_angles: int) -> LoadedContact:
-        """The contact with the stiffness of some units and angles."""
-        shape = (all_units, all_angles, self.geometry.discs)
+    def _compiled(self, errors: PartErrors, angles: Array, wanted: Array, direction: int) -> Array:
+        kernel = import_module(".compiled", __package__)
+        moved = displacements(self.geometry, errors, angles)
+        rotation: Array = kernel.rotation(
+            self.geometry, moved, angles, *self._stiffness(), wanted, direction
+        )
+        return rotation
+
+    def _uses_numba(self) -> bool:
+        return self.engine == "numba" or (self.engine == "auto" and find_spec("numba") is not None)
+
+    def _stiffness(self) -> tuple[Array, Array]:
+        """Normal and series stiffness with the axes (units, angles, discs)."""
         normal, series = (
-            np.broadcast_to(_spread(value, ()), shape)[units, part]
+            np.asarray(value, dtype=np.float64)
             for value in (self.normal_stiffness, self.series_stiffness)
         )
-        return LoadedContact(self.geometry, normal, series, exact=self.exact)
+        return _three_axes(normal), _three_axes(series)
+
+    def _of(self, units: slice, angles: slice) -> LoadedContact:
+        """The contact with the stiffness of some units and angles."""
+        normal, series = (
+            one[units if len(one) > 1 else slice(None), angles if one.shape[1] > 1 else slice(None)]
+            for one in self._stiffness()
+        )
+        return replace(self, normal_stiffness=normal, series_stiffness=series)
 
     def _warn(self, torque: Array | float) -> None:
         most = float(np.max(np.abs(torque), initial=0.0))
@@ -129,17 +168,10 @@ class LoadedContact:
             )
 
 
-def _spread(value: Array | float, shape: tuple[int, ...]) -> Array:
-    """The value with three axes, checked against (units, angles, discs)."""
-    array = np.asarray(value, dtype=np.float64)
-    array = array.reshape((1,) * (3 - array.ndim) + array.shape)
-    if shape:
-        np.broadcast_shapes(array.shape, shape)
-    if not np.all(array > 0.0):
-        raise ValueError("a stiffness must be above 0")
-    return array
+def _three_axes(value: Array) -> Array:
+    return value.reshape((1,) * (3 - value.ndim) + value.shape)
 
 
 def turn_angles(count: int, teeth: int = 39) -> Array:
     """Crank angles [rad] evenly over one turn of the output, (count,)."""
-    return 2.0 * pi * teeth * np.arange(count) / count
+    return 2.0 * np.pi * teeth * np.arange(count) / count

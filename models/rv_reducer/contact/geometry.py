@@ -66,6 +66,11 @@ class ContactGeometry:
         return np.asarray(eccentric[:, :, None] - self.pin_angles)
 
 
+def unit(angle: Array) -> Complex:
+    """exp(i angle)."""
+    return np.asarray(np.exp(1j * angle), dtype=np.complex128)
+
+
 @dataclass(frozen=True, slots=True)
 class Curve:
     """C and its first three derivatives by v, and exp(i v)."""
@@ -80,11 +85,12 @@ class Curve:
 def curve(geometry: ContactGeometry, phi: Array, v: Array, shift: Array | float = 0.0) -> Curve:
     """The curve C at v around a pin at phase phi, with a deviation of the shift modification."""
     nominal = geometry.nominal
-    radial = np.exp(1j * v)
+    radial = unit(v)
     big = (nominal.pin_circle_radius + geometry.dr_p + shift) * radial
-    small = nominal.eccentricity * np.exp(1j * (phi + nominal.pins * v))
-    first = 1j * (big - nominal.pins * small)
-    second, third = -big + nominal.pins**2 * small, 1j * (nominal.pins**3 * small - big)
+    small = nominal.eccentricity * unit(phi + nominal.pins * v)
+    first = np.multiply(1j, big - nominal.pins * small, dtype=np.complex128)
+    second = nominal.pins**2 * small - big
+    third = np.multiply(1j, nominal.pins**3 * small - big, dtype=np.complex128)
     return Curve(big - small, first, second, third, radial)
 
 
@@ -123,7 +129,7 @@ def _nearest_start(
 def nominal_pin(geometry: ContactGeometry, phi: Array) -> Complex:
     """Centre of a pin relative to the disc's centre, in the pin's axes [m]."""
     nominal = geometry.nominal
-    return np.asarray(nominal.pin_circle_radius - nominal.eccentricity * np.exp(1j * phi))
+    return nominal.pin_circle_radius - nominal.eccentricity * unit(phi)
 
 
 def lever(geometry: ContactGeometry, phi: Array) -> Array:

@@ -181,7 +181,7 @@ class Mesh:
             low, high = np.where(miss < 0.0, at, low), np.where(miss > 0.0, at, high)
             ahead = at - miss / np.where(stiffness > 0.0, stiffness, np.inf)
             ahead = np.where(stiffness > 0.0, ahead, at - np.sign(miss) * _NUDGE)
-            inside = (ahead >= low) & (ahead <= high)
+            inside = (ahead > low) & (ahead < high)
             ahead = np.where(inside, ahead, 0.5 * (low + high))
             done = np.abs(miss) <= 1e-13 * np.abs(wanted) + 1e-12
             if np.all(done | (np.abs(ahead - at) <= 1e-18)):

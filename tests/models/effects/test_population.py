@@ -123,6 +123,13 @@ def test_offset_of_a_lot() -> None:
     assert effect.parameter("offset_arcmin", target) is None
 
 
+def test_labels_that_are_numbers() -> None:
+    """A Parquet file may hold lots as numbers: 1.0 is lot 1."""
+    table = batch(3) | {"lot": np.array([1.0, 2.0, 1.0])}
+    step = drawn(table, "lot_offset", offset_1_arcmin=0.4) - drawn(table)
+    np.testing.assert_allclose(step, [0.4, 0.0, 0.4], atol=1e-12)
+
+
 def test_disc_warmer_than_the_housing_closes_the_pin_circle() -> None:
     """By hand: 2 sqrt(1 - k1^2) alpha r_p/(e z_c) per kelvin, 0.058'; interference cut off."""
     k1 = 1.3 * 40 / 64.0
