@@ -125,8 +125,9 @@ def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:
     start: list[float] = []
     for at, name in enumerate(setup.free):
         half, middle = setup.plan.free[name], nominal(setup.plan, name)
+        here = setup.at[name] + half * float(fit.free[at])
         numbers.append(Number("free", "", name, middle - half, middle + half, half))
-        start.append(middle + half * float(np.clip(fit.free[at], -0.99, 0.99)))
+        start.append(float(np.clip(here, middle - 0.99 * half, middle + 0.99 * half)))
     for at, name in enumerate(setup.data.zeros):
         value = float(fit.free[len(setup.free) + at])
         numbers.append(Number("zero", "", name, -np.inf, np.inf, max(abs(value), 1e-6)))
