@@ -238,7 +238,7 @@ class Measurement:
 class Rival:
     """Stage 5: names that these data cannot tell from `instead_of`.
 
-    `distance` is how much worse they fit: likelihood, and ln n per further parameter.
+    `distance` is how much worse they fit: likelihood, and the price of further numbers.
     """
 
     names: tuple[str, ...]

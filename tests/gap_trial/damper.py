@@ -51,9 +51,7 @@ class Jenkins(MeasurableModel):
     F = k sgn(u) max(|u| - c/2, 0); u follows the displacement within +-(c/2 + F_slip/k).
     """
 
-    columns = (
-        Column("displacement_in", "in", "movement of the damper", role=Role.POSITION),
-    )
+    columns = (Column("displacement_in", "in", "movement of the damper", role=Role.POSITION),)
     outputs = (Output("force_kip", "kip", "friction force"),)
     parameters = (
         Parameter("stiffness_kip_per_in", 12.0, "kip/in", "spring", low=0.1, high=1000.0),

@@ -61,13 +61,18 @@ def verdict(found: Mapping[str, Any]) -> Verdict:
         after = next(iter(after.values()))
     intervals = {
         one["name"]: {
-            name: (float(number["interval"][0]), float(number["interval"][1]))
+            name: (known(number["interval"][0]), known(number["interval"][1]))
             for name, number in one.get("parameters", {}).items()
         }
         for one in found["effects"]
     }
     return Verdict(found["verdict"], names, others, nan if after is None else float(after),
                    intervals)  # fmt: skip
+
+
+def known(number: float | None) -> float:
+    """A number of a JSON file, nan where it has none."""
+    return nan if number is None else float(number)
 
 
 def told(truth: Truth, one: Hidden) -> Told:

@@ -71,19 +71,17 @@ def _improved(of: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
 
 
 def _one(of: Remainder, chosen: Array, noise: Noise) -> Noise:
-    white = replace(noise, rho=0.0)
-    q = basis(white.whiten(chosen))
-    left = beside(white.whiten(of.residual), q) * noise.sigma
-    good = outliers(of.residual - _fitted(of.residual, chosen, white), noise.sigma)
+    white = replace(noise, rho=0.0, good=None)
+    left = of.residual - _fitted(of.residual, chosen, white)
+    good = outliers(left, noise.sigma)
     found = replace(white, good=None if good.all() else good)
     if of.known is None:
-        follows = size_follows(left, of.inputs, np.ones(len(left)))
+        follows = size_follows(left, of.inputs, good)
         if follows is not None:
             found = replace(found, varies_with=follows[0], sigma=follows[1])
-        inside = left if found.good is None else left[found.good]
-        by = found.sigma if found.good is None else found.sigma[found.good]
-        count = max(len(inside) - q.shape[1], 1)
-        found = replace(found, sigma=found.sigma * np.sqrt(np.sum((inside / by) ** 2) / count))
+        count = max(int(good.sum()) - basis(white.whiten(chosen)).shape[1], 1)
+        size = np.sqrt(np.sum((left[good] / found.sigma[good]) ** 2) / count)
+        found = replace(found, sigma=found.sigma * size)
     return replace(found, rho=autocorrelation(of.residual, chosen, found))
 
 

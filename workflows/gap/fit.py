@@ -32,7 +32,7 @@ class Member:
 class Fit:
     """A joint fit: squared whitened residual `rss`, and the coefficients of each member.
 
-    `score` is rss + ln n per number of the effects. `residual` is whitened, prior rows included.
+    `score` is rss and the price of the effects' numbers. `residual` is whitened, with the prior.
     """
 
     members: tuple[Member, ...]
@@ -55,10 +55,13 @@ class Fit:
 class Fitter:
     """Fits in one space; columns of effects are kept while they are asked for again."""
 
-    def __init__(self, space: Space, y: Array, base: Array, columns: Columns) -> None:
+    def __init__(
+        self, space: Space, y: Array, base: Array, columns: Columns, offset: Array
+    ) -> None:
         self.space = space
         self.columns = columns
         self.y = space.whiten(y)
+        self.y[len(self.y) - space.prior :] = offset
         self.raw_base = base
         self.base = space.with_prior(base)
         self.q = basis(self.base)
@@ -99,8 +102,8 @@ class Fitter:
         sizes = [part.shape[1] for part in parts]
         split = np.split(found, np.cumsum([self.base.shape[1], *sizes])[:-1])
         rss = float(residual @ residual)
-        count = sum(one.candidate.count for one in members)
-        return Fit(tuple(members), rss, rss + self.penalty * count, tuple(split[1:]), split[0],
+        price = sum(one.candidate.price(self.penalty) for one in members)
+        return Fit(tuple(members), rss, rss + price, tuple(split[1:]), split[0],
                    residual)  # fmt: skip
 
     def _bounds(self, members: Sequence[Member]) -> tuple[Array, Array]:

@@ -19,6 +19,8 @@ ON_SCATTER = ("spread_inflation", "lot_mixture")
 Predict = Callable[[Mapping[str, Array]], Mapping[str, Array]]
 """The model's outputs (n,) by name, at changes inside of it."""
 
+BEND = 2.5
+"""What the first nonlinear parameter of an effect must gain."""
 MOST = 400
 """Points of the grid of an effect's nonlinear parameters."""
 
@@ -40,6 +42,14 @@ class Candidate:
     def count(self) -> int:
         """Numbers that are fitted, those with a few choices included."""
         return len(self.linear) + len(self.shape)
+
+    def price(self, penalty: float) -> float:
+        """What its numbers must gain: `penalty` each, but little for one that only bends a form.
+
+        A bounded exponent or knee moves a column far less than a coefficient does.
+        """
+        bends = min(BEND, penalty) + penalty * (len(self.shape) - 1) if self.shape else 0.0
+        return penalty * len(self.linear) + bends
 
     @property
     def one_sided(self) -> bool:
@@ -115,8 +125,9 @@ class Columns:
 
 
 def _step(parameter: EffectParameter) -> float:
-    """A small value of a linear parameter: 1, or less where its bounds ask for it."""
-    return min(1.0, parameter.high) if parameter.high > 0 else max(-1.0, parameter.low)
+    """A small value of a linear parameter, at which a model is still linear in it."""
+    end = parameter.high if parameter.high > 0 else parameter.low
+    return 0.01 * end if np.isfinite(end) else 1.0
 
 
 def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import signal, stats
 
 from ...models.inputs.distribution import Array
 from .linear import basis
@@ -44,6 +44,19 @@ class Noise:
         found[0] = scaled[0]
         found[1:] = (scaled[1:] - self.rho * scaled[:-1]) / np.sqrt(1.0 - self.rho**2)
         return found
+
+    def plain(self) -> Noise:
+        """Noise of the same level, the same for every reading, and independent."""
+        return replace(self, sigma=np.full(len(self.sigma), self.level), rho=0.0)
+
+    def coloured(self, columns: Array) -> Array:
+        """L' x of columns x (n, m), where L makes this noise of independent ones: x' L L' x is what
+        the noise does to the products of the columns with readings.
+        """
+        scaled = columns * self.sigma[:, None]
+        summed = signal.lfilter([1.0], [1.0, -self.rho], scaled[::-1], axis=0)[::-1].copy()
+        summed[1:] *= np.sqrt(1.0 - self.rho**2)
+        return np.asarray(summed)
 
     @property
     def level(self) -> float:
@@ -101,28 +114,28 @@ def scale_left(white: Array, used: int) -> float:
 
 
 def size_follows(
-    residual: Array, inputs: Mapping[str, Array], sigma: Array
+    residual: Array, inputs: Mapping[str, Array], good: NDArray[np.bool_]
 ) -> tuple[str, Array] | None:
-    """The input that the size of the noise follows, and the standard deviation (n,); else None.
+    """The input that the size of the noise follows, and its relative size (n,); else None.
 
     An F test on log squares (Glejser, Breusch and Pagan), which heavy tails do not mislead.
     """
-    target = np.log(np.maximum((residual / sigma) ** 2, 1e-8))
+    target = np.log(np.maximum(residual**2, 1e-8 * float(np.mean(residual[good] ** 2)) + 1e-300))
     best: tuple[float, str, Array] | None = None
     for name, values in inputs.items():
         x = _parabola(values)
-        coefficients, *_ = np.linalg.lstsq(x, target, rcond=None)
-        left = target - x @ coefficients
-        share = 1.0 - float(left @ left) / float(np.sum((target - target.mean()) ** 2))
-        count, more = len(target), x.shape[1] - 1
-        f = share / more / max((1.0 - share) / (count - more - 1), 1e-12)
-        p = float(stats.f.sf(f, more, count - more - 1))
+        fit, *_ = np.linalg.lstsq(x[good], target[good], rcond=None)
+        left = target[good] - x[good] @ fit
+        share = 1.0 - float(left @ left) / float(np.sum((target[good] - target[good].mean()) ** 2))
+        more, rest = x.shape[1] - 1, int(good.sum()) - x.shape[1]
+        f = share / more / max((1.0 - share) / rest, 1e-12)
+        p = float(stats.f.sf(f, more, rest))
         if best is None or p < best[0]:
-            best = (p, name, x @ coefficients)
+            best = (p, name, x @ fit)
     if best is None or best[0] > 1e-3 / len(inputs):
         return None
     size = np.exp(0.5 * np.clip(best[2] - np.median(best[2]), -4.0, 4.0))
-    return best[1], sigma * size / np.sqrt(np.mean(size**2))
+    return best[1], np.asarray(size / np.sqrt(np.mean(size**2)))
 
 
 def _parabola(values: Array) -> Array:

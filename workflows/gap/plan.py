@@ -35,14 +35,14 @@ class GapSettings:
 
     `false_rate` is the chance that noise alone passes the threshold, over the whole library;
     `simulations` the number of noise records it is read from. `set_distance` bounds the names that
-    are reported together: likelihood, and ln n per further parameter. `practical_limit` (share of
+    are reported together: likelihood, and the price of further numbers. `practical_limit` (share of
     the noise) ends the loop. `bootstrap` replicates give the intervals, 0 for none. Records of more
     than `rows_used` rows are thinned to every k-th row while effects are searched.
     """
 
     false_rate: float = 0.01
     simulations: int = 2000
-    set_distance: float = 6.0
+    set_distance: float = 8.0
     practical_limit: float = 0.02
     bootstrap: int = 0
     interval: float = 0.9

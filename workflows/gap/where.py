@@ -9,7 +9,7 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .abstain import Judged, Remaining
 from .fit import Fit, Fitter
-from .generic import Form
+from .generic import PREDICTED, Form
 from .linear import beside
 from .scan import Left
 from .setup import Setup
@@ -50,9 +50,9 @@ def _region(
     curve = _curve(setup, fitter, generic, at, fit)
     column = next((c for c in setup.data.inputs if c.name == form.variable), None)
     low = high = np.nan
-    if column is not None and kind in ("interval", "trend"):
-        x = np.asarray(setup.data.readings.table[column.name], dtype=float)
-        low, high = _densest(x, curve)
+    along = _along(setup, form.variable)
+    if along is not None and kind in ("interval", "trend"):
+        low, high = _densest(along, curve)
     return Region(
         output=output.name,
         variable=" x ".join((form.variable, *form.more)),
@@ -66,6 +66,15 @@ def _region(
         statistic=float(left.evidence[at]),
         threshold=limit,
     )
+
+
+def _along(setup: Setup, variable: str) -> Array | None:
+    """Values (n,) of an input, or of what is predicted."""
+    if variable.startswith(PREDICTED):
+        return setup.predicted[variable.removeprefix(PREDICTED)]
+    if variable not in {c.name for c in setup.data.inputs}:
+        return None
+    return np.asarray(setup.data.readings.table[variable], dtype=float)
 
 
 def _curve(setup: Setup, fitter: Fitter, generic: Remaining, at: int, fit: Fit) -> Array:
