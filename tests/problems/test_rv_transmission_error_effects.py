@@ -1,9 +1,12 @@
 """Effects in the transmission error problem, against units turned and assembled one by one."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.signal import resample
 
 from tolevo import registry
 from tolevo.models.assembly import assemble
@@ -79,20 +82,23 @@ def test_effects_and_parameters_of_the_assembly_add_up() -> None:
 # ---------------------------------------------------------------- waves, in every unit
 
 
-def turned(precision: float, waves: Array) -> Array:
-    """Amplitude (units,) [arcsec] of drawn units by the full model, `waves` (4800,) over the turn.
-
-    The error of a unit repeats 40 times per turn of the output; the waves do not.
-    """
+@cache
+def periods(precision: float) -> Array:
+    """Transmission error (units, 120) [arcsec] of drawn units over the period: full model."""
     plain = problem()
     rng = np.random.default_rng(2)
     errors = DOCUMENT / 3.0 * MRAD * rng.standard_normal((UNITS, 12))
     state = assemble(plain.process, plain._gains(np.array([precision]))[0], errors).state
     error = declared.transmission({}).turn(state.reshape(-1, 4, 3)).error / ARCSEC
-    fine = np.fft.irfft(np.fft.rfft(error, axis=1), len(waves) // 40, axis=1) * (
-        len(waves) / 40 / error.shape[1]
-    )
-    return np.asarray(0.5 * np.ptp(np.tile(fine, 40) + waves, axis=1))
+    return np.asarray(resample(error, 120, axis=1))
+
+
+def turned(precision: float, waves: Array) -> Array:
+    """Amplitude (units,) [arcsec] of drawn units by the full model, `waves` (4800,) over the turn.
+
+    The error of a unit repeats 40 times per turn of the output; the waves do not.
+    """
+    return np.asarray(0.5 * np.ptp(np.tile(periods(precision), 40) + waves, axis=1))
 
 
 THETA = 2.0 * np.pi * np.arange(4800) / 4800
