@@ -212,7 +212,8 @@ def test_effects_move_the_mean_of_machines_and_not_their_spread(name: str) -> No
     one = Active(registry.load("effects", name)(), EFFECTS[name])
     target = target_of(model, "manipulator_pose", table)
     added = changes_of(acting([one], readings_of(target.columns, table), target))
-    both = {key: drawn.get(key, 0.0) + added.get(key, 0.0) for key in {*drawn, *added}}
+    none = np.zeros(count)
+    both = {key: drawn.get(key, none) + added.get(key, none) for key in {*drawn, *added}}
     plain, moved = (model.predict(table, rng, changes) for changes in (drawn, both))
     shift = {key: abs(moved[key].mean() - plain[key].mean()) for key in plain}
     assert max(shift.values()) > 1e-3
