@@ -13,7 +13,7 @@ from tolevo.models.assembly import assemble
 from tolevo.models.assembly.model import Assembly
 from tolevo.models.effects.compose import Active, predicted
 from tolevo.problems.rv_transmission_error import RvTransmissionError, declared
-from tolevo.problems.settings import PropagationSetting, Settings
+from tolevo.problems.settings import PropagationSetting, Settings, VariableSetting
 from tolevo.problems.tolerance_problem import ToleranceProblem
 from tolevo.units import ARCSEC, MRAD
 
@@ -238,3 +238,20 @@ def test_effects_without_a_counterpart_are_named() -> None:
     own, plain = (one.outputs_of(design(5.0), searching=True) for one in (silent, problem()))
     for name, values in plain.items():
         np.testing.assert_array_equal(own[name], values)
+
+
+def test_form_stays_below_with_waves() -> None:
+    """Anderson (1955): a fixed wave only widens; other orders move it up with the problem."""
+    effects = (active("eccentric_error", cos_40_arcsec=9.0, sin_40_arcsec=5.0),
+               active("pin_circle_runout", cos_39_arcsec=3.0))  # fmt: skip
+    fixed = {"precision_weight": VariableSetting(value=5.0)}
+    found = RvTransmissionError(Settings(variables=fixed, effects=effects))
+    form = found.form()
+    assert form is not None
+    x = np.random.default_rng(1).uniform(found.xl, found.xu, (60, found.n_var))
+    designs = found.complete(x)
+    spread = np.array([feature.ways[0].spread[0] for feature in form.features])
+    bound = form.offset[0] + np.sqrt(form.constant[0] + designs[:, :12] ** 2 @ spread**2)
+    te = found.outputs_of(designs, searching=True)[TE]
+    assert np.all(bound <= te)
+    assert np.max(te / bound) < 2.0
