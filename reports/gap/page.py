@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from html import escape
 
@@ -74,10 +75,19 @@ def _drawn(result: GapResult) -> Iterator[tuple[str, Figure, str]]:
         for kind, draw in kinds:
             figure = None if kind == "distribution" and rows else draw(result, output)
             if figure is not None:
-                yield f"{kind}_{output.name}", figure, CAPTIONS[kind].format(output.name)
+                yield (
+                    f"{kind}_{_file_part(output.name)}",
+                    figure,
+                    CAPTIONS[kind].format(output.name),
+                )
     path = path_figure(result)
     if path is not None:
         yield "path", path, CAPTIONS["path"]
+
+
+def _file_part(name: str) -> str:
+    """A user's column as a part of a file name."""
+    return re.sub(r"\W+", "_", name)
 
 
 def _those(pictures: Mapping[str, str], kind: str) -> str:

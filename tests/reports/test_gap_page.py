@@ -192,6 +192,12 @@ def test_labels_of_the_user_are_no_formulas(result: GapResult) -> None:
     assert not any(text.get_parse_math() for text in ticks)
 
 
+def test_files_of_figures_stay_in_their_folder(result: GapResult) -> None:
+    renamed = result.residuals.rename(columns=lambda name: name.replace("te_arcsec", "../te"))
+    drawn = figures(replace(result, outputs=(Axis("../te", ""),), residuals=renamed))
+    assert "residuals__te" in drawn
+
+
 def test_peaks_above_the_noise_bear_their_order(result: GapResult) -> None:
     before, after = figures(result)["spectrum_te_arcsec"].axes
     assert [text.get_text() for text in before.texts] == ["33.5"]
