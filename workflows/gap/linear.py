@@ -95,7 +95,7 @@ def _each_orthonormal(left: Array, before: Array, at: NDArray[np.int64]) -> Arra
     values, vectors = np.linalg.eigh(gram)
     good = values > GONE
     turned = vectors * np.where(good, 1.0 / np.sqrt(np.where(good, values, 1.0)), 0.0)[:, None, :]
-    return np.moveaxis(np.matmul(blocks, turned), 0, 1).reshape(len(left), count * size)
+    return np.asarray(np.moveaxis(blocks @ turned, 0, 1).reshape(len(left), count * size))
 
 
 def joined(parts: list[Array], one_sided: list[bool]) -> Groups:
