@@ -1,4 +1,4 @@
-"""The command line: `tolevo run | gap | evaluate | simulate | check | list`."""
+"""The command line: `tolevo run | study | gap | evaluate | simulate | check | list`."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from .files import unwritable
 if TYPE_CHECKING:
     from .configuration import Configuration
     from .workflows.gap import GapPlan
+    from .workflows.study import StudyPlan
 
 INTERRUPTED = 130
 WORKERS = min(4, os.cpu_count() or 1)
@@ -72,11 +73,7 @@ def run(
     """Run one optimisation: from a configuration to a Pareto front."""
     with _exit_status():
         faults = _directory_faults(out, overwrite or resume)
-        if workers < 1:
-            faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
-        if resume and overwrite:
-            text = "goes on with what --overwrite would replace; give one of them"
-            faults.append(Fault("--resume", text))
+        faults += _choice_faults(workers, resume, overwrite)
         configuration = _collected(lambda: _problem_of(config, set_), faults)
         raise_all(faults)
         status = _run(configuration, out, workers, quiet, resume)
@@ -154,6 +151,51 @@ def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, res
 
 
 @app.command()
+def study(
+    config: Config,
+    out: Out,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes; no result depends on it.", show_default="cores")
+    ] = None,
+    dask: Annotated[str, typer.Option(help="A Dask scheduler (tcp://host:port) instead.")] = "",
+    resume: Annotated[bool, typer.Option("--resume", help="Do what is missing.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
+    set_: Set = [],  # noqa: B006
+    quiet: Quiet = False,
+) -> None:
+    """Run many optimisations over settings and seeds, and say what the settings do."""
+    with _exit_status():
+        from .configuration.study import read_study
+
+        faults = _directory_faults(out, overwrite or resume)
+        faults += _choice_faults(workers, resume, overwrite)
+        if dask and workers is not None:
+            faults.append(Fault("--dask", "has workers of its own; leave out --workers"))
+        plan = _collected(lambda: read_study(config, set_), faults)
+        raise_all(faults)
+        status = _study(plan, out, workers or WORKERS, dask, quiet, resume)
+    raise typer.Exit(status)
+
+
+def _study(plan: StudyPlan, out: Path, workers: int, dask: str, quiet: bool, resume: bool) -> int:
+    from .progress import shown_study
+    from .workflows.study import executor_of, study
+
+    executor = executor_of(workers, dask)
+    if not quiet:
+        for warning in plan.warnings:
+            typer.echo(f"warning: {warning}", err=True)
+    with shown_study(quiet) as progress:
+        outcome = study(plan, out, executor, progress, resume)
+    for line in outcome.lines:
+        typer.echo(line, err=outcome.status != "done")
+    page = out / "report.html"
+    if outcome.status == "done" and page.is_file():
+        typer.echo(f"page: {page}")
+    return STATUS[outcome.status]
+
+
+@app.command()
 def evaluate(
     config: Config,
     designs: Annotated[Path, typer.Argument(help="Designs, one per row (CSV).")],
@@ -203,9 +245,15 @@ def simulate(
 def check(config: Config, set_: Set = [], quiet: Quiet = False) -> None:  # noqa: B006
     """Validate a configuration and print all it comes to; the output is itself one."""
     with _exit_status():
-        from .configuration.description import describe
+        from .configuration.description import describe, describe_plan
         from .configuration.simulated import build_model
+        from .configuration.study import is_study, read_study
 
+        if is_study(config):
+            plan = read_study(config, set_)
+            if not quiet:
+                typer.echo(describe_plan(plan))
+            return
         configuration = _read(config, set_)
         if configuration.problem is None:
             build_model(configuration)  # it refuses what only its physics can tell
@@ -268,6 +316,17 @@ def _directory_faults(out: Path, replace: bool) -> list[Fault]:
     if not faults and not replace and out.is_dir() and any(out.iterdir()):
         text = f"{out} is not empty; name another directory, or add --overwrite or --resume"
         faults.append(Fault("--out", text))
+    return faults
+
+
+def _choice_faults(workers: int | None, resume: bool, overwrite: bool) -> list[Fault]:
+    """Options that make no sense."""
+    faults = []
+    if workers is not None and workers < 1:
+        faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
+    if resume and overwrite:
+        text = "goes on with what --overwrite would replace; give one of them"
+        faults.append(Fault("--resume", text))
     return faults
 
 

@@ -41,11 +41,19 @@ SUFFIXES = frozenset(
         "Nm",
         "kg",
         "N",
+        "N_per_mm",
+        "Nm_per_arcmin",
     ]
 )
 """The unit suffixes that names of parameters, variables and outputs end with."""
 
-_PINT_NAMES = {"Nm": "newton * meter", "C": "degC", "": "dimensionless"}
+_PINT_NAMES = {
+    "Nm": "newton * meter",
+    "C": "degC",
+    "": "dimensionless",
+    "N_per_mm": "newton / millimeter",
+    "Nm_per_arcmin": "newton * meter / arcminute",
+}
 _QUANTITY = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
 
 
@@ -76,6 +84,9 @@ def to_unit(text: str, unit: str) -> float:
 
 def split_unit(name: str) -> tuple[str, str]:
     """`crank_bearing_um` as ("crank_bearing", "um"); the unit is empty where the name has none."""
+    for ratio in ("N_per_mm", "Nm_per_arcmin"):
+        if name.endswith(f"_{ratio}"):
+            return name.removesuffix(f"_{ratio}"), ratio
     stem, _, last = name.rpartition("_")
     return (stem, last) if stem and last in SUFFIXES else (name, "")
 
@@ -107,14 +118,25 @@ def converted(values: Any, unit: str, to: str) -> Any:
 
     Raises ValueError where the units are not of one kind.
     """
-    from pint.errors import PintError
-
     if unit == to:
         return values
+    scale, zero = _affine(unit, to)
+    return values * scale + zero if zero else values * scale
+
+
+@lru_cache(maxsize=256)
+def _affine(unit: str, to: str) -> tuple[float, float]:
+    """How many of `to` one `unit` is, and where its zero lies."""
+    from pint.errors import PintError
+
     try:
-        return _registry().Quantity(values, pint_unit(unit)).to(pint_unit(to)).magnitude
+        zero, one = (
+            float(_registry().Quantity(at, pint_unit(unit)).to(pint_unit(to)).magnitude)
+            for at in (0.0, 1.0)
+        )
     except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
         raise ValueError(f'"{unit}" is not a unit that can be stated in {to}') from error
+    return one - zero, zero
 
 
 def pint_unit(unit: str) -> str:

@@ -260,16 +260,25 @@ class ToleranceProblem(Problem):
         return np.stack(columns, axis=1) if columns else np.zeros((len(designs), 0))
 
     def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
-        designs = self.complete(np.atleast_2d(x))
-        found = self.outputs_of(designs, searching=True)
-        out["F"] = self.objective_values(found)
+        f, g = self.searched(np.atleast_2d(x))
+        out["F"] = f
         if self.limits:
-            out["G"] = self.violations(designs, found)
-        for name, values in out.items():
-            if values is not None and not np.all(np.isfinite(values)):
+            out["G"] = g
+
+    def searched(self, x: Array) -> tuple[Array, Array]:
+        """F (n, objectives) and G (n, constraints) of search vectors, as a search sees them.
+
+        Raises ModelError where a value is not finite.
+        """
+        designs = self.complete(x)
+        found = self.outputs_of(designs, searching=True)
+        f, g = self.objective_values(found), self.violations(designs, found)
+        for name, values in (("F", f), ("G", g)):
+            if not np.all(np.isfinite(values)):
                 row = int(np.argmin(np.all(np.isfinite(values), axis=1)))
                 where = dict(zip(self.names, designs[row].tolist(), strict=True))
                 raise ModelError(f"{name} is not finite at {where}")
+        return f, g
 
     def frame(self, designs: Array) -> pd.DataFrame:
         """Variables, outputs (at full accuracy) and limit margins of full designs, one row each."""

@@ -44,7 +44,7 @@ def _values(section: Section, effect: Effect, target: Target) -> dict[str, float
     declared = effect.parameters(target)
     found: dict[str, float] = {}
     faulty = False
-    for key in section.names_given():
+    for key in section.given():
         number = effect.parameter(key, target)
         value = None if number is None else _value(section, key, number)
         if number is None:

@@ -196,7 +196,7 @@ def _named(section: Section, key: str, given: Any, known: list[str]) -> list[str
 
 def _noise(section: Section) -> dict[str, float]:
     """`[noise]`: a known standard deviation per output; the names are checked with the data."""
-    found = {name: section.number(name, "", POSITIVE) for name in section.names_given()}
+    found = {name: section.number(name, "", POSITIVE) for name in section.given()}
     return {name: value for name, value in found.items() if value is not None}
 
 

@@ -17,7 +17,7 @@ def read_columns(top: Section, table: bool) -> dict[str, ColumnRole]:
         if "columns" in top:
             top.fault("columns", 'is only for model = "table": a model knows its columns')
         return {}
-    names = section.names_given()
+    names = section.given()
     found = {name: _column(section.section(name)) for name in names}
     given = {name: column for name, column in found.items() if column is not None}
     if not names:

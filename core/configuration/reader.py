@@ -19,8 +19,8 @@ from .parameters import read_parameters
 from .plugins import load_named
 from .resolved import resolved_problem, resolved_variables
 from .search import read_algorithm, read_budget, read_engine, resolved_algorithm
-from .source import load, override
-from .table import TABLE, read_table
+from .source import Table, load, override
+from .table import TABLE, read_table_model
 from .variables import mid_parameter, read_variable
 
 REFERENCES = ("documents", "none")
@@ -38,6 +38,11 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
         raise_all(faults)
     assert table is not None
     override(table, overrides, faults)
+    return read_table(table, faults)
+
+
+def read_table(table: Table, faults: list[Fault]) -> Configuration:
+    """The configuration in the tables of a file; raises InputError with `faults` and its own."""
     top = Section(table, "", faults)
     if "problem" in top or "model" not in top:
         return _read_problem(top, faults)
@@ -145,7 +150,7 @@ def _variables(
 def _read_model(top: Section, faults: list[Fault]) -> Configuration:
     """A configuration with a model alone, as `simulate` takes it."""
     if top.take("model") == TABLE:
-        return read_table(top, _seed(top), faults)
+        return read_table_model(top, _seed(top), faults)
     kind = load_named(top, "model", "models")
     seed = _seed(top)
     for key in PROBLEM_ONLY:

@@ -20,7 +20,7 @@ TABLE = "table"
 LABELS = ("unit", "lot")
 
 
-def read_table(top: Section, seed: int, faults: list[Fault]) -> Configuration:
+def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configuration:
     """The configuration of a table, as `simulate` takes it. Raises InputError with every fault."""
     top.known(("model",))
     columns = read_columns(top, table=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .assemble import assemble
+from .assemble import IDEAL, Departures, assemble
 from .estimator import Estimator
 from .process import Process
 
@@ -43,8 +43,12 @@ def response(
     gains: Array,
     insertion: str = "before",
     estimator: Estimator | None = None,
+    departures: Departures = IDEAL,
 ) -> Response:
-    """The response of `gains` (..., N, m, n): unit errors and noises, assembled as a batch."""
+    """The response of `gains` (..., N, m, n): unit errors and noises, assembled as a batch.
+
+    `departures` are those that act linearly: none of a dead band.
+    """
     parts = process.error.shape[-1]
     errors, noise = np.eye(parts), None
     if estimator is not None:
@@ -54,5 +58,5 @@ def response(
         units = np.vstack([np.zeros((parts, count)), np.eye(count)])
         noise = units.reshape(parts + count, *readings)
     one = gains[..., None, :, :, :]
-    found = assemble(process, one, errors, insertion, estimator=estimator, noise=noise)
+    found = assemble(process, one, errors, insertion, departures, estimator, noise)
     return Response(np.moveaxis(found.state, -2, -1), np.moveaxis(found.adjustments, -3, -1))

@@ -10,9 +10,10 @@ from ..inputs.distribution import Array
 from ..measurable import Changeable
 from . import sources
 from .geometry import Manipulator
-from .inverse import CHAINS, angles
-from .maps import first_order
+from .inverse import CHAINS, angles, posture
+from .maps import first_order, separated
 from .sources import MRAD, NAMES, PER_CHAIN, SOURCES, UM
+from .vectors import cross, dot
 
 GRAVITY = 9.80665
 """[m/s^2]"""
@@ -122,15 +123,29 @@ def _under_weight(
     By virtual work the torque of a weight m g on a drive is -m g dz/dtheta, and the pull of a rod
     -m g dz/dl: both from the first-order maps of the height.
     """
-    lift = first_order(manipulator, r, z, phi).position[:, 2]
-    found = np.zeros_like(lift)
+    by_drive, by_rod = lifts(manipulator, r, z, phi)
+    found = np.zeros((len(r), CHAINS, PER_CHAIN))
+    play = np.broadcast_to(np.asarray(changes.get("joint_clearance_um", 0.0)) * UM, r.shape)
+    found[..., sources.ROD_LENGTH] = -np.sign(by_rod) * play[:, None, None]
     for i in range(CHAINS):
-        drive = i * PER_CHAIN + sources.DRIVE_ZERO
-        carried = changes.get(f"drive_sag_{i + 1}", 0.0)
-        found[:, drive] = -carried * MRAD * GRAVITY * lift[:, drive]
-        rods = slice(
-            i * PER_CHAIN + sources.ROD_LENGTH.start, i * PER_CHAIN + sources.ROD_LENGTH.stop
-        )
-        play = np.asarray(changes.get("joint_clearance_um", 0.0)) * UM
-        found[:, rods] = -np.sign(lift[:, rods]) * np.broadcast_to(play, r.shape)[:, None]
-    return found
+        carried = np.asarray(changes.get(f"drive_sag_{i + 1}", 0.0)) * MRAD
+        found[:, i, sources.DRIVE_ZERO] = -carried * GRAVITY * by_drive[:, i]
+    return found.reshape(len(r), -1)
+
+
+def lifts(manipulator: Manipulator, r: Array, z: Array, phi: Array) -> tuple[Array, Array]:
+    """How far the platform rises per radian of each drive (n, 3) and per metre of each rod
+    (n, 3, 2); the height's row of the first-order maps.
+    """
+    if manipulator.follow_up == "rod":
+        lift = first_order(manipulator, r, z, phi).position[:, 2]
+        lift = lift.reshape(len(r), CHAINS, PER_CHAIN)
+        return lift[..., sources.DRIVE_ZERO], lift[..., sources.ROD_LENGTH]
+    chains = posture(manipulator, r, z)
+    turn, place, shift = separated(chains)
+    move = place[:, 2]
+    tilt = np.einsum("ni,nic->nc", shift[:, 2], turn)
+    drive = move * manipulator.arms * dot(chains.w, chains.v)
+    drive += tilt * dot(cross(chains.n, chains.w), chains.k)
+    relative = (tilt / manipulator.distances)[..., None] * np.array([1.0, -1.0])
+    return drive, 0.5 * move[..., None] + relative

@@ -59,6 +59,13 @@ def test_resolved_table_is_read_again(tmp_path: Path) -> None:
     assert dict(found.settings.effects[0].values)["compliance_deg_per_Nm"] == pytest.approx(0.01)
 
 
+def test_check_tells_amplitude_and_phase(tmp_path: Path) -> None:
+    path = tmp_path / "config.toml"
+    path.write_text(CONFIG.replace("cos_1_deg = 0.5", "cos_1_deg = -3.0, sin_1_deg = 4.0"))
+    told = CliRunner().invoke(app, ["check", str(path)]).output
+    assert "amplitude_1 = 5 deg, phase_1 = 126.87 deg" in told
+
+
 def test_faults_of_the_columns_and_of_the_effects(tmp_path: Path) -> None:
     path = tmp_path / "config.toml"
     path.write_text(CONFIG.replace('unit = "kN m"', 'unit = "mm"'))

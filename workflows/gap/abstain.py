@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .fit import Fit
-from .generic import Form
+from .generic import PREDICTED, Form
 from .linear import Groups, basis, beside
 from .scan import Left, left_over
 from .select import Search
 
-PRICE = {1: 8.0, 2: -6.0}
+PRICE = {1: 5.0, 2: -6.0}
 """What a form without a name must fit better by than so many named effects, to displace them: one
 cause is likelier than two."""
 SMALL = 0.01
@@ -72,6 +72,7 @@ def _displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
         gains = _gains(search, less, generic)
         numbers = generic.white.sizes + np.array([_more(form) for form in generic.forms])
         score = less.score - gains + search.fitter.penalty * numbers + PRICE[len(gone)]
+        score[[form.variable.startswith(PREDICTED) for form in generic.forms]] = np.inf
         by = fit.score - float(score.min())
         if by > worst[0]:
             worst = (by, gone)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.effects.compose import Active, acting, changes_of
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .abstain import Judged, Remaining, judged
 from .ambiguity import Other, instrument_first, rivals
 from .blocks import block_labels
+from .close import corrected
 from .estimate import estimated, remainders
 from .fit import Fit, Fitter
 from .generic import stacked
@@ -21,9 +23,11 @@ from .noise import Noise
 from .population import Scatter, scatter
 from .scan import Dictionary, Thresholds, dictionary, left_over, thresholds
 from .select import Search, Selection, select
-from .setup import Setup, values_of
+from .setup import Setup, moved_to, values_of
 from .space import Space
 
+WANDERING = 0.4
+"""Autocorrelation from which it is asked whether the noise is noise."""
 ROUNDS = 2
 """How often the noise is estimated again with what was named."""
 
@@ -57,13 +61,66 @@ def analysed(setup: Setup) -> Analysis:
     raw = joined(forms, [False] * len(forms))
     search, generic = searching(setup, noises, book, raw, which, None)
     found = select(search)
+    if max(one.rho for one in noises) > WANDERING:
+        found, noises, search, generic = _not_noise(
+            setup, (found, noises, search, generic), (book, raw, which)
+        )
     for _ in range(ROUNDS if found.fit.members else 0):
-        noises = noise_of(setup, _contributions(search, found.fit))
+        if setup.free:
+            setup = _about(setup, search, found.fit)
+            book = dictionary(setup.library, setup.columns, _spread(noises))
+            fitter = searching(setup, noises, book, raw, which, search.thresholds)[0].fitter
+            found = replace(found, fit=fitter.refined(found.fit.members))
+        noises = noise_of(setup, _contributions(setup, found.fit))
         search, generic = searching(setup, noises, book, raw, which, search.thresholds)
         before, found = found.fit.names, select(search)
         if found.fit.names == before:
             break
     return concluded(setup, noises, search, generic, found)
+
+
+def _about(setup: Setup, search: Search, fit: Fit) -> Setup:
+    """The setup about the joint fit, found in the full model: where columns are taken matters."""
+    model = corrected(setup, search.fitter.space, fit)
+    active = [Active(one.candidate.effect, model.effect(one.name)) for one in model.members]
+    changes = changes_of(acting(active, setup.data.readings, setup.data.target))
+    return moved_to(setup, {**setup.at, **model.free()}, changes)
+
+
+State = tuple[Selection, tuple[Noise, ...], Search, Remaining]
+
+
+def _not_noise(
+    setup: Setup, now: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
+) -> State:
+    """The state with names found as if the noise were white, where that is likelier by far.
+
+    A strong effect along the path of the measurement looks like noise that wanders.
+    """
+    found, noises, search, _ = now
+    white = tuple(replace(one, rho=0.0) for one in noises)
+    other, _ = searching(setup, white, *columns, search.thresholds)
+    tried = select(other, quick=True)
+    if not tried.fit.members:
+        return now
+    anew = noise_of(setup, _contributions(setup, tried.fit))
+    again, generic = searching(setup, anew, *columns, search.thresholds)
+    fit = again.fitter.refined(tried.fit.members)
+    better = _minus_log(found.fit, search) - _minus_log(fit, again)
+    if better < search.thresholds.library:
+        return now
+    return select(again), anew, again, generic
+
+
+def _minus_log(fit: Fit, search: Search) -> float:
+    """Minus twice the log likelihood, and the price of the names."""
+    total = fit.score - fit.rss
+    n = search.fitter.space.readings
+    for at, noise in enumerate(search.fitter.space.noises):
+        left = fit.residual[at * n : (at + 1) * n]
+        total += n * np.log(float(left @ left) / n) + 2.0 * float(np.sum(np.log(noise.sigma)))
+        total += (n - 1) * np.log(1.0 - noise.rho**2)
+    return total
 
 
 def concluded(
@@ -93,7 +150,7 @@ def searching(
     """The search in the space of this noise."""
     plan = setup.plan
     space = Space(tuple(noises), setup.prior)
-    fitter = Fitter(space, setup.residual, setup.base, setup.columns)
+    fitter = Fitter(space, setup.residual, setup.base, setup.columns, setup.offset)
     white = book.white(space)
     generic = Groups(space.whiten(raw.columns), raw.starts, raw.one_sided)
     if known is None:
@@ -137,9 +194,9 @@ def _known(setup: Setup, name: str) -> tuple[Array, str] | None:
     return None
 
 
-def _contributions(search: Search, fit: Fit) -> list[Array]:
+def _contributions(setup: Setup, fit: Fit) -> list[Array]:
     """Columns of the members in the outputs' units."""
-    return [search.fitter.columns.of(one.candidate, one.shape) for one in fit.members]
+    return [setup.columns.of(one.candidate, one.shape) for one in fit.members]
 
 
 def _spread(noises: Sequence[Noise]) -> float:

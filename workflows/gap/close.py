@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,33 +90,59 @@ class Corrected:
 
 
 def corrected(setup: Setup, space: Space, fit: Fit) -> Corrected:
-    """The joint fit carried into the full model: nonlinear least squares from the linear one."""
+    """The joint fit carried into the full model: nonlinear least squares from the linear one.
+
+    Where the model itself is recalibrated, every reading counts the same: its own faults are no
+    noise, and weights made of them would pull. The errors are then those of the noise as it is.
+    """
     numbers, start = _numbers(setup, fit)
     found = Corrected(setup.plan, fit.members, numbers, start, np.full(len(start), np.nan), 1)
-    measured = np.concatenate([setup.data.measured[o.name] for o in setup.data.outputs])
     scale = np.array([one.scale for one in numbers])
-    middle = np.array([nominal(setup.plan, n.name) if n.kind == "free" else 0.0 for n in numbers])
-    prior = np.array([one.kind == "free" for one in numbers], dtype=bool)
-
-    def residual(x: Array) -> Array:
-        predicted = found.predicted(setup.data, x * scale)
-        whole = np.concatenate([predicted[o.name] for o in setup.data.outputs])
-        white = space.whiten(measured - whole)
-        white[len(white) - space.prior :] = ((middle - x * scale) / scale)[prior]
-        return white
-
+    used = space.plain() if setup.free else space
     low = np.array([one.low for one in numbers]) / scale
     high = np.array([one.high for one in numbers]) / scale
     x = np.clip(start / scale, low + 1e-9 * (high > low), high - 1e-9 * (high > low))
-    jacobian = np.zeros((len(measured) + space.prior, 0))
+    jacobian = np.zeros((space.readings * len(space.noises) + space.prior, 0))
     if len(x):
-        again = optimize.least_squares(residual, x, bounds=(low, high), max_nfev=12,
-                                       diff_step=[1e-4])  # fmt: skip
+        again = optimize.least_squares(_residual(setup, used, found, scale), x, bounds=(low, high),
+                                       max_nfev=12, diff_step=[1e-4])  # fmt: skip
         x, jacobian = again.x, np.asarray(again.jac)
-    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
-    errors = np.sqrt(np.maximum(np.diag(inverse), 0.0)) * scale
+    errors = np.sqrt(np.maximum(np.diag(_covariance(jacobian, space, used)), 0.0)) * scale
     freedom = max(space.count - len(numbers), 1)
     return replace(found, values=x * scale, errors=errors, freedom=freedom)
+
+
+def _residual(
+    setup: Setup, space: Space, model: Corrected, scale: Array
+) -> Callable[[Array], Array]:
+    """Whitened residual (N,) and distance from the tolerances, of numbers (k,) in their scale."""
+    measured = np.concatenate([setup.data.measured[o.name] for o in setup.data.outputs])
+    free = np.array([one.kind == "free" for one in model.numbers], dtype=bool)
+    middle = np.array([nominal(setup.plan, one.name) if one.kind == "free" else 0.0
+                       for one in model.numbers])  # fmt: skip
+
+    def residual(x: Array) -> Array:
+        predicted = model.predicted(setup.data, x * scale)
+        white = space.whiten(
+            measured - np.concatenate([predicted[o.name] for o in setup.data.outputs])
+        )
+        white[len(white) - space.prior :] = ((middle - x * scale) / scale)[free]
+        return white
+
+    return residual
+
+
+def _covariance(jacobian: Array, space: Space, used: Space) -> Array:
+    """Of numbers fitted in the space `used`, with the noise of `space`: the sandwich formula."""
+    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
+    if used is space:
+        return np.asarray(inverse)
+    n = space.readings
+    middle = jacobian[len(jacobian) - space.prior :].T @ jacobian[len(jacobian) - space.prior :]
+    for at, (real, plain) in enumerate(zip(space.noises, used.noises, strict=True)):
+        part = real.coloured(jacobian[at * n : (at + 1) * n] / plain.sigma[:, None])
+        middle = middle + part.T @ part
+    return np.asarray(inverse @ middle @ inverse)
 
 
 def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:
@@ -125,8 +151,9 @@ def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:
     start: list[float] = []
     for at, name in enumerate(setup.free):
         half, middle = setup.plan.free[name], nominal(setup.plan, name)
+        here = setup.at[name] + half * float(fit.free[at])
         numbers.append(Number("free", "", name, middle - half, middle + half, half))
-        start.append(middle + half * float(np.clip(fit.free[at], -0.99, 0.99)))
+        start.append(float(np.clip(here, middle - 0.99 * half, middle + 0.99 * half)))
     for at, name in enumerate(setup.data.zeros):
         value = float(fit.free[len(setup.free) + at])
         numbers.append(Number("zero", "", name, -np.inf, np.inf, max(abs(value), 1e-6)))
@@ -146,8 +173,3 @@ def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:
 def _size(member: Member, values: Mapping[str, float]) -> float:
     """A scale for a coefficient that is zero: that of its largest neighbour."""
     return max((abs(values[one.name]) for one in member.candidate.linear), default=0.0)
-
-
-def names_of(members: Sequence[Member]) -> tuple[str, ...]:
-    """The effects of members."""
-    return tuple(one.name for one in members)

@@ -55,10 +55,13 @@ class Fit:
 class Fitter:
     """Fits in one space; columns of effects are kept while they are asked for again."""
 
-    def __init__(self, space: Space, y: Array, base: Array, columns: Columns) -> None:
+    def __init__(
+        self, space: Space, y: Array, base: Array, columns: Columns, offset: Array
+    ) -> None:
         self.space = space
         self.columns = columns
         self.y = space.whiten(y)
+        self.y[len(self.y) - space.prior :] = offset
         self.raw_base = base
         self.base = space.with_prior(base)
         self.q = basis(self.base)

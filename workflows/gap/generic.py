@@ -5,6 +5,7 @@ They show where something is left, whatever its cause, and what form it has.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -19,6 +20,8 @@ from .linear import Groups, joined
 
 HIGHEST = 130.0
 """Highest order of the periodogram; its grid is of quarters."""
+PREDICTED = "predicted "
+"""Before the name of an output: the variable that its prediction is."""
 USUAL = (1.0, 2.0, 4.0, 39.0, 40.0, 78.0, 80.0, 120.0)
 """Orders that are also tried with a size that follows another input."""
 POWERS = (0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)
@@ -38,8 +41,10 @@ class Form:
     more: tuple[str, ...] = ()
 
 
-def generic(data: GapData, orders: bool = True) -> tuple[list[Form], list[Array]]:
-    """Forms and their columns (n, m), of one output."""
+def generic(
+    data: GapData, predicted: Mapping[str, Array] | None = None
+) -> tuple[list[Form], list[Array]]:
+    """Forms and their columns (n, m), of one output; `predicted` stands in for a load."""
     found: list[tuple[Form, Array]] = []
     inputs = [c for c in data.inputs if c.role in SMOOTH]
     values = {c.name: np.asarray(data.readings.table[c.name], dtype=float) for c in inputs}
@@ -49,11 +54,22 @@ def generic(data: GapData, orders: bool = True) -> tuple[list[Form], list[Array]
     if sign is not None:
         found.append((Form("direction", "direction", direction="odd"), sign[:, None]))
     found += _products(inputs, values, sign)
+    if predicted is not None and not {Role.TORQUE, Role.FORCE} & set(data.readings.by_role):
+        found += _against_predicted(data, predicted)
     found += _steps(data)
     found += _levels(data)
-    if orders and Role.ANGLE in data.readings:
+    if Role.ANGLE in data.readings:
         found += _orders(data)
     return [form for form, _ in found], [columns for _, columns in found]
+
+
+def _against_predicted(data: GapData, predicted: Mapping[str, Array]) -> list[tuple[Form, Array]]:
+    """Smooth functions of what the model predicts, where that varies."""
+    return [
+        (Form("interval", f"{PREDICTED}{o.name}"), spline(predicted[o.name], 6))
+        for o in data.outputs
+        if np.ptp(predicted[o.name]) > 0.0 and not data.target.population
+    ]
 
 
 def _direction(data: GapData) -> Array | None:

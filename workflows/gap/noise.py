@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import signal, stats
 
 from ...models.inputs.distribution import Array
 from .linear import basis
@@ -44,6 +44,19 @@ class Noise:
         found[0] = scaled[0]
         found[1:] = (scaled[1:] - self.rho * scaled[:-1]) / np.sqrt(1.0 - self.rho**2)
         return found
+
+    def plain(self) -> Noise:
+        """Noise of the same level, the same for every reading, and independent."""
+        return replace(self, sigma=np.full(len(self.sigma), self.level), rho=0.0)
+
+    def coloured(self, columns: Array) -> Array:
+        """L' x of columns x (n, m), where L makes this noise of independent ones: x' L L' x is what
+        the noise does to the products of the columns with readings.
+        """
+        scaled = columns * self.sigma[:, None]
+        summed = signal.lfilter([1.0], [1.0, -self.rho], scaled[::-1], axis=0)[::-1].copy()
+        summed[1:] *= np.sqrt(1.0 - self.rho**2)
+        return np.asarray(summed)
 
     @property
     def level(self) -> float:

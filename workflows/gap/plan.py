@@ -42,7 +42,7 @@ class GapSettings:
 
     false_rate: float = 0.01
     simulations: int = 2000
-    set_distance: float = 6.0
+    set_distance: float = 8.0
     practical_limit: float = 0.02
     bootstrap: int = 0
     interval: float = 0.9

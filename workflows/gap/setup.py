@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import optimize
 
 from ...errors import raise_all
 from ...models.inputs.distribution import Array
@@ -13,22 +14,27 @@ from ...models.measurable import NO_CHANGES, MeasurableModel, Role
 from .data import GapData
 from .generic import Form, generic
 from .library import ON_SCATTER, Candidate, Columns, Predict, candidates
+from .linear import basis, beside
 from .plan import GapPlan
 from .read import finite_faults
 
+STEP = 0.02
+"""Share of a tolerance by which a parameter is moved for its column."""
 UNITS = 32
 """Units drawn for each row to average what a change does to a population."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """Residual (N,) of the model as it stands, the columns (N, p) of its free parameters, each for
+    """Residual (N,) of the model at parameters `at`, where it fits best alone; the columns (N, p)
+    of its free parameters, each for
     its whole tolerance, and of the zeros of outputs; `prior` is the count of the former.
     """
 
     plan: GapPlan
     data: GapData
     predicted: Mapping[str, Array]
+    at: Mapping[str, float]
     residual: Array
     base: Array
     free: tuple[str, ...]
@@ -43,6 +49,13 @@ class Setup:
     def prior(self) -> int:
         """Free parameters that have a tolerance."""
         return len(self.free)
+
+    @property
+    def offset(self) -> Array:
+        """How far (prior,) the parameters' own values lie from where they are, in tolerances."""
+        plan = self.plan
+        found = [(nominal(plan, name) - self.at[name]) / plan.free[name] for name in self.free]
+        return np.array(found, dtype=float)
 
 
 def predictor(plan: GapPlan, data: GapData, model: MeasurableModel | None = None) -> Predict:
@@ -83,18 +96,21 @@ def _of_mean_unit(plan: GapPlan, data: GapData, model: MeasurableModel) -> Predi
 def prepared(plan: GapPlan, full: GapData) -> Setup:
     """The setup for the rows that are used. Raises InputError where the model has no prediction."""
     data, notes = thinned(plan, full)
-    predict = predictor(plan, data)
-    predicted = predict({})
+    predicted = predictor(plan, data)({})
     raise_all(finite_faults({o.name: predicted[o.name] for o in data.outputs}, data.rows))
+    at = recalibrated(plan, data, predicted)
+    predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
+    predicted = predict({})
     residual = np.concatenate([data.measured[o.name] - predicted[o.name] for o in data.outputs])
-    free, gradient = _gradient(plan, data)
+    free, gradient = _gradient(plan, data, at)
     base = np.column_stack([gradient, _zeros(data)])
-    forms, columns = generic(data)
+    forms, columns = generic(data, predicted)
     library = candidates(plan.library, data)
     return Setup(
         plan=plan,
         data=data,
         predicted=predicted,
+        at=at,
         residual=residual,
         base=base,
         free=free,
@@ -104,6 +120,24 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         forms=tuple(forms),
         generic=columns,
         notes=notes,
+    )
+
+
+def moved_to(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]) -> Setup:
+    """The setup with the model at other parameters, its columns taken beside changes inside."""
+    plan, data = setup.plan, setup.data
+    predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
+    predicted = predict({})
+    residual = np.concatenate([data.measured[o.name] - predicted[o.name] for o in data.outputs])
+    free, gradient = _gradient(plan, data, at, changes)
+    return replace(
+        setup,
+        predicted=predicted,
+        at=at,
+        residual=residual,
+        base=np.column_stack([gradient, _zeros(data)]),
+        free=free,
+        columns=Columns(data, predict),
     )
 
 
@@ -123,14 +157,43 @@ def thinned(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:
     return full.some(rows), (text,)
 
 
-def _gradient(plan: GapPlan, data: GapData) -> tuple[tuple[str, ...], Array]:
+def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -> dict[str, float]:
+    """The free parameters, within their tolerances, at which the model alone fits best."""
+    if plan.rebuild is None or not plan.free or data.target.population:
+        return {name: nominal(plan, name) for name in plan.free}
+    names = list(plan.free)
+    middle = np.array([nominal(plan, name) for name in names])
+    half = np.array([plan.free[name] for name in names])
+    measured = np.concatenate([data.measured[o.name] for o in data.outputs])
+    zeros = _zeros(data)
+    scale = np.repeat([max(float(np.std(data.measured[o.name] - predicted[o.name])), 1e-300)
+                       for o in data.outputs], len(data))  # fmt: skip
+    q = basis(zeros / scale[:, None])
+
+    def left(x: Array) -> Array:
+        moved = _moved(plan, data, dict(zip(names, (middle + x * half).tolist(), strict=True)))
+        return beside((measured - moved) / scale, q)
+
+    found = optimize.least_squares(left, np.zeros(len(names)), bounds=(-1.0, 1.0), max_nfev=25,
+                                   diff_step=[1e-3], loss="soft_l1")  # fmt: skip
+    return dict(zip(names, (middle + found.x * half).tolist(), strict=True))
+
+
+def _gradient(
+    plan: GapPlan,
+    data: GapData,
+    at: Mapping[str, float],
+    changes: Mapping[str, Array] = NO_CHANGES,
+) -> tuple[tuple[str, ...], Array]:
     """Free parameters that do anything here, and what the tolerance of each one does (N, p)."""
     count = len(data) * len(data.outputs)
     names, found = [], []
     for name, tolerance in plan.free.items() if plan.rebuild is not None else ():
-        up, down = (_moved(plan, data, {name: nominal(plan, name) + s * 0.1 * tolerance})
-                    for s in (1.0, -1.0))  # fmt: skip
-        column = (up - down) / 0.2
+        up, down = (
+            _moved(plan, data, {**at, name: at[name] + s * STEP * tolerance}, changes)
+            for s in (1.0, -1.0)
+        )
+        column = (up - down) / (2.0 * STEP)
         if np.isfinite(column).all() and np.abs(column).max(initial=0.0) > 0.0:
             names.append(name)
             found.append(column)
@@ -146,10 +209,15 @@ def nominal(plan: GapPlan, name: str) -> float:
     return float(inner.get(key, 0.0)) if isinstance(inner, Mapping) else 0.0
 
 
-def _moved(plan: GapPlan, data: GapData, parameters: Mapping[str, float]) -> Array:
+def _moved(
+    plan: GapPlan,
+    data: GapData,
+    parameters: Mapping[str, float],
+    changes: Mapping[str, Array] = NO_CHANGES,
+) -> Array:
     assert plan.rebuild is not None
     predict = predictor(plan, data, plan.rebuild(parameters))
-    predicted = predict({})
+    predicted = predict(changes)
     return np.concatenate([predicted[o.name] for o in data.outputs])
 
 

@@ -31,6 +31,10 @@ class Space:
         """Readings that count."""
         return self.readings * len(self.noises) - sum(one.outliers for one in self.noises)
 
+    def plain(self) -> Space:
+        """A space in which every reading of an output counts the same."""
+        return Space(tuple(one.plain() for one in self.noises), self.prior)
+
     def whiten(self, columns: Array) -> Array:
         """Columns (N,) or (N, m) whitened, with zeros in the rows of the prior."""
         parts = np.split(columns, len(self.noises))

@@ -184,10 +184,14 @@ def gain_column(objective: str) -> str:
 
 
 def gains(own: Array, front: Array) -> list[float]:
-    """Gain in percent per objective at equal or better other objectives; NaN where none is."""
+    """Gain in percent per objective at equal or better other objectives.
+
+    NaN where none is, and where the own value is 0.
+    """
     found = []
     for at in range(len(own)):
         others = np.delete(front, at, axis=1) <= np.delete(own, at)
         best = front[np.all(others, axis=1), at]
-        found.append(100.0 * (own[at] - best.min()) / abs(own[at]) if len(best) else np.nan)
+        known = len(best) > 0 and own[at] != 0.0
+        found.append(100.0 * (own[at] - best.min()) / abs(own[at]) if known else np.nan)
     return found

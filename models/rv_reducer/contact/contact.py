@@ -12,8 +12,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ....errors import raise_all
 from ....units import ARCMIN
 from .errors import PartErrors
+from .faults import faults
 from .gaps import displacements, gaps
 from .geometry import ContactGeometry
 from .mesh import Mesh
@@ -60,7 +62,8 @@ class LoadedContact:
     between one disc and the carrier (bearings, cranks, carrier; `inf` without) are assumptions;
     both may be arrays that fit (units, angles, discs), so that discs share unequally or stiffness
     depends on the angle. Torques [N m] of the catalogue. `exact`: see `gaps`. `engine`: numba where
-    it is installed ("auto"), or one of the two; `rotation` alone uses it.
+    it is installed ("auto"), or one of the two; `rotation` alone uses it. Raises InputError where
+    the profile interferes or is undercut (`faults`).
     """
 
     geometry: ContactGeometry = ContactGeometry()
@@ -72,6 +75,7 @@ class LoadedContact:
     engine: Engine = "auto"
 
     def __post_init__(self) -> None:
+        raise_all(faults(self.geometry))
         for name in ("normal_stiffness", "series_stiffness"):
             if not np.all(np.asarray(getattr(self, name)) > 0.0):
                 raise ValueError(f"{name} must be above 0")

@@ -10,8 +10,9 @@ from tolevo import registry
 from tolevo.models.effects.compose import Active, predicted
 from tolevo.models.effects.effect import Effect, Target
 from tolevo.models.effects.readings import target_of
-from tolevo.models.manipulator.forward import solve
-from tolevo.models.manipulator.geometry import Manipulator
+from tolevo.models.manipulator.changes import lifts
+from tolevo.models.manipulator.forward import exact_pose, solve
+from tolevo.models.manipulator.geometry import FollowUp, Manipulator
 from tolevo.models.manipulator.inverse import angles, posture
 from tolevo.models.manipulator.pose import ManipulatorPose
 from tolevo.testing import EffectContract
@@ -179,6 +180,23 @@ def test_play_of_joints_lies_where_the_rods_are_pulled() -> None:
     np.testing.assert_allclose(position, expected.position * 1e3, atol=1e-9)
     np.testing.assert_allclose(turn, expected.orientation * 1e3, atol=1e-9)
     assert np.all(position[:, 2] < 0.0)
+
+
+@pytest.mark.parametrize("follow_up", ["fixed", "rod"])
+def test_height_by_drive_and_rod_is_that_of_finite_differences(follow_up: FollowUp) -> None:
+    machine, h = replace(Manipulator(), follow_up=follow_up), 1e-7
+    by_drive, by_rod = lifts(machine, R, Z, PHI)
+    for chain in range(3):
+        for place, expected in (
+            (7, by_drive[:, chain]),
+            (12, by_rod[:, chain, 0]),
+            (13, by_rod[:, chain, 1]),
+        ):
+            errors = np.zeros((2, 63))
+            errors[:, 21 * chain + place] = (h, -h)
+            ends = exact_pose(machine, R[:, None], Z[:, None], PHI[:, None], errors).position
+            slope = (ends[:, 0, 2] - ends[:, 1, 2]) / (2.0 * h)
+            np.testing.assert_allclose(expected, slope, rtol=1e-4, atol=1e-5)
 
 
 def test_changes_per_row_are_those_of_single_rows() -> None:
