@@ -6,6 +6,7 @@ import pytest
 from tolevo.models.inputs import DISTRIBUTIONS
 from tolevo.models.manipulator.pose import ManipulatorPose
 from tolevo.models.manipulator.sources import ROWS
+from tolevo.models.rv_reducer.contact import declared as contact
 from tolevo.problems.rv_backlash import RvBacklash
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -46,3 +47,9 @@ def test_every_parameter_and_error_of_the_manipulator_is_documented() -> None:
     names = [one.name for one in ManipulatorPose.parameters]
     names += [f"{name}_{unit}" for name, unit, _ in ROWS]
     assert [name for name in names if f"| `{name}` |" not in text] == []
+
+
+@pytest.mark.source_tree
+def test_every_parameter_of_the_contact_is_documented() -> None:
+    text = (DOCS / "contact.md").read_text(encoding="utf-8")
+    assert [one.name for one in contact.PARAMETERS if f"`{one.name}`" not in text] == []

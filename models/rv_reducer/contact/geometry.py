@@ -106,7 +106,11 @@ def foot(geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | flo
     inwards with a radius below a tenth of a millimetre, and a pin's centre may have two feet.
     Raises ArithmeticError where it does not settle: errors far beyond a tooth's radius.
     """
-    v = _nearest_start(geometry, phi, pin, shift)
+    found = _nearest_start(geometry, phi, pin, shift)
+    v, phi, pin, shift = (
+        np.broadcast_to(one, found.shape).ravel() for one in (found, phi, pin, shift)
+    )
+    left, found_flat = np.arange(v.size), found.reshape(-1)
     for _ in range(100):
         at = curve(geometry, phi, v, shift)
         away = pin - at.point
@@ -115,8 +119,11 @@ def foot(geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | flo
         # downhill also where the distance is not convex
         step = np.real(away * at.first.conj()) / np.maximum(np.abs(slope), 2e-3 * speed)
         v = v + np.clip(step, -_SPACING, _SPACING)
-        if np.max(np.abs(step), initial=0.0) < 1e-11:
-            return np.asarray(v)
+        found_flat[left] = v
+        on = np.abs(step) >= 1e-11
+        if not np.any(on):
+            return found
+        left, v, phi, pin, shift = left[on], v[on], phi[on], pin[on], shift[on]
     raise ArithmeticError("no nearest point of the profile found: the errors are too large")
 
 
