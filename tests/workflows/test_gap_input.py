@@ -270,3 +270,16 @@ def test_what_is_in_the_model_already_is_no_gap(tmp_path: Path) -> None:
     assert [one["name"] for one in said["effects"]] == ["friction_hysteresis"]
     corrected = (tmp_path / "out" / "corrected.toml").read_text(encoding="utf-8") + "[free]\n"
     assert found(tmp_path, frame, corrected).verdict == "no_gap"
+
+
+def test_intervals_from_the_bootstrap(tmp_path: Path) -> None:
+    result = found(
+        tmp_path, bench(120), HEAD.replace("seed = 0", "seed = 0\n[settings]\nbootstrap = 30")
+    )
+    (effect,) = result.effects
+    (number,) = effect.parameters
+    assert effect.frequency > 0.9
+    assert number.low < COMPLIANCE < number.high
+    assert number.high - number.low == pytest.approx(
+        2 * 1.645 * 2.0 / np.sqrt(120) / 231.0, rel=0.5
+    )
