@@ -402,7 +402,7 @@ def test_nobody_answers_within_ten_seconds(config: Path, tmp_path: Path) -> None
 
 def test_a_port_where_nothing_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_cluster, "PATIENCE", 0.5)
-    with pytest.raises(InputError, match="no Dask scheduler answers at tcp://127.0.0.1:9"):
+    with pytest.raises(InputError, match="no Dask scheduler answers"):
         executor_of(1, "tcp://127.0.0.1:9")
 
 
