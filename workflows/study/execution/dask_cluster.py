@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -9,6 +11,8 @@ from concurrent.futures import CancelledError
 from typing import Any
 
 import distributed
+from distributed.comm import connect
+from distributed.core import send_recv
 
 from ....errors import RunError, refuse
 from .executor import ATTEMPTS, Executor, Lost, Result, TaskT
@@ -31,14 +35,13 @@ class DaskCluster(Executor):
     """
 
     def __init__(self, address: str) -> None:
+        _check(address)
         self.address = address
         self._threads, self._counted = 0, -math.inf
-        try:
-            self._client: Any = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
-        except (OSError, TimeoutError, ValueError, TypeError) as error:
-            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            text = f"no Dask scheduler answers at {address} ({reason}); start one: dask scheduler"
-            raise refuse("--dask", text) from error
+        self._logger = logging.getLogger("distributed.client")
+        self._quiet = self._logger.disabled
+        self._logger.disabled = True  # that a scheduler is lost is said here, without a traceback
+        self._client: Any = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
 
     @property
     def workers(self) -> int:  # type: ignore[override]
@@ -107,3 +110,33 @@ class DaskCluster(Executor):
 
     def close(self) -> None:
         self._client.close(timeout=PATIENCE)
+        self._logger.disabled = self._quiet
+
+
+def _check(address: str) -> None:
+    """Raises InputError where no scheduler answers.
+
+    Dask's client waits for ever for something that takes the connection and says nothing, and
+    trusts the length of the first message of whatever answers.
+    """
+    try:
+        kind = asyncio.run(asyncio.wait_for(_kind(address), PATIENCE))
+    except (OSError, ValueError, TypeError, MemoryError, EOFError, RuntimeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else "no answer"
+        text = f"no Dask scheduler answers at {address} ({reason}); start one: dask scheduler"
+        raise refuse("--dask", text) from error
+    if kind != "Scheduler":
+        text = f"at {address} there is a {kind}: give the address of the scheduler"
+        raise refuse("--dask", text)
+
+
+async def _kind(address: str) -> str:
+    """What Dask's process at an address says that it is."""
+    arguments: Any = distributed.Security().get_connection_args("client")
+    if address.startswith("tls://") and arguments.get("ssl_context") is None:
+        raise ValueError("TLS needs certificates in Dask's configuration, see docs/study.md")
+    comm: Any = await connect(address, timeout=PATIENCE, **arguments)
+    try:
+        return str((await send_recv(comm, op="identity", reply=True))["type"])
+    finally:
+        comm.abort()
