@@ -79,7 +79,7 @@ def predictor(plan: GapPlan, data: GapData, model: MeasurableModel | None = None
 def both(one: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, Array]:
     """Changes inside of a model together."""
     names = dict.fromkeys([*one, *other])
-    return {name: one.get(name, 0.0) + other.get(name, 0.0) for name in names}
+    return {name: np.asarray(one.get(name, 0.0) + other.get(name, 0.0)) for name in names}
 
 
 def _of_mean_unit(plan: GapPlan, data: GapData, model: MeasurableModel) -> Predict:
