@@ -111,15 +111,22 @@ class Run:
         if self.spent:
             raise BudgetSpent
         covered = x if self.evaluations_left is None else x[: self.evaluations_left]
-        out = self.problem.evaluate(covered, return_values_of=["F", "G"], return_as_dictionary=True)
-        f = np.asarray(out["F"], dtype=float)
-        g = np.asarray(out["G"], dtype=float).reshape(len(covered), self.problem.n_ieq_constr)
+        f, g = self._values(covered)
         self.evaluations += len(covered)
-        feasible = self.archive.add(covered, f, violation_of(g))
-        self._note(float(feasible.mean()) if len(feasible) else 0.0)
+        self._remember(covered, f, violation_of(g))
         if len(covered) < len(x):
             raise BudgetSpent
         return f, g
+
+    def _values(self, x: Array) -> tuple[Array, Array]:
+        """Objectives and constraints, by pymoo's way, so that pymoo problems may be wrapped."""
+        out = self.problem.evaluate(x, return_values_of=["F", "G"], return_as_dictionary=True)
+        f = np.asarray(out["F"], dtype=float)
+        return f, np.asarray(out["G"], dtype=float).reshape(len(x), self.problem.n_ieq_constr)
+
+    def _remember(self, x: Array, f: Array, violation: Array) -> None:
+        feasible = self.archive.add(x, f, violation)
+        self._note(float(feasible.mean()) if len(feasible) else 0.0)
 
     def phase(self, name: str, share: float | None = None) -> None:
         """Say what is being done, and the share of the whole that is done."""

@@ -78,17 +78,25 @@ def search(
     run = Run(problem, budget, seed, report, counts_generations=not solver)
     interrupted = False
     try:
-        if isinstance(settings, Solver):
-            settings.solve(run)
-        else:
-            _evolve(run, lambda: driver(problem, settings, seed, engine), keeper)
-    except BudgetSpent:
-        pass
+        drive(run, settings, seed, engine, keeper)
     except KeyboardInterrupt:
         interrupted = True
     x, f = run.archive.arrays()
     history = tuple(run.history)
     return SearchResult(x, f, run.archive.miss, run.evaluations, history, interrupted)
+
+
+def drive(
+    run: Run, settings: AlgorithmSettings, seed: int, engine: str, keeper: Keeper | None = None
+) -> None:
+    """Let the algorithm that `settings` describe evaluate by `run` until its budget is used."""
+    try:
+        if isinstance(settings, Solver):
+            settings.solve(run)
+        else:
+            _evolve(run, lambda: driver(run.problem, settings, seed, engine), keeper)
+    except BudgetSpent:
+        pass
 
 
 def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> None:

@@ -1,4 +1,4 @@
-"""The command line: `tolevo run | evaluate | simulate | check | list`."""
+"""The command line: `tolevo run | study | gap | evaluate | simulate | check | list`."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from .files import unwritable
 
 if TYPE_CHECKING:
     from .configuration import Configuration
+    from .workflows.gap import GapPlan
+    from .workflows.study import StudyPlan
 
 INTERRUPTED = 130
 WORKERS = min(4, os.cpu_count() or 1)
@@ -71,15 +73,52 @@ def run(
     """Run one optimisation: from a configuration to a Pareto front."""
     with _exit_status():
         faults = _directory_faults(out, overwrite or resume)
+        faults += _choice_faults(workers, resume, overwrite)
+        configuration = _collected(lambda: _problem_of(config, set_), faults)
+        raise_all(faults)
+        status = _run(configuration, out, workers, quiet, resume)
+    raise typer.Exit(status)
+
+
+@app.command()
+def gap(
+    config: Config,
+    data: Annotated[Path, typer.Argument(help="Measurement table (CSV or Parquet).")],
+    out: Out,
+    workers: Annotated[int, typer.Option(help="Processes; no result depends on it.")] = WORKERS,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a broken run.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
+    set_: Set = [],  # noqa: B006
+    quiet: Quiet = False,
+) -> None:
+    """Find where model and measurement disagree, name the missing effect, correct the model."""
+    with _exit_status():
+        faults = _directory_faults(out, overwrite or resume)
         if workers < 1:
             faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
         if resume and overwrite:
             text = "goes on with what --overwrite would replace; give one of them"
             faults.append(Fault("--resume", text))
-        configuration = _collected(lambda: _problem_of(config, set_), faults)
+        if not data.exists():
+            faults.append(Fault(str(data), "does not exist"))
+        plan = _collected(lambda: _gap_plan(config, set_), faults)
         raise_all(faults)
-        status = _run(configuration, out, workers, quiet, resume)
-    raise typer.Exit(status)
+        from .workflows.gap.gap import gap as analysed
+
+        say = None if quiet else (lambda text: typer.echo(text, err=True))
+        outcome = analysed(plan, data, out, workers, say, resume)
+        for line in outcome.lines:
+            typer.echo(line)
+
+
+def _gap_plan(config: Path, settings: list[str]) -> GapPlan:
+    """A gap analysis; its extra packages are asked for first."""
+    from .registry import needed
+
+    raise_all(needed("gap"))
+    from .configuration.gap import read_gap
+
+    return read_gap(config, settings)
 
 
 def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, resume: bool) -> int:
@@ -112,6 +151,51 @@ def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, res
 
 
 @app.command()
+def study(
+    config: Config,
+    out: Out,
+    workers: Annotated[
+        int | None, typer.Option(help="Processes; no result depends on it.", show_default="cores")
+    ] = None,
+    dask: Annotated[str, typer.Option(help="A Dask scheduler (tcp://host:port) instead.")] = "",
+    resume: Annotated[bool, typer.Option("--resume", help="Do what is missing.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
+    set_: Set = [],  # noqa: B006
+    quiet: Quiet = False,
+) -> None:
+    """Run many optimisations over settings and seeds, and say what the settings do."""
+    with _exit_status():
+        from .configuration.study import read_study
+
+        faults = _directory_faults(out, overwrite or resume)
+        faults += _choice_faults(workers, resume, overwrite)
+        if dask and workers is not None:
+            faults.append(Fault("--dask", "has workers of its own; leave out --workers"))
+        plan = _collected(lambda: read_study(config, set_), faults)
+        raise_all(faults)
+        status = _study(plan, out, workers or WORKERS, dask, quiet, resume)
+    raise typer.Exit(status)
+
+
+def _study(plan: StudyPlan, out: Path, workers: int, dask: str, quiet: bool, resume: bool) -> int:
+    from .progress import shown_study
+    from .workflows.study import executor_of, study
+
+    executor = executor_of(workers, dask)
+    if not quiet:
+        for warning in plan.warnings:
+            typer.echo(f"warning: {warning}", err=True)
+    with shown_study(quiet) as progress:
+        outcome = study(plan, out, executor, progress, resume)
+    for line in outcome.lines:
+        typer.echo(line, err=outcome.status != "done")
+    page = out / "report.html"
+    if outcome.status == "done" and page.is_file():
+        typer.echo(f"page: {page}")
+    return STATUS[outcome.status]
+
+
+@app.command()
 def evaluate(
     config: Config,
     designs: Annotated[Path, typer.Argument(help="Designs, one per row (CSV).")],
@@ -127,6 +211,8 @@ def evaluate(
         from .workflows.evaluate import evaluate
 
         assert configuration.problem is not None
+        for note in () if quiet else configuration.problem.effect_notes():
+            typer.echo(f"note: {note}", err=True)
         evaluate(configuration.problem, designs, out)
         typer.echo(f"written: {out}")
 
@@ -147,7 +233,9 @@ def simulate(
         from .configuration.simulated import build_model
         from .workflows.simulate import simulate
 
-        _, notes = simulate(build_model(configuration), inputs, out, configuration.seed)
+        name, effects = configuration.model_name, configuration.settings.effects
+        model, seed = build_model(configuration), configuration.seed
+        _, notes = simulate(model, inputs, out, seed, name, effects)
         for note in () if quiet else notes:
             typer.echo(f"note: {note}", err=True)
         typer.echo(f"written: {out}")
@@ -157,9 +245,15 @@ def simulate(
 def check(config: Config, set_: Set = [], quiet: Quiet = False) -> None:  # noqa: B006
     """Validate a configuration and print all it comes to; the output is itself one."""
     with _exit_status():
-        from .configuration.description import describe
+        from .configuration.description import describe, describe_plan
         from .configuration.simulated import build_model
+        from .configuration.study import is_study, read_study
 
+        if is_study(config):
+            plan = read_study(config, set_)
+            if not quiet:
+                typer.echo(describe_plan(plan))
+            return
         configuration = _read(config, set_)
         if configuration.problem is None:
             build_model(configuration)  # it refuses what only its physics can tell
@@ -180,7 +274,9 @@ def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = Fals
         for group, entries in groups.items():
             typer.echo(f"{group}:" if entries else f"{group}: none")
             for entry in entries:
-                typer.echo(f"  {entry['name']:<16} {entry['description']} [{entry['origin']}]")
+                family = f"{entry['family']}: " if "family" in entry else ""
+                text = f"{family}{entry['description']} [{entry['origin']}]"
+                typer.echo(f"  {entry['name']:<16} {text}")
 
 
 def _elementary_errors() -> list[dict[str, str]]:
@@ -220,6 +316,17 @@ def _directory_faults(out: Path, replace: bool) -> list[Fault]:
     if not faults and not replace and out.is_dir() and any(out.iterdir()):
         text = f"{out} is not empty; name another directory, or add --overwrite or --resume"
         faults.append(Fault("--out", text))
+    return faults
+
+
+def _choice_faults(workers: int | None, resume: bool, overwrite: bool) -> list[Fault]:
+    """Options that make no sense."""
+    faults = []
+    if workers is not None and workers < 1:
+        faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
+    if resume and overwrite:
+        text = "goes on with what --overwrite would replace; give one of them"
+        faults.append(Fault("--resume", text))
     return faults
 
 

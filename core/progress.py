@@ -6,10 +6,13 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from .algorithms.search import Progress
+    from .workflows.study.plan import StudyProgress
+
+State = TypeVar("State")
 
 LINE_EVERY = 10.0
 """Seconds between two lines where stderr is not a terminal."""
@@ -42,37 +45,68 @@ def fraction(progress: Progress) -> float | None:
     return min(1.0, max(shares)) if shares else None
 
 
+def describe_study(progress: StudyProgress) -> str:
+    """Runs done, running and failed, and the time left in one line."""
+    parts = [f"runs {progress.done}/{progress.total} done", f"{progress.running} running",
+             f"{progress.failed} failed"]  # fmt: skip
+    if progress.remaining is not None:
+        parts.append(f"{progress.remaining:.0f} s left")
+    return ", ".join([*parts, progress.note] if progress.note else parts)
+
+
+def study_fraction(progress: StudyProgress) -> float | None:
+    """Share of the runs that have ended."""
+    return (progress.done + progress.failed) / progress.total if progress.total else None
+
+
 @contextmanager
 def shown(quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
     """A function to call with every `Progress`, or None where nothing is to be shown."""
+    with _shown(quiet, describe, fraction) as update:
+        yield update
+
+
+@contextmanager
+def shown_study(quiet: bool) -> Iterator[Callable[[StudyProgress], None] | None]:
+    """A function to call with every `StudyProgress`, or None where nothing is to be shown."""
+    with _shown(quiet, describe_study, study_fraction) as update:
+        yield update
+
+
+@contextmanager
+def _shown(
+    quiet: bool, text: Callable[[State], str], share: Callable[[State], float | None]
+) -> Iterator[Callable[[State], None] | None]:
     if quiet:
         yield None
     elif sys.stderr.isatty():
-        with _bar() as update:
+        with _bar(text, share) as update:
             yield update
     else:
-        yield _lines()
+        yield _lines(text)
 
 
 def _of(done: int, total: int | None) -> str:
     return f"{done}" if total is None else f"{done}/{total}"
 
 
-def _lines() -> Callable[[Progress], None]:
+def _lines(text: Callable[[State], str]) -> Callable[[State], None]:
     """Prints the first report, and then one every `LINE_EVERY` seconds."""
     due = 0.0
 
-    def update(progress: Progress) -> None:
+    def update(progress: State) -> None:
         nonlocal due
         if time.monotonic() >= due:
             due = time.monotonic() + LINE_EVERY
-            print(describe(progress), file=sys.stderr, flush=True)
+            print(text(progress), file=sys.stderr, flush=True)
 
     return update
 
 
 @contextmanager
-def _bar() -> Iterator[Callable[[Progress], None]]:
+def _bar(
+    text: Callable[[State], str], share_of: Callable[[State], float | None]
+) -> Iterator[Callable[[State], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bar
@@ -81,9 +115,9 @@ def _bar() -> Iterator[Callable[[Progress], None]]:
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("starting", total=None)
 
-        def update(progress: Progress) -> None:
-            share = fraction(progress)
+        def update(progress: State) -> None:
+            share = share_of(progress)
             total = None if share is None else 1.0
-            bar.update(task, total=total, completed=share, description=describe(progress))
+            bar.update(task, total=total, completed=share, description=text(progress))
 
         yield update

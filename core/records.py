@@ -35,7 +35,8 @@ class RunResult:
 
     `front`, `references`, `convergence` are the tables of the files of these names; `summary` is
     `summary.json`; `objectives` are the axes of the front, `variables` the design variables,
-    `bars` charts of the problem itself, and `configuration` is the resolved TOML.
+    `bars` charts of the problem itself, and `configuration` is the resolved TOML. Where effects act
+    in the model, `before` is the front without them and `moved` how the allocation moves.
     """
 
     title: str
@@ -47,4 +48,77 @@ class RunResult:
     variables: tuple[Axis, ...] = ()
     notes: tuple[str, ...] = ()
     bars: tuple[Bars, ...] = ()
+    configuration: str = field(default="", repr=False)
+    before: pd.DataFrame | None = None
+    moved: pd.DataFrame | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """What a study measures of every run: its name, direction, and the best value there can be."""
+
+    name: str
+    larger_is_better: bool
+    best: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Varied:
+    """A key that a study varies; `base` is its value in the run configuration."""
+
+    key: str
+    base: float | int | str | None
+    categorical: bool = False
+    log: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """A reading of a figure, tested: "holds", "does not hold", "not shown" or "undecided"."""
+
+    figure: str
+    key: str
+    levels: tuple[float | int | str, ...]
+    response: str
+    verdict: str
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Recommendation:
+    """Settings recommended for one response; `shown` says whether a test supports them."""
+
+    response: str
+    point: int
+    settings: Mapping[str, Any]
+    shown: bool
+    recovered: tuple[float, float, float]
+    """Share of what the reference misses of the best value that they recover: value, low, high."""
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class StudyResult:
+    """One finished study.
+
+    `table`, `sensitivity` and `tests` are the files of these names (`study.csv`, ...). `medians`
+    has the columns response, point, median, low, high, level, n, failed. `courses` has, per key and
+    level of a design that changes one key at a time, the course of a run over its generations: key,
+    level, generation, median, low, high, and `optimum` where one is proven.
+    """
+
+    title: str
+    kind: str
+    design: pd.DataFrame
+    table: pd.DataFrame
+    responses: tuple[Response, ...]
+    varied: tuple[Varied, ...]
+    medians: pd.DataFrame
+    sensitivity: pd.DataFrame
+    tests: pd.DataFrame
+    courses: pd.DataFrame
+    course_of: str
+    recommendations: tuple[Recommendation, ...]
+    verdicts: tuple[Verdict, ...] = ()
+    notes: tuple[str, ...] = ()
     configuration: str = field(default="", repr=False)

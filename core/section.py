@@ -69,6 +69,10 @@ class Section:
     def __contains__(self, key: str) -> bool:
         return key in self._table
 
+    def given(self) -> tuple[str, ...]:
+        """Every key that the table has."""
+        return tuple(self._table)
+
     def place(self, key: str = "") -> str:
         """Where `key` of this table stands, as faults name it."""
         return ".".join(part for part in (self._place, key) if part)
@@ -207,6 +211,10 @@ class Section:
         value = self.section(key)
         return Section(value._table, value._place, faults)
 
+    def of(self, key: str, table: Mapping[str, Any]) -> Section:
+        """A table that belongs to `key`, however it is written."""
+        return Section(table, self.place(key), self._faults)
+
     def tables(self, key: str) -> list[Mapping[str, Any]]:
         """The tables of an array `[[key]]`, empty where there is none."""
         value = self.take(key)
@@ -221,3 +229,12 @@ class Section:
         """The table at place `at` (from 0) of `[[key]]`; its faults may go to a list."""
         own = self._faults if faults is None else faults
         return Section(self.tables(key)[at], f"{self.place(key)}[{at}]", own)
+
+
+def flat(table: Mapping[str, Any], place: str = "") -> dict[str, Any]:
+    """Values of nested tables by dotted key."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        at = f"{place}{key}"
+        found |= flat(value, f"{at}.") if isinstance(value, dict) else {at: value}
+    return found

@@ -157,6 +157,23 @@ class ToleranceProblem(Problem):
         """Charts of what matters in this problem, whatever is optimised."""
         return ()
 
+    def counterparts(self) -> tuple[str, ...]:
+        """What each active effect does in this problem; empty where it does nothing."""
+        return ("",) * len(self.settings.effects)
+
+    def effect_notes(self) -> tuple[str, ...]:
+        """A sentence for each active effect, those without a counterpart included."""
+        missing = "has no counterpart in this problem: it changes nothing here"
+        pairs = zip(self.settings.effects, self.counterparts(), strict=True)
+        return tuple(
+            f"effect {one.effect.name}: {does}" if does else f"effect {one.effect.name} {missing}"
+            for one, does in pairs
+        )
+
+    def without_effects(self) -> ToleranceProblem:
+        """The same problem with no effect in its model."""
+        return type(self)(replace(self.given, effects=()))
+
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting a run of this problem."""
         return ()
@@ -243,16 +260,25 @@ class ToleranceProblem(Problem):
         return np.stack(columns, axis=1) if columns else np.zeros((len(designs), 0))
 
     def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
-        designs = self.complete(np.atleast_2d(x))
-        found = self.outputs_of(designs, searching=True)
-        out["F"] = self.objective_values(found)
+        f, g = self.searched(np.atleast_2d(x))
+        out["F"] = f
         if self.limits:
-            out["G"] = self.violations(designs, found)
-        for name, values in out.items():
-            if values is not None and not np.all(np.isfinite(values)):
+            out["G"] = g
+
+    def searched(self, x: Array) -> tuple[Array, Array]:
+        """F (n, objectives) and G (n, constraints) of search vectors, as a search sees them.
+
+        Raises ModelError where a value is not finite.
+        """
+        designs = self.complete(x)
+        found = self.outputs_of(designs, searching=True)
+        f, g = self.objective_values(found), self.violations(designs, found)
+        for name, values in (("F", f), ("G", g)):
+            if not np.all(np.isfinite(values)):
                 row = int(np.argmin(np.all(np.isfinite(values), axis=1)))
                 where = dict(zip(self.names, designs[row].tolist(), strict=True))
                 raise ModelError(f"{name} is not finite at {where}")
+        return f, g
 
     def frame(self, designs: Array) -> pd.DataFrame:
         """Variables, outputs (at full accuracy) and limit margins of full designs, one row each."""

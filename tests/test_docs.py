@@ -7,6 +7,7 @@ from tolevo.models.inputs import DISTRIBUTIONS
 from tolevo.models.manipulator.pose import ManipulatorPose
 from tolevo.models.manipulator.sources import ROWS
 from tolevo.models.rv_reducer.contact import declared as contact
+from tolevo.models.rv_reducer.transmission import RvTransmission
 from tolevo.problems.rv_backlash import RvBacklash
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -53,3 +54,11 @@ def test_every_parameter_and_error_of_the_manipulator_is_documented() -> None:
 def test_every_parameter_of_the_contact_is_documented() -> None:
     text = (DOCS / "contact.md").read_text(encoding="utf-8")
     assert [one.name for one in contact.PARAMETERS if f"`{one.name}`" not in text] == []
+
+
+@pytest.mark.source_tree
+def test_every_parameter_and_column_of_rv_transmission_is_documented() -> None:
+    text = (DOCS / "transmission_error.md").read_text(encoding="utf-8")
+    names = [f"| `{one.name}` |" for one in RvTransmission.parameters]
+    names += [f"`{one.name}`" for one in RvTransmission.columns]
+    assert [name for name in names if name not in text] == []

@@ -33,7 +33,7 @@ def read_algorithm(section: Section, objectives: int) -> tuple[str, AlgorithmSet
                       f"{objectives}")  # fmt: skip
     elif kind.many_objectives and not kind.one_objective and objectives == 1:
         section.fault("name", f"{name} needs two or more objectives, got 1: use ga")
-    algorithm = _instance(section, kind)
+    algorithm = settings_of(section, kind)
     for fault in algorithm.faults(objectives):
         section.fault(fault.place, fault.message)
     return name, algorithm
@@ -49,12 +49,12 @@ def _refused(section: Section) -> bool:
     return True
 
 
-def _instance(section: Section, kind: type[Any]) -> Any:
+def settings_of(section: Section, kind: type[Any]) -> Any:
     """An instance of the dataclass `kind` whose fields are the keys of `section`."""
     hints, given = get_type_hints(kind), {}
     for field in fields(kind):
         if is_dataclass(hints[field.name]):
-            given[field.name] = _instance(section.section(field.name), hints[field.name])
+            given[field.name] = settings_of(section.section(field.name), hints[field.name])
             continue
         within = Range(field.metadata.get("low", -inf), field.metadata.get("high", inf))
         if hints[field.name] is bool:

@@ -48,7 +48,7 @@ def override(table: Table, settings: Sequence[str], faults: list[Fault]) -> None
         parsed = _setting(key.strip(), value.strip()) if sign else None
         if parsed is None:
             faults.append(Fault("--set", f'must be key=value, got "{setting}"'))
-        elif not _merge(table, parsed):
+        elif not merge(table, parsed):
             faults.append(Fault(f"--set {key.strip()}", "leads through a value, not a table"))
 
 
@@ -62,11 +62,11 @@ def _setting(key: str, value: str) -> Table | None:
     return None
 
 
-def _merge(table: Table, setting: Table) -> bool:
+def merge(table: Table, setting: Table) -> bool:
     """Put `setting` (one dotted key) into `table`; a fixed value takes the place of a range."""
     for key, value in setting.items():
         if isinstance(value, dict) and value and key in table:
-            if not isinstance(table[key], dict) or not _merge(table[key], value):
+            if not isinstance(table[key], dict) or not merge(table[key], value):
                 return False
         else:
             for other in {"value": ("low", "high"), "low": ("value",), "high": ("value",)}.get(

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tolevo.units import ARCMIN, MM, SUFFIXES, UM, split_unit, to_unit
+from tolevo.units import ARCMIN, MM, SUFFIXES, UM, converted, split_unit, to_unit, unit_key
 
 
 @pytest.mark.parametrize(
@@ -85,3 +85,33 @@ def test_stiffness_in_other_units() -> None:
 def test_constants() -> None:
     np.testing.assert_allclose(ARCMIN, np.pi / 10800.0, rtol=1e-15)
     assert (UM, MM) == (1e-6, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("values", "unit", "to", "expected"),
+    [
+        ([0.0, 180.0], "deg", "rad", [0.0, np.pi]),
+        ([32.0, 212.0], "degF", "C", [0.0, 100.0]),
+        ([2.0], "kN m", "Nm", [2000.0]),
+        ([1.0], "arcsec/Nm", "arcmin/Nm", [1.0 / 60.0]),
+        ([np.pi], "rad/s", "rpm", [30.0]),
+    ],
+)
+def test_arrays_are_converted(
+    values: list[float], unit: str, to: str, expected: list[float]
+) -> None:
+    np.testing.assert_allclose(converted(np.array(values), unit, to), expected, atol=1e-12)
+
+
+def test_units_of_two_kinds_are_not_converted() -> None:
+    with pytest.raises(ValueError, match='"mm" is not a unit that can be stated in rad'):
+        converted(np.ones(2), "mm", "rad")
+
+
+@pytest.mark.parametrize(
+    ("unit", "key"),
+    [("arcsec/Nm", "arcsec_per_Nm"), ("1/K", "per_K"), ("arcsec/rpm^2", "arcsec_per_rpm2"),
+     ("N m", "N_m"), ("arcsec/(rpm s)", "arcsec_per_rpm_s"), ("mm", "mm")],
+)  # fmt: skip
+def test_units_in_names(unit: str, key: str) -> None:
+    assert unit_key(unit) == key

@@ -10,6 +10,7 @@ from typing import Any
 from ...algorithms.checkpoint import Checkpoint
 from ...algorithms.settings import Budget
 from ...errors import Fault, raise_all, refuse
+from ...section import flat
 from .plan import RunPlan
 
 CHECKPOINT = "checkpoint.npz"
@@ -48,7 +49,7 @@ def notes_of(checkpoint: Checkpoint, resume: bool) -> tuple[str, ...]:
 
 
 def _faults(found: Checkpoint, plan: RunPlan) -> list[Fault]:
-    old, new = _flat(tomllib.loads(found.identity)), _flat(tomllib.loads(plan.configuration))
+    old, new = flat(tomllib.loads(found.identity)), flat(tomllib.loads(plan.configuration))
     other = [
         Fault(key, f"is {_shown(new, key)}, but the run to resume has {_shown(old, key)}: only the "
               "budget may differ; undo the change, or start again with --overwrite")
@@ -79,15 +80,6 @@ def _shrunk(found: Checkpoint, budget: Budget) -> list[Fault]:
         for name, count in used.items()
         if (limit := getattr(budget, name)) is not None and limit < count
     ]  # fmt: skip
-
-
-def _flat(table: Mapping[str, Any], place: str = "") -> dict[str, Any]:
-    """Values by dotted key."""
-    found: dict[str, Any] = {}
-    for key, value in table.items():
-        at = f"{place}{key}"
-        found |= _flat(value, f"{at}.") if isinstance(value, dict) else {at: value}
-    return found
 
 
 def _shown(values: Mapping[str, Any], key: str) -> str:

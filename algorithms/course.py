@@ -1,0 +1,136 @@
+"""The course of a search: what was reached when, told cheaply after it has ended.
+
+A hypervolume in every generation costs as much as an array engine itself. Values are kept as they
+come; hypervolumes are computed at few generations and, where a level was passed between two of
+them, by bisection, as the hypervolume of all that was evaluated never falls.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .indicators import hypervolume, nondominated
+
+Array = NDArray[np.float64]
+CURVE = ("generation", "evaluations", "cpu_s", "value", "feasible_fraction")
+"""Columns of a curve."""
+PER_OCTAVE = {1: 64}
+"""Generations of a curve between g and 2 g, by the number of objectives: a least value is free."""
+FEW = 4
+BLOCK = 20_000
+"""Feasible values after which a front takes their place, so that memory is bounded."""
+
+
+Batch = tuple[int, int, float, float, NDArray[np.int64], Array]
+"""Generation, evaluations so far, CPU time so far, share that is feasible, the evaluations at which
+its feasible designs came, their objectives."""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Ideal and nadir (objectives,) of the normalised hypervolume."""
+
+    ideal: tuple[float, ...]
+    nadir: tuple[float, ...]
+
+    def hypervolume(self, values: Array) -> float:
+        """Normalised hypervolume of objectives (n, objectives)."""
+        return hypervolume(values, np.array(self.ideal), np.array(self.nadir))
+
+
+def charted(generation: int, per_octave: int) -> bool:
+    """Whether a generation (from 1) belongs to a curve, wherever the curve ends."""
+    step = 1 << max(0, generation.bit_length() - per_octave.bit_length())
+    return generation % step == 0
+
+
+class Course:
+    """Takes in the batches of one search.
+
+    The value of a curve is, of one objective, the least feasible one so far (NaN before the first),
+    else the hypervolume of all feasible ones. `level` is the value at which the search counts as
+    there: from above for one objective, from below for a hypervolume; NaN where there is none.
+    """
+
+    def __init__(self, box: Box, level: float) -> None:
+        self.box = box
+        self.level = level
+        self.objectives = len(box.ideal)
+        self.front = np.empty((0, self.objectives))
+        self.reached_at: tuple[float, float] = (np.nan, np.nan)
+        self.batches = 0
+        self.evaluations = 0
+        self.feasible = 0
+        self._rows: list[tuple[float, ...]] = []
+        self._open: list[Batch] = []
+        self._waiting = 0
+        self._per_octave = PER_OCTAVE.get(self.objectives, FEW)
+
+    def add(self, f: Array, feasible: NDArray[np.bool_], cpu_s: float) -> None:
+        """Take in a batch: objectives (n, objectives), feasible (n,), CPU time used so far [s]."""
+        self.batches += 1
+        rows = np.flatnonzero(feasible)
+        share = len(rows) / len(f) if len(f) else 0.0
+        at = (self.evaluations + rows + 1).astype(np.int64)
+        self.evaluations += len(f)
+        self.feasible += len(rows)
+        found = f if len(rows) == len(f) else f[rows]
+        self._open.append((self.batches, self.evaluations, cpu_s, share, at, found))
+        self._waiting += len(rows)
+        if self._waiting > BLOCK:
+            self._settle()
+
+    def curve(self) -> Array:
+        """Rows (k, columns of `CURVE`); the last batch is always one of them."""
+        self._settle(last=True)
+        return np.array(self._rows, dtype=float).reshape(-1, len(CURVE))
+
+    @property
+    def value(self) -> float:
+        """The value at the end; NaN where one objective has no feasible design."""
+        return self._value(self.front)
+
+    def _settle(self, last: bool = False) -> None:
+        """Chart the open batches and replace their values by the front."""
+        group: list[Batch] = []
+        for batch in self._open:
+            group.append(batch)
+            end = last and batch is self._open[-1]
+            if end or charted(batch[0], self._per_octave):
+                self._chart(group)
+                group = []
+        self._open = group
+        self._waiting = sum(len(batch[5]) for batch in group)
+
+    def _chart(self, group: list[Batch]) -> None:
+        """Add the last batch of a group to the curve, after those before it."""
+        before, news = self.front, np.concatenate([batch[5] for batch in group])
+        if len(news):
+            merged = np.concatenate([before, news])
+            self.front = merged[nondominated(merged)]
+        value = self._value(self.front)
+        if np.isnan(self.reached_at[0]) and self._there(value):
+            self.reached_at = self._passed(before, news, group)
+        generation, evaluations, cpu_s, share, *_ = group[-1]
+        self._rows.append((generation, evaluations, cpu_s, value, share))
+
+    def _passed(self, before: Array, news: Array, group: list[Batch]) -> tuple[float, float]:
+        """Evaluations, and CPU time at the end of their batch, at which the level was passed."""
+        low, high = 0, len(news)
+        while high - low > 1:
+            middle = (low + high) // 2
+            there = self._there(self._value(np.concatenate([before, news[:middle]])))
+            low, high = (low, middle) if there else (middle, high)
+        evaluations = int(np.concatenate([batch[4] for batch in group])[high - 1])
+        return evaluations, next(batch[2] for batch in group if batch[1] >= evaluations)
+
+    def _there(self, value: float) -> bool:
+        return bool(value <= self.level if self.objectives == 1 else value >= self.level)
+
+    def _value(self, values: Array) -> float:
+        if self.objectives > 1:
+            return self.box.hypervolume(values)
+        return float(values.min()) if len(values) else np.nan

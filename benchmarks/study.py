@@ -1,0 +1,165 @@
+# ruff: noqa: E402 - the number of threads is fixed before numpy is imported
+"""What a study costs: `python -m benchmarks.study`.
+
+1,000 runs of 5,000 evaluations on the array engine, with their curves and responses, against
+pymoo's NSGA-II by `minimize`, which computes neither, on the same problem: `pose_accuracy`, nine
+variables, two objectives, two limits. Both take turns in this one process, CPU time; a sample of
+the runs is measured and scaled. Then what handing out runs of 0.1 s costs in CPU time of all
+processes, from studies of two sizes, so that starting them is not counted.
+"""
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[_name] = "1"
+
+import re
+import resource
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from pymoo.algorithms.moo.nsga2 import NSGA2
+from pymoo.optimize import minimize
+
+from tolevo.configuration.study import read_study
+from tolevo.workflows.study import Executor, StudyPlan, executor_of, study
+from tolevo.workflows.study.execution import InProcess
+from tolevo.workflows.study.storage import Database
+from tolevo.workflows.study.storage.database import DATABASE
+from tolevo.workflows.study.work import Work
+
+RUN = Path(__file__).resolve().parent.parent / "configs" / "pose_accuracy.toml"
+STUDY = f"""
+run = "{RUN}"
+seeds = 1
+response = ["hypervolume_ratio", "evaluations_to_99"]
+"run.algorithm.name" = "nsga2"
+"run.algorithm.engine" = "array"
+"run.algorithm.population" = 100
+"run.algorithm.evaluations" = 5000
+[design]
+kind = "one_at_a_time"
+[vary]
+"algorithm.mutation.eta" = [15.0, 20.0]
+"""
+PROMISED, RUNS = 10.0, 1000
+ROUNDS, EACH = 10, 10
+"""Rounds, and runs of the array engine in each, beside one of pymoo."""
+LONG = "run.algorithm.evaluations=16000"
+"""Runs of about 0.1 s."""
+SEEDS = (2, 10, 110)
+"""Seeds of the three studies that the cost of handing out is told from; the first warms up."""
+
+
+def planned(folder: Path, *changes: str) -> StudyPlan:
+    path = folder / "study.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    return read_study(path, changes)
+
+
+def against_pymoo(folder: Path) -> None:
+    """CPU of the runs of a study, database included, and of pymoo's own."""
+    plan = planned(folder, f"seeds={EACH // 2}", "run.algorithm.generations=1000")
+    problem = plan.problems[0]
+    own, other = list[float](), list[float]()
+    for number in range(ROUNDS):
+        start = time.process_time()
+        minimize(problem, NSGA2(pop_size=100), ("n_eval", 5000), seed=number)
+        other.append(time.process_time() - start)
+        own.append(round_of(plan, folder / str(number)) / plan.total)
+    ratio = median(other) / median(own)
+    print(f"{RUNS} runs of 5,000 evaluations: array engine in a study {RUNS * median(own):.1f} s "
+          f"CPU, pymoo's NSGA-II {RUNS * median(other):.0f} s (measured: {ROUNDS * plan.total} and "
+          f"{ROUNDS} runs, medians of {ROUNDS} rounds scaled): ratio {ratio:.1f}, promised "
+          f"{PROMISED:.0f}")  # fmt: skip
+
+
+def round_of(plan: StudyPlan, folder: Path) -> float:
+    """CPU time of all runs of a plan, without that of the exact front, which is found once."""
+    folder.mkdir()
+    with Database(folder / DATABASE, len(plan.points), plan.settings.responses) as database:
+        work = Work(plan, database, InProcess(), None)
+        work.survey()
+        start = time.process_time()
+        work.finish()
+        return time.process_time() - start
+
+
+def handing_out(name: str, folder: Path, make: Callable[[], Executor], cpu: Callable[[], float],
+                ) -> None:  # fmt: skip
+    """CPU time of everything but the runs, as a share of that of the runs."""
+    found = []
+    for seeds in SEEDS:
+        plan, out = planned(folder, f"seeds={seeds}", LONG), folder / f"{name}-{seeds}"
+        start = cpu()
+        study(plan, out, make())
+        total = cpu() - start
+        with Database(out / DATABASE, len(plan.points), plan.settings.responses) as database:
+            runs = list(database.runs(plan.total))
+        found.append((len(runs), sum(run.cpu_s for run in runs), total))
+    count, own, total = (large - small for small, large in zip(*found[1:], strict=True))
+    extra = total - own
+    print(f"{name}: {count} runs of {own / count:.3f} s; everything else {1e3 * extra / count:.2f} "
+          f"ms CPU a run, {100.0 * extra / own:.1f} % (promised: under 5 %)")  # fmt: skip
+
+
+def own_cpu() -> float:
+    """CPU time of this process and of its children that have ended."""
+    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in usage)
+
+
+def cpu_of(pids: list[int]) -> float:
+    """CPU time of other processes so far."""
+    total = 0
+    for pid in pids:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        total += int(fields[11]) + int(fields[12])
+    return total / os.sysconf("SC_CLK_TCK")
+
+
+@contextmanager
+def cluster() -> Iterator[tuple[str, list[int]]]:
+    """A Dask scheduler and two workers on the loopback: address and process numbers."""
+    bound = ["--host", "127.0.0.1", "--dashboard-address", "127.0.0.1:0"]
+    dask, quiet = [sys.executable, "-m", "dask"], subprocess.DEVNULL
+    started: list[subprocess.Popen[Any]] = []
+    try:
+        scheduler = subprocess.Popen(
+            [*dask, "scheduler", "--port", "0", *bound], stderr=subprocess.PIPE, text=True
+        )
+        started.append(scheduler)
+        assert scheduler.stderr is not None
+        lines = (re.search(r"Scheduler at:\s+(tcp://\S+)", line) for line in scheduler.stderr)
+        address = next(found[1] for found in lines if found)
+        threading.Thread(target=scheduler.stderr.read, daemon=True).start()
+        words = [*dask, "worker", address, *bound, "--nthreads", "1", "--no-nanny"]
+        started += [subprocess.Popen(words, stdout=quiet, stderr=quiet) for _ in range(2)]
+        yield address, [one.pid for one in started]
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+def main() -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        against_pymoo(folder)
+        handing_out("in process", folder, lambda: executor_of(1), own_cpu)
+        handing_out("2 processes", folder, lambda: executor_of(2), own_cpu)
+        with cluster() as (address, pids):
+            handing_out("2 Dask workers", folder, lambda: executor_of(0, address),
+                        lambda: own_cpu() + cpu_of(pids))  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,67 @@
+"""`[[reading]]`: what somebody reads from a figure, to be tested by a study."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from ..errors import nearest
+from ..section import Section, shown
+from ..workflows.study.records import Factor, Level, Reading
+
+BETTER = "better"
+EXPECT = (BETTER, "worse")
+
+
+def read_readings(
+    top: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]
+) -> tuple[Reading, ...]:
+    """The readings, each of two levels that the study compares."""
+    found = [_reading(top.item("reading", at), factors, responses)
+             for at in range(len(top.tables("reading")))]  # fmt: skip
+    return tuple(one for one in found if one is not None)
+
+
+def _reading(
+    section: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]
+) -> Reading | None:
+    figure, says = section.text("figure"), section.text("says")
+    key = section.text("key", [factor.key for factor in factors])
+    response = section.text("response", responses)
+    expect = section.text("expect", EXPECT) or BETTER
+    a, b = section.take("a"), section.take("b")
+    section.finish()
+    for name in ("figure", "says", "key", "response", "a", "b"):
+        if name not in section:
+            section.fault(name, "is missing")
+    factor = next((one for one in factors if one.key == key), None)
+    if factor is None or figure is None or says is None or response is None:
+        return None
+    levels = [_level(section, name, value, factor) for name, value in (("a", a), ("b", b))]
+    if levels[0] is None or levels[1] is None:
+        return None
+    if levels[0] == levels[1]:
+        section.fault("b", "is the same level as a")
+    return Reading(figure, says, factor.key, levels[0], levels[1], response, expect == BETTER)
+
+
+def _level(section: Section, name: str, value: Any, factor: Factor) -> Level | None:
+    """The level of the factor that is meant; a fault where the study has none such."""
+    for level in factor.grid():
+        if level == value and not isinstance(value, bool):
+            return level
+    if name in section:
+        known = [shown(level) for level in factor.grid()]
+        text = f"is no level of {factor.key}: {', '.join(known)}"
+        section.fault(name, f"{text}{nearest(shown(value), known)}")
+    return None
+
+
+def written(readings: tuple[Reading, ...]) -> list[dict[str, Any]]:
+    """The tables that say the same."""
+    tables = []
+    for one in readings:
+        table = asdict(one)
+        expect = EXPECT[0] if table.pop("better") else EXPECT[1]
+        tables.append(table | {"expect": expect})
+    return tables

@@ -1,0 +1,99 @@
+"""Every point of a design read as the run configuration that it means."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from ..errors import Fault, InputError, raise_all
+from ..problems.tolerance_problem import ToleranceProblem
+from ..section import Section
+from ..workflows.study.plan import Point
+from ..workflows.study.records import Factor, Level
+from .configuration import Configuration
+from .reader import read_table
+from .search import read_algorithm, read_budget, read_engine
+from .source import Table
+from .varied import variable_table, with_values
+
+SHOWN = 10
+"""Faults of points that are listed; the rest is counted."""
+
+
+def built_points(
+    design: pd.DataFrame, factors: tuple[Factor, ...], base: Configuration, run: Table
+) -> tuple[tuple[Point, ...], tuple[ToleranceProblem, ...]]:
+    """What runs at each point, and the different problems among them.
+
+    Raises InputError with the faults of all points, each named once.
+    """
+    builder = _Builder(variable_table(run, [one.key for one in factors], base.resolved))
+    faults: dict[str, Fault] = {}
+    points = []
+    for row in design[[factor.key for factor in factors]].to_dict("records"):
+        values = {str(key): _plain(value) for key, value in row.items()}
+        try:
+            points.append(builder.point(values))
+        except InputError as error:
+            for fault in error.faults:
+                found = _placed(fault, values)
+                faults.setdefault(str(found), found)
+    listed = list(faults.values())
+    if len(listed) > SHOWN:
+        more = Fault("vary", f"{len(listed) - SHOWN} more faults of this kind")
+        listed = [*listed[:SHOWN], more]
+    raise_all(listed)
+    return tuple(points), tuple(builder.problems)
+
+
+class _Builder:
+    """Reads points; a problem is built once, however many points share it."""
+
+    def __init__(self, run: Table) -> None:
+        self.run = run
+        self.problems: list[ToleranceProblem] = []
+        self._numbers: dict[str, int] = {}
+
+    def point(self, values: Mapping[str, Level]) -> Point:
+        """The point with these values of the varied keys."""
+        table = with_values(self.run, values)
+        algorithm = table.pop("algorithm", {})
+        key = json.dumps(table, sort_keys=True, default=str)
+        if key not in self._numbers:
+            return self._first(key, table | {"algorithm": algorithm})
+        number = self._numbers[key]
+        faults: list[Fault] = []
+        section = Section({"algorithm": algorithm}, "", faults).section("algorithm")
+        budget = read_budget(section)
+        name, settings = read_algorithm(section, self.problems[number].n_obj)
+        engine = read_engine(section, name, settings)
+        raise_all(faults)
+        assert settings is not None
+        return Point(number, settings, budget, engine)
+
+    def _first(self, key: str, table: Table) -> Point:
+        """The first point of a problem."""
+        found = read_table(table, [])
+        assert found.problem is not None
+        assert found.algorithm is not None
+        self._numbers[key] = len(self.problems)
+        self.problems.append(found.problem)
+        return Point(self._numbers[key], found.algorithm, found.budget, found.engine)
+
+
+def _placed(fault: Fault, values: Mapping[str, Level]) -> Fault:
+    """A fault at the varied key that causes it, else at the run's, with the values of the point."""
+    if fault.place in values:
+        return Fault(f"vary.{fault.place}", fault.message)
+    where = ", ".join(f"{key} = {value}" for key, value in values.items())
+    return Fault(f"run.{fault.place}", f"{fault.message} (where {where})")
+
+
+def _plain(value: Any) -> Level:
+    """A value of a table as TOML would give it."""
+    plain = value.item() if hasattr(value, "item") else value
+    assert isinstance(plain, float | int | str)
+    return plain

@@ -1,0 +1,216 @@
+"""Reads the configuration of a study: everything is checked before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from ..errors import Fault, InputError, nearest, raise_all
+from ..section import POSITIVE, Range, Section
+from ..workflows.study.designs import DESIGNS
+from ..workflows.study.plan import StudyPlan
+from ..workflows.study.records import RESPONSES, Design, Factor, Reading, StudySettings
+from ..workflows.study.responses import unsuitable
+from .configuration import Configuration
+from .reader import read_table
+from .readings import read_readings, written
+from .search import settings_of
+from .settings_of_points import built_points
+from .source import Table, load, override
+from .varied import base_values, read_factors
+
+RUN = "run"
+SEEDS = 10
+DESIGN_STREAM = (0, 0)
+"""Spawn key of the generator of the design; the seeds of replicates have keys of one number."""
+RESPONSE = ("hypervolume_ratio", "gap_percent")
+"""Default response of a front, and of one objective."""
+
+
+def read_study(path: Path, overrides: Sequence[str] = ()) -> StudyPlan:
+    """The study in the TOML file `path`, with `key=value` overrides applied.
+
+    `run.<key>` overrides the run configuration, wherever it stands. Raises InputError with every
+    fault found.
+    """
+    faults: list[Fault] = []
+    table = load(path, faults)
+    if table is None:
+        raise_all(faults)
+    assert table is not None
+    own = [one for one in overrides if not one.strip().startswith(f"{RUN}.")]
+    override(table, own, faults)
+    top = Section(table, "", faults)
+    run = _run_table(top, table, path, overrides, faults)
+    base = None if run is None else _base(run, faults)
+    seed, seeds = top.integer("seed", Range(low=0)), top.integer("seeds", Range(low=1))
+    limit = top.number("time_limit_s", within=POSITIVE)
+    responses = _responses(top, base)
+    design = _design(top.section("design"), path.parent)
+    factors: tuple[Factor, ...] = ()
+    vary = top.section("vary")
+    if base is not None:
+        factors = read_factors(vary, top.take("vary") or {}, base_values(run or {}, base.resolved))
+    readings = read_readings(top, factors, responses)
+    top.finish()
+    seed, seeds = 0 if seed is None else seed, SEEDS if seeds is None else seeds
+    if design is not None and factors and not _faulty(faults, "vary"):
+        faults += [_placed(fault) for fault in design.faults(factors, seeds)]
+    raise_all(faults)
+    assert base is not None
+    assert design is not None
+    values = base_values(run or {}, base.resolved)
+    settings = StudySettings(
+        title=path.stem,
+        factors=factors,
+        design=design,
+        responses=responses,
+        seeds=seeds,
+        seed=seed,
+        base={factor.key: values[factor.key] for factor in factors},
+        objectives=base.settings.objectives,
+        readings=readings,
+        configuration=_resolved(base, factors, design, responses, seeds, seed, limit, readings),
+    )
+    return _planned(settings, base, run or {}, limit)
+
+
+def _planned(
+    settings: StudySettings, base: Configuration, run: Table, limit: float | None
+) -> StudyPlan:
+    """The plan, once every point of the design has been read as a run configuration."""
+    rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=DESIGN_STREAM))
+    design = settings.design.points(settings.factors, settings.base, rng).reset_index(drop=True)
+    points, problems = built_points(design, settings.factors, base, run)
+    faults = [
+        Fault("response", f'"{name}" {text}')
+        for name in settings.responses
+        for text in dict.fromkeys(unsuitable(name, problem) for problem in problems)
+        if text
+    ]
+    raise_all(faults)
+    return StudyPlan(settings, design, points, problems, limit)
+
+
+def is_study(path: Path) -> bool:
+    """Whether a file is the configuration of a study."""
+    table = load(path, [])
+    return table is not None and RUN in table and "vary" in table
+
+
+def _run_table(
+    top: Section, table: Table, path: Path, overrides: Sequence[str], faults: list[Fault]
+) -> Table | None:
+    """The tables of the run, from the file that is named or inline, with what overrides them."""
+    run = top.take(RUN)
+    dotted = {key: table[key] for key in table if key.startswith(f"{RUN}.")}
+    top.known(dotted)
+    if isinstance(run, str):
+        run = load((path.parent / run).resolve(), faults)
+    elif not isinstance(run, dict):
+        text = "is missing: name a run configuration" if run is None else "must be a file name"
+        top.fault(RUN, f'{text} (run = "x.toml"), or give a [run] table')
+        run = None
+    if run is None:
+        return None
+    given = [one.strip().removeprefix(f"{RUN}.") for one in overrides
+             if one.strip().startswith(f"{RUN}.")]  # fmt: skip
+    lines = [f"{key.removeprefix(f'{RUN}.')}={_toml(value)}" for key, value in dotted.items()]
+    override(run, [*lines, *given], faults)
+    found: Table = run
+    return found
+
+
+def _toml(value: Any) -> str:
+    return tomli_w.dumps({"x": value}).partition("=")[2].strip()
+
+
+def _base(run: Table, faults: list[Fault]) -> Configuration | None:
+    """The run as it is; its faults join the others."""
+    try:
+        found = read_table(run, [])
+    except InputError as error:
+        faults += [Fault(f"{RUN}.{fault.place}", fault.message) for fault in error.faults]
+        return None
+    if found.problem is None:
+        faults.append(Fault(f"{RUN}.problem", "is missing: a model alone can only be simulated"))
+        return None
+    if not found.problem.free:
+        text = "every variable is fixed: there is nothing to optimise"
+        faults.append(Fault(f"{RUN}.problem", text))
+        return None
+    return found
+
+
+def _responses(top: Section, base: Configuration | None) -> tuple[str, ...]:
+    """The responses, in the order of `RESPONSES`."""
+    names = [top.take("response")] if isinstance(top.take("response"), str) else None
+    names = names or top.names("response")
+    if names is None:
+        front = base is None or len(base.settings.objectives) > 1
+        return (RESPONSE[0] if front else RESPONSE[1],)
+    for name in names:
+        if name not in RESPONSES:
+            known = ", ".join(RESPONSES)
+            top.fault("response", f'must be of {known}, got "{name}"{nearest(name, RESPONSES)}')
+    if len(set(names)) < len(names):
+        top.fault("response", "names one twice")
+    return tuple(name for name in RESPONSES if name in names)
+
+
+def _design(section: Section, folder: Path) -> Design | None:
+    """The design with its settings; a file of it is looked for beside the configuration."""
+    kind = section.text("kind", DESIGNS)
+    if kind is None:
+        if "kind" not in section:
+            section.fault("kind", f"is missing: one of {', '.join(DESIGNS)}")
+        return None
+    names = {field.name for field in fields(DESIGNS[kind])}  # type: ignore[arg-type]
+    section.known(["kind"])
+    found = settings_of(section, DESIGNS[kind])
+    if "file" in names and found.file:
+        found = type(found)(**(asdict(found) | {"file": str((folder / found.file).resolve())}))
+    assert isinstance(found, Design)
+    return found
+
+
+def _faulty(faults: list[Fault], table: str) -> bool:
+    return any(fault.place.startswith(table) for fault in faults)
+
+
+def _placed(fault: Fault) -> Fault:
+    """Faults of a design name its own keys, `seeds` or `vary.<key>`."""
+    if fault.place == "seeds" or fault.place.startswith("vary") or "/" in fault.place:
+        return fault
+    return Fault(f"design.{fault.place}", fault.message)
+
+
+def _resolved(
+    base: Configuration,
+    factors: tuple[Factor, ...],
+    design: Design,
+    responses: tuple[str, ...],
+    seeds: int,
+    seed: int,
+    limit: float | None,
+    readings: tuple[Reading, ...],
+) -> str:
+    """The study as TOML, every default included; reading it again gives the same study."""
+    vary = {factor.key: _vary(factor) for factor in factors}
+    table: dict[str, Any] = {"seed": seed, "seeds": seeds, "response": list(responses)}
+    table |= {} if limit is None else {"time_limit_s": limit}
+    kind = {"kind": design.kind} | asdict(design)  # type: ignore[call-overload]
+    table |= {"reading": written(readings)} if readings else {}
+    return tomli_w.dumps(table | {"design": kind, "vary": vary, RUN: dict(base.resolved)})
+
+
+def _vary(factor: Factor) -> Any:
+    if factor.levels:
+        return list(factor.levels)
+    table = {"low": factor.low, "high": factor.high, "log": factor.log, "integer": factor.integer}
+    return table | ({} if factor.count is None else {"levels": factor.count})

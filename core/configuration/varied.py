@@ -1,0 +1,149 @@
+"""`[vary]`: the keys of the run configuration that a study varies, and over what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from copy import deepcopy
+from typing import Any
+
+from ..errors import nearest
+from ..section import Range, Section, flat, shown
+from ..workflows.study.records import Factor, Level
+from .source import Table, merge
+
+RANGE_KEYS = ("low", "high", "levels", "log", "integer")
+SEED = "seed"
+
+
+def read_factors(section: Section, table: Table, base: Mapping[str, Any]) -> tuple[Factor, ...]:
+    """The factors of `[vary]`; `base` holds the values of the resolved run by dotted key.
+
+    Keys may be quoted ("algorithm.population") or written as tables; both mean the same.
+    """
+    found = []
+    for key, value in _entries(table).items():
+        section.known([key.split(".")[0], key])
+        if key == SEED or key.startswith("run."):
+            hint = "the seeds are the replicates: set seeds" if key == SEED else "leave out `run.`"
+            section.fault(key, f"cannot be varied: {hint}")
+        elif key not in base:
+            known = ", ".join(_beside(key, base))
+            text = f"is no setting of this run that has a value{nearest(key, base)}"
+            section.fault(key, f"{text}; beside it: {known}" if known else text)
+        else:
+            found.append(_factor(section, key, value, base[key]))
+    section.finish()
+    if not found and not table:
+        section.fault("", "names nothing to vary: give at least one key of the run configuration")
+    return tuple(factor for factor in found if factor is not None)
+
+
+def _entries(table: Table) -> dict[str, Any]:
+    """Levels or ranges by dotted key."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, dict) and not value.keys() & set(RANGE_KEYS):
+            found |= {f"{key}.{rest}": one for rest, one in _entries(value).items()}
+        else:
+            found[key] = value
+    return found
+
+
+def _beside(key: str, base: Mapping[str, Any]) -> list[str]:
+    """Keys of the run in the same table."""
+    place = key.rpartition(".")[0]
+    return [one for one in base if one.rpartition(".")[0] == place and one != SEED]
+
+
+def _factor(section: Section, key: str, value: Any, own: Any) -> Factor | None:
+    """A factor from its levels or range; `own` is the run's own value."""
+    whole = isinstance(own, int) and not isinstance(own, bool)
+    if isinstance(value, list):
+        return _levels(section, key, value, own)
+    if isinstance(value, dict):
+        return _range(section, key, value, whole)
+    section.fault(key, "must be a list of values or a table with low and high, got "
+                  f"{shown(value)}")  # fmt: skip
+    return None
+
+
+def _levels(section: Section, key: str, value: list[Any], own: Any) -> Factor | None:
+    kinds = {str: (str, "a name"), int: (int, "a whole number")}
+    kind, wanted = kinds.get(type(own), ((int, float), "a number"))
+    if not value:
+        section.fault(key, "names no values")
+    for at, one in enumerate(value):
+        if not isinstance(one, kind) or isinstance(one, bool):
+            section.fault(f"{key}[{at}]", f"must be {wanted}, got {shown(one)}")
+            return None
+        if one in value[:at]:
+            section.fault(key, f"names {shown(one)} twice")
+            return None
+    levels = tuple(float(one) if isinstance(own, float) else one for one in value)
+    return Factor(key, levels, integer=isinstance(own, int)) if levels else None
+
+
+def _range(section: Section, key: str, value: Table, whole: bool) -> Factor | None:
+    own = section.of(key, value)
+    low, high = own.number("low"), own.number("high")
+    count = own.integer("levels", Range(low=2))
+    log, integer = own.flag("log") or False, own.flag("integer")
+    own.finish()
+    if low is None or high is None:
+        if "low" not in value or "high" not in value:
+            section.fault(key, "needs low and high")
+        return None
+    if low >= high:
+        section.fault(key, f"low must be below high, got low = {low:g} and high = {high:g}")
+        return None
+    if log and low <= 0.0:
+        section.fault(key, f"a logarithmic range must begin above 0, got low = {low:g}")
+        return None
+    integer = whole if integer is None else integer
+    if integer and (low != int(low) or high != int(high)):
+        section.fault(key, f"is a whole number, got low = {low:g} and high = {high:g}")
+        return None
+    return Factor(key, (), low, high, log, integer, count)
+
+
+def variable_table(run: Table, keys: Iterable[str], resolved: Mapping[str, Any]) -> Table:
+    """The run's tables, those resolved whose short forms the keys lead through.
+
+    `limits.yaw_mrad.max` is a key of the resolved run, where the file may say `yaw_mrad = 0.2`.
+    """
+    found = deepcopy(run)
+    for key in keys:
+        if not merge(deepcopy(found), _nested(key, 0.0)):
+            top = key.split(".")[0]
+            found[top] = deepcopy(resolved[top])
+    return found
+
+
+def with_values(table: Table, values: Mapping[str, Level]) -> Table:
+    """A copy of the run's tables with other values of some keys (dotted)."""
+    found = deepcopy(table)
+    for key, value in values.items():
+        merge(found, _nested(key, value))
+    return found
+
+
+def _nested(key: str, value: Any) -> Table:
+    for name in reversed(key.split(".")):
+        value = {name: value}
+    found: Table = value
+    return found
+
+
+def base_values(run: Table, resolved: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers and names of a run by dotted key, as its file and as its resolved form have them."""
+    written = {k: float(v) if isinstance(v, int) else v for k, v in _plain(run).items()}
+    return written | _plain(resolved)
+
+
+def _plain(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Values that can be varied: no truth values, no lists."""
+    return {
+        key: value
+        for key, value in flat(table).items()
+        if isinstance(value, int | float | str) and not isinstance(value, bool)
+    }

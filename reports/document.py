@@ -1,0 +1,49 @@
+"""What all pages share: one document, its sections and drawings, every outside text escaped."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from html import escape
+
+from matplotlib.figure import Figure
+
+from .drawing import as_svg
+from .style import STYLE
+
+
+def document(title: str, body: str) -> str:
+    """The whole page of that title."""
+    name = escape(title)
+    policy = "default-src 'none'; style-src 'unsafe-inline'"
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{name}</title>\n<style>{STYLE}</style>\n</head>\n"
+        f"<body>\n<h1>{name}</h1>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def section(title: str, body: str) -> str:
+    """A part with its heading; `body` is HTML."""
+    return f"<section>\n<h2>{escape(title)}</h2>\n{body}\n</section>"
+
+
+def picture(name: str, figure: Figure, caption: str) -> str:
+    """A drawing with its caption, which is its text alternative too; `name` is unique."""
+    drawing = as_svg(figure).decode()
+    drawing = drawing[drawing.index("<svg") :]
+    # Two drawings on one page must not share identifiers.
+    drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
+    drawing = re.sub(r'href="#', f'href="#{name}-', drawing)
+    drawing = drawing.replace("url(#", f"url(#{name}-")
+    drawing = drawing.replace("<svg ", f'<svg role="img" aria-label="{escape(caption)}" ', 1)
+    return f"<figure>{drawing}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def bullets(notes: Sequence[str]) -> str:
+    """A list of plain sentences."""
+    if not notes:
+        return "<p>None.</p>"
+    return "<ul>\n" + "\n".join(f"<li>{escape(note)}</li>" for note in notes) + "\n</ul>"

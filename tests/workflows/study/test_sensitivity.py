@@ -1,0 +1,222 @@
+"""Known truth: indices of given functions, given noise, through the code that a study goes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.typing import NDArray
+from SALib.analyze import morris as salib_morris
+from SALib.analyze import sobol as salib_sobol
+from scipy.stats import binom
+
+from tolevo.workflows.study.designs import Factorial, LatinHypercube, Morris, OneAtATime, Sobol
+from tolevo.workflows.study.records import Design, Factor, StudyData, StudySettings
+from tolevo.workflows.study.statistics.contrasts import contrasts
+from tolevo.workflows.study.statistics.runs import runs_of
+from tolevo.workflows.study.statistics.sensitivity import sensitivity
+
+Array = NDArray[np.float64]
+KEYS = ("a", "b", "c", "d")
+UNIT = tuple(Factor(key, low=0.0, high=1.0) for key in KEYS)
+LISTS = (Factor("a", (1, 2, 3)), Factor("b", (0, 1)), Factor("c", ("x", "y", "z")))
+BASE = {"a": 1, "b": 0, "c": "x"}
+STUDIES = 100
+RARE = 1e-4
+"""Chance at which a right interval would fail its test."""
+
+
+def found(settings: StudySettings, data: StudyData, rng: np.random.Generator) -> pd.DataFrame:
+    """Rows of the sensitivities by key and statistic."""
+    runs = runs_of(data.table, settings.responses[0], len(data.design))
+    some = contrasts(settings.design.kind, data.design, settings.factors, settings.base)
+    return sensitivity(runs, data.design, settings, some, rng).set_index(["key", "statistic"])
+
+
+def ishigami(frame: pd.DataFrame) -> Array:
+    x = np.pi * (2 * frame[list(KEYS)].to_numpy() - 1)
+    return np.asarray(np.sin(x[:, 0]) * (1 + 0.1 * x[:, 2] ** 4) + 7 * np.sin(x[:, 1]) ** 2)
+
+
+def ishigami_truth() -> dict[tuple[str, str], float]:
+    """Closed form (Ishigami and Homma 1990), a = 7, b = 0.1, and a key that does nothing."""
+    first, second = 0.5 * (1 + 0.1 * np.pi**4 / 5) ** 2, 49 / 8
+    mixed = 0.1**2 * np.pi**8 * (1 / 18 - 1 / 50)
+    total = first + second + mixed
+    return {
+        ("a", "S1"): first / total, ("b", "S1"): second / total,
+        ("c", "S1"): 0.0, ("d", "S1"): 0.0,
+        ("a", "ST"): (first + mixed) / total, ("b", "ST"): second / total,
+        ("c", "ST"): mixed / total, ("d", "ST"): 0.0,
+    }  # fmt: skip
+
+
+def levels(frame: pd.DataFrame) -> Array:
+    """Effects of lists: a (variance 2/3), b (variance 1), a with b (variance 1/6); c nothing."""
+    a, b = frame["a"].to_numpy(dtype=float) - 2, 2 * frame["b"].to_numpy(dtype=float) - 1
+    return np.asarray(a + b + 0.5 * a * b)
+
+
+def hits(
+    synthetic: Any,
+    design: Design,
+    factors: tuple[Factor, ...],
+    effect: Any,
+    truth: dict[tuple[str, str], float],
+    noise: float,
+    seeds: int,
+) -> tuple[pd.Series, pd.Series]:
+    """How many of `STUDIES` intervals hold the truth, and how many lie above 0."""
+    inside, above = [], []
+    settings = synthetic.settings(design, factors, seeds, BASE)
+    for study in range(STUDIES):
+        rng = np.random.default_rng([study, 7])
+        data = synthetic.data(settings, effect, noise, rng, common=2.0)
+        rows = found(settings, data, rng).loc[list(truth)]
+        true = np.array(list(truth.values()))
+        inside.append((rows["low"] <= true + 1e-12) & (true - 1e-12 <= rows["high"]))
+        above.append(rows["distinct"])
+    return sum(inside[1:], inside[0].astype(int)), sum(above[1:], above[0].astype(int))
+
+
+def assert_covered(inside: pd.Series) -> None:
+    assert inside.min() >= binom.ppf(RARE / len(inside), STUDIES, 0.95), inside
+
+
+@pytest.mark.parametrize("noise", [0.0, 3.7])
+def test_sobol_intervals_cover_the_truth_and_nothing_is_reported_as_nothing(
+    synthetic: Any, noise: float
+) -> None:
+    truth = ishigami_truth()
+    inside, above = hits(synthetic, Sobol(samples=64), UNIT, ishigami, truth, noise, seeds=4)
+    assert_covered(inside)
+    for statistic in ("S1", "ST"):
+        assert above["d", statistic] <= binom.ppf(1 - RARE, STUDIES, 0.025)
+    assert above["b", "ST"] > 0.9 * STUDIES
+
+
+def test_one_seed_makes_something_of_nothing_where_two_do_not(synthetic: Any) -> None:
+    """The trap: noise of the size of the effects, one seed, SALib as it is."""
+    settings = synthetic.settings(Sobol(samples=256), UNIT, 6)
+    rng = np.random.default_rng(0)
+    data = synthetic.data(settings, ishigami, 2.5, rng)
+    problem = {"num_vars": 4, "names": list(KEYS), "bounds": [[0.0, 1.0]] * 4}
+    one = data.table[data.table["replicate"] == 0]["gap_percent"].to_numpy()
+    naive = salib_sobol.analyze(problem, one, calc_second_order=False, seed=1)
+    nothing = found(settings, data, rng).loc["d", "ST"]
+    assert naive["ST"][3] > 0.25
+    assert nothing["low"] < 0.0 < nothing["high"] < 0.1
+
+
+def test_sobol_without_noise_is_that_of_salib(synthetic: Any) -> None:
+    settings = synthetic.settings(Sobol(samples=64), UNIT, 3)
+    rng = np.random.default_rng(0)
+    data = synthetic.data(settings, ishigami, 0.0, rng)
+    rows = found(settings, data, rng)
+    problem = {"num_vars": 4, "names": list(KEYS), "bounds": [[0.0, 1.0]] * 4}
+    known = salib_sobol.analyze(problem, ishigami(data.design), calc_second_order=False, seed=1)
+    # SALib centres by all runs, here those of A and B do it: a difference of the order 1/samples^2
+    np.testing.assert_allclose(rows.xs("S1", level=1)["value"], known["S1"], atol=2e-4)
+    np.testing.assert_allclose(rows.xs("ST", level=1)["value"], known["ST"], rtol=1e-10)
+    assert rows.loc["d", "ST"][["value", "low", "high"]].tolist() == [0.0, 0.0, 0.0]
+    assert abs(rows.loc["", "noise_share"]["value"]) < 1e-12
+
+
+def curved(frame: pd.DataFrame) -> Array:
+    x = frame[list(KEYS)].to_numpy()
+    return np.asarray(6 * x[:, 0] - 5 * x[:, 1] + 4 * x[:, 2] ** 2)
+
+
+def test_morris_intervals_cover_the_truth(synthetic: Any) -> None:
+    """Of x^2 on the grid 0, 1/3, 2/3, 1 with steps of 2/3 the effects are 2/3 and 4/3, times 4."""
+    truth = {
+        ("a", "mu_star"): 6.0, ("b", "mu_star"): 5.0, ("c", "mu_star"): 4.0, ("d", "mu_star"): 0.0,
+        ("a", "sigma"): 0.0, ("c", "sigma"): 4 / 3, ("d", "sigma"): 0.0,
+    }  # fmt: skip
+    design = Morris(trajectories=12)
+    inside, above = hits(synthetic, design, UNIT, curved, truth, noise=1.0, seeds=5)
+    assert_covered(inside)
+    assert above["d", "mu_star"] <= binom.ppf(1 - RARE, STUDIES, 0.025)
+    assert above["c", "mu_star"] == STUDIES
+
+
+def test_morris_without_noise_is_that_of_salib(synthetic: Any) -> None:
+    settings = synthetic.settings(Morris(trajectories=12), UNIT, 2)
+    rng = np.random.default_rng(0)
+    data = synthetic.data(settings, curved, 0.0, rng)
+    rows = found(settings, data, rng)
+    problem = {"num_vars": 4, "names": list(KEYS), "bounds": [[0.0, 1.0]] * 4}
+    x = data.design[[f"_share_{key}" for key in KEYS]].to_numpy()
+    known = salib_morris.analyze(problem, x, curved(data.design), seed=1)
+    mu_star = rows.xs("mu_star", level=1)["value"]
+    np.testing.assert_allclose(mu_star, np.asarray(known["mu_star"], dtype=float), atol=1e-12)
+    sigma = rows.xs("sigma", level=1)["value"]
+    np.testing.assert_allclose(sigma, np.asarray(known["sigma"], dtype=float), atol=1e-6)
+
+
+def test_shares_of_a_factorial_cover_the_truth(synthetic: Any) -> None:
+    noise, common = 1.5, 2.0
+    total = 2 / 3 + 1 + 1 / 6 + noise**2 + common**2
+    truth = {
+        ("a", "anova_share"): 2 / 3 / total, ("b", "anova_share"): 1 / total,
+        ("a x b", "anova_share"): 1 / 6 / total, ("c", "anova_share"): 0.0,
+        ("b x c", "anova_share"): 0.0, ("", "noise_share"): (noise**2 + common**2) / total,
+    }  # fmt: skip
+    inside, above = hits(synthetic, Factorial(), LISTS, levels, truth, noise, seeds=25)
+    assert_covered(inside)
+    assert above["c", "anova_share"] <= binom.ppf(1 - RARE, STUDIES, 0.025)
+
+
+def test_shares_one_at_a_time_cover_the_truth(synthetic: Any) -> None:
+    """At b = -1 the slope of a is 1/2, at a = -1 that of b is 1/2."""
+    noise, common = 0.5, 2.0
+    rest = noise**2 + common**2
+    truth = {
+        ("a", "anova_share"): 1 / 6 / (1 / 6 + rest), ("b", "anova_share"): 0.25 / (0.25 + rest),
+        ("c", "anova_share"): 0.0,
+    }  # fmt: skip
+    inside, above = hits(synthetic, OneAtATime(), LISTS, levels, truth, noise, seeds=25)
+    assert_covered(inside)
+    assert above["b", "anova_share"] > 0.9 * STUDIES
+
+
+def test_shares_of_a_latin_hypercube_find_a_curve_and_a_list(synthetic: Any) -> None:
+    factors = (Factor("a", low=0.0, high=1.0), Factor("b", low=0.0, high=1.0), LISTS[2])
+
+    def effect(frame: pd.DataFrame) -> Array:
+        bump = 4 * (frame["a"] - 0.5) ** 2  # variance 4/45
+        return (3 * bump + (frame["c"] == "y")).to_numpy(dtype=float)  # 0.8 and 2/9
+
+    settings = synthetic.settings(LatinHypercube(samples=120), factors, 20)
+    rng = np.random.default_rng(0)
+    data = synthetic.data(settings, effect, 0.5, rng)
+    rows = found(settings, data, rng).xs("anova_share", level=1)
+    total = 0.8 + 2 / 9 + 0.25
+    np.testing.assert_allclose(rows["value"], [0.8 / total, 0, 2 / 9 / total], atol=0.04)
+    assert rows["distinct"].tolist() == [True, False, True]
+
+
+def test_a_failed_run_leaves_out_its_seed_in_its_block_only(synthetic: Any) -> None:
+    settings = synthetic.settings(Sobol(samples=64), UNIT, 4)
+    rng = np.random.default_rng(0)
+    data = synthetic.data(settings, ishigami, 1.0, rng)
+    lost = (data.table["point"] == 3) & (data.table["replicate"] == 1)
+    data.table.loc[lost, ["status", "gap_percent"]] = ["failed", np.nan]
+    other = data.table.copy()
+    block = (other["point"] < 6) & (other["replicate"] == 1)
+    other.loc[block, ["status", "gap_percent"]] = ["failed", np.nan]
+    same = StudyData(other, data.design, data.curves, data.exact)
+    rows = [found(settings, one, np.random.default_rng(1)) for one in (data, same)]
+    drop = ("", "noise_share")  # it uses all runs of A and B
+    pd.testing.assert_frame_equal(rows[0].drop([drop]), rows[1].drop([drop]))
+    assert rows[0]["value"].notna().all()
+
+
+def test_an_infinite_response_has_no_shares(synthetic: Any) -> None:
+    settings = synthetic.settings(Factorial(), LISTS, 4, BASE, "evaluations_to_99")
+    rng = np.random.default_rng(0)
+    data = synthetic.data(settings, levels, 1.0, rng)
+    data.table.loc[0, "evaluations_to_99"] = np.nan  # done, but never there
+    assert found(settings, data, rng).empty

@@ -1,0 +1,62 @@
+"""Morris: trajectories through a grid that change one key at each step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+import pandas as pd
+
+from ....errors import Fault
+from ..records import Design, Factor, Level
+from .needs import frame_of, replicate_faults, small
+
+LEAST = 10
+"""Trajectories from which the intervals of the statistics are worth their name."""
+SHARE = "_share_"
+"""Prefix of the columns that hold the place in the grid, in [0, 1]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Morris(Design):
+    """Elementary effects (Morris 1991) along `trajectories` of one setting more than keys."""
+
+    kind: ClassVar[str] = "morris"
+    trajectories: int = field(default=20, metadata={"low": 1})
+    levels: int = field(default=4, metadata={"low": 2})
+
+    def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
+        statistic = "intervals of elementary effects need"
+        found = small("trajectories", self.trajectories, LEAST, statistic)
+        if self.levels % 2:
+            text = f"is {self.levels}: steps of half the grid need an even number of levels"
+            found.append(Fault("levels", text))
+        return found + replicate_faults(seeds, "elementary effects")
+
+    def points(
+        self,
+        factors: tuple[Factor, ...],
+        base: Mapping[str, Level],
+        rng: np.random.Generator,
+    ) -> pd.DataFrame:
+        """Columns `_share_<key>` hold the place of each key in the grid."""
+        from SALib.sample.morris import sample
+
+        shares = sample(
+            _unit_cube(factors), self.trajectories, num_levels=self.levels, seed=rng
+        )  # a generator: SALib takes the seed 0 for none
+        named = pd.DataFrame(shares, columns=[SHARE + factor.key for factor in factors])
+        return frame_of(factors, self._places(factors, shares)).join(named)
+
+    def _places(self, factors: tuple[Factor, ...], shares: np.ndarray) -> np.ndarray:
+        """Ranges keep both ends; a list is entered in the middle of each step, so none is rare."""
+        middles = (np.rint(shares * (self.levels - 1)) + 0.5) / self.levels
+        return np.where([factor.ranged for factor in factors], shares, middles)
+
+
+def _unit_cube(factors: tuple[Factor, ...]) -> dict[str, object]:
+    """The keys as SALib describes them, each from 0 to 1."""
+    names = [factor.key for factor in factors]
+    return {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}

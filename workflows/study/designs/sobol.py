@@ -1,0 +1,51 @@
+"""Sobol: Saltelli's pairs of samples, from which shares of variance are estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+import pandas as pd
+
+from ....errors import Fault
+from ..records import Design, Factor, Level
+from .needs import frame_of, replicate_faults, small
+
+LEAST = 64
+"""Base samples from which the intervals of the indices are worth their name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sobol(Design):
+    """`samples` blocks of A, A with one key from B for every key, and B (Saltelli et al. 2010)."""
+
+    kind: ClassVar[str] = "sobol"
+    samples: int = field(default=128, metadata={"low": 1})
+
+    def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
+        found = small("samples", self.samples, LEAST, "intervals of Sobol indices need")
+        if self.samples & (self.samples - 1):
+            lower = 1 << (self.samples.bit_length() - 1)
+            text = f"is {self.samples}: a Sobol sequence is balanced at powers of 2; use"
+            found.append(Fault("samples", f"{text} {max(lower, LEAST)} or {max(2 * lower, LEAST)}"))
+        return found + replicate_faults(seeds, "Sobol indices")
+
+    def points(
+        self,
+        factors: tuple[Factor, ...],
+        base: Mapping[str, Level],
+        rng: np.random.Generator,
+    ) -> pd.DataFrame:
+        """Row `block * (keys + 2) + at`: at 0 is A, 1 to keys is A with that key from B, then B."""
+        from SALib.sample.sobol import sample
+
+        cube = {
+            "num_vars": len(factors),
+            "names": [factor.key for factor in factors],
+            "bounds": [[0.0, 1.0]] * len(factors),
+        }
+        # A generator: SALib takes the seed 0 for none.
+        shares = sample(cube, self.samples, calc_second_order=False, seed=rng)
+        return frame_of(factors, shares)

@@ -1,0 +1,87 @@
+"""Table: settings that the user has written down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+
+from ....errors import Fault, InputError, nearest
+from ....tables import cell_faults, parsed, read
+from ..records import Design, Factor, Level
+from .needs import column
+
+
+@dataclass(frozen=True, slots=True)
+class Table(Design):
+    """One setting per row of `file` (CSV or Parquet), one column per varied key."""
+
+    kind: ClassVar[str] = "table"
+    file: str = ""
+
+    def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
+        if not self.file:
+            return [Fault("file", "is missing: name the CSV or Parquet file of the settings")]
+        return self._parsed(factors)[1]
+
+    def points(
+        self,
+        factors: tuple[Factor, ...],
+        base: Mapping[str, Level],
+        rng: np.random.Generator,
+    ) -> pd.DataFrame:
+        found, faults = self._parsed(factors)
+        if faults:
+            raise InputError(faults)
+        return found.reset_index(drop=True)
+
+    def _parsed(self, factors: tuple[Factor, ...]) -> tuple[pd.DataFrame, list[Fault]]:
+        try:
+            raw = read(Path(self.file), self.file)
+        except InputError as error:
+            return pd.DataFrame(), list(error.faults)
+        names = [factor.key for factor in factors if factor.categorical]
+        typed, faults = parsed(raw, self.file, [factor.key for factor in factors], text=names)
+        known = [factor for factor in factors if factor.key in typed]
+        for factor in known:
+            bad = _bad_cells(factor, typed[factor.key])
+            faults += cell_faults(self.file, factor.key, bad)
+        values = {one.key: column(_levels(one, typed[one.key])) for one in known}
+        return pd.DataFrame(values), faults
+
+
+def _bad_cells(factor: Factor, cells: pd.Series) -> dict[Any, str]:
+    """What is no level of the factor, or outside of its range, by row."""
+    given = cells.dropna()
+    if not factor.ranged:
+        bad = given[~given.isin(factor.levels)]
+        names = [str(level) for level in factor.levels]
+        known = ", ".join(names)
+        return {at: f"must be one of {known}, got {_shown(value)}{nearest(str(value), names)}"
+                for at, value in bad.items()}  # fmt: skip
+    bad = given[(given < factor.low) | (given > factor.high)]
+    found = {at: f"must lie in [{factor.low:.10g}, {factor.high:.10g}], got {_shown(value)}"
+             for at, value in bad.items()}  # fmt: skip
+    if factor.integer:
+        broken = given[given != np.floor(given)]
+        found |= {
+            at: f"must be a whole number, got {_shown(value)}" for at, value in broken.items()
+        }
+    return found
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.10g}" if isinstance(value, float) else f'"{value}"'
+
+
+def _levels(factor: Factor, cells: pd.Series) -> list[Any]:
+    """The cells as the levels are written, whole numbers whole."""
+    if factor.ranged:
+        whole = factor.integer and not cells.isna().any()
+        return [int(one) if whole else float(one) for one in cells]
+    known: dict[Any, Level] = {level: level for level in factor.levels}
+    return [known.get(one, one) for one in cells]

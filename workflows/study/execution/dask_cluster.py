@@ -1,0 +1,142 @@
+"""Tasks on the workers of an existing Dask scheduler."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
+from typing import Any
+
+import distributed
+from distributed.comm import connect
+from distributed.core import send_recv
+
+from ....errors import RunError, refuse
+from .executor import ATTEMPTS, Executor, Lost, Result, TaskT
+
+PATIENCE = 8.0
+"""Seconds that a scheduler has to answer."""
+LOOK = 1.0
+"""Seconds between two looks at whether the scheduler is still there."""
+AHEAD = 2
+"""Tasks per worker that are handed over, so that none waits for the next."""
+GONE = "the Dask scheduler {address} was lost"
+
+
+class DaskCluster(Executor):
+    """The workers of the scheduler at `address` (`tcp://...`, or `tls://...` with Dask's own
+    configuration of the certificates).
+
+    Raises InputError where nobody answers there. Dask runs the task of a lost worker on another as
+    often as its `allowed-failures` say, and this class asks again after that.
+    """
+
+    def __init__(self, address: str) -> None:
+        _check(address)
+        self.address = address
+        self._threads, self._counted = 0, -math.inf
+        self._logger = logging.getLogger("distributed.client")
+        self._quiet = self._logger.disabled
+        self._logger.disabled = True  # that a scheduler is lost is said here, without a traceback
+        self._client: Any = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+
+    @property
+    def workers(self) -> int:  # type: ignore[override]
+        """Threads of the workers, `LOOK` seconds ago at most; 0 where there is none."""
+        if time.monotonic() >= self._counted + LOOK:
+            try:
+                self._threads = sum(self._client.nthreads().values())
+            except (CancelledError, OSError) as error:
+                raise RunError(GONE.format(address=self.address)) from error
+            self._counted = time.monotonic()
+        return self._threads
+
+    def completed(
+        self, function: Callable[[TaskT], Result], source: Callable[[], TaskT | None]
+    ) -> Iterator[tuple[TaskT, Result | Lost]]:
+        busy: dict[Any, tuple[TaskT, int]] = {}
+        while True:
+            room = AHEAD * max(1, self.workers) - len(busy)
+            while room > 0 and (task := source()) is not None:
+                busy[self._submit(function, task, 1)] = task, 1
+                room -= 1
+            if not busy:
+                return
+            for future in self._ended(list(busy)):
+                task, attempt = busy.pop(future)
+                result = self._result(future)
+                if isinstance(result, Lost) and attempt < ATTEMPTS:
+                    busy[self._submit(function, task, attempt + 1)] = task, attempt + 1
+                    continue
+                yield task, result
+
+    def _submit(self, function: Callable[[TaskT], Result], task: TaskT, attempt: int) -> Any:
+        """A keyed task; another attempt has another key, or the stored failure would come back."""
+        return self._client.submit(function, task, key=f"tolevo-{task.key}-{attempt}", pure=True)
+
+    def _ended(self, futures: list[Any]) -> list[Any]:
+        """The futures that have ended; waits for one at least."""
+        while True:
+            try:
+                with self._client.as_current():
+                    waited: Any = distributed.wait(futures, LOOK, "FIRST_COMPLETED")
+                done = waited.done
+                return [future for future in futures if future in done]
+            except TimeoutError:
+                if self._client.status != "running":
+                    raise RunError(GONE.format(address=self.address)) from None
+            except (CancelledError, OSError) as error:
+                raise RunError(GONE.format(address=self.address)) from error
+
+    def _result(self, future: Any) -> Any:
+        if future.status not in ("finished", "error"):
+            raise RunError(GONE.format(address=self.address))
+        try:
+            failure = future.exception(timeout=PATIENCE)
+            result = future.result(timeout=PATIENCE) if failure is None else None
+        except (CancelledError, OSError) as error:
+            raise RunError(GONE.format(address=self.address)) from error
+        if isinstance(failure, distributed.KilledWorker):
+            return Lost("it took every Dask worker with it that tried (killed, or out of memory)")
+        if isinstance(failure, ImportError):
+            text = f"a Dask worker cannot run tolevo ({failure}): install the same version there"
+            raise RunError(text) from failure
+        if failure is not None:
+            raise failure
+        return result
+
+    def close(self) -> None:
+        self._client.close(timeout=PATIENCE)
+        self._logger.disabled = self._quiet
+
+
+def _check(address: str) -> None:
+    """Raises InputError where no scheduler answers.
+
+    Dask's client waits for ever for something that takes the connection and says nothing, and
+    trusts the length of the first message of whatever answers.
+    """
+    try:
+        kind = asyncio.run(asyncio.wait_for(_kind(address), PATIENCE))
+    except (OSError, ValueError, TypeError, MemoryError, EOFError, RuntimeError) as error:
+        reason = str(error).splitlines()[0] if str(error) else "no answer"
+        text = f"no Dask scheduler answers at {address} ({reason}); start one: dask scheduler"
+        raise refuse("--dask", text) from error
+    if kind != "Scheduler":
+        text = f"at {address} there is a {kind}: give the address of the scheduler"
+        raise refuse("--dask", text)
+
+
+async def _kind(address: str) -> str:
+    """What Dask's process at an address says that it is."""
+    arguments: Any = distributed.Security().get_connection_args("client")
+    if address.startswith("tls://") and arguments.get("ssl_context") is None:
+        raise ValueError("TLS needs certificates in Dask's configuration, see docs/study.md")
+    comm: Any = await connect(address, timeout=PATIENCE, **arguments)
+    try:
+        return str((await send_recv(comm, op="identity", reply=True))["type"])
+    finally:
+        comm.abort()

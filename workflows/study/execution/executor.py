@@ -1,0 +1,64 @@
+"""The one interface of everything that runs tasks."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self, TypeVar
+
+ATTEMPTS = 3
+"""Workers that a task may take with it before it is given up."""
+
+
+class Task(Protocol):
+    """A task: a picklable value with a name. Equal keys are equal tasks."""
+
+    @property
+    def key(self) -> str:
+        """The name."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """In place of a result: the task took `ATTEMPTS` workers with it."""
+
+    reason: str
+
+
+TaskT = TypeVar("TaskT", bound=Task)
+Result = TypeVar("Result")
+
+
+class Executor(ABC):
+    """Runs pure functions of tasks. A context: leaving it ends what still runs."""
+
+    workers: int
+    """Tasks that run at once, as far as is known."""
+
+    @abstractmethod
+    def completed(
+        self, function: Callable[[TaskT], Result], source: Callable[[], TaskT | None]
+    ) -> Iterator[tuple[TaskT, Result | Lost]]:
+        """Tasks with their results, as they end.
+
+        `source` hands out the next task, None where there is none at the moment; it is asked again
+        after each result. It ends when nothing runs and there is no task. A lost worker's task is
+        run again; what `function` raises is raised here.
+        """
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:  # noqa: B027 - nothing is to be done where nothing was begun
+        """End what still runs."""

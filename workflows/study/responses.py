@@ -1,0 +1,100 @@
+"""The numbers that a run is judged by."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isnan, nan
+from types import MappingProxyType
+
+import numpy as np
+
+from ...algorithms.course import Course
+from ...algorithms.exact.bounds import proof, reason
+from ...algorithms.exact.solver import closed_form
+from ...problems.tolerance_problem import ToleranceProblem
+from .yardstick import Yardstick
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """A run that has ended."""
+
+    problem: ToleranceProblem
+    course: Course
+    measure: Yardstick
+
+
+def _hypervolume(run: Ended) -> float:
+    return run.measure.box.hypervolume(run.course.front)
+
+
+def _hypervolume_ratio(run: Ended) -> float:
+    return _hypervolume(run) / run.measure.value
+
+
+def _gap_percent(run: Ended) -> float:
+    """Of one objective that of the best design, else the median over the front."""
+    front = run.course.front
+    if not len(front):
+        return nan
+    if run.problem.n_obj == 1:
+        bound = run.measure.bound
+        return 100.0 * max(float(front.min()) - bound, 0.0) / abs(bound) if bound else nan
+    columns = dict(zip(run.problem.objectives, front.T, strict=True))
+    gap = proof(run.problem, columns, len(front)).gap_percent(columns["cost"])
+    return float(np.nanmedian(gap)) if not np.isnan(gap).all() else nan
+
+
+def _evaluations_to_99(run: Ended) -> float:
+    return run.course.reached_at[0]
+
+
+def _cpu_s_to_99(run: Ended) -> float:
+    return run.course.reached_at[1]
+
+
+def _feasible_fraction(run: Ended) -> float:
+    return run.course.feasible / run.course.evaluations if run.course.evaluations else nan
+
+
+FORMULAS: MappingProxyType[str, Callable[[Ended], float]] = MappingProxyType({
+    "hypervolume_ratio": _hypervolume_ratio,
+    "hypervolume": _hypervolume,
+    "gap_percent": _gap_percent,
+    "evaluations_to_99": _evaluations_to_99,
+    "cpu_s_to_99": _cpu_s_to_99,
+    "feasible_fraction": _feasible_fraction,
+})  # fmt: skip
+
+
+def unsuitable(name: str, problem: ToleranceProblem) -> str:
+    """Why a response says nothing of a problem, with what to use instead; empty where it does."""
+    if name == "hypervolume_ratio" and problem.n_obj == 1:
+        return "has no meaning for one objective: use gap_percent"
+    if name == "gap_percent":
+        text = reason(problem, problem.form())
+        return f"cannot be told ({text}): use hypervolume" if text else ""
+    if name in ("hypervolume_ratio", "evaluations_to_99", "cpu_s_to_99"):
+        text = _no_exact_front(problem)
+        return f"needs the exact front, and {text}: use hypervolume" if text else ""
+    return ""
+
+
+def unknown(name: str, measure: Yardstick) -> str:
+    """What is missing for a response now that the exact front has been looked for."""
+    needs_value = name in ("hypervolume_ratio", "evaluations_to_99", "cpu_s_to_99")
+    one = len(measure.box.ideal) == 1
+    if (needs_value and isnan(measure.value)) or (
+        name == "gap_percent" and one and isnan(measure.bound)
+    ):
+        return "the exact front of this problem could not be proven: use hypervolume"
+    return ""
+
+
+def _no_exact_front(problem: ToleranceProblem) -> str:
+    """Why the exact front is not known, from what can be seen without solving it."""
+    if problem.n_obj > 2:
+        return "that of three or more objectives is not known"
+    form = closed_form(problem)
+    return "" if form is not None and form.exact else "this problem has no exact convex form"

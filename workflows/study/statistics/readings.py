@@ -1,0 +1,69 @@
+"""Whether what somebody reads from a figure holds, told from the tests."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from ....records import Verdict
+from ..records import LARGER_IS_BETTER, Reading
+
+
+def verdicts(readings: tuple[Reading, ...], tests: pd.DataFrame) -> tuple[Verdict, ...]:
+    """A verdict with its sentence for every reading whose levels were compared."""
+    found = []
+    for reading in readings:
+        row = _row(reading, tests)
+        verdict, because = _verdict(reading, row)
+        words = f"{reading.figure}, “{reading.says}”: {verdict}. {because}"
+        found.append(Verdict(reading.figure, reading.key, (reading.a, reading.b),
+                             reading.response, verdict, words))  # fmt: skip
+    return tuple(found)
+
+
+def _row(reading: Reading, tests: pd.DataFrame) -> dict[str, Any] | None:
+    """The comparison of the two levels, turned so that `a` comes first."""
+    of_key = tests[(tests["kind"] == "wilcoxon") & (tests["key"] == reading.key)
+                   & (tests["response"] == reading.response)]  # fmt: skip
+    for row in of_key.to_dict("records"):
+        if (row["a"], row["b"]) == (reading.a, reading.b):
+            return {str(name): value for name, value in row.items()}
+        if (row["a"], row["b"]) == (reading.b, reading.a):
+            turned = {"effect": -row["effect"], "difference": -row["difference"],
+                      "low": -row["high"], "high": -row["low"]}  # fmt: skip
+            return {str(name): value for name, value in row.items()} | turned
+    return None
+
+
+def _verdict(reading: Reading, row: dict[str, Any] | None) -> tuple[str, str]:
+    """The verdict, and what it stands on."""
+    if row is None:
+        text = f"The study has no comparison of {reading.a} with {reading.b} in {reading.response}"
+        return "undecided", f"{text}."
+    if row["reason"]:
+        return "undecided", f"{str(row['reason']).capitalize()}."
+    evidence = _evidence(reading, row)
+    if not row["significant"]:
+        return "not shown", f"{evidence}: no difference is shown."
+    larger = row["effect"] > 0
+    better = larger == (reading.response in LARGER_IS_BETTER)
+    return ("holds" if better == reading.better else "does not hold: it is the other way round",
+            f"{evidence}.")  # fmt: skip
+
+
+def _evidence(reading: Reading, row: dict[str, Any]) -> str:
+    """The comparison in words."""
+    if pd.isna(row["difference"]):
+        size = f"{reading.response} was not reached by most runs on one side"
+    else:
+        size = (f"{reading.response} at {reading.a} less that at {reading.b} is "
+                f"{row['difference']:.3g}{_interval(row)} in the median")  # fmt: skip
+    return (f"{size} (rank correlation {row['effect']:.2f}, p = {row['p_holm']:.2g} after Holm, "
+            f"{row['n']} seeds)")  # fmt: skip
+
+
+def _interval(row: dict[str, Any]) -> str:
+    if pd.isna(row["low"]) or pd.isna(row["high"]):
+        return ""
+    return f" [{row['low']:.3g}, {row['high']:.3g}]"

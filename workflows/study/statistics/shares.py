@@ -1,0 +1,108 @@
+"""Shares of the variance of one run: which part each key explains, beside the noise.
+
+They are estimated over pairs of different seeds, so that noise is no share of a key. The settings
+are those of the design; the intervals are over seeds.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+
+from ..records import Factor
+from .anova import model
+from .contrasts import Contrast
+from .noise import variance
+from .resampling import Array, Estimates, crossed, fixed_settings
+from .runs import complete
+
+
+def effect_of(values: Array, weights: Array) -> Array:
+    """Variance of the levels (levels, replicates) without the noise; shape (draws,)."""
+    centred = values - values.mean(axis=0)
+    return np.asarray(crossed(centred, centred, weights).mean(-1))
+
+
+def key_shares(values: Array, contrast: Contrast, rng: np.random.Generator) -> Estimates:
+    """One at a time: share of one key in the variance of a run over its levels, shape (1,)."""
+    levels = complete(contrast.table(values).T)
+
+    def statistic(rows: Array, weights: Array) -> Array:
+        effect = effect_of(levels, weights)
+        return _share(effect[:, None], effect + variance(levels, weights).mean(-1))
+
+    return fixed_settings(statistic, levels.shape[1], rng)
+
+
+def factorial_shares(
+    values: Array, found: list[Contrast], rng: np.random.Generator
+) -> tuple[list[str], Estimates]:
+    """Shares of every key, every pair of keys, and all that is left between settings."""
+    whole = complete(values)
+    means: dict[tuple[str, ...], Array] = {(one.key,): _means(whole, one.members) for one in found}
+    effects = dict(means)
+    for a, b in combinations(found, 2):
+        cells = _cells(len(values), a, b)
+        joint = _means(whole, tuple(cells.values()))
+        first, second = np.array(list(cells)).T
+        effects[a.key, b.key] = joint - means[(a.key,)][first] - means[(b.key,)][second]
+
+    def statistic(rows: Array, weights: Array) -> Array:
+        between = effect_of(whole, weights)
+        parts = np.stack([_squares(one, weights) for one in effects.values()], axis=-1)
+        return _share(parts, between + variance(whole, weights).mean(-1))
+
+    names = [" x ".join(keys) for keys in effects]
+    return names, fixed_settings(statistic, whole.shape[1], rng)
+
+
+def _means(values: Array, members: tuple[np.ndarray, ...]) -> Array:
+    """Mean over the settings of each level less that of all, shape (levels, replicates)."""
+    means = np.stack([values[rows].mean(axis=0) for rows in members])
+    return np.asarray(means - values.mean(axis=0))
+
+
+def _squares(values: Array, weights: Array) -> Array:
+    return np.asarray(crossed(values, values, weights).mean(-1))
+
+
+def _cells(settings: int, a: Contrast, b: Contrast) -> dict[tuple[int, int], np.ndarray]:
+    """The settings at each level of one key and each level of the other."""
+    of_a, of_b = np.empty(settings, dtype=int), np.empty(settings, dtype=int)
+    for where, contrast in ((of_a, a), (of_b, b)):
+        for at, rows in enumerate(contrast.members):
+            where[rows] = at
+    pairs = [(i, j) for i in range(len(a.levels)) for j in range(len(b.levels))]
+    return {(i, j): np.flatnonzero((of_a == i) & (of_b == j)) for i, j in pairs}
+
+
+def surface_shares(
+    values: Array, design: pd.DataFrame, factors: tuple[Factor, ...], rng: np.random.Generator
+) -> Estimates:
+    """Latin hypercube: shares of every key by a line and a curve (a list: by its levels)."""
+    whole = complete(values)
+    parts = [_projections(design, factors, without) for without in (None, *factors)]
+
+    def statistic(rows: Array, weights: Array) -> Array:
+        between = effect_of(whole, weights)
+        explained = [crossed(q.T @ whole, q.T @ whole, weights).sum(-1) for q in parts]
+        gains = np.stack([explained[0] - one for one in explained[1:]], axis=-1) / len(whole)
+        return _share(gains, between + variance(whole, weights).mean(-1))
+
+    return fixed_settings(statistic, whole.shape[1], rng)
+
+
+def _projections(
+    design: pd.DataFrame, factors: tuple[Factor, ...], without: Factor | None
+) -> Array:
+    """Orthonormal columns of the model without one key."""
+    columns = model(design, tuple(one for one in factors if one is not without))
+    return np.linalg.qr(columns)[0]
+
+
+def _share(parts: Array, total: Array) -> Array:
+    """Parts (draws, statistics) of totals (draws,), 0 where nothing varies."""
+    wide = np.broadcast_to(total[:, None], parts.shape)
+    return np.divide(parts, wide, out=np.zeros_like(parts), where=wide > 0.0)

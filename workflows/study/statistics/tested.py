@@ -1,0 +1,53 @@
+"""`tests.csv`: every test of one response."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from statsmodels.stats.multitest import multipletests
+
+from ..records import StudySettings
+from .anova import level_test, surface_tests
+from .contrasts import Contrast
+from .pairs import ALPHA, COLUMNS, friedman_tests, wilcoxon_tests
+from .runs import Runs, complete
+
+
+def tests(
+    runs: Runs,
+    design: pd.DataFrame,
+    settings: StudySettings,
+    found: list[Contrast],
+    rng: np.random.Generator,
+) -> pd.DataFrame:
+    """Wilcoxon for pairs, Friedman for more, analysis of variance; Holm within each kind."""
+    parts = [
+        wilcoxon_tests(runs, found, rng),
+        friedman_tests(runs, found),
+        _variances(runs, design, settings, found),
+    ]
+    parts = [part for part in parts if len(part)]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(COLUMNS))
+
+
+def _variances(
+    runs: Runs, design: pd.DataFrame, settings: StudySettings, found: list[Contrast]
+) -> pd.DataFrame:
+    """Tests of the analysis of variance; none where it has nothing to go by."""
+    if not runs.reached:
+        return pd.DataFrame()
+    rows: list[dict[str, Any]] = []
+    if settings.design.kind == "latin_hypercube" and complete(runs.array).shape[1]:
+        rows = surface_tests(runs.array, design, settings.factors)
+    elif settings.design.kind != "latin_hypercube":
+        rows = [level_test(runs.array, contrast) for contrast in found]
+    if not rows:
+        return pd.DataFrame()
+    frame = pd.DataFrame(rows).assign(response=runs.response, kind="anova")
+    refused = frame["p"].isna()
+    frame["reason"] = np.where(refused, "nothing is left to compare with", "")
+    frame["p_holm"] = multipletests(frame["p"].fillna(1.0), method="holm")[1]
+    frame["significant"] = (frame["p_holm"] <= ALPHA) & ~refused
+    return frame.reindex(columns=list(COLUMNS))

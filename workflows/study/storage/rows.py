@@ -1,0 +1,80 @@
+"""A run as a row of the database, with a checksum, and back."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from math import isnan, nan
+from typing import Any
+
+import numpy as np
+
+from ....algorithms.course import CURVE
+from ..records import RESPONSES
+from ..trial import RunRecord
+
+COLUMNS = (
+    "point", "replicate", "seed", "status", "reason", "evaluations", "cpu_s", *RESPONSES, "curve",
+)  # fmt: skip
+"""Columns of a run beside its number and its checksum."""
+Row = tuple[Any, ...]
+
+
+def row_of(number: int, run: RunRecord, wanted: tuple[str, ...]) -> Row:
+    """The row of a run: number, `COLUMNS`, checksum. What is not a number is NULL."""
+    values = [_null(run.responses[name]) if name in wanted else None for name in RESPONSES]
+    curve = zlib.compress(np.ascontiguousarray(run.curve, dtype="<f8").tobytes(), 1)
+    row = (
+        number, run.point, run.replicate, run.seed, run.status, run.reason, run.evaluations,
+        _null(run.cpu_s), *values, curve,
+    )  # fmt: skip
+    return (*row, checksum(row))
+
+
+def whole(row: Row) -> bool:
+    """Whether a row is as it was written."""
+    try:
+        return len(row) == len(COLUMNS) + 2 and bool(row[-1] == checksum(row[:-1]))
+    except (TypeError, ValueError, struct.error):
+        return False
+
+
+def record_of(row: Row) -> RunRecord:
+    """The run of a row that is `whole`."""
+    named = dict(zip(COLUMNS, row[1:-1], strict=True))
+    curve = np.frombuffer(zlib.decompress(named["curve"]), dtype="<f8").reshape(-1, len(CURVE))
+    return RunRecord(
+        point=named["point"],
+        replicate=named["replicate"],
+        seed=named["seed"],
+        status=named["status"],
+        reason=named["reason"],
+        evaluations=named["evaluations"],
+        cpu_s=_number(named["cpu_s"]),
+        responses={name: _number(named[name]) for name in RESPONSES},
+        curve=curve,
+    )
+
+
+def checksum(row: Row) -> int:
+    """CRC-32 of the values of a row, exact to the bit."""
+    total = 0
+    for value in row:
+        if isinstance(value, float):
+            part = b"f" + struct.pack("<d", value)
+        elif isinstance(value, int):
+            part = b"i" + str(value).encode()
+        elif isinstance(value, str):
+            part = b"s" + value.encode()
+        else:
+            part = b"n" if value is None else b"b" + bytes(value)
+        total = zlib.crc32(part + b"\0", total)
+    return total
+
+
+def _null(value: float) -> float | None:
+    return None if isnan(value) else float(value)
+
+
+def _number(value: float | None) -> float:
+    return nan if value is None else float(value)
