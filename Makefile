@@ -57,6 +57,7 @@ bench: $(PEERS)  ## optimisers side by side and the speeds that are promised; QU
 	$(BENCH)/python benchmarks/engine.py
 	$(BENCH)/python benchmarks/manipulator.py
 	$(BENCH)/python benchmarks/dynamics.py
+	$(BENCH)/python benchmarks/contact.py
 
 lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
 	$(BIN)/pip install --quiet uv

@@ -65,7 +65,7 @@ def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:
         parameters=dict(configuration.settings.parameters) if configuration else {},
         given=dict(table.get("parameters", {})) if configuration else {},
         free=free,
-        library=library,
+        library=tuple(name for name in library if name not in _active(configuration)),
         noise=noise,
         blocks=blocks,
         columns=columns,
@@ -73,6 +73,7 @@ def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:
         settings=settings,
         run=run,
         rebuild=_builder(configuration),
+        active=tuple(configuration.settings.effects) if configuration else (),
         tables=_model_tables(configuration),
     )
     return _with_text(plan, table)
@@ -218,6 +219,11 @@ def _run(top: Section, folder: Path) -> dict[str, Any]:
         for fault in error.faults:
             top.fault(f"run: {fault.place}", fault.message)
     return table
+
+
+def _active(configuration: Configuration | None) -> set[str]:
+    """Effects that are in the model already."""
+    return {one.effect.name for one in configuration.settings.effects} if configuration else set()
 
 
 def _builder(configuration: Configuration | None) -> Any:

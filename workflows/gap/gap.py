@@ -33,7 +33,7 @@ from .select import renumbered
 from .setup import prepared
 from .spectrum import spectrum
 from .uncertainty import Spread, bootstrap
-from .where import regions
+from .where import of_inside, regions
 from .write import other_run, write
 
 Say = Callable[[str], None]
@@ -101,7 +101,8 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         outputs=tuple(Axis(o.name, o.unit, o.meaning) for o in outputs),
         inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
         gate=gate(end),
-        where=regions(setup, search.fitter, generic, left, analysis.empty,
+        where=of_inside(setup, end.fit, table)
+        + regions(setup, search.fitter, generic, left, analysis.empty,
                       search.thresholds.generic),
         scores=scores(end),
         steps=renumbered(analysis.selection.steps),

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ...models.effects.compose import Active
 from ...models.measurable import MeasurableModel
 
 ROLES = (
@@ -59,7 +60,7 @@ class GapPlan:
     may be recalibrated to its half-width, `library` are the effects considered. `noise` holds a
     known standard deviation by output, `blocks` is "auto" or a column. `run` are the raw tables of
     the configuration whose allocation the corrected model is to repeat (empty for none), `tables`
-    the resolved ones of the model.
+    the resolved ones of the model, `active` the effects that are in it already.
     """
 
     model_name: str
@@ -75,6 +76,7 @@ class GapPlan:
     drop_bad_rows: bool = False
     settings: GapSettings = field(default_factory=GapSettings)
     run: Mapping[str, Any] = field(default_factory=dict)
+    active: tuple[Active, ...] = ()
     rebuild: Callable[[Mapping[str, Any]], MeasurableModel] | None = None
     tables: Mapping[str, Any] = field(default_factory=dict)
     configuration: str = ""

@@ -107,8 +107,9 @@ def select(search: Search, quick: bool = False) -> Selection:
 def _next(search: Search, fit: Fit, rejected: set[str]) -> Fit | None:
     """The best fit with one name more that passes the threshold; None where there is none."""
     found = scan(search.fitter, search.white, search.book, fit.members)
-    found = [one for one in found if one.member.name not in rejected]
     limit = search.thresholds.library
+    # the threshold is that of the dictionary: what a finer fit adds is no evidence
+    found = [one for one in found if one.member.name not in rejected and one.gain > limit]
     fits = [one for one in search.refined(fit.members, found) if fit.rss - one.rss > limit]
     fits = [one for one in fits if one.score < fit.score]
     return fits[0] if fits else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 
 from ...gap_records import Region, Shape
 from ...models.inputs.distribution import Array
@@ -42,6 +43,22 @@ def regions(
     return tuple(found.values())
 
 
+def of_inside(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]:
+    """Where effects that act inside of the model change what it predicts, along the prediction."""
+    if not any(one.candidate.alone for one in fit.members):
+        return ()
+    found = []
+    for output in setup.data.outputs:
+        after = table[f"{output.name}_corrected"].to_numpy()
+        change = after - table[f"{output.name}_predicted"].to_numpy()
+        low, high = densest(after, change)
+        squares = float(np.mean(table[f"{output.name}_before"] ** 2))
+        left = float(np.mean(table[f"{output.name}_after"] ** 2))
+        found.append(Region(output.name, f"{PREDICTED}{output.name}", "interval", output.unit, low,
+                            high, share=1.0 - left / max(squares, 1e-300)))  # fmt: skip
+    return tuple(found)
+
+
 def _region(
     setup: Setup, fitter: Fitter, generic: Remaining, left: Left, at: int, kind: str,
     beyond: float, limit: float, fit: Fit,
@@ -52,7 +69,7 @@ def _region(
     low = high = np.nan
     along = _along(setup, form.variable)
     if along is not None and kind in ("interval", "trend"):
-        low, high = _densest(along, curve)
+        low, high = densest(along, curve)
     return Region(
         output=output.name,
         variable=" x ".join((form.variable, *form.more)),
@@ -89,7 +106,7 @@ def _curve(setup: Setup, fitter: Fitter, generic: Remaining, at: int, fit: Fit) 
     return np.asarray(curve - curve.mean()) if len(curve) == n else np.zeros(n)
 
 
-def _densest(x: Array, curve: Array, part: float = 0.6) -> tuple[float, float]:
+def densest(x: Array, curve: Array, part: float = 0.6) -> tuple[float, float]:
     """The shortest interval of x that holds `part` of the curve's squares."""
     order = np.argsort(x, kind="stable")
     total = np.concatenate([[0.0], np.cumsum(curve[order] ** 2)])
@@ -132,7 +149,7 @@ def _shape(
     column = next((c for c in setup.data.inputs if c.name == form.variable), None)
     if column is not None and form.kind != "order":
         x = np.asarray(setup.data.readings.table[column.name], dtype=float)
-        low, high = _densest(x, curve)
+        low, high = densest(x, curve)
     torque = _parity(setup, curve) if role in (Role.TORQUE, Role.FORCE) else "none"
     direction = "odd" if form.direction else "even"
     text = _text(form, amplitude, output.unit, torque, near)

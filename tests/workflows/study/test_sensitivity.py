@@ -28,7 +28,7 @@ RARE = 1e-4
 """Chance at which a right interval would fail its test."""
 
 
-def found(settings: StudySettings, data: StudyData, rng: np.random.Generator) -> pd.DataFrame:
+def found(settings: StudySettings, data: StudyData, rng: np.random.Generator) -> Any:
     """Rows of the sensitivities by key and statistic."""
     runs = runs_of(data.table, settings.responses[0], len(data.design))
     some = contrasts(settings.design.kind, data.design, settings.factors, settings.base)
