@@ -56,6 +56,8 @@ bench: $(PEERS)  ## optimisers side by side and the speeds that are promised; QU
 	$(BENCH)/python benchmarks/propagation.py
 	$(BENCH)/python benchmarks/engine.py
 	$(BENCH)/python benchmarks/manipulator.py
+	$(BENCH)/python benchmarks/dynamics.py
+	$(BENCH)/python benchmarks/contact.py
 	$(BENCH)/python -m benchmarks.study
 
 lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
