@@ -58,6 +58,7 @@ bench: $(PEERS)  ## optimisers side by side and the speeds that are promised; QU
 	$(BENCH)/python benchmarks/manipulator.py
 	$(BENCH)/python benchmarks/dynamics.py
 	$(BENCH)/python benchmarks/contact.py
+	$(BENCH)/python -m benchmarks.study
 
 lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
 	$(BIN)/pip install --quiet uv

@@ -27,8 +27,6 @@ from .yardstick import Yardstick
 GO_ON = "run the same command with --resume to go on"
 FILES = ("study.csv", "curves.parquet", *SAID)
 """Files of a finished study, removed while it is not finished."""
-GAUGED = frozenset({"cpu_s_to_99"})
-"""Responses that are measured with a clock: another run of the study has other values."""
 
 
 def study(
@@ -69,9 +67,9 @@ def _begin(out: Path, resume: bool) -> None:
         pids = ", ".join(name.split("-")[0] for name in busy)
         raise refuse("--overwrite", f"another process works on the study in {out} (pid {pids}): "
                      "wait for it or end it; with --resume this one would help it")  # fmt: skip
-    names = FILES if resume else (*FILES, DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm")
-    for name in names if not resume else ():
-        (out / name).unlink(missing_ok=True)
+    if not resume:
+        for name in (*FILES, DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm"):
+            (out / name).unlink(missing_ok=True)
 
 
 def _done(work: Work, plan: StudyPlan) -> Mapping[int, Yardstick]:
