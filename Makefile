@@ -51,7 +51,7 @@ $(PEERS): .venv-bench/locked pyproject.toml
 	$(BENCH)/pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
-bench: $(PEERS)  ## optimisers side by side and the speeds that are promised; QUICK=1 for a look
+bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are promised; QUICK=1 for a look
 	$(BENCH)/python -m benchmarks.compare $(if $(QUICK),--quick)
 	$(BENCH)/python benchmarks/propagation.py
 	$(BENCH)/python benchmarks/engine.py
@@ -59,6 +59,7 @@ bench: $(PEERS)  ## optimisers side by side and the speeds that are promised; QU
 	$(BENCH)/python benchmarks/dynamics.py
 	$(BENCH)/python benchmarks/contact.py
 	$(BENCH)/python -m benchmarks.study
+	$(BIN)/python -m benchmarks.study
 
 lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
 	$(BIN)/pip install --quiet uv
