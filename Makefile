@@ -58,7 +58,6 @@ bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are pro
 	$(BENCH)/python benchmarks/manipulator.py
 	$(BENCH)/python benchmarks/dynamics.py
 	$(BENCH)/python benchmarks/contact.py
-	$(BENCH)/python -m benchmarks.study
 	$(BIN)/python -m benchmarks.study
 
 lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock

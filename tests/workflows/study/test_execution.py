@@ -34,6 +34,8 @@ from tolevo.workflows.study.execution.executor import Result, TaskT
 from tolevo.workflows.study.storage import DATABASE
 from tolevo.workflows.study.trial import Chunk
 
+pytestmark = pytest.mark.long
+
 RUN = """
 problem = "pose_accuracy"
 [parameters]
