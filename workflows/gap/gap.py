@@ -15,6 +15,7 @@ from ...records import Axis
 from .analysis import Analysis, analysed
 from .correct import corrected_toml
 from .data import GapData
+from .locate import regions
 from .plan import GapPlan
 from .read import read_data
 from .result import (
@@ -28,12 +29,11 @@ from .result import (
     scores,
     shape_records,
 )
-from .scan import left_over
 from .select import renumbered
 from .setup import prepared
 from .spectrum import spectrum
 from .uncertainty import Spread, bootstrap
-from .where import of_inside, regions
+from .where import of_inside
 from .write import other_run, write
 
 Say = Callable[[str], None]
@@ -88,7 +88,6 @@ def found(plan: GapPlan, data: GapData, workers: int = 1, say: Say | None = None
 def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -> GapResult:
     analysis, setup = end.analysis, end.setup
     search, generic = analysis.search, analysis.generic
-    left = left_over(analysis.empty, search.fitter, generic.white, generic.forms, generic.outputs)
     table = residual_table(end, data)
     outputs = data.outputs
     noise = {o.name: n.level for o, n in zip(outputs, analysis.noises, strict=True)}
@@ -102,8 +101,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
         gate=gate(end),
         where=of_inside(setup, end.fit, table)
-        + regions(setup, search.fitter, generic, left, analysis.empty,
-                      search.thresholds.generic),
+        + regions(setup, search.fitter, generic, analysis.empty, search.thresholds.generic),
         scores=scores(end),
         steps=renumbered(analysis.selection.steps),
         effects=named,
