@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -15,7 +16,7 @@ from ..section import POSITIVE, Range, Section, shown
 from ..workflows.gap.plan import ColumnRole, GapPlan, GapSettings
 from .configuration import Configuration
 from .gap_columns import read_columns
-from .reader import read, read_alone
+from .reader import read, read_alone, read_table
 from .simulated import build_model
 from .source import load, override
 
@@ -74,6 +75,7 @@ def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:
         run=run,
         rebuild=_builder(configuration),
         active=tuple(configuration.settings.effects) if configuration else (),
+        counterparts=counterparts if run else None,
         tables=_model_tables(configuration),
     )
     return _with_text(plan, table)
@@ -219,6 +221,18 @@ def _run(top: Section, folder: Path) -> dict[str, Any]:
         for fault in error.faults:
             top.fault(f"run: {fault.place}", fault.message)
     return table
+
+
+def counterparts(text: str) -> dict[str, str]:
+    """What each effect of a configuration with a problem does there; empty where it does nothing.
+
+    Raises InputError where the text is no such configuration.
+    """
+    problem = read_table(tomllib.loads(text), []).problem
+    if problem is None:
+        return {}
+    pairs = zip(problem.settings.effects, problem.counterparts(), strict=True)
+    return {one.effect.name: does for one, does in pairs}
 
 
 def _active(configuration: Configuration | None) -> set[str]:
