@@ -55,7 +55,7 @@ def curve_of(setup: Setup, generic: Remaining, at: int, q: Array, residual: Arra
     raw = setup.generic[at - which * forms]
     found = np.linalg.lstsq(beside(generic.white.of(at), q), residual, rcond=1e-7)[0]
     curve = raw @ found
-    return np.asarray(curve - curve.mean())
+    return curve if np.ptp(curve) == 0.0 else np.asarray(curve - curve.mean())
 
 
 def densest(x: Array, curve: Array, part: float = 0.6) -> tuple[float, float]:
@@ -84,7 +84,7 @@ def shapes(
             break
         form, output = left.forms[at], int(left.outputs[at])
         key = (output, form.variable)
-        if key not in found:
+        if key not in found and not (found and form.kind == "distribution"):
             found[key] = _shape(setup, fitter, generic, form, int(at), fit, near)
     return tuple(found.values())
 
@@ -95,7 +95,7 @@ def _shape(
 ) -> Shape:  # fmt: skip
     output = setup.data.outputs[int(generic.outputs[at])]
     curve = curve_of(setup, generic, at, fitter.q, fit.residual)
-    amplitude = float(0.5 * np.ptp(curve))
+    amplitude = float(np.abs(curve).max() if form.kind == "distribution" else 0.5 * np.ptp(curve))
     role = generic.roles.get(form.variable)
     low = high = np.nan
     column = next((c for c in setup.data.inputs if c.name == form.variable), None)
@@ -141,6 +141,7 @@ def _explained(columns: Array, curve: Array) -> float:
 def _text(form: Form, amplitude: float, unit: str, torque: str, near: tuple[str, ...]) -> str:
     """One sentence about a form."""
     where = {"order": f"a wave of order {form.order:g}",
+             "distribution": "an offset of all units",
              "direction": "an offset that changes sign with the direction",
              "product": f"a product of {form.variable} and {', '.join(form.more)}",
              "trend": f"a change along {form.variable}"}.get(
