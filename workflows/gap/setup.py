@@ -61,10 +61,12 @@ class Setup:
 
 def predictor(plan: GapPlan, data: GapData, model: MeasurableModel | None = None) -> Predict:
     """The model at the rows of the data, as a function of changes inside of it."""
-    if plan.model is None:
-        return lambda changes: data.predicted
-    of = plan.model if model is None else model
     actions = acting(plan.active, data.readings, data.target)
+    if plan.model is None:
+        rng = np.random.default_rng(plan.seed)
+        whole = added(data.predicted, actions, {}, rng)
+        return lambda changes: whole
+    of = plan.model if model is None else model
     if of.population:
         return _of_mean_unit(plan, data, of)
 
