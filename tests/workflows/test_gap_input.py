@@ -16,6 +16,7 @@ from tolevo.errors import InputError
 from tolevo.gap_records import GapResult
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.read import read_data
+from tolevo.workflows.gap.write import record
 
 HEAD = """
 model = "table"
@@ -247,3 +248,21 @@ def test_corrected_configuration_simulates(tmp_path: Path) -> None:
     assert ended.exit_code == 0, ended.output
     left = frame["te"] - pd.read_csv(out)["te"]
     assert left.std() == pytest.approx(2.0, rel=0.15)
+
+
+def test_readings_in_degrees_are_named_as_those_in_seconds(tmp_path: Path) -> None:
+    """A step of a reading is in degrees then, and no phase of a circle."""
+    frame = bench()
+    frame[["te", "te_predicted"]] /= 3600.0
+    result = found(tmp_path, frame, HEAD.replace("arcsec", "deg"))
+    assert result.names == ("torsional_compliance",)
+    (number,) = result.effects[0].parameters
+    assert number.low < COMPLIANCE / 3600.0 < number.high
+
+
+def test_regions_say_where_they_begin_and_end(tmp_path: Path) -> None:
+    regions = record(found(tmp_path, bench()))["where"]
+    assert {"output", "variable", "region", "order", "share"} <= set(regions[0])
+    assert regions[0]["variable"] == "torque"
+    low, high = regions[0]["region"]
+    assert -400.0 <= low < high <= 400.0
