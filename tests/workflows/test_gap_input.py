@@ -16,6 +16,7 @@ from tolevo.errors import InputError
 from tolevo.gap_records import GapResult
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.read import read_data
+from tolevo.workflows.gap.write import record
 
 HEAD = """
 model = "table"
@@ -283,3 +284,21 @@ def test_intervals_from_the_bootstrap(tmp_path: Path) -> None:
     assert number.high - number.low == pytest.approx(
         2 * 1.645 * 2.0 / np.sqrt(120) / 231.0, rel=0.5
     )
+
+
+def test_readings_in_degrees_are_named_as_those_in_seconds(tmp_path: Path) -> None:
+    """A step of a reading is in degrees then, and no phase of a circle."""
+    frame = bench()
+    frame[["te", "te_predicted"]] /= 3600.0
+    result = found(tmp_path, frame, HEAD.replace("arcsec", "deg"))
+    assert result.names == ("torsional_compliance",)
+    (number,) = result.effects[0].parameters
+    assert number.low < COMPLIANCE / 3600.0 < number.high
+
+
+def test_regions_say_where_they_begin_and_end(tmp_path: Path) -> None:
+    regions = record(found(tmp_path, bench()))["where"]
+    assert {"output", "variable", "region", "order", "share"} <= set(regions[0])
+    assert regions[0]["variable"] == "torque"
+    low, high = regions[0]["region"]
+    assert -400.0 <= low < high <= 400.0

@@ -159,8 +159,9 @@ def _axis(parameter: EffectParameter, spread: float, dimensions: int) -> list[fl
     if parameter.choices:
         return list(parameter.choices)
     low, high = parameter.low, parameter.high
-    count = 15 if dimensions == 1 else 24 if parameter.unit in ("deg", "Hz") else 6
-    if parameter.unit == "deg" and high - low >= 360.0:
+    phase = parameter.unit == "deg" and high - low == 360.0  # not the step of a reading in degrees
+    count = 15 if dimensions == 1 else 24 if phase or parameter.unit == "Hz" else 6
+    if phase:
         return [float(x) for x in np.linspace(low, high, count, endpoint=False)]
     if not np.isfinite(high):
         high = max(low, 0.0) + 10.0 * spread

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from ...errors import Fault
 from ...files import write_bytes, write_text, write_with
-from ...gap_records import FoundEffect, GapResult, Rival
+from ...gap_records import FoundEffect, GapResult, Region, Rival
 from ...reports.drawing import as_png, as_svg
 from ...reports.gap.page import figures, gap_page
 from ..run.write import as_json
@@ -48,7 +49,7 @@ def record(result: GapResult) -> dict[str, Any]:
         "effects": [_effect(one) for one in result.effects],
         "alternatives": [_rival(one) for one in result.rivals],
         "unnamed": [asdict(one) for one in result.shapes],
-        "where": [{**asdict(one), "text": str(one)} for one in result.where],
+        "where": [_region(one) for one in result.where],
         "noise_floor": _numbers(result.noise_floor),
         "gap_before": _numbers(result.gap_before),
         "gap_after": _numbers(result.gap_after),
@@ -64,6 +65,11 @@ def _numbers(by_output: Mapping[str, float]) -> float | dict[str, float]:
     """One number for one output; by output, and the total in noise units, for several."""
     outputs = [name for name in by_output if name != "total"]
     return by_output[outputs[0]] if len(outputs) == 1 else dict(by_output)
+
+
+def _region(one: Region) -> dict[str, Any]:
+    region = [one.low, one.high] if isfinite(one.low) and isfinite(one.high) else None
+    return {**asdict(one), "region": region, "text": str(one)}
 
 
 def _effect(one: FoundEffect) -> dict[str, Any]:
