@@ -56,6 +56,8 @@ bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are pro
 	$(BENCH)/python benchmarks/propagation.py
 	$(BENCH)/python benchmarks/engine.py
 	$(BENCH)/python benchmarks/manipulator.py
+	$(BENCH)/python benchmarks/dynamics.py
+	$(BENCH)/python benchmarks/contact.py
 	$(BIN)/python -m benchmarks.study
 
 lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock

@@ -1,4 +1,4 @@
-"""The command line: `tolevo run | study | evaluate | simulate | check | list`."""
+"""The command line: `tolevo run | study | gap | evaluate | simulate | check | list`."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from .files import unwritable
 
 if TYPE_CHECKING:
     from .configuration import Configuration
+    from .workflows.gap import GapPlan
     from .workflows.study import StudyPlan
 
 INTERRUPTED = 130
@@ -77,6 +78,47 @@ def run(
         raise_all(faults)
         status = _run(configuration, out, workers, quiet, resume)
     raise typer.Exit(status)
+
+
+@app.command()
+def gap(
+    config: Config,
+    data: Annotated[Path, typer.Argument(help="Measurement table (CSV or Parquet).")],
+    out: Out,
+    workers: Annotated[int, typer.Option(help="Processes; no result depends on it.")] = WORKERS,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a broken run.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
+    set_: Set = [],  # noqa: B006
+    quiet: Quiet = False,
+) -> None:
+    """Find where model and measurement disagree, name the missing effect, correct the model."""
+    with _exit_status():
+        faults = _directory_faults(out, overwrite or resume)
+        if workers < 1:
+            faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
+        if resume and overwrite:
+            text = "goes on with what --overwrite would replace; give one of them"
+            faults.append(Fault("--resume", text))
+        if not data.exists():
+            faults.append(Fault(str(data), "does not exist"))
+        plan = _collected(lambda: _gap_plan(config, set_), faults)
+        raise_all(faults)
+        from .workflows.gap.gap import gap as analysed
+
+        say = None if quiet else (lambda text: typer.echo(text, err=True))
+        outcome = analysed(plan, data, out, workers, say, resume)
+        for line in outcome.lines:
+            typer.echo(line)
+
+
+def _gap_plan(config: Path, settings: list[str]) -> GapPlan:
+    """A gap analysis; its extra packages are asked for first."""
+    from .registry import needed
+
+    raise_all(needed("gap"))
+    from .configuration.gap import read_gap
+
+    return read_gap(config, settings)
 
 
 def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, resume: bool) -> int:
@@ -169,6 +211,8 @@ def evaluate(
         from .workflows.evaluate import evaluate
 
         assert configuration.problem is not None
+        for note in () if quiet else configuration.problem.effect_notes():
+            typer.echo(f"note: {note}", err=True)
         evaluate(configuration.problem, designs, out)
         typer.echo(f"written: {out}")
 
@@ -189,7 +233,9 @@ def simulate(
         from .configuration.simulated import build_model
         from .workflows.simulate import simulate
 
-        _, notes = simulate(build_model(configuration), inputs, out, configuration.seed)
+        name, effects = configuration.model_name, configuration.settings.effects
+        model, seed = build_model(configuration), configuration.seed
+        _, notes = simulate(model, inputs, out, seed, name, effects)
         for note in () if quiet else notes:
             typer.echo(f"note: {note}", err=True)
         typer.echo(f"written: {out}")
@@ -228,7 +274,9 @@ def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = Fals
         for group, entries in groups.items():
             typer.echo(f"{group}:" if entries else f"{group}: none")
             for entry in entries:
-                typer.echo(f"  {entry['name']:<16} {entry['description']} [{entry['origin']}]")
+                family = f"{entry['family']}: " if "family" in entry else ""
+                text = f"{family}{entry['description']} [{entry['origin']}]"
+                typer.echo(f"  {entry['name']:<16} {text}")
 
 
 def _elementary_errors() -> list[dict[str, str]]:

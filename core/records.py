@@ -35,7 +35,8 @@ class RunResult:
 
     `front`, `references`, `convergence` are the tables of the files of these names; `summary` is
     `summary.json`; `objectives` are the axes of the front, `variables` the design variables,
-    `bars` charts of the problem itself, and `configuration` is the resolved TOML.
+    `bars` charts of the problem itself, and `configuration` is the resolved TOML. Where effects act
+    in the model, `before` is the front without them and `moved` how the allocation moves.
     """
 
     title: str
@@ -48,6 +49,8 @@ class RunResult:
     notes: tuple[str, ...] = ()
     bars: tuple[Bars, ...] = ()
     configuration: str = field(default="", repr=False)
+    before: pd.DataFrame | None = None
+    moved: pd.DataFrame | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,18 @@ import ast
 import re
 import sys
 from importlib.machinery import ModuleSpec
-from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
+from importlib.metadata import (
+    EntryPoint,
+    PackageNotFoundError,
+    distribution,
+    entry_points,
+    version,
+)
 from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
 
-from .errors import nearest, refuse
+from .errors import Fault, nearest, refuse
 
 GROUPS = ("models", "problems", "algorithms", "effects")
 PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError,
@@ -25,7 +31,7 @@ PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, Name
 
 def _offers(group: str) -> list[EntryPoint]:
     """The entry points of a group, by name."""
-    return sorted(entry_points(group=f"tolevo.{group}"), key=lambda one: (one.name, _origin(one)))
+    return sorted(entry_points(group=f"tolevo.{group}"), key=lambda one: (one.name, one.value))
 
 
 def _origin(offer: EntryPoint) -> str:
@@ -51,7 +57,7 @@ def _find(group: str, name: str) -> EntryPoint:
         text = f'"{name}" is not an installed {kind}{nearest(name, known)}; {listed}'
         raise refuse(kind, text)
     if len(offers) > 1:
-        both = " and ".join(_origin(offer) for offer in offers)
+        both = " and ".join(sorted(_origin(offer) for offer in offers))
         raise refuse(kind, f'"{name}" is offered by {both}; uninstall one of them')
     return offers[0]
 
@@ -81,6 +87,17 @@ def load(group: str, name: str) -> Any:
     return found
 
 
+def needed(extra: str) -> list[Fault]:
+    """A fault where packages of an extra of ours are not installed, with the command."""
+    try:
+        requires = distribution("tolevo").requires or []
+    except PackageNotFoundError:
+        return []
+    missing = _missing(requires, extra)
+    command = f"pip install 'tolevo[{extra}]'"
+    return [Fault(extra, f"needs {', '.join(missing)}: {command}")] if missing else []
+
+
 def _missing(requirements: list[str], extra: str) -> list[str]:
     """The packages of an extra that are not installed."""
     marker = re.compile(rf"""extra *== *["']{re.escape(extra)}["']""")
@@ -102,10 +119,11 @@ def describe(group: str, name: str) -> str:
 
 
 def listing() -> dict[str, list[dict[str, str]]]:
-    """Every group with its entries: name, description, origin."""
+    """Every group with its entries: name, description, origin; of effects the family as well."""
     return {
         group: [
             {"name": offer.name, "description": _summary(offer), "origin": _origin(offer)}
+            | _family(offer, group)
             for offer in _offers(group)
         ]
         for group in GROUPS
@@ -116,12 +134,26 @@ def listing() -> dict[str, list[dict[str, str]]]:
 
 
 def _summary(offer: EntryPoint) -> str:
-    document = _docstring(offer.module, offer.attr) or ""
-    return document.strip().partition("\n")[0].strip() or "(no description)"
+    node = _definition(offer.module, offer.attr)
+    document = ast.get_docstring(node) if node is not None else ""
+    return (document or "").strip().partition("\n")[0].strip() or "(no description)"
 
 
-def _docstring(module: str, attribute: str, depth: int = 5) -> str | None:
-    """Docstring of a class or function, followed through re-exports."""
+def _family(offer: EntryPoint, group: str) -> dict[str, str]:
+    """The family of an effect, where its class states it as text."""
+    node = _definition(offer.module, offer.attr) if group == "effects" else None
+    for line in node.body if node is not None else ():
+        if isinstance(line, ast.Assign) and isinstance(line.value, ast.Constant):
+            names = [target.id for target in line.targets if isinstance(target, ast.Name)]
+            if "family" in names:
+                return {"family": str(line.value.value)}
+    return {}
+
+
+def _definition(
+    module: str, attribute: str, depth: int = 5
+) -> ast.ClassDef | ast.FunctionDef | None:
+    """The source of a class or function, followed through re-exports."""
     spec = _spec(module)
     if spec is None or depth == 0:
         return None
@@ -132,12 +164,12 @@ def _docstring(module: str, attribute: str, depth: int = 5) -> str | None:
     package = module if spec.submodule_search_locations is not None else module.rpartition(".")[0]
     for node in tree.body:
         if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == attribute:
-            return ast.get_docstring(node)
+            return node
         if isinstance(node, ast.ImportFrom):
             for alias in node.names:
                 if (alias.asname or alias.name) == attribute:
                     source = "." * node.level + (node.module or "")
-                    return _docstring(resolve_name(source, package), alias.name, depth - 1)
+                    return _definition(resolve_name(source, package), alias.name, depth - 1)
     return None
 
 

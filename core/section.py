@@ -69,6 +69,10 @@ class Section:
     def __contains__(self, key: str) -> bool:
         return key in self._table
 
+    def given(self) -> tuple[str, ...]:
+        """Every key that the table has."""
+        return tuple(self._table)
+
     def place(self, key: str = "") -> str:
         """Where `key` of this table stands, as faults name it."""
         return ".".join(part for part in (self._place, key) if part)

@@ -7,6 +7,8 @@ problem_type = MyProblem
 from __future__ import annotations
 
 import pickle
+from dataclasses import fields, replace
+from math import isfinite
 from pathlib import Path
 from typing import ClassVar
 
@@ -15,6 +17,10 @@ import numpy as np
 from .algorithms.checkpoint import Checkpoint
 from .algorithms.search import Progress, search
 from .algorithms.settings import AlgorithmSettings, Budget
+from .declarations import Output
+from .models.effects.effect import FAMILIES, Action, Effect, EffectParameter, Readings, Target
+from .models.effects.readings import readings_of, target_from
+from .models.measurable import Column, Role
 from .problems.tolerance_problem import ToleranceProblem
 
 
@@ -122,3 +128,167 @@ class AlgorithmContract:
             np.testing.assert_array_equal(found.miss, whole.miss)
             values = [[p.hypervolume for p in one.history] for one in (found, whole)]
             assert values[0] == values[1]
+
+
+COLUMNS = (
+    Column("angle_deg", "deg", "", role=Role.ANGLE),
+    Column("torque_Nm", "Nm", "", role=Role.TORQUE),
+    Column("direction", "", "", role=Role.DIRECTION),
+    Column("speed_rpm", "rpm", "", role=Role.SPEED),
+    Column("temperature_C", "C", "", role=Role.TEMPERATURE),
+    Column("time_s", "s", "", role=Role.TIME),
+    Column("unit", "", "", text=True, role=Role.UNIT),
+    Column("lot", "", "", text=True, role=Role.LOT),
+    Column("payload_kg", "kg", "", role=Role.PAYLOAD),
+)
+
+
+class EffectContract:
+    """What every `Effect` must keep, on a table that has all roles."""
+
+    effect_type: ClassVar[type[Effect]]
+    rows: ClassVar[int] = 50
+    has_path: ClassVar[bool] = False
+    """Whether a row depends on those before it."""
+
+    def columns(self) -> tuple[Column, ...]:
+        """The columns of the table that it is tried on."""
+        return COLUMNS
+
+    def table(self) -> dict[str, np.ndarray]:
+        """Random rows of these columns."""
+        rng, n = np.random.default_rng(5), self.rows
+        numbers = {
+            "angle_deg": rng.uniform(-180.0, 360.0, n),
+            "torque_Nm": rng.uniform(-400.0, 400.0, n),
+            "direction": rng.choice([-1.0, 1.0], n),
+            "speed_rpm": rng.uniform(1.0, 30.0, n),
+            "temperature_C": rng.uniform(15.0, 60.0, n),
+            "time_s": rng.permutation(np.linspace(0.0, 3600.0, n)),
+            "payload_kg": rng.uniform(0.0, 20.0, n),
+        }
+        labels = {"unit": [f"u{i}" for i in range(n)], "lot": rng.choice(["A", "B", "C"], n)}
+        return numbers | {name: np.array(one, dtype=object) for name, one in labels.items()}
+
+    def target(self, table: dict[str, np.ndarray] | None) -> Target:
+        """What it acts on: override it for an effect that has a place in certain models only."""
+        outputs = (Output("reading_arcsec", "arcsec", ""),)
+        return target_from("table", outputs, self.columns(), table)
+
+    def _bench(self) -> tuple[Effect, Readings, Target]:
+        table = self.table()
+        target = self.target(table)
+        return self.effect_type(), readings_of(target.columns, table), target
+
+    def _values(self, seed: int, zero: bool = False) -> dict[str, float]:
+        effect, _, target = self._bench()
+        shape, size = np.random.default_rng(7), np.random.default_rng(seed)
+        numbers = effect.parameters(target)
+        found = {n.name: _size(n, size) if n.linear else _inner(n, shape) for n in numbers}
+        still = {n.name for n in numbers if n.linear} or {n.name for n in numbers}
+        return found | (dict.fromkeys(still, 0.0) if zero else {})
+
+    def _act(self, values: dict[str, float], rows: slice | np.ndarray = slice(None)) -> Action:
+        effect, readings, target = self._bench()
+        part = readings_of(target.columns, {k: v[rows] for k, v in readings.table.items()})
+        return effect.act(part, values, target)
+
+    def test_says_what_it_is(self) -> None:
+        effect = self.effect_type()
+        assert effect.family in FAMILIES
+        assert (
+            effect.cause.endswith(".") and effect.cause.count(".") == effect.cause.count(". ") + 1
+        )
+        assert effect.formula and effect.reference
+        assert effect.name not in effect.mistaken_for
+
+    def test_applies_to_its_target_and_not_without_what_it_needs(self) -> None:
+        effect, _, target = self._bench()
+        assert effect.applies(target)
+        for role in effect.needs if effect.place(target) is None else ():
+            left = tuple(one for one in target.columns if one.role is not role)
+            assert not effect.applies(replace(target, columns=left)), role
+
+    def test_bounds(self) -> None:
+        effect, _, target = self._bench()
+        numbers = effect.parameters(target)
+        assert numbers
+        assert len({one.name for one in numbers}) == len(numbers)
+        for one in numbers:
+            assert one.low < one.high, one.name
+            assert not one.linear or one.low <= 0.0 <= one.high, one.name
+            assert all(one.low <= choice <= one.high for choice in one.choices), one.name
+            assert effect.parameter(one.name, target) == one
+            assert effect.parameter(one.stem, target) is not None
+
+    def test_parameters_without_a_table_are_the_same_numbers(self) -> None:
+        effect, _, target = self._bench()
+        without = {one.name for one in effect.parameters(self.target(None))}
+        assert {one.name for one in effect.parameters(target)} <= without or target.labels
+
+    def test_acts_in_one_place(self) -> None:
+        action = self._act(self._values(1))
+        places = [one.name for one in fields(Action) if getattr(action, one.name)]
+        assert len(places) == 1
+
+    def test_nothing_at_zero(self) -> None:
+        for name, column in _done(self._act(self._values(1, zero=True))).items():
+            assert not np.any(column), name
+
+    def test_shapes_and_finite(self) -> None:
+        for name, column in _done(self._act(self._values(1))).items():
+            assert column.shape == (self.rows,), name
+            assert np.all(np.isfinite(column)), name
+            assert np.any(column), name
+
+    def test_linear_parameters_are_linear(self) -> None:
+        effect, _, target = self._bench()
+        linear = {one.name for one in effect.parameters(target) if one.linear}
+        u, v = self._values(1), self._values(2)
+        both = {k: 2.0 * u[k] + 3.0 * v[k] if k in linear else u[k] for k in u}
+        done = [_done(self._act(values)) for values in (u, v, both)]
+        for name in done[0] if linear else ():
+            expected = 2.0 * done[0][name] + 3.0 * done[1][name]
+            np.testing.assert_allclose(done[2][name], expected, rtol=1e-9, atol=1e-9)
+
+    def test_batch_equals_row_by_row(self) -> None:
+        values = self._values(1)
+        action = self._act(values)
+        apart = action.changes or action.output
+        whole = _done(action) if apart and not self.has_path else {}
+        for row in range(self.rows):
+            one = _done(self._act(values, slice(row, row + 1))) if whole else {}
+            for name, column in one.items():
+                np.testing.assert_allclose(column[0], whole[name][row], rtol=1e-9, atol=1e-12)
+
+    def test_picklable(self) -> None:
+        again = pickle.loads(pickle.dumps(self.effect_type()))
+        _, readings, target = self._bench()
+        values = self._values(1)
+        expected = _done(self._act(values))
+        for name, column in _done(again.act(readings, values, target)).items():
+            np.testing.assert_array_equal(column, expected[name])
+
+
+def _size(one: EffectParameter, rng: np.random.Generator) -> float:
+    low = one.low if isfinite(one.low) else -5.0
+    return float(rng.uniform(low, min(one.high, low + 10.0)))
+
+
+def _inner(one: EffectParameter, rng: np.random.Generator) -> float:
+    if one.choices:
+        return float(rng.choice(one.choices))
+    low = one.low if isfinite(one.low) else -5.0
+    return float(rng.uniform(0.1, 0.9) * (min(one.high, low + 10.0) - low) + low)
+
+
+def _done(action: Action) -> dict[str, np.ndarray]:
+    """What an action adds in every place, on outputs that are a ramp."""
+    found = {f"inside {name}": np.asarray(one) for name, one in action.changes.items()}
+    found |= {f"output {name}": one for name, one in action.output.items()}
+    ramp = np.linspace(-1.0, 1.7, 50)
+    found |= {f"reading {name}": read(ramp) - ramp for name, read in action.reading.items()}
+    if action.population:
+        changed = action.population(ramp, 0.3, np.random.default_rng(9))
+        found["population"] = changed - ramp
+    return found

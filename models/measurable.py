@@ -99,3 +99,7 @@ class MeasurableModel(ABC):
 
         `changes` holds, by name, what is added to a changeable quantity: a number, or one per row.
         """
+
+    def means(self, changes: Mapping[str, Array] = NO_CHANGES) -> Mapping[str, float]:
+        """Mean of every output over the units of a population, by name, at the mean change."""
+        return {}

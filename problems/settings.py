@@ -9,6 +9,7 @@ from typing import Any
 
 from ..declarations import Value
 from ..models.costs import CostCurve
+from ..models.effects.compose import Active
 from ..models.inputs import Distribution
 
 METHODS = ("moments", "convolution", "monte_carlo")
@@ -48,7 +49,7 @@ class Settings:
 
     Names that a mapping leaves out keep the problem's default; `objectives` empty means the
     problem's own. `definition` is what a problem that is written in the configuration (`stack`)
-    was read from.
+    was read from; `effects` are active in the model.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -59,3 +60,4 @@ class Settings:
     limits: Mapping[str, Bound] = field(default_factory=dict)
     seed: int = 0
     definition: Any = None
+    effects: tuple[Active, ...] = ()

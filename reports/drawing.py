@@ -43,7 +43,8 @@ def plain(axes: Axes) -> None:
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     legend = axes.get_legend()
-    for text in (axes.xaxis.label, axes.yaxis.label, axes.title, *axes.get_yticklabels()):
+    ticks = (*axes.get_xticklabels(), *axes.get_yticklabels())
+    for text in (axes.xaxis.label, axes.yaxis.label, axes.title, *ticks):
         text.set_parse_math(False)
     for text in legend.get_texts() if legend else ():
         text.set_parse_math(False)

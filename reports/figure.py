@@ -47,6 +47,8 @@ def _draw_plane(axes: Axes, result: RunResult) -> None:
     axes.set_ylabel(axis_label(y))
     if len(result.objectives) > 2:
         axes.set_title("projection: there are further objectives", fontsize="small")
+    if result.before is not None and not result.before.empty:
+        _draw_before(axes, result.before.sort_values([x.name, y.name]), x.name, y.name)
     if not result.front.empty:
         _draw_front(axes, result, x.name, y.name)
     for at, (_, row) in enumerate(result.references.iterrows()):
@@ -63,6 +65,12 @@ def _draw_front(axes: Axes, result: RunResult, x: str, y: str) -> None:
     if not knee.empty:
         axes.plot(knee[x], knee[y], linestyle="none", marker="*", markersize=14,
                   color=FRONT_COLOUR, markeredgecolor="white", label="knee")  # fmt: skip
+
+
+def _draw_before(axes: Axes, before: pd.DataFrame, x: str, y: str) -> None:
+    """The front of the model without its effects."""
+    axes.plot(before[x], before[y], linestyle=":", linewidth=1.0, marker="o", markersize=2.0,
+              color="#777777", label=f"without effects, {len(before)} points")  # fmt: skip
 
 
 def _draw_bound(axes: Axes, front: pd.DataFrame, x: str, y: str) -> None:

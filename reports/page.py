@@ -11,10 +11,11 @@ import pandas as pd
 from ..records import Bars, RunResult
 from .bars import bars_figure
 from .convergence import convergence_figure
+from .document import bullets, document, picture, section
 from .drawing import flags
 from .figure import front_figure
-from .html import document, listed, picture, section
-from .tables import chosen, shown, table
+from .summary import summary_table
+from .tables import chosen, table
 
 ASSUMPTION_COLUMNS = ("name", "value", "unit", "reason", "set_by")
 GAINS = (
@@ -24,18 +25,26 @@ GAINS = (
     "reference's own value; empty where nothing is broken."
 )
 
+MOVED = (
+    "How the effects in the model move the allocation. At each level of the second objective the "
+    "cheapest point of the front without the effects (before), what the same design comes to with "
+    "them (kept), and the cheapest point with them (after). front_without_effects.csv has the "
+    "whole front, allocation_moved.csv this table."
+)
+
 
 def page(result: RunResult) -> str:
     """The whole page; every text that comes from outside is escaped."""
     sections = (
         section("Front", picture("front", front_figure(result), _front_caption(result))),
-        section("In words", listed(result.notes)),
+        section("In words", bullets(result.notes)),
+        *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),
         section("References", _references(result)),
         section("Points of the front", _points(result)),
         section("Convergence", _convergence(result.convergence)),
         *(section("Sensitivity", _bars(result.bars)) for _ in result.bars[:1]),
         section("Assumptions", _assumptions(result.summary)),
-        section("Summary", _summary(result.summary)),
+        section("Summary", summary_table(result.summary)),
         section("Configuration", f"<pre>{escape(result.configuration)}</pre>"),
     )
     return document(result.title, "\n".join(sections))
@@ -68,6 +77,11 @@ def _references(result: RunResult) -> str:
     return f"<p>{escape(GAINS)}</p>\n{short}\n{full}"
 
 
+def _moved(found: pd.DataFrame) -> str:
+    marked = [label == "after" for label in found["allocation"]] if len(found) else []
+    return f"<p>{escape(MOVED)}</p>\n{table(found, marked)}"
+
+
 def _is_gain(name: str) -> bool:
     return name.endswith(("_saving_percent", "_gain_percent"))
 
@@ -90,16 +104,3 @@ def _assumptions(summary: Mapping[str, Any]) -> str:
     return "<p>Values in use that no document prints.</p>\n" + table(
         chosen(found, ASSUMPTION_COLUMNS)
     )
-
-
-def _summary(summary: Mapping[str, Any]) -> str:
-    rows = [(name, _flat(value)) for name, value in summary.items() if name != "assumptions"]
-    return table(pd.DataFrame(rows, columns=["name", "value"], dtype=object))
-
-
-def _flat(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_flat(part)}" for name, part in value.items())
-    if isinstance(value, list | tuple):
-        return ", ".join(map(_flat, value))
-    return shown(value)

@@ -13,7 +13,7 @@ from scipy.optimize import NonlinearConstraint, minimize
 pytest.importorskip("benchmarks.task", reason="the benchmarks are not shipped")
 pytestmark = pytest.mark.source_tree
 
-from benchmarks import compare, promised, proven  # noqa: E402
+from benchmarks import compare, dynamics, promised, proven  # noqa: E402
 from benchmarks.peers import tolevo_exact  # noqa: E402
 from benchmarks.task import Array, OutOfTime, Recorder, Task  # noqa: E402
 from benchmarks.tasks.cost_rss import B, S, cost_rss  # noqa: E402
@@ -21,6 +21,8 @@ from benchmarks.tasks.mixed_process import PART, PARTS, PROCESSES, mixed_process
 from benchmarks.tasks.mixed_process import A as PROCESS_A  # noqa: E402
 from benchmarks.tasks.mixed_process import B as PROCESS_B  # noqa: E402
 from benchmarks.tasks.mixed_process import S as PART_S  # noqa: E402
+from tolevo.models.rv_reducer.dynamics.contact_mesh import tabulated  # noqa: E402
+from tolevo.models.rv_reducer.loaded_unit import loaded_unit  # noqa: E402
 
 
 def least(b: Array, s: Array, variation: float) -> float:
@@ -177,3 +179,17 @@ def test_figures_say_whether_they_are_met() -> None:
     assert each.met
     assert each.value == "20.0"
     assert returned.met is None  # one seed has no range
+
+
+def test_right_hand_sides_of_the_dynamics_are_the_mesh() -> None:
+    mesh = tabulated(loaded_unit(dynamics.UNIT).mesh(400), 500.0, nodes=41)
+    found = dynamics.numpy_motion(mesh, 3.0, 80.0, 2.0)
+    compiled = dynamics.compiled_motion(mesh, 3.0, 80.0, 2.0)
+    rng = np.random.default_rng(0)
+    for t, twist, rate in rng.uniform([-5.0, -1e-3, -0.1], [5.0, 1e-3, 0.1], (20, 3)):
+        both = [one(t, np.array([twist, rate])) for one in (found, compiled)]
+        np.testing.assert_allclose(both[0], both[1], rtol=1e-9)
+    at = 2.0 * np.pi / 2.0 * 37 / 400  # the time of sample 37
+    torque = mesh.torque(np.full((1, 400), 8e-4))[0][0, 37]
+    expected = (dynamics.TORQUE - torque - 80.0 * 0.01) / 3.0
+    assert found(at, np.array([8e-4, 0.01]))[1] == pytest.approx(expected, rel=1e-9)

@@ -3,21 +3,33 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from .. import tables
 from ..errors import Fault, raise_all
+from ..models.effects.compose import Active, predicted
+from ..models.effects.readings import target_of
 from ..models.measurable import MeasurableModel
+from ..models.table import MeasuredTable
 
 ALWAYS_ALLOWED = ("time_s", "repeat")
 
 
 def simulate(
-    model: MeasurableModel, path: Path, out: Path, seed: int = 0
+    model: MeasurableModel,
+    path: Path,
+    out: Path,
+    seed: int = 0,
+    name: str = "",
+    effects: tuple[Active, ...] = (),
 ) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """The inputs in `path` with the predicted outputs beside them, written to `out`.
+
+    `effects` are active in the model `name`.
 
     Also returns what the user should know: optional columns that are missing. Raises InputError
     with every fault of the table; nothing is written then.
@@ -26,15 +38,37 @@ def simulate(
     frame, faults = _inputs(model, tables.read(path, place), place)
     raise_all(faults)
     table = {str(name): frame[name].to_numpy() for name in frame}
-    predicted = model.predict(table, np.random.default_rng(seed))
-    found = frame.assign(**predicted)
+    raise_all(_without_columns(model, name, table, effects, place))
+    found = frame.assign(**predicted(model, name, table, effects, np.random.default_rng(seed)))
     tables.write(found, out)
     notes = tuple(
         f"{place}: no column {c.name} (optional: {c.meaning}); the model's nominal value is taken"
         for c in model.columns
         if c.name not in frame
     )
+    if isinstance(model, MeasuredTable):
+        named = ", ".join(output.name for output in model.outputs)
+        notes += (f"{place}: {named} as written are predictions with the effects in them, not the "
+                  "measurements",)  # fmt: skip
     return found, notes
+
+
+def _without_columns(
+    model: MeasurableModel,
+    name: str,
+    table: dict[str, NDArray[Any]],
+    effects: tuple[Active, ...],
+    place: str,
+) -> list[Fault]:
+    """Effects that need a column which the table has not."""
+    target = target_of(model, name, table)
+    found = []
+    for one in effects:
+        if not one.effect.applies(target):
+            missing = [role for role in one.effect.needs if role not in target.roles()]
+            text = f"the effect {one.effect.name} needs a column of {' and '.join(missing)}"
+            found.append(Fault(place, text))
+    return found
 
 
 def _inputs(
@@ -42,6 +76,8 @@ def _inputs(
 ) -> tuple[pd.DataFrame, list[Fault]]:
     """The typed inputs and every fault of the table."""
     outputs = [output.name for output in model.outputs]
+    if isinstance(model, MeasuredTable):  # the measured columns stand beside the predictions
+        given = given.drop(columns=[*outputs, *model.ignored], errors="ignore")
     taken = [name for name in outputs if name in given]
     text = "is an output of the model; remove the column, or rename it"
     faults = [Fault(place, f"column {name} {text}") for name in taken]

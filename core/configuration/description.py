@@ -4,24 +4,58 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from .. import registry
 from ..declarations import Assumption, Variable
+from ..models.effects.effect import Target
+from ..models.effects.readings import target_of
 from ..problems.settings import VariableSetting
 from ..workflows.study.plan import StudyPlan
 from .configuration import Configuration
+from .table import TABLE, table_model
 
 
 def describe(configuration: Configuration) -> str:
     """TOML that can be run as it stands, with variables, assumptions and warnings as comments."""
     problem = configuration.problem
     if problem is None:
-        return configuration.toml()
+        return _commented(configuration.toml(), _effects(configuration))
     settings = configuration.settings.variables
-    lines = ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
+    lines = _effects(configuration)
+    lines += ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
     lines += ["", "Assumptions (no document prints them)", *_assumptions(problem.assumptions())]
     if warnings := problem.warnings():
         lines += ["", "Warnings", *(f"  {warning}" for warning in warnings)]
+    return _commented(configuration.toml(), lines)
+
+
+def _commented(toml: str, lines: list[str]) -> str:
     comments = "\n".join(f"# {line}".rstrip() for line in lines)
-    return f"{configuration.toml()}\n{comments}"
+    return f"{toml}\n{comments}" if lines else toml
+
+
+def _effects(configuration: Configuration) -> list[str]:
+    """The active effects, their causes and parameters, and what they do in the problem."""
+    active, problem = configuration.settings.effects, configuration.problem
+    if not active:
+        return []
+    target, lines = _target(configuration), []
+    for one in active:
+        told = [f"{name} = {value:g}" for name, value in one.values.items()]
+        more = one.effect.described(one.values, target)
+        told += [f"{name} = {value:.6g} {unit}" for name, (value, unit) in more.items()]
+        values = ", ".join(told)
+        lines.append(f"  {one.effect.name} ({one.effect.family}): {one.effect.cause}")
+        lines.append(f"    {values}")
+    notes = problem.effect_notes() if problem is not None else ()
+    return ["Effects", *lines, *(f"  {note}" for note in notes), ""]
+
+
+def _target(configuration: Configuration) -> Target:
+    """What the effects act in."""
+    name = configuration.model_name
+    if name == TABLE:
+        return target_of(table_model(configuration.settings.definition), name)
+    return target_of(registry.load("models", name), name)
 
 
 def _variable(variable: Variable, setting: VariableSetting) -> str:

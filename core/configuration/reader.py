@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,12 +13,14 @@ from ..problems.settings import Settings, VariableSetting
 from ..section import Range, Section
 from .configuration import Configuration
 from .costs import check_ends, read_costs
+from .effects import read_effects, resolved_effects
 from .goals import read_limits, read_objectives, read_propagation
 from .parameters import read_parameters
-from .plugins import effect_faults, load_named
+from .plugins import load_named
 from .resolved import resolved_problem, resolved_variables
 from .search import read_algorithm, read_budget, read_engine, resolved_algorithm
 from .source import Table, load, override
+from .table import TABLE, read_table_model
 from .variables import mid_parameter, read_variable
 
 REFERENCES = ("documents", "none")
@@ -42,9 +44,15 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
 def read_table(table: Table, faults: list[Fault]) -> Configuration:
     """The configuration in the tables of a file; raises InputError with `faults` and its own."""
     top = Section(table, "", faults)
-    faults += effect_faults(top.take("effect"))
     if "problem" in top or "model" not in top:
         return _read_problem(top, faults)
+    return _read_model(top, faults)
+
+
+def read_alone(table: Mapping[str, Any]) -> Configuration:
+    """The configuration of a model alone, from tables. Raises InputError with every fault."""
+    faults: list[Fault] = []
+    top = Section(table, "", faults)
     return _read_model(top, faults)
 
 
@@ -63,11 +71,12 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     model_name = top.take("model") or (kind.default_model if kind else "")
     references = top.text("references", REFERENCES) or "documents"
     seed = _seed(top)
+    effects = read_effects(top, model, model_name)
     if kind is None:  # its sections cannot be judged
         top.known(("parameters", "variables", *PROBLEM_ONLY))
         top.finish()
         raise InputError(faults)
-    settings = replace(_settings(top, kind, model), seed=seed)
+    settings = replace(_settings(top, kind, model), seed=seed, effects=effects)
     section = top.section("algorithm")
     objectives = settings.objectives or kind.default_objectives
     budget = read_budget(section)
@@ -85,6 +94,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         "references": references,
         **resolved_problem(problem),
         "algorithm": resolved_algorithm(name, algorithm, budget, engine),
+        **resolved_effects(settings.effects),
     }
     return Configuration(
         model_name=model_name,
@@ -139,11 +149,14 @@ def _variables(
 
 def _read_model(top: Section, faults: list[Fault]) -> Configuration:
     """A configuration with a model alone, as `simulate` takes it."""
+    if top.take("model") == TABLE:
+        return read_table_model(top, _seed(top), faults)
     kind = load_named(top, "model", "models")
     seed = _seed(top)
     for key in PROBLEM_ONLY:
         if top.take(key) is not None:
             top.fault(key, "needs a problem: a model alone takes seed, parameters and variables")
+    effects = read_effects(top, kind, top.take("model"))
     if kind is None:
         top.known(("parameters", "variables"))
         top.finish()
@@ -162,6 +175,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         parameters={p.name: p.default for p in kind.parameters} | parameters,
         variables=complete,
         seed=seed,
+        effects=effects,
     )
     name = top.take("model")
     resolved = {
@@ -169,6 +183,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         "seed": seed,
         "parameters": dict(settings.parameters),
         "variables": resolved_variables(complete, kind.variables),
+        **resolved_effects(effects),
     }
     return Configuration(model_name=name, settings=settings, resolved=resolved)
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from .. import registry
 from ..errors import refuse
 from .configuration import Configuration
+from .table import TABLE, table_model
 
 
 def build_model(configuration: Configuration) -> Any:
     """The model at the configuration's parameters; searched variables keep the document's value."""
     if not configuration.model_name:
         raise refuse("model", 'is missing: name a model (see `tolevo list`), model = "..."')
+    if configuration.model_name == TABLE:
+        return table_model(configuration.settings.definition)
     kind = registry.load("models", configuration.model_name)
     given = configuration.settings
     settings = {v.name: (v, given.variables[v.name]) for v in kind.variables
@@ -32,3 +37,17 @@ def build_model(configuration: Configuration) -> Any:
         designs={name: value for name, value in designs.items() if value is not None},
         inputs={name: s.distribution for name, (_, s) in settings.items() if s.distribution},
     )
+
+
+def rebuilt(configuration: Configuration, parameters: Mapping[str, Any]) -> Any:
+    """The model with some of its parameters changed; those of tables have dotted names."""
+    given = dict(configuration.settings.parameters)
+    for name, value in parameters.items():
+        table, dot, key = name.partition(".")
+        if dot:
+            known = given.get(table)
+            given[table] = {**(known if isinstance(known, Mapping) else {}), key: value}
+        else:
+            given[name] = value
+    settings = replace(configuration.settings, parameters=given)
+    return build_model(replace(configuration, settings=settings))

@@ -6,22 +6,36 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import inf
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...declarations import Output
+from ...units import unit_key
 from ..inputs.distribution import Array
 from ..measurable import Changeable, Column, Role
+
+FAMILIES = (
+    "load",
+    "geometry by angle",
+    "speed",
+    "temperature, time",
+    "population",
+    "manipulator",
+    "assembly",
+    "instrument",
+)
 
 
 @dataclass(frozen=True, slots=True)
 class EffectParameter:
     """A number of an effect; physics bounds it, sign included.
 
-    In `unit`, the word `output` stands for the unit of the output that is acted on (`output/K`).
-    What the effect does is proportional to a `linear` parameter, the others held.
+    The name carries the unit (`rate_arcsec_per_K`). What the effect does is a sum of its `linear`
+    parameters, each times something that depends on the others alone; at 0 (their default) it does
+    nothing. A nonlinear one has no default: it must be given. It may be one of `choices` only.
     """
 
     name: str
@@ -30,13 +44,40 @@ class EffectParameter:
     low: float = 0.0
     high: float = inf
     linear: bool = True
-    default: float = 0.0
+    choices: tuple[float, ...] = ()
+
+    @property
+    def stem(self) -> str:
+        """The name without its unit."""
+        return self.name.removesuffix(f"_{unit_key(self.unit)}") if self.unit else self.name
+
+
+def quantity(
+    stem: str,
+    unit: str,
+    meaning: str,
+    low: float = 0.0,
+    high: float = inf,
+    linear: bool = True,
+    choices: tuple[float, ...] = (),
+) -> EffectParameter:
+    """The parameter `stem`, with its unit put into its name."""
+    name = f"{stem}_{unit_key(unit)}" if unit else stem
+    return EffectParameter(name, unit, meaning, low, high, linear, choices)
+
+
+def _nothing() -> Mapping[Any, Any]:
+    return MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
     """What an effect is added to: a model's name, its outputs, the columns that the table has,
     what may be changed inside, and whether each row is a unit of a population.
+
+    Where the table is known, `largest` holds the largest magnitude of a column by role (in the
+    units of `Readings`), and `labels` the labels of unit and lot. `several` outputs of the model
+    make the names of an effect's parameters begin with that of their output.
     """
 
     model: str
@@ -44,10 +85,23 @@ class Target:
     columns: tuple[Column, ...]
     changeable: tuple[Changeable, ...] = ()
     population: bool = False
+    several: bool = False
+    largest: Mapping[Role, float] = field(default_factory=_nothing)
+    labels: Mapping[Role, tuple[str, ...]] = field(default_factory=_nothing)
+    units: Mapping[Role, str] = field(default_factory=_nothing)
 
     def roles(self) -> frozenset[Role]:
         """The roles of the columns that are there."""
         return frozenset(column.role for column in self.columns)
+
+    def changes(self, *names: str) -> bool:
+        """Whether all these quantities may be changed inside of the model."""
+        return set(names) <= {one.name for one in self.changeable}
+
+    def prefix(self, output: Output) -> str:
+        """What the names of parameters of one output begin with."""
+        stem = output.name.removesuffix(f"_{unit_key(output.unit)}")
+        return f"{stem}_" if self.several else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +109,14 @@ class Readings:
     """The rows of a table as effects see them: by column name, and by role in fixed units.
 
     By role: angle [rad], torque [N m], force [N], direction [+1, -1], speed [rpm], temperature
-    [degC], time [s], payload [kg], position [m]; unit and lot are labels. Rows stand in the order
-    of measuring (`time` where there is one, else the order of the table).
+    [degC], time [s], payload [kg], position [m] (a column that moves along a line instead of
+    turning: angle [m], speed [m/s]); unit and lot are labels. Rows stand as in the table; `order`
+    (n,) lists them in the order of measuring (`time` where there is one).
     """
 
     table: Mapping[str, NDArray[Any]]
     by_role: Mapping[Role, NDArray[Any]]
+    order: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(next(iter(self.table.values()))) if self.table else 0
@@ -69,9 +125,8 @@ class Readings:
         """The first column (n,) of that role. Raises KeyError where there is none."""
         return self.by_role[role]
 
-
-def _empty() -> Mapping[str, Array]:
-    return {}
+    def __contains__(self, role: Role) -> bool:
+        return role in self.by_role
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,9 +140,9 @@ class Action:
       model's mean and a generator.
     """
 
-    changes: Mapping[str, Array] = field(default_factory=_empty)
-    output: Mapping[str, Array] = field(default_factory=_empty)
-    reading: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
+    changes: Mapping[str, Array] = field(default_factory=_nothing)
+    output: Mapping[str, Array] = field(default_factory=_nothing)
+    reading: Mapping[str, Callable[[Array], Array]] = field(default_factory=_nothing)
     population: Callable[[Array, float, np.random.Generator], Array] | None = None
 
 
@@ -95,26 +150,78 @@ class Effect(ABC):
     """A named physical effect: its cause, what it needs to be seen, and what it does.
 
     Composed in a fixed order: changes inside of the model, then the population, then the outputs,
-    then the readings of the instrument.
+    then the readings of the instrument. Where a model has a changeable quantity of the effect's
+    name (`bearing_clearance_mm`), the effect acts there, with that quantity as its one parameter,
+    in `inside_bounds`; elsewhere it does its `own_action`.
     """
 
     name: ClassVar[str]
     family: ClassVar[str]
     cause: ClassVar[str]
     """One sentence."""
+    formula: ClassVar[str] = ""
+    """What is added, in the symbols of docs/effects.md."""
     needs: ClassVar[tuple[Role, ...]] = ()
     mistaken_for: ClassVar[tuple[str, ...]] = ()
     """Names of the effects that it is easily mistaken for."""
     reference: ClassVar[str] = ""
+    inside_bounds: ClassVar[tuple[float, float]] = (0.0, inf)
+    inside_name: ClassVar[str] = ""
+    """The quantity inside of a model that stands for the effect, where not the one of its name."""
+
+    def place(self, target: Target) -> Changeable | None:
+        """The changeable quantity that bears the effect's name, its unit aside."""
+        name = self.inside_name or self.name
+        for one in target.changeable:
+            if one.name in (name, f"{name}_{unit_key(one.unit)}"):
+                return one
+        return None
 
     def applies(self, target: Target) -> bool:
         """Whether the effect has a place in this model, with the columns of this table."""
+        return self.place(target) is not None or self.own_applies(target)
+
+    def parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        """Its numbers, for this target."""
+        place = self.place(target)
+        if place is None:
+            return self.own_parameters(target)
+        low, high = self.inside_bounds
+        return (EffectParameter(place.name, place.unit, place.meaning, low, high, linear=False),)
+
+    def parameter(self, name: str, target: Target) -> EffectParameter | None:
+        """The parameter that a configuration names, by its name or by its stem."""
+        for one in self.parameters(target):
+            if name in (one.name, one.stem):
+                return one
+        return None
+
+    def act(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+        """What it does to the rows, with `values` of its parameters by name."""
+        place = self.place(target)
+        if place is None:
+            return self.own_action(readings, values, target)
+        return Action(changes={place.name: np.full(len(readings), values[place.name])})
+
+    def described(
+        self, values: Mapping[str, float], target: Target
+    ) -> dict[str, tuple[float, str]]:
+        """What a reader wants to see beside the parameters (amplitude, phase): value and unit."""
+        return {}
+
+    def own_applies(self, target: Target) -> bool:
+        """Whether it can act where no quantity bears its name."""
         return set(self.needs) <= target.roles()
 
     @abstractmethod
-    def parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        """Its numbers, for this target."""
+    def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        """Its numbers where no quantity inside bears its name."""
 
     @abstractmethod
-    def act(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
-        """What it does to the rows, with `values` of its parameters by name."""
+    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+        """What it does to the rows where no quantity inside bears its name."""
+
+
+def known(values: Mapping[str, float], name: str) -> float:
+    """A linear parameter, 0 where it is not given."""
+    return float(values.get(name, 0.0))

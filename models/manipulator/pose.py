@@ -14,10 +14,13 @@ from ...units import MM
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Role
 from . import declared
+from .changes import CHANGEABLE, base_tilt, changed_errors
 from .compensation import compensated
 from .faults import faults
 from .forward import exact_pose
+from .machine import about_up
 from .sources import MRAD, SOURCES
+from .vectors import rotation_vector, turned, vector
 
 ACTED_ON = "acts through effects only"
 FREE_STEMS = ("drive_zero_", "arm_length_", "rod_length_", "platform_attachment_")
@@ -47,6 +50,7 @@ class ManipulatorPose(MeasurableModel):
         Output("yaw_mrad", "mrad", "rotation about z"),
     )
     parameters = (*declared.PARAMETERS, declared.ERRORS, declared.COMPENSATION)
+    changeable = CHANGEABLE
     free: ClassVar[Mapping[str, float]] = {
         f"{declared.DOTTED}{source.name}": 0.5 if source.unit == "mrad" else 100.0
         for source in SOURCES
@@ -72,11 +76,36 @@ class ManipulatorPose(MeasurableModel):
         changes: Mapping[str, Array] = NO_CHANGES,
     ) -> dict[str, Array]:
         r, z = np.asarray(table["r_mm"]) * MM, np.asarray(table["z_mm"]) * MM
-        pose = (self.machine, r, z, np.radians(table["phi_deg"]), self.errors)
+        phi = np.radians(table["phi_deg"])
+        tilt = base_tilt(changes, phi)
         if self.correct:
-            position, turn = np.zeros((len(r), 3)), compensated(*pose)
+            position, turn = np.zeros((len(r), 3)), self._left(r, z, phi, changes, tilt)
         else:
-            found = exact_pose(*pose)
-            position, turn = found.position, found.orientation
+            errors = changed_errors(self.machine, r, z, phi, self.errors, changes)
+            found = exact_pose(self.machine, r, z, phi, errors)
+            start = vector(r, 0.0, z)
+            position = turned(start + found.position, tilt) - start
+            turn = _after(found.orientation, tilt)
         readings = np.concatenate([position / MM, turn / MRAD], axis=-1)
         return {output.name: readings[:, i] for i, output in enumerate(self.outputs)}
+
+    def _left(
+        self, r: Array, z: Array, phi: Array, changes: Mapping[str, Array], tilt: Array
+    ) -> Array:
+        """Rotation vectors (n, 3) [rad] that are left when the position is made exact.
+
+        On a tilted base that is the pose where the base is upright; the axes are those at phi.
+        """
+        where = turned(vector(r, 0.0, z), -tilt)
+        ahead = np.arctan2(where[:, 1], where[:, 0])
+        r, z = np.hypot(where[:, 0], where[:, 1]), where[:, 2]
+        errors = changed_errors(self.machine, r, z, phi + ahead, self.errors, changes)
+        left = compensated(self.machine, r, z, phi + ahead, errors)
+        axes = about_up(turned(np.eye(3), left[:, None, :]), ahead[:, None])
+        # the frame at phi + ahead, turned back to axes that begin at phi
+        return rotation_vector(turned(axes, tilt[:, None, :]))
+
+
+def _after(turn: Array, tilt: Array) -> Array:
+    """Rotation vectors (n, 3) [rad] of `turn`, then `tilt`."""
+    return rotation_vector(turned(turned(np.eye(3), turn[:, None, :]), tilt[:, None, :]))

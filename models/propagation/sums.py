@@ -75,6 +75,16 @@ class ClippedSum:
     free: tuple[Term, ...]
     clipped: tuple[Term, ...]
 
+    def shifted(self, by: float) -> ClippedSum:
+        """The sum with `by` added to its clipped part."""
+        first, *rest = self.clipped
+        return ClippedSum(self.free, (replace(first, constant=first.constant + by), *rest))
+
+    def freed(self, by: Array) -> ClippedSum:
+        """The sum with `by` (n,) added to its free part."""
+        first, *rest = self.free
+        return ClippedSum((replace(first, constant=first.constant + by), *rest), self.clipped)
+
     @property
     def size(self) -> int:
         """Number of designs n."""

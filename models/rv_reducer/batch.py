@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from ...declarations import Output, Value
 from ...errors import refuse
-from ...units import ARCMIN
+from ...units import ARCMIN, UM
 from ..inputs.distribution import Array, Distribution
-from ..measurable import NO_CHANGES, Column, MeasurableModel, Role
-from ..propagation import Term
+from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
+from ..propagation import Convolution, Term
 from . import declared
+from .cycloid import LINEAR_ERRORS, coefficients, pin_circle_growth
+from .geometry import RvGeometry
 
 
 class RvBatch(MeasurableModel):
@@ -22,7 +24,8 @@ class RvBatch(MeasurableModel):
 
     phi_1 + max(0, phi_2) + phi_3 with every error drawn from its distribution (document B). Rows of
     the same `unit` (and `lot`) are the same unit where the table has a column `repeat`; otherwise
-    every row is a unit. Temperature and lot act through effects only.
+    every row is a unit. Temperature and lot act through effects only; changes of the errors of the
+    cycloid stage and of temperatures act in phi_2, before interference is cut off.
     """
 
     columns = (
@@ -33,6 +36,14 @@ class RvBatch(MeasurableModel):
     outputs = (Output("backlash_arcmin", "arcmin", "effective backlash of the unit", low=0.0),)
     parameters = declared.PARAMETERS
     variables = declared.VARIABLES
+    changeable = (
+        *(
+            Changeable(f"{error}_um", "um", f"{error.replace('_', ' ')} error of the unit")
+            for error in LINEAR_ERRORS
+        ),
+        Changeable("disc_temperature_K", "K", "temperature of the discs above 20 degC"),
+        Changeable("housing_temperature_K", "K", "temperature of the housing above 20 degC"),
+    )
     population = True
     free: ClassVar[Mapping[str, float]] = {
         f"{v.name.removesuffix('_um')}_mid_um": float(v.document)
@@ -64,9 +75,25 @@ class RvBatch(MeasurableModel):
     ) -> dict[str, Array]:
         row = _units(table)
         count = int(row.max(initial=-1)) + 1
-        cycloid = drawn(self.total.clipped, count, rng)
-        effective = np.maximum(cycloid, 0.0) + drawn(self.total.free, count, rng)
-        return {"backlash_arcmin": effective[row] / ARCMIN}
+        cycloid = drawn(self.total.clipped, count, rng)[row] + opening(self.model.geometry, changes)
+        effective = np.maximum(cycloid, 0.0) + drawn(self.total.free, count, rng)[row]
+        return {"backlash_arcmin": effective / ARCMIN}
+
+    def means(self, changes: Mapping[str, Array] = NO_CHANGES) -> Mapping[str, float]:
+        total = self.total.shifted(float(np.mean(opening(self.model.geometry, changes))))
+        exact = Convolution().propagate(total, 0.9973, ARCMIN)
+        return {"backlash_arcmin": float(exact.mean.value[0]) / ARCMIN}
+
+
+def opening(geometry: RvGeometry, changes: Mapping[str, Array]) -> Array | float:
+    """What changes of errors [um] and temperatures [K] add to phi_2 [rad]: A . change/(e z_c)."""
+    gains = coefficients(geometry)
+    total: Array | float = 0.0
+    for error in LINEAR_ERRORS:
+        total = total + gains[error] * UM * np.asarray(changes.get(f"{error}_um", 0.0))
+    rises = [np.asarray(changes.get(f"{part}_temperature_K", 0.0)) for part in ("disc", "housing")]
+    total = total + gains["pin_circle_radius"] * pin_circle_growth(geometry, *rises)
+    return total / geometry.lever
 
 
 def _units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..inputs.distribution import Array
 from .geometry import RvGeometry
 
 LINEAR_ERRORS = (
@@ -37,6 +38,15 @@ def coefficients(geometry: RvGeometry) -> dict[str, float]:
         "equidistance": 2.0,
         "shift": -2.0 * flank,
     }
+
+
+def pin_circle_growth(geometry: RvGeometry, disc: Array, housing: Array) -> Array:
+    """Growth [m] of the pin circle beside the disc, (n,), of temperature rises [K] of both.
+
+    alpha r_p (housing - disc): a unit that warms up alike stays similar to itself, and its backlash
+    is an angle.
+    """
+    return geometry.expansion * geometry.pin_circle_radius * (housing - disc)
 
 
 @dataclass(frozen=True, slots=True)

@@ -89,6 +89,8 @@ PARAMETERS: tuple[Parameter, ...] = (
               "first order", "fitted to exact 40-pin geometry", assumed=True, low=-10.0, high=10.0),
     Parameter("eccentricity_quadratic_per_mm", -12.6, "1/mm", "the same, second order",
               "fitted to exact 40-pin geometry", assumed=True, low=-1e4, high=1e4),
+    Parameter("thermal_expansion_per_K", 11.5e-6, "1/K", "thermal expansion of disc and housing; "
+              "matters to effects only", "bearing steel", assumed=True, low=0.0, high=1e-3),
     *(_mid(error) for error in ERRORS),
     _printed("backlash_limit_arcmin", 1.0, "arcmin", "backlash that conforming units keep", 1e4),
 )  # fmt: skip
@@ -155,6 +157,7 @@ def _geometry(p: Mapping[str, float]) -> RvGeometry:
         reduction_ratio=p["reduction_ratio"],
         sun_pitch_radius=p["sun_pitch_radius_mm"] * MM,
         centre_distance=p["centre_distance_mm"] * MM,
+        expansion=p["thermal_expansion_per_K"],
     )
 
 

@@ -11,7 +11,8 @@ class RvGeometry:
     """Nominal geometry; the defaults are the RV-40E-121 of document B.
 
     Lengths in metres. The document prints no sun pitch radius and no centre distance: 9 mm and
-    36 mm are assumptions (z1 = 12, z2 = 36, m = 1.5 mm; z2/z1 = 3 is exact).
+    36 mm are assumptions (z1 = 12, z2 = 36, m = 1.5 mm; z2/z1 = 3 is exact), as is the thermal
+    expansion [1/K] of disc and housing: 11.5e-6, of bearing steel.
     """
 
     pin_circle_radius: float = 0.064
@@ -22,6 +23,7 @@ class RvGeometry:
     reduction_ratio: float = 121.0
     sun_pitch_radius: float = 0.009
     centre_distance: float = 0.036
+    expansion: float = 11.5e-6
 
     @property
     def k1(self) -> float:

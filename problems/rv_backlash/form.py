@@ -56,6 +56,7 @@ def form_of(problem: RvBacklash) -> Form | None:
     terms = _unit_terms(problem)
     offset += sum(float(term.constant[0]) for term in terms.values()) / ARCMIN
     features = tuple(_feature(problem, name, term, k) for name, term in terms.items())
+    offset += problem.change.effective / ARCMIN
     offset_of = np.array([offset, offset, 0.0])
     features = (*features, _bearing(problem, k), _grades(problem, k))
     relaxed = _relaxed(problem, settled)

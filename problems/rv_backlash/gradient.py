@@ -45,7 +45,7 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     for name, slope in fixed.items():
         mean[:, problem.names.index(name)] = slope
     std = np.sqrt(total_cumulants(total.clipped + total.free)[1])
-    spread = 0.5 * variance / std[:, None]
+    spread = 0.5 * variance / std[:, None] * (1.0 + problem.change.growth)
     return {
         "cost": _cost(problem, designs),
         "backlash_geometric_arcmin": (mean + deviations(problem) * spread) / ARCMIN,

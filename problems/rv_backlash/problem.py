@@ -19,6 +19,7 @@ from ..forms import Form
 from ..settings import Bound, Settings
 from ..tolerance_problem import Interval, ToleranceProblem
 from .costs import DEFAULT_COSTS
+from .counterparts import changes_of, sentence
 from .form import deviations, form_of
 from .gradient import gradients
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
@@ -53,6 +54,7 @@ class RvBacklash(ToleranceProblem):
             {_stem(name): s.distribution for name, s in given.variables.items() if s.distribution},
         )
         self.limit = number(given.parameters["backlash_limit_arcmin"])
+        self.change = changes_of(given.effects, self.model.geometry)
 
     # ---------------------------------------------------------------- evaluation
 
@@ -86,13 +88,13 @@ class RvBacklash(ToleranceProblem):
 
     def total(self, designs: Array) -> ClippedSum:
         """The sum over units that is propagated [rad]."""
-        return self.model.total(self.allocation(designs))
+        return self.change.opened(self.model.total(self.allocation(designs)))
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         total = self.total(designs)
         method = self._searching if searching else self._reporting
         coverage = self.settings.propagation.coverage
-        spread = method.propagate(total, coverage, self.limit * ARCMIN)
+        spread = self.change.propagate(method, total, coverage, self.limit * ARCMIN)
         means = zip(("phi_1", "phi_2", "phi_3"), stage_means(total), strict=True)
         found = {f"{name}_arcmin": value / ARCMIN for name, value in means}
         geometric = spread.geometric_mean + deviations(self) * spread.geometric_std
@@ -112,8 +114,14 @@ class RvBacklash(ToleranceProblem):
         }
 
     def form(self) -> Form | None:
-        """Mean and standard deviation of the geometric backlash, and mean + k of the latter."""
-        return form_of(self)
+        """Mean and standard deviation of the geometric backlash, and mean + k of the latter.
+
+        None where an effect inflates the spread: the form knows the spread of the inputs alone.
+        """
+        return form_of(self) if self.change.growth == 0.0 else None
+
+    def counterparts(self) -> tuple[str, ...]:
+        return tuple(sentence(one, self.model.geometry) for one in self.settings.effects)
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         return gradients(self, designs)
@@ -164,7 +172,8 @@ class RvBacklash(ToleranceProblem):
         ]
         coverage = self.settings.propagation.coverage
         only_free = ClippedSum(tight.free, tuple(nothing))
-        return Convolution().propagate(only_free, coverage, self.limit * ARCMIN)
+        limit = self.limit * ARCMIN
+        return self.change.propagate(Convolution(), only_free, coverage, limit)
 
     @cached_property
     def _least(self) -> dict[str, float]:
@@ -175,7 +184,7 @@ class RvBacklash(ToleranceProblem):
         return {
             "phi_1_arcmin": phi_1,
             "phi_3_arcmin": phi_3,
-            "backlash_mean_arcmin": phi_1 + phi_3,
+            "backlash_mean_arcmin": phi_1 + phi_3 + self.change.effective / ARCMIN,
             "backlash_arcmin": quantile,
         }
 

@@ -7,7 +7,7 @@ from html import escape
 import pandas as pd
 
 from ...records import StudyResult
-from ..html import document, listed, picture, section
+from ..document import bullets, document, picture, section
 from ..tables import chosen, table
 from .figures import Named, figures
 
@@ -28,8 +28,8 @@ def study_page(result: StudyResult) -> str:
     """The whole page; every text that comes from outside is escaped."""
     drawn = figures(result)
     parts = [
-        section("Recommended settings", listed([o.sentence for o in result.recommendations])),
-        section("In words", listed(result.notes)),
+        section("Recommended settings", bullets([o.sentence for o in result.recommendations])),
+        section("In words", bullets(result.notes)),
         *_courses(result, drawn),
         section("Responses", "\n".join(map(_drawing, _of(drawn, "response_")))),
         section("Sensitivities", _sensitivities(result, drawn)),
@@ -54,10 +54,10 @@ def _courses(result: StudyResult, drawn: list[Named]) -> list[str]:
     parts, shown = [], {one.key for one in drawn if one.key}
     for one in _of(drawn, "course_"):
         read = [verdict.sentence for verdict in result.verdicts if verdict.key == one.key]
-        parts.append(_drawing(one) + (listed(read) if read else ""))
+        parts.append(_drawing(one) + (bullets(read) if read else ""))
     rest = [verdict.sentence for verdict in result.verdicts if verdict.key not in shown]
     found = [section("Courses", "\n".join(parts))] if parts else []
-    return found + ([section("Readings", listed(rest))] if rest else [])
+    return found + ([section("Readings", bullets(rest))] if rest else [])
 
 
 def _sensitivities(result: StudyResult, drawn: list[Named]) -> str:

@@ -60,6 +60,10 @@ class Bracket(ToleranceProblem):
 
 
 class BracketModel:
+    columns = ()
+    outputs = Bracket.outputs[1:2]
+    changeable = ()
+    population = False
     parameters = Bracket.parameters
     variables = Bracket.variables
 
@@ -278,8 +282,7 @@ FAULTS = {
         "population holds)",
     'algorithm.name = "ga"': "algorithm.name: ga takes exactly one objective, [objectives] "
                              "minimise names 2",
-    "[[effect]]\nname = 'wear'": 'effect[0].name: "wear" is not an installed effect; none is in '
-                                 "this version",
+    "[[effect]]\nname = 'wear'": 'effect[0].name: "wear" has no place in the model bracket_batch',
 }  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from tolevo import registry
 from tolevo.errors import InputError
 
 ENTRIES = """[tolevo.effects]
-creep = tolevo_fake.inner:Creep
+seeping = tolevo_fake.inner:Creep
 broken = tolevo_fake.broken:Broken
 again = tolevo_fake:Creep
 lost = tolevo_fake.nowhere:Lost
@@ -52,24 +52,24 @@ def entry(name: str) -> dict[str, str]:
 
 def test_listing_reads_metadata_and_source_without_importing(plugin: Path) -> None:
     expected = {"description": "Slow creep.", "origin": "tolevo-fake 1.2"}
-    assert entry("creep") == {"name": "creep", **expected}
+    assert entry("seeping") == {"name": "seeping", **expected}
     assert entry("again") == {"name": "again", **expected}  # through a re-export
     assert entry("broken")["description"] == entry("lost")["description"] == "(no description)"
     assert not [name for name in sys.modules if name.startswith("tolevo_fake")]
 
 
 def test_describe_and_origin(plugin: Path) -> None:
-    assert registry.describe("effects", "creep") == "Slow creep."
-    assert registry.origin("effects", "creep") == "tolevo-fake 1.2"
+    assert registry.describe("effects", "seeping") == "Slow creep."
+    assert registry.origin("effects", "seeping") == "tolevo-fake 1.2"
 
 
 def test_load(plugin: Path) -> None:
-    assert registry.load("effects", "creep").__name__ == "Creep"
+    assert registry.load("effects", "seeping").__name__ == "Creep"
 
 
 def test_unknown_name_gets_the_nearest(plugin: Path) -> None:
-    with pytest.raises(InputError, match=r'effect: "crep" is not .*did you mean `creep`'):
-        registry.load("effects", "crep")
+    with pytest.raises(InputError, match=r'effect: "seepin" is not .*did you mean `seeping`'):
+        registry.load("effects", "seepin")
 
 
 def test_plugin_that_cannot_be_imported(plugin: Path) -> None:
@@ -91,7 +91,7 @@ def test_age_moea2_needs_the_extra_fast(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_name_offered_twice(plugin: Path) -> None:
-    install(plugin, "tolevo-other", "3", "[tolevo.effects]\ncreep = os:path\n")
-    assert registry.names("effects").count("creep") == 1
+    install(plugin, "tolevo-other", "3", "[tolevo.effects]\nseeping = os:path\n")
+    assert registry.names("effects").count("seeping") == 1
     with pytest.raises(InputError, match=r"tolevo-fake 1.2 and tolevo-other 3"):
-        registry.load("effects", "creep")
+        registry.load("effects", "seeping")

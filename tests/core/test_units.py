@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tolevo.units import ARCMIN, MM, SUFFIXES, UM, split_unit, to_unit
+from tolevo.units import ARCMIN, MM, SUFFIXES, UM, converted, split_unit, to_unit, unit_key
 
 
 @pytest.mark.parametrize(
@@ -61,6 +61,7 @@ def test_millimetres_and_micrometres_agree(value: float) -> None:
         ("crank_bearing_um", ("crank_bearing", "um")),
         ("backlash_limit_arcmin", ("backlash_limit", "arcmin")),
         ("involute_grade", ("involute_grade", "")),
+        ("normal_stiffness_N_per_mm", ("normal_stiffness", "N_per_mm")),
         ("um", ("um", "")),
         ("_um", ("_um", "")),
         ("cost", ("cost", "")),
@@ -75,6 +76,42 @@ def test_every_suffix_is_a_unit(unit: str) -> None:
     np.testing.assert_allclose(to_unit(f"3 {unit}", unit), 3.0, rtol=1e-12)
 
 
+def test_stiffness_in_other_units() -> None:
+    np.testing.assert_allclose(to_unit("200 kN/mm", "N_per_mm"), 2e5, rtol=1e-12)
+    found = to_unit("3510 N m/deg", "Nm_per_arcmin")
+    np.testing.assert_allclose(found, 58.5, rtol=1e-12)
+
+
 def test_constants() -> None:
     np.testing.assert_allclose(ARCMIN, np.pi / 10800.0, rtol=1e-15)
     assert (UM, MM) == (1e-6, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("values", "unit", "to", "expected"),
+    [
+        ([0.0, 180.0], "deg", "rad", [0.0, np.pi]),
+        ([32.0, 212.0], "degF", "C", [0.0, 100.0]),
+        ([2.0], "kN m", "Nm", [2000.0]),
+        ([1.0], "arcsec/Nm", "arcmin/Nm", [1.0 / 60.0]),
+        ([np.pi], "rad/s", "rpm", [30.0]),
+    ],
+)
+def test_arrays_are_converted(
+    values: list[float], unit: str, to: str, expected: list[float]
+) -> None:
+    np.testing.assert_allclose(converted(np.array(values), unit, to), expected, atol=1e-12)
+
+
+def test_units_of_two_kinds_are_not_converted() -> None:
+    with pytest.raises(ValueError, match='"mm" is not a unit that can be stated in rad'):
+        converted(np.ones(2), "mm", "rad")
+
+
+@pytest.mark.parametrize(
+    ("unit", "key"),
+    [("arcsec/Nm", "arcsec_per_Nm"), ("1/K", "per_K"), ("arcsec/rpm^2", "arcsec_per_rpm2"),
+     ("N m", "N_m"), ("arcsec/(rpm s)", "arcsec_per_rpm_s"), ("mm", "mm")],
+)  # fmt: skip
+def test_units_in_names(unit: str, key: str) -> None:
+    assert unit_key(unit) == key

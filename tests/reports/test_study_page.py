@@ -53,7 +53,9 @@ def result() -> StudyResult:
         responses=(Response("gap_percent", False, 0.0),),
         varied=(Varied("algorithm.population", 80), Varied("algorithm.kind", "a", True)),
         medians=medians, sensitivity=sensitivity, tests=tests, courses=courses, course_of="cost",
-        recommendations=(Recommendation("gap_percent", 0, {}, False, (NAN, NAN, NAN), f"keep {EVIL}"),),
+        recommendations=(
+            Recommendation("gap_percent", 0, {}, False, (NAN, NAN, NAN), f"keep {EVIL}"),
+        ),
         verdicts=(
             Verdict("Figure 9", "algorithm.population", (80, 20), "gap_percent", "holds",
                     f"it holds {EVIL}"),

@@ -25,7 +25,10 @@ GA_BUDGET = Budget(generations=120)
 
 @dataclass(frozen=True, slots=True)
 class SideSearch:
-    """A search beside the main one: the GA reference, or a front with relaxed limits."""
+    """A search beside the main one: the GA reference, or a front with relaxed limits.
+
+    One that stands `apart` is no reference: the front without the effects.
+    """
 
     label: str
     problem: ToleranceProblem
@@ -34,6 +37,7 @@ class SideSearch:
     seed: int
     relaxed: bool
     engine: str = "pymoo"
+    apart: bool = False
 
     @property
     def key(self) -> str:
@@ -135,7 +139,7 @@ def table(
     optimum = exact_optimum(plan.problem, exact) if plan.references else pd.DataFrame()
     frames = [frame for frame in (printed, optimum) if len(frame)]
     for side, front in fronts.items():
-        if not side.relaxed and front is not None and len(front):
+        if not (side.relaxed or side.apart) and front is not None and len(front):
             row = plan.problem.reported().frame(plan.problem.designs_of(front.iloc[:1]))
             row.insert(0, "label", side.label)
             frames.append(row)
@@ -180,10 +184,14 @@ def gain_column(objective: str) -> str:
 
 
 def gains(own: Array, front: Array) -> list[float]:
-    """Gain in percent per objective at equal or better other objectives; NaN where none is."""
+    """Gain in percent per objective at equal or better other objectives.
+
+    NaN where none is, and where the own value is 0.
+    """
     found = []
     for at in range(len(own)):
         others = np.delete(front, at, axis=1) <= np.delete(own, at)
         best = front[np.all(others, axis=1), at]
-        found.append(100.0 * (own[at] - best.min()) / abs(own[at]) if len(best) else np.nan)
+        known = len(best) > 0 and own[at] != 0.0
+        found.append(100.0 * (own[at] - best.min()) / abs(own[at]) if known else np.nan)
     return found

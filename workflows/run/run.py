@@ -6,7 +6,7 @@ import hashlib
 import platform
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from ...errors import refuse
 from ...files import write_text
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult
+from . import effects
 from .front import inside, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
 from .proofs import Exact, exact_front, measures, proof_notes, with_bounds
@@ -46,6 +47,7 @@ def run(
     start, anew = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
     searches = side_searches(plan, printed) if plan.references else ()
+    searches += effects.side_search(plan)
     checkpoint.write()
     with Sides(searches, workers, checkpoint) as sides:
 
@@ -66,17 +68,21 @@ def run(
     searched = front
     front, dropped, joined = with_references(front, references, plan.problem)
     front, statement = with_bounds(front, plan.problem)
+    before = next((other for side, other in fronts.items() if side.apart), None)
     relaxed = {side.label: other for side, other in fronts.items() if side.relaxed}
     if len(references):
         references, _ = with_bounds(references, plan.problem, inside(references, plan.problem))
         references = compare(references, searched, relaxed, plan.problem.objectives)
     cut = found.interrupted or any(other is None for other in fronts.values())
     status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
-    notes = (*plan.problem.warnings(), *anew, *_notes(references, dropped, joined))
+    told = plan.problem.effect_notes()
+    notes = (*told, *plan.problem.warnings(), *anew, *_notes(references, dropped, joined))
     proven = (*proof_notes(front, statement), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
     summary |= measures(found, front, statement, exact)
     result = _result(plan, found, front, references, summary, proven, exact)
+    if before is not None:
+        result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     write(result, out)
     if len(front):
         (out / "nearest_miss.csv").unlink(missing_ok=True)
@@ -108,6 +114,7 @@ def _summary(
         "nadir": dict(zip(names, nadir.tolist(), strict=True)),
         "notes": list(notes),
         "assumptions": [asdict(a) for a in plan.problem.assumptions()],
+        **effects.summary(plan.problem),
     }
 
 

@@ -22,12 +22,23 @@ def write(result: RunResult, folder: Path) -> None:
     write_text(folder / "front.csv", result.front.to_csv(index=False))
     write_with(folder / "front.parquet", lambda path: result.front.to_parquet(path, index=False))
     write_text(folder / "front.json", as_json(_records(result.front)))
+    _write_before(result, folder)
     write_text(folder / "references.csv", result.references.to_csv(index=False))
     write_text(folder / "convergence.csv", result.convergence.to_csv(index=False))
     write_bytes(folder / "front.png", png(result))
     write_bytes(folder / "front.svg", svg(result))
     write_text(folder / "report.html", page(result))
     write_text(folder / "summary.json", as_json(dict(result.summary)))
+
+
+def _write_before(result: RunResult, folder: Path) -> None:
+    """The front without the effects, where there are any; what an older run left is removed."""
+    tables = {"front_without_effects.csv": result.before, "allocation_moved.csv": result.moved}
+    for name, frame in tables.items():
+        if frame is None:
+            (folder / name).unlink(missing_ok=True)
+        else:
+            write_text(folder / name, frame.to_csv(index=False))
 
 
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:

@@ -220,6 +220,16 @@ def test_readings_are_judged_by_the_tests(synthetic: Any) -> None:
     assert few.verdict == "undecided" and "never fall below p = 0.0625" in few.sentence
 
 
+def test_a_run_that_did_not_get_there_is_not_said_to_be_slow(synthetic: Any) -> None:
+    settings, data = settings_and_data(synthetic, 30, 0.5, 2.0)
+    small = (data.table["population"] == 20) & (data.table["replicate"] < 20)
+    data.table.loc[small, "gap_percent"] = np.nan  # done, but out of budget
+    tests = analyse(settings, data, rng()).tests
+    found = verdicts(readings()[:2], tests)
+    assert [one.verdict for one in found] == ["undecided"] * 2
+    assert "within the budget of their setting" in found[0].sentence
+
+
 def study_runs(values: Array, larger: bool = False) -> tuple[Runs, pd.DataFrame]:
     return Runs("gap_percent", values, larger), pd.DataFrame({"k": np.arange(len(values))})
 
@@ -273,7 +283,7 @@ def test_a_study_says_what_failed_and_what_it_cannot_tell(synthetic: Any) -> Non
     result = analyse(settings, data, rng())
     notes = "\n".join(result.notes)
     assert "1 of 20 runs failed" in notes
-    assert "gap_percent: 1 of 20 runs did not get there" in notes
+    assert "gap_percent: 1 of 20 runs did not get there within the budget" in notes
     assert "5 seeds cannot show a difference" in notes and "8 can" in notes
     assert result.sensitivity.empty
     pairs = result.tests[result.tests["kind"] == "wilcoxon"]

@@ -122,7 +122,7 @@ def test_designs_too_small_say_what_they_need(tmp_path: Path) -> None:
     vary = '"algorithm.mutation.probability" = { low = 0.0, high = 0.1 }'
     path = study_file(tmp_path, vary, kind="sobol")
     found = faults_of(path, "design.samples=8", "seeds=1")
-    assert "at least 64" in found["design.samples"]
+    assert "at least 128" in found["design.samples"]
     assert "at least 2 replicates" in found["seeds"]
 
 

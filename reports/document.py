@@ -1,4 +1,4 @@
-"""The parts that all pages are made of; every text that comes from outside is escaped."""
+"""What all pages share: one document, its sections and drawings, every outside text escaped."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .style import STYLE
 
 
 def document(title: str, body: str) -> str:
-    """A whole page that loads nothing."""
+    """The whole page of that title."""
     name = escape(title)
     policy = "default-src 'none'; style-src 'unsafe-inline'"
     return (
@@ -26,12 +26,12 @@ def document(title: str, body: str) -> str:
 
 
 def section(title: str, body: str) -> str:
-    """A part of a page under its heading."""
+    """A part with its heading; `body` is HTML."""
     return f"<section>\n<h2>{escape(title)}</h2>\n{body}\n</section>"
 
 
 def picture(name: str, figure: Figure, caption: str) -> str:
-    """A drawing with its caption, which is read out in its place; `name` is its own on a page."""
+    """A drawing with its caption, which is its text alternative too; `name` is unique."""
     drawing = as_svg(figure).decode()
     drawing = drawing[drawing.index("<svg") :]
     # Two drawings on one page must not share identifiers.
@@ -42,8 +42,8 @@ def picture(name: str, figure: Figure, caption: str) -> str:
     return f"<figure>{drawing}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
-def listed(notes: Sequence[str]) -> str:
-    """Sentences as a list."""
+def bullets(notes: Sequence[str]) -> str:
+    """A list of plain sentences."""
     if not notes:
         return "<p>None.</p>"
     return "<ul>\n" + "\n".join(f"<li>{escape(note)}</li>" for note in notes) + "\n</ul>"

@@ -1,0 +1,92 @@
+"""`[[effect]]`: the effects that are active in the model, with their parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from ..errors import nearest
+from ..models.effects.compose import Active
+from ..models.effects.effect import Effect, EffectParameter, Target
+from ..models.effects.readings import target_of
+from ..section import Range, Section, shown
+from .plugins import load_named
+
+
+def read_effects(top: Section, model: Any, name: str) -> tuple[Active, ...]:
+    """The effects in the model `name`, of the class `model` (None where it is not known)."""
+    count = len(top.tables("effect"))
+    if count and model is None and not name:
+        top.fault("effect", "needs a model: this problem has none that effects could act in")
+    target = target_of(model, name) if count and model is not None else None
+    found = [_effect(top.item("effect", at), target) for at in range(count)]
+    return tuple(one for one in found if one is not None)
+
+
+def _effect(section: Section, target: Target | None) -> Active | None:
+    if "name" not in section:
+        section.fault("name", "is missing: name an effect (see `tolevo list`)")
+    kind = load_named(section, "name", "effects")
+    parameters = section.section("parameters")
+    section.finish()
+    if kind is None or target is None:
+        return None
+    effect: Effect = kind()
+    if not effect.applies(target):
+        section.fault("name", f'"{effect.name}" has no place in the model {target.model}')
+        return None
+    values = _values(parameters, effect, target)
+    return Active(effect, values) if values is not None else None
+
+
+def _values(section: Section, effect: Effect, target: Target) -> dict[str, float] | None:
+    """The parameters by their full names; None where one is faulty or missing."""
+    declared = effect.parameters(target)
+    found: dict[str, float] = {}
+    faulty = False
+    for key in section.given():
+        number = effect.parameter(key, target)
+        value = None if number is None else _value(section, key, number)
+        if number is None:
+            section.take(key)
+            close = nearest(key, (one.name for one in declared))
+            section.fault(key, f"is not a parameter of {effect.name}{close}; {_listed(declared)}")
+        elif number.name in found:
+            section.fault(key, f"is given twice: as {number.name} and as {number.stem}")
+        elif value is not None:
+            found[number.name] = value
+            continue
+        faulty = True
+    missing = [one.name for one in declared if not one.linear and one.name not in found]
+    if faulty:
+        return None
+    for name in missing:
+        section.fault(name, f"is missing: {effect.name} needs it")
+    if not found and not missing:
+        section.fault("", f"{effect.name} does nothing without parameters; {_listed(declared)}")
+    return found if found and not missing else None
+
+
+def _value(section: Section, key: str, number: EffectParameter) -> float | None:
+    value = section.take(key)
+    if number.unit and key != number.name and not isinstance(value, str):
+        section.fault(key, f'needs a unit: write {key} = "... {number.unit}", or {number.name}')
+        return None
+    found = section.as_number(key, value, number.unit, Range(number.low, number.high))
+    if found is not None and number.choices and found not in number.choices:
+        listed = ", ".join(f"{choice:g}" for choice in number.choices)
+        section.fault(key, f"must be one of {listed}, got {shown(value)}")
+        return None
+    return found
+
+
+def _listed(declared: Iterable[EffectParameter]) -> str:
+    return f"it takes {', '.join(one.name for one in declared) or 'one per lot: offset_<lot>_...'}"
+
+
+def resolved_effects(effects: Iterable[Active]) -> dict[str, list[Mapping[str, Any]]]:
+    """The `[[effect]]` tables, none where there is no effect."""
+    tables: list[Mapping[str, Any]] = [
+        {"name": one.effect.name, "parameters": dict(one.values)} for one in effects
+    ]
+    return {"effect": tables} if tables else {}

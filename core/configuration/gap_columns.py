@@ -1,0 +1,81 @@
+"""`[columns]` of a gap analysis of a table: role and unit of every column."""
+
+from __future__ import annotations
+
+from ..section import Section
+from ..units import dimension
+from ..workflows.gap.plan import ROLE_UNITS, ROLES, ColumnRole, output_of
+
+PLAIN = ("unit", "lot", "repeat", "direction", "ignore")
+"""Roles without a unit: labels, signs and counts."""
+
+
+def read_columns(top: Section, table: bool) -> dict[str, ColumnRole]:
+    """Role and unit by column; empty for a model, whose columns are known."""
+    section = top.section("columns")
+    if not table:
+        if "columns" in top:
+            top.fault("columns", 'is only for model = "table": a model knows its columns')
+        return {}
+    names = section.given()
+    found = {name: _column(section.section(name)) for name in names}
+    given = {name: column for name, column in found.items() if column is not None}
+    if not names:
+        top.fault("columns", 'is missing: model = "table" needs role and unit of each column')
+    elif len(given) == len(found):
+        _check(section, given)
+    return given
+
+
+def _column(section: Section) -> ColumnRole | None:
+    role = section.text("role", ROLES)
+    unit = section.text("unit") or ""
+    of = section.text("of") or ""
+    section.finish()
+    if "role" not in section:
+        section.fault("role", f"is missing: one of {', '.join(ROLES)}")
+    if role is None:
+        return None
+    wanted = ROLE_UNITS.get(role)
+    try:
+        if unit and (wanted is not None) and dimension(unit) != dimension(wanted):
+            section.fault("unit", f'must be a unit of {role} such as "{wanted}", got "{unit}"')
+        elif unit and role not in PLAIN:
+            dimension(unit)
+    except ValueError as error:
+        section.fault("unit", str(error))
+    if wanted is not None and not unit:
+        section.fault("unit", f'is missing: a column of role {role} needs one, such as "{wanted}"')
+    return ColumnRole(role, unit, of)
+
+
+def _check(section: Section, columns: dict[str, ColumnRole]) -> None:
+    """Measured and predicted columns pair; single roles are given once."""
+    by = {role: [n for n, c in columns.items() if c.role == role] for role in ROLES}
+    if not by["measured"]:
+        section.fault("", 'no column has the role "measured"')
+    if not by["predicted"]:
+        section.fault("", 'no column has the role "predicted"; without a model the table must '
+                      "carry the prediction")  # fmt: skip
+    for role in ("direction", "time", "unit", "lot", "repeat"):
+        if len(by[role]) > 1:
+            section.fault("", f'the role "{role}" is given to {", ".join(by[role])}: only one')
+    for role in ("predicted", "std"):
+        for name in by[role]:
+            output = output_of(name, columns)
+            if output is None and by["measured"]:
+                section.section(name).fault("of", "is missing: name the measured column that "
+                                            f"{name} belongs to")  # fmt: skip
+            elif output is not None and columns[output].unit and columns[name].unit:
+                _same(section, name, output, columns)
+
+
+def _same(section: Section, name: str, output: str, columns: dict[str, ColumnRole]) -> None:
+    """A prediction is in a unit of the same dimension as its measurement."""
+    mine, other = columns[name].unit, columns[output].unit
+    try:
+        if dimension(mine) != dimension(other):
+            text = f'"{mine}" does not fit {output}, which is in "{other}"'
+            section.section(name).fault("unit", text)
+    except ValueError:
+        return  # the unknown unit is reported where it stands

@@ -1,0 +1,317 @@
+"""Result records of `tolevo gap`: one per stage of its loop, and the whole.
+
+Every record prints as one plain sentence. Amounts are in the unit of the output they speak of,
+except where they are said to be in noise units (divided by the standard deviation of the noise).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import nan
+from typing import TYPE_CHECKING, Any
+
+from .records import Axis
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, slots=True)
+class OutputGate:
+    """Whether one output disagrees with the model, after recalibration.
+
+    `rmse` is that of the recalibrated model, `noise` the standard deviation of the noise and
+    `noise_source` where it comes from: "configuration", "column", "repeats" or "estimated".
+    `uncertainty` is the half-width of what noise alone leaves of the error (ASME V&V 20).
+    """
+
+    output: str
+    unit: str
+    noise: float
+    noise_source: str
+    rmse: float
+    statistic: float
+    threshold: float
+    significant: bool
+    autocorrelation: float = 0.0
+    heteroscedastic: str = ""
+    outliers: int = 0
+    uncertainty: float = nan
+
+    def __str__(self) -> str:
+        verdict = "disagrees with" if self.significant else "agrees with"
+        return (
+            f"{self.output}: data {verdict} the model: rmse {self.rmse:.4g} {self.unit}, noise "
+            f"{self.noise:.4g} {self.unit} ({self.noise_source})"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Recalibrated:
+    """A free parameter of the model: its value before and after, and the tolerance it has."""
+
+    name: str
+    unit: str
+    before: float
+    after: float
+    tolerance: float
+    at_bound: bool = False
+
+    def __str__(self) -> str:
+        edge = ", at the end of its tolerance" if self.at_bound else ""
+        return f"{self.name}: {self.before:.6g} -> {self.after:.6g} {self.unit}{edge}"
+
+
+@dataclass(frozen=True, slots=True)
+class Detectable:
+    """The smallest effect of a kind that would have been seen: its rms on these rows."""
+
+    name: str
+    family: str
+    rms: float
+    unit: str
+    parameter: str = ""
+    value: float = nan
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.rms:.3g} {self.unit} rms"
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """Stage 1: is there a gap at all."""
+
+    outputs: tuple[OutputGate, ...]
+    recalibrated: tuple[Recalibrated, ...] = ()
+    detectable: tuple[Detectable, ...] = ()
+
+    @property
+    def significant(self) -> bool:
+        """Whether any output disagrees."""
+        return any(one.significant for one in self.outputs)
+
+    def __str__(self) -> str:
+        return "; ".join(str(one) for one in self.outputs)
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """Stage 2: where a residual shows.
+
+    `kind` is "interval" (of `variable`, from `low` to `high`), "order", "direction", "trend",
+    "product" (of two variables) or "distribution". `share` is the part of the squared gap beyond
+    the noise that lies there, `statistic` the evidence and `threshold` what noise alone reaches.
+    """
+
+    output: str
+    variable: str
+    kind: str
+    unit: str = ""
+    low: float = nan
+    high: float = nan
+    order: float = nan
+    direction: str = ""
+    share: float = nan
+    statistic: float = nan
+    threshold: float = nan
+
+    def __str__(self) -> str:
+        if self.kind == "order":
+            where = f"order {self.order:g}"
+        elif self.kind in ("interval", "trend"):
+            where = f"{self.variable} {self.low:.4g} to {self.high:.4g} {self.unit}".rstrip()
+        else:
+            where = self.variable
+        side = f", {self.direction}" if self.direction else ""
+        return f"{self.output}: {where}{side} ({100 * self.share:.0f} % of the gap)"
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Stage 3: what one effect of the library explains alone, beside the model's parameters.
+
+    `gain` is the fall of the squared residual in noise units; `threshold` that which the best of
+    the whole library reaches under noise.
+    """
+
+    name: str
+    family: str
+    gain: float
+    threshold: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    note: str = ""
+
+    @property
+    def significant(self) -> bool:
+        """Whether noise alone would hardly have done it."""
+        return self.gain > self.threshold
+
+    def __str__(self) -> str:
+        return f"{self.name}: gain {self.gain:.1f} (threshold {self.threshold:.1f})"
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Stages 4 and 6: one step of the path, accepted or not, and why.
+
+    `action` is "start", "add", "drop", "swap" or "reject"; `names` the effects that are in the
+    model after it. Errors are RMSE of rows the fit never saw, all outputs together, in noise units;
+    `held_out_gain` and `held_out_error` are the improvement of the squared error and its standard
+    error.
+    """
+
+    number: int
+    action: str
+    name: str
+    names: tuple[str, ...]
+    accepted: bool
+    reason: str
+    gain: float = nan
+    threshold: float = nan
+    held_out: float = nan
+    held_out_gain: float = nan
+    held_out_error: float = nan
+
+    def __str__(self) -> str:
+        return f"{self.number} {self.action} {self.name}: {self.reason}"
+
+
+@dataclass(frozen=True, slots=True)
+class FoundParameter:
+    """A number of an effect with its interval (90 % unless said)."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    meaning: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name} = {self.value:.4g} [{self.low:.4g}, {self.high:.4g}] {self.unit}"
+
+
+@dataclass(frozen=True, slots=True)
+class FoundEffect:
+    """An effect that is in the corrected model, with its evidence.
+
+    `frequency` is the share of bootstrap replicates that name it (nan without bootstrap);
+    `at_bound` names parameters that physics stopped.
+    """
+
+    name: str
+    family: str
+    cause: str
+    parameters: tuple[FoundParameter, ...]
+    gain: float
+    threshold: float
+    held_out_gain: float
+    held_out_error: float
+    share: float = nan
+    frequency: float = nan
+    at_bound: tuple[str, ...] = ()
+    in_problem: bool = True
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.family}): " + ", ".join(str(one) for one in self.parameters)
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """The next measurement: what to vary, where, and by how much the rivals then differ.
+
+    `difference` is the rms difference of the rivals' predictions per reading in noise units, and
+    `readings` how many such readings separate them (0 where none does).
+    """
+
+    text: str
+    inputs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    difference: float = nan
+    readings: int = 0
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """Stage 5: names that these data cannot tell from `instead_of`.
+
+    `distance` is how much worse they fit: likelihood, and the price of further numbers.
+    """
+
+    names: tuple[str, ...]
+    instead_of: tuple[str, ...]
+    distance: float
+    measurement: Measurement
+
+    def __str__(self) -> str:
+        mine, other = " + ".join(self.names), " + ".join(self.instead_of)
+        return f"{mine} instead of {other}: {self.measurement}"
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """Stage 7: what is left without a name.
+
+    `torque` and `direction` are "odd", "even", "none" or "unknown"; `between` are the names that
+    come closest, none of which fits; `empirical` is a formula that beats a spline on held-out rows.
+    """
+
+    output: str
+    family: str
+    variable: str
+    amplitude: float
+    unit: str
+    text: str
+    low: float = nan
+    high: float = nan
+    order: float = nan
+    torque: str = "unknown"
+    direction: str = "unknown"
+    between: tuple[str, ...] = ()
+    empirical: str = ""
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, slots=True)
+class GapResult:
+    """Everything that `tolevo gap` found.
+
+    `verdict` is "no_gap", "named", "ambiguous" or "unnamed". `residuals` has one row per reading in
+    the order of measuring: the inputs; `block`; `outlier`; and for each output O its measured value
+    `O`, the recalibrated model `O_predicted` and with the effects `O_corrected`, the residuals
+    (measured less predicted) `O_before` and `O_after`, both on rows the fit never saw
+    (`O_before_held_out`, `O_after_held_out`), and the noise `O_noise`. `spectrum` has the columns
+    output, order, before, after, threshold (amplitudes in the unit of the output). `gap_before`,
+    `gap_after` and `noise_floor` hold one number per output, and `total` in noise units.
+    """
+
+    title: str
+    verdict: str
+    outputs: tuple[Axis, ...]
+    inputs: tuple[Axis, ...]
+    gate: Gate
+    where: tuple[Region, ...]
+    scores: tuple[Score, ...]
+    steps: tuple[Step, ...]
+    effects: tuple[FoundEffect, ...]
+    rivals: tuple[Rival, ...]
+    shapes: tuple[Shape, ...]
+    noise_floor: Mapping[str, float]
+    gap_before: Mapping[str, float]
+    gap_after: Mapping[str, float]
+    residuals: pd.DataFrame
+    spectrum: pd.DataFrame
+    summary: Mapping[str, Any]
+    notes: tuple[str, ...] = ()
+    configuration: str = field(default="", repr=False)
+    corrected: str = field(default="", repr=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects that are in the corrected model."""
+        return tuple(one.name for one in self.effects)

@@ -1,0 +1,115 @@
+"""Assemblies put together step by step, a batch at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .estimator import Estimator
+from .process import Process
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Departures:
+    """How a real assembly departs from the ideal one; each is a number or one per assembly (n,)."""
+
+    gain_error: float | Array = 0.0
+    """The achieved adjustment is (1 + gain_error) times the commanded one."""
+    dead_band: float | Array = 0.0
+    """[rad] A commanded adjustment within +-dead_band moves nothing, a larger one loses it."""
+    coupling: float | Array = 0.0
+    """Share of what a later chain's part moves on being put in that its likes in earlier chains
+    move as well (crankshaft 2 moves crankshaft 1, gear 2 moves gear 1)."""
+    springback: float | Array = 0.0
+    """Share of the sum of all achieved adjustments that returns after the last step."""
+
+    def achieved(self, commanded: Array) -> Array:
+        """Achieved adjustment (n, m) of the commanded one."""
+        band = _column(self.dead_band)
+        beyond = np.sign(commanded) * np.maximum(np.abs(commanded) - band, 0.0)
+        return np.asarray((1.0 + _column(self.gain_error)) * beyond)
+
+
+IDEAL = Departures()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Assembled:
+    """What comes out of a batch of assemblies."""
+
+    state: Array
+    """Final state (..., n) [rad]."""
+    adjustments: Array
+    """Commanded adjustments (..., N, m) [rad]."""
+
+    def effort(self, process: Process) -> Array:
+        """Sum of u'Ru over the steps, shape (...) [rad^2]."""
+        u = self.adjustments
+        return np.asarray(np.einsum("...ki,kij,...kj->...", u, process.weight, u))
+
+
+def assemble(
+    process: Process,
+    gains: Array,
+    errors: Array,
+    insertion: str = "before",
+    departures: Departures = IDEAL,
+    estimator: Estimator | None = None,
+    noise: Array | None = None,
+) -> Assembled:
+    """Final states and adjustments of assemblies with part errors `errors` (..., p) [rad].
+
+    `gains` (N, m, n), or one set per assembly (..., N, m, n). At step k only the errors that arrive
+    there come in: with `insertion` "before" the adjustment is made before they do, as printed, with
+    "after" when they are in. With an `estimator` the adjustment answers the estimate from readings
+    whose `noise` is (..., N, q) [rad].
+    """
+    shape = np.broadcast_shapes(errors.shape[:-1], gains.shape[:-3])
+    x = np.zeros((*shape, process.transition.shape[-1]))
+    guess, total, commands = x, x, []
+    for step in range(process.steps):
+        b = process.control[step]
+        moved = _installed(process, step, errors, departures)
+        if insertion == "after":
+            x = x + moved
+        if estimator is not None:
+            guess = _corrected(estimator, step, x, guess, noise)
+        commanded = -_times(gains[..., step, :, :], x if estimator is None else guess)
+        achieved = departures.achieved(commanded) @ b.T
+        x = x @ process.transition[step].T + achieved
+        guess = guess @ process.transition[step].T + commanded @ b.T
+        total = total + achieved
+        if insertion == "before":
+            x = x + moved
+        commands.append(commanded)
+    state = x - _column(departures.springback) * total
+    return Assembled(state, np.stack(commands, axis=-2))
+
+
+def _column(value: float | Array) -> Array:
+    """A number, or one per assembly as a column."""
+    return np.asarray(value, dtype=float)[..., None]
+
+
+def _times(matrix: Array, vector: Array) -> Array:
+    return np.asarray((matrix @ vector[..., None])[..., 0])
+
+
+def _installed(process: Process, step: int, errors: Array, departures: Departures) -> Array:
+    """What putting in the parts of a step moves (..., n)."""
+    own = np.where(process.arriving[step], errors, 0.0) @ process.error[step].T
+    return np.asarray(own + _column(departures.coupling) * (own @ process.coupling.T))
+
+
+def _corrected(
+    estimator: Estimator, step: int, x: Array, guess: Array, noise: Array | None
+) -> Array:
+    """The estimate (..., n) after the reading of a step."""
+    surprise = (x - guess) @ estimator.measured[step].T
+    if noise is not None:
+        surprise = surprise + noise[..., step, :]
+    return np.asarray(guess + surprise @ estimator.gain[step].T)

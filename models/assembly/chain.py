@@ -1,0 +1,99 @@
+"""Datum flow chain: which part hangs on which, and the matrices that follow from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import Fault, raise_all
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class AdjustmentWeights:
+    """The rule behind the printed table of weights: they follow from what hangs on a part."""
+
+    free: float = 5.0
+    """Of a part that carries nothing yet."""
+    loaded: float = 10.0
+    """Of a part that another one already hangs on."""
+    absent: float = 1000.0
+    """Of a part that is not there yet: it cannot be adjusted."""
+
+
+@dataclass(frozen=True, slots=True)
+class DatumFlowChain:
+    """Parts in their order of assembly; each hangs on an earlier one or on the housing.
+
+    `hangs_on[j]` is the number (from 1) of the part that part j + 1 hangs on, 0 for the housing
+    (KC0). The defaults are document A's two chains: crankshaft and cycloidal gear, twice.
+    """
+
+    hangs_on: tuple[int, ...] = (0, 1, 0, 3)
+    parts: tuple[str, ...] = ("crankshaft_1", "gear_1", "crankshaft_2", "gear_2")
+
+    def __post_init__(self) -> None:
+        raise_all(self._faults())
+
+    def _faults(self) -> list[Fault]:
+        if len(self.parts) != len(self.hangs_on) or not self.parts:
+            text = f"must name one part for each of {len(self.parts)}, got {len(self.hangs_on)}"
+            return [Fault("chain.hangs_on", text)]
+        return [
+            Fault(f"chain.hangs_on[{at}]", f"{self.parts[at]} must hang on the housing (0) or on "
+                  f"a part put in before it (1 .. {at}), got {parent}")
+            for at, parent in enumerate(self.hangs_on)
+            if not 0 <= parent <= at
+        ]  # fmt: skip
+
+    @property
+    def steps(self) -> int:
+        """Number of steps N: one part each."""
+        return len(self.parts)
+
+    def error_matrix(self) -> Array:
+        """F = B, shape (N, N): a part moves itself and all that hangs on it."""
+        found = np.eye(self.steps)
+        for at, parent in enumerate(self.hangs_on):
+            if parent:
+                found[at] += found[parent - 1]
+        return found
+
+    def depth(self) -> NDArray[np.int64]:
+        """Place (N,) of each part in its own chain, from 0 at the housing."""
+        return np.asarray(self.error_matrix().sum(axis=1).round() - 1, dtype=np.int64)
+
+    def root(self) -> NDArray[np.int64]:
+        """Index (N,) of the first part of the chain that each part belongs to."""
+        return np.asarray(np.argmax(self.error_matrix() > 0.0, axis=1), dtype=np.int64)
+
+    def observation(self) -> Array:
+        """C, shape (q, N): the combined error of the parts at equal place in their chains."""
+        depth = self.depth()
+        return np.asarray(depth == np.arange(depth.max() + 1)[:, None], dtype=float)
+
+    def adjustable(self) -> NDArray[np.bool_]:
+        """T, shape (N, N): at step k the parts that are put in up to then."""
+        return np.tri(self.steps, dtype=bool)
+
+    def weights(self, rule: AdjustmentWeights | None = None) -> Array:
+        """R, shape (N, N): weight of adjusting each part at each step."""
+        rule = rule or AdjustmentWeights()
+        found = np.full((self.steps, self.steps), rule.absent)
+        for step in range(self.steps):
+            carrying = {parent - 1 for parent in self.hangs_on[: step + 1]}
+            for part in range(step + 1):
+                found[step, part] = rule.loaded if part in carrying else rule.free
+        return found
+
+    def coupling(self) -> Array:
+        """Shape (N, N): 1 where a part of a later chain meets its like in an earlier chain.
+
+        Row: the part that is moved; column: the part whose installing moves it.
+        """
+        depth, root = self.depth(), self.root()
+        like = depth[:, None] == depth[None, :]
+        return np.asarray(like & (root[:, None] < root[None, :]), dtype=float)

@@ -1,0 +1,67 @@
+"""Quantiles over units of what Gaussian angles cause."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+from scipy.stats.qmc import Sobol
+
+Array = NDArray[np.float64]
+DIRECTIONS = 64
+NEWTON_STEPS = 30
+CHUNK = 2**21
+"""Numbers of a sample held at once."""
+
+
+def radius_quantile(covariance: Array, coverage: float) -> Array:
+    """Radius (...) that a centred Gaussian vector in the plane keeps with probability `coverage`.
+
+    `covariance` (..., 2, 2) with eigenvalues l_1, l_2: P(R > r) is the mean over phi of
+    exp(-r^2 / (2 s)), s = l_1 cos^2 phi + l_2 sin^2 phi (Hoyt distribution). ln P is convex in
+    r^2, so that Newton's method rises to it from below, the quantile of the widest direction.
+    """
+    values = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
+    scale = values[..., 1]
+    ratio = np.where(scale > 0.0, values[..., 0] / np.where(scale > 0.0, scale, 1.0), 0.0)
+    angle = np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
+    rate = 0.5 / (np.cos(angle) ** 2 + ratio[..., None] * np.sin(angle) ** 2)
+    square = np.full(ratio.shape, ndtri(0.5 * (1.0 + coverage)) ** 2)
+    for _ in range(NEWTON_STEPS):
+        each = np.exp(-rate * square[..., None])
+        total = each.sum(axis=-1)
+        level = np.log(total / DIRECTIONS) - np.log1p(-coverage)
+        square = square + level * total / np.sum(rate * each, axis=-1)
+    return np.asarray(np.sqrt(square * scale))
+
+
+def normals(count: int, dimensions: int, seed: int = 0) -> Array:
+    """A scrambled Sobol sample of independent standard normals (count, dimensions)."""
+    bits = int(np.ceil(np.log2(max(count, 2))))
+    points = Sobol(dimensions, rng=np.random.default_rng(seed)).random_base2(bits)[:count]
+    return np.asarray(ndtri(np.clip(points, 1e-12, 1.0 - 1e-12)))
+
+
+def root(covariance: Array) -> Array:
+    """A with A A' = covariance, shape (..., k, k), also where it is singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
+
+
+def sample_quantile(
+    covariance: Array, sample: Array, of: Callable[[Array], Array], coverage: float
+) -> Array:
+    """Quantile (n,) over `sample` (s, k) standard normals of `of` (..., k) -> (...).
+
+    `covariance` (n, k, k) is that of its argument. Designs are taken in chunks, so that memory does
+    not grow with n.
+    """
+    roots = root(covariance)
+    step = max(1, CHUNK // sample.size)
+    found = [
+        np.quantile(of(sample @ np.swapaxes(part, -1, -2)), coverage, axis=-1)
+        for part in np.split(roots, range(step, len(roots), step))
+    ]
+    return np.concatenate(found)

@@ -1,0 +1,86 @@
+"""Document A's case: its parts, its table of precision weights, recomputed by the full model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...units import ARCSEC, MRAD
+from .assemble import assemble
+from .process import Process, plane_process
+from .regulator import gains, terminal_weight
+from .transmission import AngleMapping, Transmission, about_z
+
+Array = NDArray[np.float64]
+PART_ERRORS_MRAD = (-1.6, 5.3, 5.8, 3.2)
+"""Printed angular errors of the four parts."""
+PRECISION_WEIGHTS = (0.0, 5.0, 10.0, np.inf)
+"""Printed rows; the last is the document's "ideal, error-free"."""
+MAPPINGS = (AngleMapping(), AngleMapping("own_cranks", absorption=1.2, floor=2.0 * ARCSEC))
+"""Mappings under which the printed figures come out; chosen so, see docs."""
+_LARGE = 1e9
+"""Stands for the infinite weight."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One row of the document's table. Falls are relative to the first row, Q = 0."""
+
+    precision_weight: float
+    state_mrad: tuple[float, ...]
+    norm_mrad: float
+    """Norm of the final state."""
+    combined_mrad: float
+    """Norm of y = C x."""
+    effort_mrad2: float
+    """Sum of u'Ru."""
+    te_amplitude_arcsec: float
+    peak_mesh_force_N: float
+    norm_fall_percent: float
+    combined_fall_percent: float
+    te_fall_percent: float
+    force_fall_percent: float
+
+
+def rows(
+    transmission: Transmission | None = None,
+    reading: str = "printed",
+    insertion: str = "before",
+    process: Process | None = None,
+) -> tuple[Row, ...]:
+    """The document's table by the full model, one set of physical parameters for every row."""
+    process, full = process or plane_process(), transmission or Transmission()
+    weights = np.minimum(PRECISION_WEIGHTS, _LARGE)
+    found = assemble(
+        process,
+        gains(process, terminal_weight(process, weights, reading)),
+        np.array(PART_ERRORS_MRAD) * MRAD,
+        insertion,
+    )
+    turned = full.turn(about_z(found.state))
+    sizes = {
+        "norm": np.linalg.norm(found.state, axis=1) / MRAD,
+        "combined": np.linalg.norm(found.state @ process.observation.T, axis=1) / MRAD,
+        "te": full.amplitude(turned) / ARCSEC,
+        "force": full.peak(turned),
+    }
+    falls = {name: 100.0 * (1.0 - value / value[0]) for name, value in sizes.items()}
+    effort = found.effort(process) / MRAD**2
+    return tuple(
+        Row(
+            precision_weight=weight,
+            state_mrad=tuple((found.state[at] / MRAD).tolist()),
+            norm_mrad=float(sizes["norm"][at]),
+            combined_mrad=float(sizes["combined"][at]),
+            effort_mrad2=float(effort[at]),
+            te_amplitude_arcsec=float(sizes["te"][at]),
+            peak_mesh_force_N=float(sizes["force"][at]),
+            norm_fall_percent=float(falls["norm"][at]),
+            combined_fall_percent=float(falls["combined"][at]),
+            te_fall_percent=float(falls["te"][at]),
+            force_fall_percent=float(falls["force"][at]),
+        )
+        for at, weight in enumerate(PRECISION_WEIGHTS)
+    )

@@ -1,0 +1,81 @@
+"""Kalman estimate of the state under measurement noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import Fault, raise_all
+from .process import Process
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimator:
+    """What is measured at each step, and how far the estimate follows the reading.
+
+    A reading is y(k) = `measured`(k) x(k) + v(k); the estimate moves by `gain`(k) times what the
+    reading differs from what was expected.
+    """
+
+    measured: Array
+    """Shape (N, q, n)."""
+    gain: Array
+    """Shape (N, n, q)."""
+
+
+def kalman(
+    process: Process,
+    part_std: Array,
+    noise_std: float | Array,
+    insertion: str = "before",
+    measured: Array | None = None,
+) -> Estimator:
+    """The estimator of least variance, from x(0) = 0 known.
+
+    Part errors have mean 0 and standard deviations `part_std` (p,), readings `noise_std` (a number
+    or (q,)). `measured` (q, n) is what is looked at (default: every state; C for the document's
+    combined errors); what is not there yet is not seen. Raises InputError.
+    """
+    seen = np.eye(process.transition.shape[-1]) if measured is None else measured
+    noise = np.broadcast_to(np.asarray(noise_std, dtype=float) ** 2, len(seen))
+    raise_all(_faults(process, part_std, noise, seen))
+    looked = seen * _there(process, insertion)[:, None, :]
+    covariance = np.zeros((seen.shape[1], seen.shape[1]))
+    found = []
+    for step in range(process.steps):
+        f, a = process.error[step], process.transition[step]
+        added = (f * np.where(process.arriving[step], part_std, 0.0) ** 2) @ f.T
+        if insertion == "after":
+            covariance = covariance + added
+        h = looked[step]
+        spread = covariance @ h.T
+        gain = spread @ np.linalg.pinv(h @ spread + np.diag(noise), hermitian=True)
+        left = np.eye(len(covariance)) - gain @ h
+        covariance = left @ covariance @ left.T + (gain * noise) @ gain.T
+        covariance = a @ covariance @ a.T + (added if insertion == "before" else 0.0)
+        found.append(gain)
+    return Estimator(looked, np.stack(found))
+
+
+def _there(process: Process, insertion: str) -> NDArray[np.bool_]:
+    """Shape (N, n): the states whose own part is in when step k is measured."""
+    present = process.present
+    if insertion == "before":
+        present = np.vstack([np.zeros_like(present[:1]), present[:-1]])
+    return present
+
+
+def _faults(process: Process, part_std: Array, noise: Array, seen: Array) -> list[Fault]:
+    found = []
+    parts, states = process.error.shape[-1], process.transition.shape[-1]
+    if np.shape(part_std) != (parts,) or not np.all(np.asarray(part_std) >= 0.0):
+        found.append(Fault("part_std", f"must be {parts} numbers of at least 0, got {part_std}"))
+    if not np.all(np.isfinite(noise)):
+        found.append(Fault("noise_std", "must be finite"))
+    if seen.ndim != 2 or seen.shape[1] != states:
+        found.append(Fault("measured", f"must have {states} columns, got shape {seen.shape}"))
+    return found

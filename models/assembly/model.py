@@ -1,0 +1,113 @@
+"""Assemblies of one reducer after another, as the assembly line measures them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...declarations import Output, Value
+from ...errors import refuse
+from ...units import MRAD
+from ..inputs.distribution import Array, Distribution
+from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
+from . import declared
+from .assemble import Departures, assemble
+from .process import plane_process
+from .regulator import gains, terminal_weight
+
+PARTS = ("crankshaft 1", "gear 1", "crankshaft 2", "gear 2")
+
+
+class Assembly(MeasurableModel):
+    """Angles of the key characteristics after the adjusted assembly of each unit (document A).
+
+    x(k+1) = x(k) + B u(k) + F w(k) about one axis, u(k) = -K(k) x(k) with the gains of the row's
+    precision weight. What effects may change, each 0 as it stands:
+
+    - `adjustment_gain_error` g: the achieved adjustment is (1 + g) times the commanded one.
+    - `adjustment_backlash_mrad` b >= 0: dead band; a commanded adjustment u moves
+      sign(u) max(|u| - b, 0), times 1 + g.
+    - `chain_coupling` c: when a part of chain 2 is put in and moves delta_3 and delta_4 by F w(k),
+      delta_1 and delta_2 move by c times that.
+    - `springback` s: after the last step, s times the sum of all achieved B u(k) returns.
+
+    The adjuster sees the state as it is: later steps answer what earlier ones left.
+    """
+
+    columns = (
+        Column("unit", "", "name or number of the unit", text=True, role=Role.UNIT),
+        *(
+            Column(f"dtheta_{at}_mrad", "mrad", f"angular error of {part} before assembly")
+            for at, part in enumerate(PARTS, 1)
+        ),
+        Column("precision_weight", "", "weight Q of the final error; 0: no adjustment"),
+    )
+    outputs = tuple(
+        Output(f"delta_{at}_mrad", "mrad", f"final angle of {part} (KC{at}) to the housing")
+        for at, part in enumerate(PARTS, 1)
+    )
+    parameters = (*declared.PARAMETERS, declared.PART_STD)
+    free: ClassVar[Mapping[str, float]] = {}
+    changeable = (
+        Changeable("adjustment_gain_error", "", "achieved over commanded adjustment, less one"),
+        Changeable("adjustment_backlash_mrad", "mrad", "dead band of every adjustment"),
+        Changeable("chain_coupling", "", "share of what putting in chain 2 moves that chain 1 "
+                   "moves as well"),
+        Changeable("springback", "", "share of the total adjustment that returns at the end"),
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        parameters: Mapping[str, Value] | None = None,
+        designs: Mapping[str, float] | None = None,
+        inputs: Mapping[str, Distribution] | None = None,
+    ) -> None:
+        given = declared.completed(parameters or {})
+        self.process = declared.process_of(given, plane_process)
+        self.reading, self.insertion = str(given["reading"]), str(given["insertion"])
+        prior = np.full(self.process.steps, float(given["part_std_mrad"]) * MRAD)
+        self.estimator = declared.estimator_of(self.process, given, prior)
+        self.noise = float(given["measurement_std_mrad"]) * MRAD
+
+    def gains(self, precision: Array) -> Array:
+        """Gains (n, N, m, n) of precision weights (n,). Raises InputError below zero."""
+        wrong = np.flatnonzero(~(np.isfinite(precision) & (precision >= 0.0)))
+        if len(wrong):
+            text = f"must be at least 0, got {precision[wrong[0]]:g} in row {wrong[0] + 1}"
+            raise refuse("precision_weight", text)
+        each, row = np.unique(precision, return_inverse=True)
+        return gains(self.process, terminal_weight(self.process, each, self.reading))[row]
+
+    def predict(
+        self,
+        table: Mapping[str, NDArray[Any]],
+        rng: np.random.Generator,
+        changes: Mapping[str, Array] = NO_CHANGES,
+    ) -> dict[str, Array]:
+        errors = np.stack([table[f"dtheta_{at}_mrad"] for at in range(1, 5)], axis=1) * MRAD
+        departures = Departures(
+            gain_error=changes.get("adjustment_gain_error", 0.0),
+            dead_band=np.asarray(changes.get("adjustment_backlash_mrad", 0.0)) * MRAD,
+            coupling=changes.get("chain_coupling", 0.0),
+            springback=changes.get("springback", 0.0),
+        )
+        found = assemble(
+            self.process,
+            self.gains(np.asarray(table["precision_weight"], dtype=float)),
+            errors,
+            self.insertion,
+            departures,
+            self.estimator,
+            self._readings(len(errors), rng),
+        )
+        return {f"delta_{at}_mrad": found.state[:, at - 1] / MRAD for at in range(1, 5)}
+
+    def _readings(self, count: int, rng: np.random.Generator) -> Array | None:
+        """Noise (n, N, q) [rad] of the readings during assembly, None where there is none."""
+        if self.estimator is None or self.noise == 0.0:
+            return None
+        steps, _, readings = self.estimator.gain.shape
+        return self.noise * rng.standard_normal((count, steps, readings))

@@ -1,0 +1,66 @@
+"""Optimal adjustment: the gains of the linear-quadratic regulator (document A)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import Fault, raise_all
+from .process import Process
+
+Array = NDArray[np.float64]
+READINGS = ("printed", "consistent")
+INSERTIONS = ("before", "after")
+
+
+def terminal_weight(process: Process, precision: float | Array, reading: str = "printed") -> Array:
+    """P(N), shape (..., n, n), of precision weights Q.
+
+    `printed`: P(N) = Q I, the state is weighed. `consistent`: P(N) = C'QC, y = C x is weighed, as
+    the document's cost says. A number or an array (...) of numbers stands for Q I; a square matrix
+    is Q itself. Raises InputError where Q is below zero or does not fit.
+    """
+    seen = process.observation if reading == "consistent" else np.eye(process.transition.shape[-1])
+    given = np.asarray(precision, dtype=float)
+    if given.ndim == 2:
+        raise_all(_matrix_faults(given, len(seen)))
+        return np.asarray(seen.T @ given @ seen)
+    faults = [] if np.all(np.isfinite(given) & (given >= 0.0)) else [_negative(given)]
+    if reading not in READINGS:
+        faults.append(Fault("reading", f"must be one of {', '.join(READINGS)}, got {reading}"))
+    raise_all(faults)
+    return np.asarray(given[..., None, None] * (seen.T @ seen))
+
+
+def _negative(given: Array) -> Fault:
+    wrong = np.ravel(given)[~(np.isfinite(given) & (given >= 0.0)).ravel()]
+    return Fault("precision_weight", f"must be finite and at least 0, got {wrong[0]:g}")
+
+
+def _matrix_faults(given: Array, size: int) -> list[Fault]:
+    if given.shape != (size, size):
+        return [Fault("precision_weight (Q)", f"must have shape {(size, size)}, got {given.shape}")]
+    symmetric = np.allclose(given, given.T, rtol=1e-12, atol=0.0)
+    if not symmetric or np.linalg.eigvalsh(given)[0] < -1e-12 * np.abs(given).max():
+        return [Fault("precision_weight (Q)", "must be symmetric without negative eigenvalues")]
+    return []
+
+
+def gains(process: Process, terminal: Array, running: Array | None = None) -> Array:
+    """K(k), shape (..., N, m, n), of u(k) = -K(k) x(k); `terminal` is P(N), shape (..., n, n).
+
+    K(k) = (R + B'PB)^-1 B'PA with P = P(k+1), backwards from P(N). P(k) is the printed one in the
+    form Q(k) + (A - BK)'P(A - BK) + K'RK, which stays symmetric and positive for any weight.
+    `running` is Q(k), shape (n, n), of a cost on the state at every step; the document has none.
+    """
+    stage = np.zeros(terminal.shape[-2:]) if running is None else running
+    found, ahead = [], terminal
+    for step in reversed(range(process.steps)):
+        a, b, r = process.transition[step], process.control[step], process.weight[step]
+        seen = b.T @ ahead
+        gain = np.linalg.solve(r + seen @ b, seen @ a)
+        closed = a - b @ gain
+        turned = np.swapaxes(gain, -1, -2)
+        ahead = stage + np.swapaxes(closed, -1, -2) @ ahead @ closed + turned @ r @ gain
+        found.append(gain)
+    return np.stack(found[::-1], axis=-3)

@@ -1,0 +1,62 @@
+"""The linear response of adjusted assemblies: how spread of parts becomes spread of the result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .assemble import IDEAL, Departures, assemble
+from .estimator import Estimator
+from .process import Process
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Response:
+    """Final state and adjustments per unit of each part error and of each reading's noise."""
+
+    state: Array
+    """Shape (..., n, p + noise)."""
+    adjustments: Array
+    """Shape (..., N, m, p + noise)."""
+
+    def std(self, sources: Array) -> Array:
+        """Standard deviation (..., n) of the final state.
+
+        `sources` (..., p + noise) are those of independent part errors and noises.
+        """
+        return np.asarray(np.sqrt(np.einsum("...ij,...j->...i", self.state**2, sources**2)))
+
+    def effort(self, process: Process, sources: Array) -> Array:
+        """Expected adjustment effort, sum of u'Ru, shape (...)."""
+        per_unit = np.einsum(
+            "...kis,kij,...kjs->...s", self.adjustments, process.weight, self.adjustments
+        )
+        return np.asarray(np.sum(per_unit * sources**2, axis=-1))
+
+
+def response(
+    process: Process,
+    gains: Array,
+    insertion: str = "before",
+    estimator: Estimator | None = None,
+    departures: Departures = IDEAL,
+) -> Response:
+    """The response of `gains` (..., N, m, n): unit errors and noises, assembled as a batch.
+
+    `departures` are those that act linearly: none of a dead band.
+    """
+    parts = process.error.shape[-1]
+    errors, noise = np.eye(parts), None
+    if estimator is not None:
+        readings = estimator.gain.shape[0], estimator.gain.shape[-1]
+        count = readings[0] * readings[1]
+        errors = np.vstack([errors, np.zeros((count, parts))])
+        units = np.vstack([np.zeros((parts, count)), np.eye(count)])
+        noise = units.reshape(parts + count, *readings)
+    one = gains[..., None, :, :, :]
+    found = assemble(process, one, errors, insertion, departures, estimator, noise)
+    return Response(np.moveaxis(found.state, -2, -1), np.moveaxis(found.adjustments, -3, -1))

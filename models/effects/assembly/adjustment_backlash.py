@@ -1,0 +1,16 @@
+"""An adjustment with play."""
+
+from __future__ import annotations
+
+from ..inside import Inside
+
+
+class AdjustmentBacklash(Inside):
+    """An adjustment with play."""
+
+    name = "adjustment_backlash"
+    family = "assembly"
+    cause = "The adjuster has play: what it moves follows late."
+    formula = "dead band of the adjuster"
+    mistaken_for = ("adjustment_gain",)
+    reference = "Nordin and Gutman, Automatica 38, 2002"

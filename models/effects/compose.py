@@ -1,0 +1,80 @@
+"""Effects in a model: what it predicts with them, in the one order in which they compose.
+
+1. Changes inside of the model, summed over the effects; 2. the model's prediction; 3. the
+population, effect after effect; 4. the sum of what is added to the outputs; 5. the instrument's
+readings, effect after effect. Within 3 and 5 effects act in the order in which they are listed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..inputs.distribution import Array
+from ..measurable import NO_CHANGES, MeasurableModel
+from .effect import Action, Effect, Readings, Target
+from .readings import Table, readings_of, target_of
+
+
+@dataclass(frozen=True, slots=True)
+class Active:
+    """An effect that is in the model, with the values of its parameters by name."""
+
+    effect: Effect
+    values: Mapping[str, float]
+
+
+def predicted(
+    model: MeasurableModel,
+    name: str,
+    table: Table,
+    effects: Iterable[Active],
+    rng: np.random.Generator,
+) -> dict[str, Array]:
+    """Every output (n,) of the model `name` at the rows of a table, with the effects in it."""
+    active = tuple(effects)
+    if not active:
+        return model.predict(table, rng)
+    target = target_of(model, name, table)
+    actions = acting(active, readings_of(target.columns, table), target)
+    changes = changes_of(actions) or NO_CHANGES
+    outputs = model.predict(table, rng, changes)
+    means = model.means(changes) if any(one.population for one in actions) else {}
+    return added(outputs, actions, means, rng)
+
+
+def acting(effects: Sequence[Active], readings: Readings, target: Target) -> list[Action]:
+    """What each effect does to the rows."""
+    return [one.effect.act(readings, one.values, target) for one in effects]
+
+
+def changes_of(actions: Iterable[Action]) -> dict[str, Array]:
+    """Changes inside of the model, summed over the effects."""
+    found: dict[str, Array] = {}
+    for action in actions:
+        for name, change in action.changes.items():
+            found[name] = found[name] + change if name in found else change
+    return found
+
+
+def added(
+    outputs: Mapping[str, Array],
+    actions: Sequence[Action],
+    means: Mapping[str, float],
+    rng: np.random.Generator,
+) -> dict[str, Array]:
+    """Predicted outputs (n,) with what effects do after it; `means` are of a population."""
+    found = dict(outputs)
+    for action in actions:
+        if action.population is not None:
+            for name in found:
+                found[name] = action.population(found[name], means[name], rng)
+    for action in actions:
+        for name, more in action.output.items():
+            found[name] = found[name] + more
+    for action in actions:
+        for name, reading in action.reading.items():
+            found[name] = reading(found[name])
+    return found

@@ -1,0 +1,33 @@
+"""A clock that runs off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import Readings, Target
+from ..shapes import OneColumn, Weight, speed_unit
+
+
+class ClockDrift(OneColumn):
+    """A clock that runs off."""
+
+    name = "clock_drift"
+    family = "instrument"
+    cause = "The clocks of input and output run apart, and the reading is ever further behind."
+    formula = "a t v d"
+    needs = (Role.TIME, Role.SPEED, Role.DIRECTION)
+    mistaken_for = ("wear", "read_out_lag")
+    reference = "IEEE 1588-2019"
+
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        return (
+            Weight("rate", "a, per unit of speed and second", f"({speed_unit(target)} s)", -inf),
+        )
+
+    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+        return np.asarray(readings[Role.TIME] * readings[Role.SPEED] * readings[Role.DIRECTION])

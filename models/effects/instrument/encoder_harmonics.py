@@ -1,0 +1,17 @@
+"""Waves of the encoder."""
+
+from __future__ import annotations
+
+from ..shapes import Orders
+
+
+class EncoderHarmonics(Orders):
+    """Orders 1, 2 and 4: the encoder or resolver is read with waves."""
+
+    name = "encoder_harmonics"
+    family = "instrument"
+    cause = "The scale is eccentric and oval, the signals of its reading heads are not alike."
+    formula = "orders 1, 2 and 4, as above; without 2 and 4 it is output_eccentricity"
+    mistaken_for = ("output_eccentricity",)
+    reference = "Sanchez-Brea and Morlanes, Meas. Sci. Technol. 19, 2008"
+    orders = (1, 2, 4)

@@ -1,0 +1,27 @@
+"""An instrument that reads too much or too little."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ..effect import Readings, Target
+from ..shapes import OneColumn, Weight
+
+
+class GaugeBias(OneColumn):
+    """A constant that the instrument adds."""
+
+    name = "gauge_bias"
+    family = "instrument"
+    cause = "The instrument's zero is off."
+    formula = "c"
+    mistaken_for = ("process_mean_shift", "lot_offset")
+    reference = "AIAG, Measurement Systems Analysis, 2010"
+    weight = Weight("offset", "c, what the instrument adds", low=-inf)
+
+    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+        return np.ones(len(readings))

@@ -1,0 +1,41 @@
+"""Readings in steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ..effect import Action, Effect, EffectParameter, Readings, Target, known, quantity
+
+
+class Quantisation(Effect):
+    """Readings come in steps of the instrument's resolution."""
+
+    name = "quantisation"
+    family = "instrument"
+    cause = "The instrument resolves no less than a step."
+    formula = "y becomes q round(y/q)"
+    mistaken_for = ()
+    reference = "Widrow and Kollar, Quantization Noise, 2008"
+
+    def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        meaning = "q, the step; 0 resolves everything"
+        return tuple(
+            quantity(f"{target.prefix(output)}step", output.unit, meaning, linear=False)
+            for output in target.outputs
+        )
+
+    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+        numbers = zip(target.outputs, self.own_parameters(target), strict=True)
+        steps = {output.name: known(values, number.name) for output, number in numbers}
+        return Action(
+            reading={name: partial(rounded, step=q) for name, q in steps.items() if q > 0.0}
+        )
+
+
+def rounded(values: Array, step: float) -> Array:
+    """Values (n,) in whole steps."""
+    return np.asarray(step * np.round(values / step))

@@ -1,0 +1,29 @@
+"""Twist of contacts that stiffen as they flatten."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ..effect import Readings, Target
+from ..shapes import Load, LoadShape, Weight
+
+
+class HertzStiffening(LoadShape):
+    """Hertzian twist, with the torque to the power 2/3."""
+
+    name = "hertz_stiffening"
+    family = "load"
+    cause = "Contacts flatten under load and stiffen: their approach grows with T^(2/3)."
+    formula = "c sgn(T) |T|^(2/3)"
+    mistaken_for = ("torsional_compliance", "bearing_clearance", "lost_motion")
+    reference = "Johnson, Contact Mechanics, 1985, section 4.2"
+
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        return (Weight(f"at_1_{Load.unit(target)}", "c, the twist at a load of 1"),)
+
+    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+        load = Load.of(readings)
+        return np.asarray(np.sign(load) * np.cbrt(load) ** 2)

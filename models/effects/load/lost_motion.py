@@ -1,0 +1,26 @@
+"""A gap that the sign of the load decides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ..effect import Readings, Target
+from ..shapes import Load, LoadShape, Weight
+
+
+class LostMotion(LoadShape):
+    """Offset with the sign of the torque."""
+
+    name = "lost_motion"
+    family = "load"
+    cause = "A gap is crossed when the torque changes its sign."
+    formula = "c sgn(T)"
+    mistaken_for = ("bearing_clearance", "friction_hysteresis", "hertz_stiffening")
+    reference = "Nordin and Gutman, Automatica 38, 2002"
+    weight = Weight("half_width", "c, half of the motion lost")
+
+    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+        return np.sign(Load.of(readings))

@@ -1,0 +1,25 @@
+"""A base that does not stand upright."""
+
+from __future__ import annotations
+
+from math import inf
+
+from ..effect import EffectParameter, Target, quantity
+from ..inside import InsideSeveral
+
+
+class BaseTilt(InsideSeveral):
+    """A base that does not stand upright."""
+
+    name = "base_tilt"
+    family = "manipulator"
+    cause = "The base, or the frame of measuring, is turned about its x and y."
+    formula = "rotation of the machine about x and y of its base"
+    mistaken_for = ("joint_zero_offset", "gravity_sag")
+    reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
+
+    def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
+        return tuple(
+            (quantity(axis, "mrad", f"rotation about the base's {axis}", -inf), f"tilt_{axis}_mrad")
+            for axis in "xy"
+        )

@@ -1,0 +1,41 @@
+"""Drives that give way under the load."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import EffectParameter, Readings, Target, quantity
+from ..inside import InsideSeveral
+
+CHAINS = (1, 2, 3)
+
+
+class GravitySag(InsideSeveral):
+    """Drives that give way under the load."""
+
+    name = "gravity_sag"
+    family = "manipulator"
+    cause = "Drives turn back elastically under the static torque of what they carry."
+    formula = "-a_i (m + m0) g dz/dtheta_i on the angle of each arm"
+    needs = (Role.PAYLOAD,)
+    mistaken_for = ("base_tilt", "joint_clearance")
+    reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
+
+    def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
+        meaning = "a, compliance of drive"
+        return tuple(
+            (quantity(f"compliance_{i}", "mrad/Nm", f"{meaning} {i}"), f"drive_sag_{i}")
+            for i in CHAINS
+        )
+
+    def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        meaning = "m0, mass that the drives carry beside the payload"
+        mass = quantity("moving_mass", "kg", meaning, 0.0, 100.0, linear=False)
+        return (*super().own_parameters(target), mass)
+
+    def factor(self, readings: Readings, values: Mapping[str, float]) -> Array:
+        return np.asarray(readings[Role.PAYLOAD] + values["moving_mass_kg"])

@@ -1,0 +1,16 @@
+"""Joints with play."""
+
+from __future__ import annotations
+
+from ..inside import Inside
+
+
+class JointClearance(Inside):
+    """Joints with play."""
+
+    name = "joint_clearance"
+    family = "manipulator"
+    cause = "The joints have play, and the weight of the platform decides to which side it lies."
+    formula = "each rod longer by c in tension, shorter by c in compression"
+    mistaken_for = ("gravity_sag", "arm_length_error")
+    reference = "Innocenti, J. Mech. Des. 124, 2002"

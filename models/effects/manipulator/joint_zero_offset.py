@@ -1,0 +1,27 @@
+"""Drives whose zeros are off."""
+
+from __future__ import annotations
+
+from math import inf
+
+from ..effect import EffectParameter, Target, quantity
+from ..inside import InsideSeveral
+
+CHAINS = (1, 2, 3)
+
+
+class JointZeroOffset(InsideSeveral):
+    """Drives whose zeros are off."""
+
+    name = "joint_zero_offset"
+    family = "manipulator"
+    cause = "The zeros of the drives were not taught where they are."
+    formula = "drive zero of each chain"
+    mistaken_for = ("drive_eccentricity", "base_tilt")
+    reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
+
+    def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
+        return tuple(
+            (quantity(f"zero_{i}", "mrad", f"zero of drive {i}", -inf), f"drive_zero_{i}_mrad")
+            for i in CHAINS
+        )

@@ -1,0 +1,30 @@
+"""Links and base grow with temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import EffectParameter, Readings, Target, quantity
+from ..inside import InsideSeveral
+from ..shapes import warming
+
+
+class ThermalGrowth(InsideSeveral):
+    """Links and base grow with temperature."""
+
+    name = "thermal_growth"
+    family = "manipulator"
+    cause = "Links and base warm up alike, and the machine stays similar to itself."
+    formula = "all lengths times 1 + a tau"
+    needs = (Role.TEMPERATURE,)
+    mistaken_for = ("arm_length_error",)
+    reference = "ISO 230-3:2020"
+
+    def numbers(self, target: Target) -> tuple[tuple[EffectParameter, str], ...]:
+        meaning = "a, expansion per kelvin above 20 degC"
+        return ((quantity("expansion_per_K", "ppm", meaning), "growth_ppm"),)
+
+    def factor(self, readings: Readings, values: Mapping[str, float]) -> Array:
+        return warming(readings)

@@ -1,0 +1,47 @@
+"""Some units come from a second supplier."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import EffectParameter, Readings, Target, known, quantity
+from ..readings import labels_of, unit_numbers
+from ..shapes import Weight
+from .units import OfUnits, number
+
+
+class LotMixture(OfUnits):
+    """Some units come from a second supplier."""
+
+    name = "lot_mixture"
+    family = "population"
+    cause = "Parts come from two suppliers, one of which is off by a step."
+    formula = "y + c of a share p of the units (of the lots, where they are known)"
+    mistaken_for = ("lot_offset", "spread_inflation", "process_mean_shift")
+    reference = "McLachlan and Peel, Finite Mixture Models, 2000"
+    weight = Weight("offset", "c, how far the second supplier is off", low=-inf)
+
+    def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        meaning = "p, share of the second supplier"
+        share = quantity("share", "", meaning, 0.02, 0.98, linear=False)
+        return (self.weight.of(target.outputs[0], target), share)
+
+    def units(
+        self,
+        readings: Readings,
+        values: Mapping[str, float],
+        target: Target,
+        drawn: Array,
+        mean: float,
+        rng: np.random.Generator,
+    ) -> Array:
+        of_group = unit_numbers(readings)
+        if Role.LOT in readings:
+            of_group = labels_of(readings[Role.LOT])[1]
+        second = rng.random(int(of_group.max(initial=-1)) + 1) < values["share"]
+        return drawn + known(values, number(self.weight, target)) * second[of_group]

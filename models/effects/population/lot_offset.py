@@ -1,0 +1,58 @@
+"""Single lots are off by a step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+
+import numpy as np
+
+from ....units import unit_key
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import EffectParameter, Readings, Target, known
+from ..readings import labels_of
+from ..shapes import Weight
+from .units import OfUnits, number
+
+
+class LotOffset(OfUnits):
+    """Single lots are off by a step."""
+
+    name = "lot_offset"
+    family = "population"
+    cause = "A lot was made, or set up, apart from the others."
+    formula = "y + c_l in lot l"
+    needs = (Role.LOT,)
+    mistaken_for = ("lot_mixture", "process_mean_shift", "gauge_bias")
+    reference = "Searle, Casella and McCulloch, Variance Components, 1992"
+
+    def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        """One per lot of the table but the first, in the order of their labels."""
+        lots = target.labels.get(Role.LOT, ())[1:]
+        return tuple(_offset(lot).of(target.outputs[0], target) for lot in lots)
+
+    def parameter(self, name: str, target: Target) -> EffectParameter | None:
+        """The offset of any lot: which there are, the table alone can tell."""
+        unit = unit_key(target.outputs[0].unit)
+        stem = name.removesuffix(f"_{unit}")
+        lot = stem.removeprefix("offset_")
+        named = bool(lot) and stem.startswith("offset_")
+        return _offset(lot).of(target.outputs[0], target) if named else None
+
+    def units(
+        self,
+        readings: Readings,
+        values: Mapping[str, float],
+        target: Target,
+        drawn: Array,
+        mean: float,
+        rng: np.random.Generator,
+    ) -> Array:
+        lots, of_lot = labels_of(readings[Role.LOT])
+        offsets = [known(values, number(_offset(str(lot)), target)) for lot in lots]
+        return np.asarray(drawn + np.array(offsets)[of_lot])
+
+
+def _offset(lot: str) -> Weight:
+    return Weight(f"offset_{lot}", f"c, how far lot {lot} is off", low=-inf)

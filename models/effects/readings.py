@@ -1,0 +1,139 @@
+"""A table as effects see it: columns by role, in fixed units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...declarations import Output
+from ...units import converted
+from ..measurable import Changeable, Column, MeasurableModel, Role
+from .effect import Readings, Target
+
+Table = Mapping[str, NDArray[Any]]
+
+FIXED: Mapping[Role, tuple[str, ...]] = {
+    Role.ANGLE: ("rad", "m"),
+    Role.TORQUE: ("Nm",),
+    Role.FORCE: ("N",),
+    Role.SPEED: ("rpm", "m/s"),
+    Role.TEMPERATURE: ("C",),
+    Role.TIME: ("s",),
+    Role.PAYLOAD: ("kg",),
+    Role.POSITION: ("m",),
+}
+"""Units by role; the second is that of what moves along a line."""
+LABELS = (Role.UNIT, Role.LOT)
+EXTRAS = (
+    Column("time_s", "s", "order of measuring", False, role=Role.TIME),
+    Column("repeat", "", "number of the repeat", False, role=Role.REPEAT),
+)
+"""Columns that any table may add."""
+
+
+def fixed_unit(column: Column) -> str:
+    """The unit that effects see a column in. Raises ValueError where its own does not fit."""
+    wanted = FIXED.get(column.role, ())
+    for unit in wanted:
+        try:
+            converted(0.0, column.unit, unit)
+        except ValueError:
+            continue
+        return unit
+    if wanted:
+        text = f'"{column.unit}" is no unit of a {column.role} (write {" or ".join(wanted)})'
+        raise ValueError(text)
+    return column.unit
+
+
+def readings_of(columns: Iterable[Column], table: Table) -> Readings:
+    """The rows of `table` (columns (n,) by name) by role; the first column of a role counts.
+
+    Raises ValueError where a column's unit does not fit its role.
+    """
+    by_role: dict[Role, NDArray[Any]] = {}
+    for column in _present(columns, table):
+        if column.role not in by_role:
+            values = table[column.name]
+            unit = fixed_unit(column)
+            by_role[column.role] = values if column.text else _in_unit(values, column.unit, unit)
+    order = np.argsort(by_role[Role.TIME], kind="stable") if Role.TIME in by_role else None
+    return Readings(table, by_role, order)
+
+
+def _in_unit(values: NDArray[Any], unit: str, fixed: str) -> NDArray[Any]:
+    if not fixed or unit == fixed:
+        return values
+    return np.asarray(converted(np.asarray(values, dtype=float), unit, fixed))
+
+
+def target_of(model: MeasurableModel | type[MeasurableModel], name: str, table: Table | None = None,
+              ) -> Target:  # fmt: skip
+    """What effects may do in a model; of a known table, in the columns that it has."""
+    columns = (*model.columns, *(one for one in EXTRAS if table is None or one.name in table))
+    return target_from(name, model.outputs, columns, table, model.changeable, model.population)
+
+
+def target_from(
+    name: str,
+    outputs: tuple[Output, ...],
+    columns: tuple[Column, ...],
+    table: Table | None = None,
+    changeable: tuple[Changeable, ...] = (),
+    population: bool = False,
+) -> Target:
+    """A target of these columns; with a table, only of those it has, and with what it shows.
+
+    Raises ValueError where a column's unit does not fit its role.
+    """
+    several = len(outputs) > 1
+    if table is not None:
+        columns = tuple(_present(columns, table))
+    units = {column.role: fixed_unit(column) for column in reversed(columns)}
+    target = Target(name, outputs, columns, changeable, population, several, units=units)
+    if table is None:
+        return target
+    readings = readings_of(columns, table)
+    numbers = {role: v for role, v in readings.by_role.items() if role in FIXED}
+    largest = {role: float(np.max(np.abs(v), initial=0.0)) for role, v in numbers.items()}
+    labels = {
+        role: tuple(labels_of(readings[role])[0].tolist()) for role in LABELS if role in readings
+    }
+    return replace(target, largest=largest, labels=labels)
+
+
+def _present(columns: Iterable[Column], table: Table) -> list[Column]:
+    return [column for column in columns if column.name in table]
+
+
+def labels_of(values: NDArray[Any]) -> tuple[NDArray[np.str_], NDArray[np.int64]]:
+    """The labels (k,) of a column in their order, and which of them each row (n,) bears.
+
+    A whole number is written without its decimals.
+    """
+    names, which = np.unique(np.asarray(values).astype(str), return_inverse=True)
+    if np.asarray(values).dtype.kind == "f":
+        names = np.array([name.removesuffix(".0") for name in names.tolist()], dtype=str)
+    return names, np.asarray(which, dtype=np.int64)
+
+
+def unit_numbers(readings: Readings) -> NDArray[np.int64]:
+    """Number (n,) of the unit that each row is about, in the order of measuring, from 0.
+
+    Rows of one unit (and lot) are one unit where the table tells repeats, else each row is one.
+    """
+    order = np.arange(len(readings)) if readings.order is None else readings.order
+    found = np.empty(len(readings), dtype=np.int64)
+    if Role.REPEAT not in readings or Role.UNIT not in readings:
+        found[order] = np.arange(len(readings))
+        return found
+    codes = [labels_of(readings[role][order])[1] for role in LABELS if role in readings]
+    _, first, which = np.unique(np.stack(codes), axis=1, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))  # by first appearance
+    found[order] = rank[which.ravel()]
+    return found

@@ -1,0 +1,198 @@
+"""Effects that are sums of known columns: what most effects share."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import atan2, degrees, hypot, inf
+from typing import ClassVar
+
+import numpy as np
+
+from ...declarations import Output
+from ..inputs.distribution import Array
+from ..measurable import Role
+from .effect import Action, Effect, EffectParameter, Readings, Target, known, quantity
+
+REFERENCE_TEMPERATURE = 20.0
+"""[degC], ISO 1: the temperature at which nothing grows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Weight:
+    """A linear parameter of each output; its unit is that of the output divided by `per`."""
+
+    stem: str
+    meaning: str
+    per: str = ""
+    low: float = 0.0
+    high: float = inf
+
+    def of(self, output: Output, target: Target) -> EffectParameter:
+        """The parameter of one output."""
+        stem = target.prefix(output) + self.stem
+        unit = f"{output.unit or 1}/{self.per}" if self.per else output.unit
+        return quantity(stem, unit, self.meaning, self.low, self.high)
+
+
+class Shape(Effect):
+    """Acts at every output: the sum over its weights of the weight times its column."""
+
+    def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        weights = self.weights(target)
+        linear = [weight.of(output, target) for output in target.outputs for weight in weights]
+        return (*linear, *self.shape_parameters(target))
+
+    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+        columns = self.columns(readings, values, target)
+        weights = self.weights(target)
+        found = {}
+        for output in target.outputs:
+            total = np.zeros(len(readings))
+            for weight in weights:
+                size = known(values, weight.of(output, target).name)
+                if size != 0.0:
+                    total = total + size * columns[weight.stem]()
+            found[output.name] = total
+        return Action(output=found)
+
+    def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        """The nonlinear parameters, which all outputs share."""
+        return ()
+
+    @abstractmethod
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        """The linear parameters of one output."""
+
+    @abstractmethod
+    def columns(
+        self, readings: Readings, values: Mapping[str, float], target: Target
+    ) -> Mapping[str, Callable[[], Array]]:
+        """The column (n,) of each weight, by its stem."""
+
+
+class OneColumn(Shape):
+    """One weight, whose column is `column`."""
+
+    weight: Weight
+
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        return (self.weight,)
+
+    def columns(
+        self, readings: Readings, values: Mapping[str, float], target: Target
+    ) -> Mapping[str, Callable[[], Array]]:
+        return {self.weights(target)[0].stem: lambda: self.column(readings, values, target)}
+
+    @abstractmethod
+    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+        """What the weight is multiplied by, (n,)."""
+
+
+class Orders(Shape):
+    """Waves over the angle: cosine and sine of each order, so many waves per turn.
+
+    The parameters are the two components, which are linear; `described` gives the amplitude (above
+    or at 0) and phase of amplitude cos(order angle - phase).
+    """
+
+    orders: ClassVar[tuple[int, ...]]
+    needs: ClassVar[tuple[Role, ...]] = (Role.ANGLE,)
+
+    def own_applies(self, target: Target) -> bool:
+        """Only what turns, and has not arms for it, has waves over its angle."""
+        turns = target.units.get(Role.ANGLE, "rad") == "rad" and target.model != "manipulator_pose"
+        return turns and super().own_applies(target)
+
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        return tuple(
+            Weight(
+                f"{part}_{order}", f"{meaning} component of order {order}", self.per(target), -inf
+            )
+            for order in self.orders
+            for part, meaning in (("cos", "cosine"), ("sin", "sine"))
+        )
+
+    def per(self, target: Target) -> str:
+        """What the unit of the components is divided by."""
+        return ""
+
+    def factor(self, readings: Readings) -> Array | float:
+        """What the waves are multiplied by."""
+        return 1.0
+
+    def columns(
+        self, readings: Readings, values: Mapping[str, float], target: Target
+    ) -> Mapping[str, Callable[[], Array]]:
+        return {
+            f"{part}_{order}": _wave(wave, order, self, readings)
+            for order in self.orders
+            for part, wave in (("cos", np.cos), ("sin", np.sin))
+        }
+
+    def described(
+        self, values: Mapping[str, float], target: Target
+    ) -> dict[str, tuple[float, str]]:
+        found: dict[str, tuple[float, str]] = {}
+        for output in target.outputs:
+            by_stem = {w.stem: w.of(output, target) for w in self.weights(target)}
+            for order in self.orders:
+                c, s = by_stem[f"cos_{order}"], by_stem[f"sin_{order}"]
+                at = f"{target.prefix(output)}%s_{order}"
+                x, y = known(values, c.name), known(values, s.name)
+                found[at % "amplitude"] = (hypot(x, y), c.unit)
+                found[at % "phase"] = (degrees(atan2(y, x)), "deg")
+        return found
+
+
+def _wave(
+    wave: Callable[[Array], Array], order: int, effect: Orders, readings: Readings
+) -> Callable[[], Array]:
+    return lambda: effect.factor(readings) * wave(order * readings[Role.ANGLE])
+
+
+class Load:
+    """Torque, or force where there is no torque."""
+
+    @staticmethod
+    def role(target: Target) -> Role | None:
+        """The role that the load has in the table, None where it has none."""
+        roles = target.roles()
+        return next((one for one in (Role.TORQUE, Role.FORCE) if one in roles), None)
+
+    @staticmethod
+    def unit(target: Target) -> str:
+        """Its unit."""
+        return "N" if Load.role(target) is Role.FORCE else "Nm"
+
+    @staticmethod
+    def of(readings: Readings) -> Array:
+        """The load (n,) [N m or N]."""
+        return np.asarray(readings[Role.TORQUE if Role.TORQUE in readings else Role.FORCE])
+
+    @staticmethod
+    def share(target: Target, low: float, high: float) -> tuple[float, float]:
+        """Bounds of a load that lies in shares of the largest, which a known table gives."""
+        role = Load.role(target)
+        largest = target.largest.get(role, 0.0) if role else 0.0
+        return (low * largest, high * largest) if largest > 0.0 else (0.0, inf)
+
+
+class LoadShape(OneColumn):
+    """One weight times a function of the load."""
+
+    needs = (Role.TORQUE,)
+
+    def own_applies(self, target: Target) -> bool:
+        return Load.role(target) is not None
+
+
+def warming(readings: Readings) -> Array:
+    """tau (n,) [K]: temperature less 20 degC, which is not fitted."""
+    return np.asarray(readings[Role.TEMPERATURE]) - REFERENCE_TEMPERATURE
+
+
+def speed_unit(target: Target) -> str:
+    """The unit of the speed: what moves along a line has m/s."""
+    return target.units.get(Role.SPEED, "rpm")

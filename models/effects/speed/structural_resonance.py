@@ -1,0 +1,72 @@
+"""A wave that a natural frequency magnifies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import EffectParameter, Readings, Target, quantity
+from ..shapes import Shape, Weight
+
+Waves = NDArray[np.complex128]
+EXCITATIONS = (39.0, 40.0, 78.0, 80.0, 120.0, 121.0)
+"""Orders of the waves of pins, cranks, discs and sun."""
+
+
+class StructuralResonance(Shape):
+    """Fixed frequency: a wave, whatever its order, magnified where it meets a resonance."""
+
+    name = "structural_resonance"
+    family = "speed"
+    cause = "A wave of some order meets a natural frequency of the structure at some speed."
+    formula = "Re[(c - j s) H exp(j k theta)], H = 1/(1 - r^2 + 2 j z r), r = k v d/f"
+    needs = (Role.ANGLE, Role.SPEED)
+    mistaken_for = ("eccentric_error", "pin_circle_runout", "two_disc_error", "sun_runout")
+    reference = "Den Hartog, Mechanical Vibrations, 1985, section 2.9"
+
+    def own_applies(self, target: Target) -> bool:
+        turning = all(
+            target.units.get(role) == unit
+            for role, unit in ((Role.ANGLE, "rad"), (Role.SPEED, "rpm"))
+        )
+        return turning and super().own_applies(target)
+
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        return (
+            Weight("cos", "c, cosine component of the excitation", low=-inf),
+            Weight("sin", "s, its sine component", low=-inf),
+        )
+
+    def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        order = "k, order of the excitation in waves per turn of the angle"
+        first, last = EXCITATIONS[0], EXCITATIONS[-1]
+        fastest = target.largest.get(Role.SPEED, 0.0) / 60.0
+        # between a quarter of the slowest wave at full speed and just above the quickest
+        bounds = (0.25 * first * fastest, 1.1 * last * fastest)
+        low, high = bounds if fastest > 0.0 else (0.0, inf)
+        return (
+            quantity("frequency", "Hz", "f, the natural frequency", low, high, linear=False),
+            quantity("damping", "", "z, share of the critical damping", 0.005, 0.3, linear=False),
+            quantity("order", "", order, first, last, linear=False, choices=EXCITATIONS),
+        )
+
+    def columns(
+        self, readings: Readings, values: Mapping[str, float], target: Target
+    ) -> Mapping[str, Callable[[], Array]]:
+        wave = response(readings, values["order"], values["frequency_Hz"], values["damping"])
+        return {"cos": lambda: np.ascontiguousarray(wave.real), "sin": lambda: wave.imag.copy()}
+
+
+def response(readings: Readings, order: float, frequency: float, damping: float) -> Waves:
+    """H exp(j k theta) (n,), complex; against the direction the wave runs backwards in time."""
+    turning = readings[Role.SPEED] / 60.0
+    if Role.DIRECTION in readings:
+        turning = turning * readings[Role.DIRECTION]
+    ratio = order * turning / max(frequency, np.finfo(float).tiny)
+    answer = 1.0 / (1.0 - ratio**2 + 2j * damping * ratio)
+    return np.asarray(answer * np.exp(1j * order * readings[Role.ANGLE]))

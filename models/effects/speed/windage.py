@@ -1,0 +1,34 @@
+"""Drag with the square of the speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import Readings, Target
+from ..shapes import OneColumn, Weight, speed_unit
+
+
+class Windage(OneColumn):
+    """Drag with the square of the speed."""
+
+    name = "windage"
+    family = "speed"
+    cause = "Air and oil are thrown about, with the square of the speed."
+    formula = "a v^2 d"
+    needs = (Role.SPEED, Role.DIRECTION)
+    mistaken_for = ("viscous_friction", "read_out_lag")
+    reference = "Townsend, Dudley's Gear Handbook, 1991"
+
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        return (Weight("rate", "a, per squared unit of speed", _squared(speed_unit(target))),)
+
+    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+        return np.asarray(readings[Role.SPEED] ** 2 * readings[Role.DIRECTION])
+
+
+def _squared(unit: str) -> str:
+    return "rpm^2" if unit == "rpm" else "(m/s)^2"

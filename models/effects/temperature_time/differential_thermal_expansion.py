@@ -1,0 +1,57 @@
+"""Disc and housing grow differently."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import Action, EffectParameter, Readings, Target, known, quantity
+from ..shapes import OneColumn, Weight, warming
+
+DISC = "disc_temperature_K"
+
+
+class DifferentialThermalExpansion(OneColumn):
+    """Disc and housing grow differently.
+
+    In a model of the pin circle it acts there: the disc is warmer than the housing by a difference,
+    and by a share of the measured temperature above 20 degC, where that is known.
+    """
+
+    name = "differential_thermal_expansion"
+    family = "temperature, time"
+    cause = "The disc is warmer than the housing, and fills the pin circle."
+    formula = "a tau d; where a model has a pin circle: disc warmer by D + s tau"
+    needs = (Role.TEMPERATURE, Role.DIRECTION)
+    mistaken_for = ("thermal_friction", "process_mean_shift", "gauge_bias")
+    reference = "ISO 1:2022 (20 degC); thermal expansion of steel"
+    weight = Weight("rate", "a, per kelvin above 20 degC", "K", low=-inf)
+
+    def own_applies(self, target: Target) -> bool:
+        return target.changes(DISC) or super().own_applies(target)
+
+    def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        if not target.changes(DISC):
+            return super().own_parameters(target)
+        always = quantity(
+            "temperature_difference", "K", "D, disc warmer than housing", -100.0, 100.0
+        )
+        share = quantity("temperature_share", "", "s, per kelvin above 20 degC", -2.0, 2.0)
+        if Role.TEMPERATURE not in target.roles():
+            return (always,)
+        return (share,) if target.largest else (always, share)
+
+    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+        if not target.changes(DISC):
+            return super().own_action(readings, values, target)
+        warmer = np.full(len(readings), known(values, "temperature_difference_K"))
+        if Role.TEMPERATURE in readings:
+            warmer += known(values, "temperature_share") * warming(readings)
+        return Action(changes={DISC: warmer})
+
+    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+        return np.asarray(warming(readings) * readings[Role.DIRECTION])

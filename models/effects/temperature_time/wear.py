@@ -1,0 +1,28 @@
+"""Backlash that grows with time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import Readings, Target
+from ..shapes import OneColumn, Weight
+
+
+class Wear(OneColumn):
+    """Backlash that grows with time."""
+
+    name = "wear"
+    family = "temperature, time"
+    cause = "Flanks wear, and the gap between there and back opens."
+    formula = "a t d"
+    needs = (Role.TIME, Role.DIRECTION)
+    mistaken_for = ("drift", "friction_hysteresis", "clock_drift")
+    reference = "Archard, J. Appl. Phys. 24, 1953"
+    weight = Weight("rate", "a, half of the gap per second", "s")
+
+    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
+        return np.asarray(readings[Role.TIME] * readings[Role.DIRECTION])

@@ -1,0 +1,151 @@
+"""What effects may change in the manipulator, as elementary errors of each pose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from ..inputs.distribution import Array
+from ..measurable import Changeable
+from . import sources
+from .geometry import Manipulator
+from .inverse import CHAINS, angles, posture
+from .maps import first_order, separated
+from .sources import MRAD, NAMES, PER_CHAIN, SOURCES, UM
+from .vectors import cross, dot
+
+GRAVITY = 9.80665
+"""[m/s^2]"""
+PPM = 1e-6
+TILTS = ("tilt_x_mrad", "tilt_y_mrad")
+BLOCK = 4096
+"""Poses whose first-order maps are held at once."""
+
+
+def _of_drives() -> Iterator[Changeable]:
+    for i in range(1, CHAINS + 1):
+        for part in ("cos", "sin"):
+            meaning = f"{'cosine' if part == 'cos' else 'sine'} component, over a turn of the arm"
+            yield Changeable(f"drive_{part}_{i}_mrad", "mrad", f"{meaning}, of drive {i}")
+        meaning = f"compliance of drive {i} times the mass that it carries"
+        yield Changeable(f"drive_sag_{i}", "mrad kg/Nm", meaning)
+
+
+CHANGEABLE = (
+    *(Changeable(one.name, one.unit, one.meaning) for one in SOURCES),
+    *(Changeable(name, "mrad", f"rotation of the base about its {name[5]}") for name in TILTS),
+    Changeable("growth_ppm", "ppm", "growth of all lengths, base included"),
+    *_of_drives(),
+    Changeable("joint_clearance_um", "um", "play of a rod's joints, on the side that it is pulled"),
+)
+
+
+def changed_errors(
+    manipulator: Manipulator,
+    r: Array,
+    z: Array,
+    phi: Array,
+    errors: Array,
+    changes: Mapping[str, Array],
+) -> Array:
+    """Elementary errors [m, rad] with the changes, (63,) where there are none, else (n, 63).
+
+    Poses r, z [m], phi [rad], (n,); changes in their units, numbers or (n,). Raises OutOfReach.
+    """
+    if not changes:
+        return errors
+    shape = (len(r),)
+    by_name = {name: np.broadcast_to(change, shape) for name, change in changes.items()}
+    found = np.broadcast_to(errors, (*shape, len(NAMES))).copy()
+    for source in SOURCES:
+        if source.name in by_name:
+            found[:, source.at] += by_name[source.name] * source.scale
+    if "growth_ppm" in by_name:
+        found += by_name["growth_ppm"][:, None] * PPM * lengths(manipulator)
+    found[:, _at(sources.DRIVE_ZERO)] += _waves(manipulator, r, z, phi, by_name)
+    if "joint_clearance_um" in by_name or any(f"drive_sag_{i}" in by_name for i in (1, 2, 3)):
+        for first in range(0, len(r), BLOCK):
+            at = slice(first, first + BLOCK)
+            part = {name: change[at] for name, change in by_name.items()}
+            found[at] += _under_weight(manipulator, r[at], z[at], phi[at], part)
+    return found
+
+
+def lengths(manipulator: Manipulator) -> Array:
+    """The length (63,) [m] that each source is an error of; 0 for rotations.
+
+    An error in proportion to all of them makes a machine that is similar to itself.
+    """
+    found = np.zeros((CHAINS, PER_CHAIN))
+    found[:, sources.ORIGIN] = manipulator.origins
+    found[:, sources.ARM_LENGTH] = manipulator.arms
+    found[:, sources.ROD_LENGTH] = manipulator.rods[:, None]
+    found[:, sources.JOINT_DISTANCE_ARM] = manipulator.distances
+    found[:, sources.JOINT_DISTANCE_PLATFORM] = manipulator.distances
+    found[:, sources.PLATFORM_ATTACHMENT] = manipulator.attachments
+    return found.ravel()
+
+
+def base_tilt(changes: Mapping[str, Array], phi: Array) -> Array:
+    """Rotation vectors (n, 3) [rad] of the base in the axes (e_r, e_t, z) at phi (n,)."""
+    x, y = (np.broadcast_to(changes.get(name, 0.0), phi.shape) * MRAD for name in TILTS)
+    c, s = np.cos(phi), np.sin(phi)
+    return np.stack([c * x + s * y, c * y - s * x, np.zeros_like(phi)], axis=-1)
+
+
+def _at(within: int) -> list[int]:
+    """Places of one error of all chains."""
+    return [chain * PER_CHAIN + within for chain in range(CHAINS)]
+
+
+def _waves(
+    manipulator: Manipulator, r: Array, z: Array, phi: Array, changes: Mapping[str, Array]
+) -> Array:
+    """Errors of the drives (n, 3) [rad] once per turn of their arms."""
+    found = np.zeros((len(r), CHAINS))
+    if not any(name.startswith(("drive_cos", "drive_sin")) for name in changes):
+        return found
+    arm = angles(manipulator, r, z)
+    arm[:, :2] += phi[:, None]  # chain 3 moves in the plane that is turned
+    for i in range(CHAINS):
+        for wave in (np.cos, np.sin):
+            change = changes.get(f"drive_{wave.__name__}_{i + 1}_mrad", 0.0)
+            found[:, i] += change * MRAD * wave(arm[:, i])
+    return found
+
+
+def _under_weight(
+    manipulator: Manipulator, r: Array, z: Array, phi: Array, changes: Mapping[str, Array]
+) -> Array:
+    """Errors (n, 63) of drives and rods that give way to the weight.
+
+    By virtual work the torque of a weight m g on a drive is -m g dz/dtheta, and the pull of a rod
+    -m g dz/dl: both from the first-order maps of the height.
+    """
+    by_drive, by_rod = lifts(manipulator, r, z, phi)
+    found = np.zeros((len(r), CHAINS, PER_CHAIN))
+    play = np.broadcast_to(np.asarray(changes.get("joint_clearance_um", 0.0)) * UM, r.shape)
+    found[..., sources.ROD_LENGTH] = -np.sign(by_rod) * play[:, None, None]
+    for i in range(CHAINS):
+        carried = np.asarray(changes.get(f"drive_sag_{i + 1}", 0.0)) * MRAD
+        found[:, i, sources.DRIVE_ZERO] = -carried * GRAVITY * by_drive[:, i]
+    return found.reshape(len(r), -1)
+
+
+def lifts(manipulator: Manipulator, r: Array, z: Array, phi: Array) -> tuple[Array, Array]:
+    """How far the platform rises per radian of each drive (n, 3) and per metre of each rod
+    (n, 3, 2); the height's row of the first-order maps.
+    """
+    if manipulator.follow_up == "rod":
+        lift = first_order(manipulator, r, z, phi).position[:, 2]
+        lift = lift.reshape(len(r), CHAINS, PER_CHAIN)
+        return lift[..., sources.DRIVE_ZERO], lift[..., sources.ROD_LENGTH]
+    chains = posture(manipulator, r, z)
+    turn, place, shift = separated(chains)
+    move = place[:, 2]
+    tilt = np.einsum("ni,nic->nc", shift[:, 2], turn)
+    drive = move * manipulator.arms * dot(chains.w, chains.v)
+    drive += tilt * dot(cross(chains.n, chains.w), chains.k)
+    relative = (tilt / manipulator.distances)[..., None] * np.array([1.0, -1.0])
+    return drive, 0.5 * move[..., None] + relative

@@ -1,0 +1,63 @@
+"""What models on the loaded contact declare, by the names of configurations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ....declarations import Parameter, Value, number
+from ....units import ARCMIN, MM
+from ..geometry import RvGeometry
+from .contact import LoadedContact
+from .geometry import ContactGeometry
+
+_CATALOGUE = "catalogue of the RV-40E-121"
+_B = "document B"
+
+
+def _assumed(name: str, default: float, unit: str, meaning: str, source: str) -> Parameter:
+    return Parameter(
+        name, default, unit, meaning, source, assumed=True, low=0.0, high=1e9, open_low=True
+    )
+
+
+def _torque(name: str, default: float, meaning: str) -> Parameter:
+    return Parameter(name, default, "Nm", meaning, _CATALOGUE, low=0.0, high=1e7, open_low=True)
+
+
+PARAMETERS: tuple[Parameter, ...] = (
+    _assumed("normal_stiffness_N_per_mm", 2e5, "N_per_mm",
+             "normal stiffness of one pin contact", "linear; loads 5.4 pins of a disc at 412 N m"),
+    _assumed("series_stiffness_Nm_per_arcmin", 58.5, "Nm_per_arcmin",
+             "stiffness between one disc and the carrier: crank bearings, cranks, carrier",
+             "gives the catalogue's 108 N m/arcmin for the unit"),
+    Parameter("discs", 2, "", "cycloid discs", "as in document A", assumed=True, low=1, high=4),
+    Parameter("cranks", 2, "", "crankshafts", "as in document A", assumed=True, low=2, high=4),
+    Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", _B, low=-1.0, high=1.0),
+    Parameter("dr_p_mm", -0.070, "mm", "shift modification", _B, low=-1.0, high=1.0),
+    _torque("rated_torque_Nm", 412.0, "rated torque"),
+    _torque("momentary_torque_Nm", 2058.0, "momentary maximum torque; beyond it warned"),
+)  # fmt: skip
+
+
+def loaded_contact(
+    parameters: Mapping[str, Value], nominal: RvGeometry | None = None
+) -> LoadedContact:
+    """The contact (SI) of `parameters` by declared name; left-out ones keep their defaults.
+
+    Raises InputError where the modification interferes or undercuts.
+    """
+    p = {one.name: number(parameters.get(one.name, one.default)) for one in PARAMETERS}
+    geometry = ContactGeometry(
+        nominal=nominal or RvGeometry(),
+        dr_rp=p["dr_rp_mm"] * MM,
+        dr_p=p["dr_p_mm"] * MM,
+        discs=int(p["discs"]),
+        cranks=int(p["cranks"]),
+    )
+    return LoadedContact(
+        geometry=geometry,
+        normal_stiffness=p["normal_stiffness_N_per_mm"] / MM,
+        series_stiffness=p["series_stiffness_Nm_per_arcmin"] / ARCMIN,
+        rated_torque=p["rated_torque_Nm"],
+        momentary_torque=p["momentary_torque_Nm"],
+    )

@@ -1,0 +1,118 @@
+"""Errors of the parts of an RV reducer, for batches of units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from types import MappingProxyType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_PIN = ("units", "discs", "pins")
+_DISC = ("units", "discs")
+_ECCENTRIC = ("units", "cranks", "discs")
+_UNIT = ("units",)
+AXES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "pin_radius": _PIN,
+        "hole_radius": _PIN,
+        "radial_position": _PIN,
+        "tangential_position": _PIN,
+        "equidistance": _DISC,
+        "shift": _DISC,
+        "pitch": _DISC,
+        "pitch_phase": _DISC,
+        "disc_offset": _DISC,
+        "disc_offset_phase": _DISC,
+        "angle": _DISC,
+        "crank_phase": _ECCENTRIC,
+        "eccentricity": _ECCENTRIC,
+        "bearing_clearance": _ECCENTRIC,
+        "circle_radius": _UNIT,
+        "circle_offset": _UNIT,
+        "circle_phase": _UNIT,
+    }
+)
+"""The axes of each error; any of them may have length 1 or, from the left, be left out."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PartErrors:
+    """Deviations from nominal: lengths in metres, angles in radians, zero where not given.
+
+    Shapes broadcast from the right to those of `AXES`: a full-length pin is (units, 1, pins), one
+    value per unit of a pin error is (units, 1, 1), a whole crank is (units, cranks, 1).
+
+    `tangential_position` is counter-clockwise. `pitch` is the cumulative pitch error F_p: the tooth
+    at angle u of its disc is displaced by F_p/2 cos(u - pitch_phase). `disc_offset` is the distance
+    of the profile's centre from the bearings' (half the runout F_r), at `disc_offset_phase` in the
+    disc; `circle_offset` that of the pin circle from the main bearing, at `circle_phase` in the
+    housing. `angle` turns a disc forward (its angular error, or stagger). `crank_phase`,
+    `eccentricity` and `bearing_clearance` (full radial play [0, c]) are of each eccentric.
+    """
+
+    pin_radius: Array | float = 0.0
+    hole_radius: Array | float = 0.0
+    radial_position: Array | float = 0.0
+    tangential_position: Array | float = 0.0
+    equidistance: Array | float = 0.0
+    shift: Array | float = 0.0
+    pitch: Array | float = 0.0
+    pitch_phase: Array | float = 0.0
+    disc_offset: Array | float = 0.0
+    disc_offset_phase: Array | float = 0.0
+    angle: Array | float = 0.0
+    crank_phase: Array | float = 0.0
+    eccentricity: Array | float = 0.0
+    bearing_clearance: Array | float = 0.0
+    circle_radius: Array | float = 0.0
+    circle_offset: Array | float = 0.0
+    circle_phase: Array | float = 0.0
+
+    def __post_init__(self) -> None:
+        wrong = [
+            f"{name} must be finite numbers with the axes {axes} at most, got {value.shape}"
+            for name, axes in AXES.items()
+            if (value := np.asarray(getattr(self, name), dtype=np.float64)).ndim > len(axes)
+            or not np.all(np.isfinite(value))
+        ]
+        if np.any(np.asarray(self.bearing_clearance) < 0.0):
+            wrong.append("bearing_clearance must not be negative")
+        if wrong:
+            raise ValueError("; ".join(wrong))
+
+    @property
+    def units(self) -> int:
+        """Number of units; 1 where no error differs between units."""
+        lengths = {
+            np.shape(getattr(self, name))[0]
+            for name, axes in AXES.items()
+            if np.ndim(getattr(self, name)) == len(axes)
+        } - {1}
+        if len(lengths) > 1:
+            raise ValueError(f"errors are of different numbers of units: {sorted(lengths)}")
+        return lengths.pop() if lengths else 1
+
+    def full(self, name: str, sizes: Mapping[str, int]) -> Array:
+        """The error `name`, broadcast to the axes' lengths in `sizes`."""
+        wanted = tuple(sizes[axis] for axis in AXES[name])
+        try:
+            return np.broadcast_to(np.asarray(getattr(self, name), dtype=np.float64), wanted)
+        except ValueError as error:
+            shape = np.shape(getattr(self, name))
+            raise ValueError(f"{name} must fit {AXES[name]} = {wanted}, got {shape}") from error
+
+    def of_units(self, part: slice) -> Self:
+        """The same errors of some units only."""
+        kept = {
+            one.name: np.asarray(value)[part]
+            for one in fields(self)
+            if np.ndim(value := getattr(self, one.name)) == len(AXES[one.name])
+            and np.shape(value)[0] > 1
+        }
+        rest = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in kept}
+        return type(self)(**kept, **rest)

@@ -1,0 +1,157 @@
+"""Nominal geometry of the loaded contact: the modified profile around one pin, exactly.
+
+All around a pin is written in axes that point from the housing's centre to the pin (real part) and
+counter-clockwise (imaginary part). With phi the angle from the pin to the eccentric, the pin's
+centre relative to that of the disc is r_p - e exp(i phi), and the curve that it must follow is
+C(v) = (r_p + dr_p) exp(i v) - e exp(i (phi + z_p v)); the tooth is its inner parallel curve at
+r_rp + dr_rp. The gap is the distance of the pin's centre from C plus dr_rp.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry import RvGeometry
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+_SPACING = 1e-3
+"""Spacing [rad] of the points of C from which its nearest point is sought."""
+_BOTTOM = 0.9
+"""Cosine of the phase above which C may have two nearest points."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContactGeometry:
+    """Nominal parts: lengths in metres; the modification of document B by default.
+
+    Two cranks and two discs are assumptions, as in document A. Lever arms are
+    e z_c sin(phi)/sqrt(S), as in the figures that the model is checked with; with `true_levers`
+    those of the modified profile's own normals, 1 % different where pins are loaded (7 % near the
+    bottom of a tooth space), which takes 0.7 % off peak force and wind-up.
+    """
+
+    nominal: RvGeometry = RvGeometry()
+    dr_rp: float = -40e-6
+    dr_p: float = -70e-6
+    discs: int = 2
+    cranks: int = 2
+    true_levers: bool = False
+
+    @property
+    def pins(self) -> int:
+        """Number of pins."""
+        return self.nominal.pins
+
+    @property
+    def output_ratio(self) -> float:
+        """b'/b: how far a disc turns against its mesh when the carrier turns and the sun is held.
+
+        The cranks turn by 1 + z1/z2 with the carrier: 1 + (1 + z1/z2)/z_c = 121/117.
+        """
+        nominal = self.nominal
+        gears = (nominal.reduction_ratio - 1.0) / nominal.pins  # z2/z1
+        return 1.0 + (1.0 + 1.0 / gears) / nominal.cycloid_teeth
+
+    @property
+    def pin_angles(self) -> Array:
+        """Angles [rad] of the pins in the housing, (pins,)."""
+        return 2.0 * np.pi * np.arange(self.pins) / self.pins
+
+    @property
+    def disc_angles(self) -> Array:
+        """Angles [rad] of the discs' eccentrics, and of the discs, against the first, (discs,)."""
+        return 2.0 * np.pi * np.arange(self.discs) / self.discs
+
+    def phase(self, angles: Array) -> Array:
+        """Angle phi [rad] from each pin to the eccentric, (angles, discs, pins)."""
+        eccentric = angles[:, None] + self.disc_angles
+        return np.asarray(eccentric[:, :, None] - self.pin_angles)
+
+
+def unit(angle: Array) -> Complex:
+    """exp(i angle)."""
+    return np.asarray(np.exp(1j * angle), dtype=np.complex128)
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """C and its first three derivatives by v, and exp(i v)."""
+
+    point: Complex
+    first: Complex
+    second: Complex
+    third: Complex
+    radial: Complex
+
+
+def curve(geometry: ContactGeometry, phi: Array, v: Array, shift: Array | float = 0.0) -> Curve:
+    """The curve C at v around a pin at phase phi, with a deviation of the shift modification."""
+    nominal = geometry.nominal
+    radial = unit(v)
+    big = (nominal.pin_circle_radius + geometry.dr_p + shift) * radial
+    small = nominal.eccentricity * unit(phi + nominal.pins * v)
+    first = np.multiply(1j, big - nominal.pins * small, dtype=np.complex128)
+    second = nominal.pins**2 * small - big
+    third = np.multiply(1j, nominal.pins**3 * small - big, dtype=np.complex128)
+    return Curve(big - small, first, second, third, radial)
+
+
+def foot(geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | float = 0.0) -> Array:
+    """Parameter v of the point of C nearest to `pin`.
+
+    Newton's method from the nearest of a few points: close to the bottom of a tooth space C is bent
+    inwards with a radius below a tenth of a millimetre, and a pin's centre may have two feet.
+    Raises ArithmeticError where it does not settle: errors far beyond a tooth's radius.
+    """
+    found = _nearest_start(geometry, phi, pin, shift)
+    v, phi, pin, shift = (
+        np.broadcast_to(one, found.shape).ravel() for one in (found, phi, pin, shift)
+    )
+    left, found_flat = np.arange(v.size), found.reshape(-1)
+    for _ in range(100):
+        at = curve(geometry, phi, v, shift)
+        away = pin - at.point
+        speed = np.abs(at.first) ** 2
+        slope = speed - np.real(away * at.second.conj())
+        # downhill also where the distance is not convex
+        step = np.real(away * at.first.conj()) / np.maximum(np.abs(slope), 2e-3 * speed)
+        v = v + np.clip(step, -_SPACING, _SPACING)
+        found_flat[left] = v
+        on = np.abs(step) >= 1e-11
+        if not np.any(on):
+            return found
+        left, v, phi, pin, shift = left[on], v[on], phi[on], pin[on], shift[on]
+    raise ArithmeticError("no nearest point of the profile found: the errors are too large")
+
+
+def _nearest_start(
+    geometry: ContactGeometry, phi: Array, pin: Complex, shift: Array | float
+) -> Array:
+    """Parameter of the nearest of a few points of C; more than one only at bottoms of spaces."""
+    found = np.zeros(np.broadcast_shapes(phi.shape, pin.shape, np.shape(shift)))
+    bottom = np.broadcast_to(np.cos(phi) > _BOTTOM, found.shape)
+    phi, pin, shift = (np.broadcast_to(one, found.shape)[bottom] for one in (phi, pin, shift))
+    v = found[bottom]
+    least = np.abs(pin - curve(geometry, phi, v, shift).point)
+    for start in _SPACING * np.array([-4, -3, -2, -1, 1, 2, 3, 4]):
+        distance = np.abs(pin - curve(geometry, phi, np.full_like(v, start), shift).point)
+        v, least = np.where(distance < least, start, v), np.minimum(distance, least)
+    found[bottom] = v
+    return found
+
+
+def nominal_pin(geometry: ContactGeometry, phi: Array) -> Complex:
+    """Centre of a pin relative to the disc's centre, in the pin's axes [m]."""
+    nominal = geometry.nominal
+    return nominal.pin_circle_radius - nominal.eccentricity * unit(phi)
+
+
+def lever(geometry: ContactGeometry, phi: Array) -> Array:
+    """Lever arm e z_c sin(phi)/sqrt(S) [m] of the unmodified profile."""
+    k1 = geometry.nominal.k1
+    root = np.sqrt(1.0 + k1**2 - 2.0 * k1 * np.cos(phi))
+    return np.asarray(geometry.nominal.lever * np.sin(phi) / root)

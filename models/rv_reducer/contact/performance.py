@@ -1,0 +1,91 @@
+"""What a user measures on a reducer, from its loaded contact: quasi-static, without hysteresis.
+
+All angles are those of the carrier with the sun held, in radians, forward positive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contact import LoadedContact
+from .errors import PartErrors
+
+Array = NDArray[np.float64]
+LOST_MOTION_SHARE = 0.03
+"""Share of the rated torque, either way, at which the catalogue states lost motion."""
+
+
+def backlash(contact: LoadedContact, errors: PartErrors, angles: Array) -> Array:
+    """Backlash of rigid parts at every crank angle, (units, angles); negative: interference."""
+    found = np.empty((errors.units, angles.size))
+    for block in contact.blocks(errors, angles):
+        backward, forward = block.mesh.touch()
+        found[block.place] = forward - backward
+    return found
+
+
+def transmission_error(
+    contact: LoadedContact, errors: PartErrors, angles: Array, torque: Array | float
+) -> Array:
+    """theta_in/i - theta_out under a torque on the carrier [N m], (units, angles).
+
+    Its mean over a turn holds the wind-up; without torque it is that of first contact forward, or
+    of the balance of preloaded flanks.
+    """
+    return -contact.rotation(errors, angles, torque)
+
+
+def torque_twist(
+    contact: LoadedContact, errors: PartErrors, angles: Array, torques: Array
+) -> Array:
+    """Mean rotation over the crank angles at each torque [N m], (units, torques)."""
+    found = np.zeros((errors.units, torques.size))
+    for block in contact.blocks(errors, angles):
+        for at, torque in enumerate(torques):
+            turned = block.mesh.rotation(torque).sum(axis=1)
+            found[block.place[0], at] += turned / angles.size
+    return found
+
+
+def lost_motion(contact: LoadedContact, errors: PartErrors, angles: Array) -> Array:
+    """Difference of mean rotation between +3 % and -3 % of rated torque, (units,)."""
+    torque = LOST_MOTION_SHARE * contact.rated_torque
+    twist = torque_twist(contact, errors, angles, np.array([-torque, torque]))
+    return twist[:, 1] - twist[:, 0]
+
+
+def rigidity(
+    contact: LoadedContact, errors: PartErrors, angles: Array, between: tuple[float, float]
+) -> Array:
+    """Secant stiffness [N m/rad] between two shares of the rated torque, (units,)."""
+    torques = np.array(between) * contact.rated_torque
+    twist = torque_twist(contact, errors, angles, torques)
+    return np.asarray((torques[1] - torques[0]) / (twist[:, 1] - twist[:, 0]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loading:
+    """Over the crank angles given, per unit: largest and mean peak pin force [N], mean number of
+    loaded pins per disc, mean tangent stiffness [N m/rad] at the carrier.
+    """
+
+    peak: Array
+    mean_peak: Array
+    loaded: Array
+    stiffness: Array
+
+
+def loading(contact: LoadedContact, errors: PartErrors, angles: Array, torque: float) -> Loading:
+    """How the pins are loaded under a torque on the carrier [N m]."""
+    peak, count, stiffness = (np.empty((errors.units, angles.size)) for _ in range(3))
+    for block in contact.blocks(errors, angles):
+        rotation = block.mesh.rotation(torque)
+        forces = block.mesh.pin_forces(rotation)
+        peak[block.place] = forces.max(axis=(2, 3))
+        count[block.place] = np.mean(np.sum(forces > 0.0, axis=-1), axis=-1)
+        stiffness[block.place] = block.mesh.torque(rotation)[1]
+    means = (one.mean(axis=1) for one in (peak, count, stiffness))
+    return Loading(peak.max(axis=1), *means)

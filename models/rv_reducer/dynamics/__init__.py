@@ -1,0 +1,1 @@
+"""Transmission error: spectrum by order and torsional vibration over a mesh."""

@@ -1,0 +1,72 @@
+"""Dynamic twist at any readings: a steady state for every operating point among them."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .mesh import Mesh
+from .steady import Oscillator, steady_state
+from .sweep import ELEMENTS, samples_needed
+from .train import Train
+
+Array = NDArray[np.float64]
+
+
+class NoSteadyState(UserWarning):
+    """Operating points at which no periodic vibration was found."""
+
+
+class FullDynamics:
+    """Steady states of a train over a mesh, where readings need them."""
+
+    def __init__(self, mesh: Mesh, train: Train, tolerance: float = 1e-7) -> None:
+        self.mesh, self.train, self.tolerance = mesh, train, tolerance
+
+    def twist(self, angle: Array, torque: Array, speed: Array) -> Array:
+        """Twist (n,) [rad] at output angles [rad], torques [N m] and signed speeds [rad/s].
+
+        NaN, and a `NoSteadyState` warning, where none was found.
+        """
+        found = np.empty(len(angle))
+        pairs, row = np.unique(np.stack([torque, speed]), axis=1, return_inverse=True)
+        points = Oscillator.of(self.mesh, self.train, pairs[0], pairs[1])
+        needed = samples_needed(self.mesh.samples, points)
+        for n in np.unique(needed):
+            fine = self.mesh.resampled(int(n))
+            at = np.flatnonzero(needed == n)
+            for part in np.array_split(at, -(-len(at) * int(n) // ELEMENTS)):
+                chosen = np.isin(np.arange(len(needed)), part)
+                lines = self._orders(fine, points.part(chosen))
+                mine = np.flatnonzero(chosen[row])
+                place = np.searchsorted(part, row[mine])
+                found[mine] = _read(lines, place, angle[mine])
+        self._warn(found, pairs[:, row])
+        return found
+
+    def _orders(self, mesh: Mesh, points: Oscillator) -> NDArray[np.complex128]:
+        """Complex amplitudes (b, m) of the twist by whole orders; NaN where there is none."""
+        state = steady_state(mesh, points, self.tolerance)
+        lines = np.fft.rfft(state.twist)[:, : self.mesh.samples // 2] * (2.0 / mesh.samples)
+        lines[:, 0] *= 0.5
+        lines[~state.converged(self.tolerance)] = np.nan
+        return np.asarray(lines)
+
+    def _warn(self, found: Array, pairs: Array) -> None:
+        if (missing := np.isnan(found)).any():
+            worst = pairs[:, np.argmax(missing)]
+            rpm = worst[1] * 60.0 / (2.0 * np.pi)
+            text = f"no steady vibration found at {worst[0]:g} N m and {rpm:g} rpm"
+            warnings.warn(f"{text}, {missing.sum()} readings", NoSteadyState, stacklevel=3)
+
+
+def _read(lines: NDArray[np.complex128], place: NDArray[np.intp], angle: Array) -> Array:
+    """Twist (n,) of spectra (b, m), at the spectrum and the angle of each row."""
+    order = np.arange(lines.shape[1])
+    found = np.empty(len(angle))
+    for rows in np.array_split(np.arange(len(angle)), -(-len(angle) * len(order) // ELEMENTS)):
+        waves = np.exp(1j * order * angle[rows, None])
+        found[rows] = np.einsum("nm,nm->n", lines[place[rows]], waves).real
+    return found

@@ -1,0 +1,176 @@
+"""Steady state of torsional vibration over one output turn, by harmonic balance.
+
+J theta'' + c theta' + tau(theta, angle) = T with angle = speed * time. Derivatives are exact for
+trigonometric polynomials (FFT), the torque is sampled; so the error falls faster than any power of
+the number of samples n while the torque is smooth, and as 1/n^2 where contacts make and break.
+Newton's method, with the derivatives of the slope matrix by differences (`cyclic`): they are good
+where the oscillator is soft, and the waves far above its resonance are corrected by themselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cyclic import second_symbol, solve
+from .mesh import Mesh, operating_stiffness
+from .train import Train
+
+Array = NDArray[np.float64]
+HIGH = 4.0
+"""Waves whose inertia exceeds this many stiffnesses are corrected by themselves."""
+OVERSHOOT, HALVINGS = 1.5, 6
+"""A step is halved, so many times at most, where the residual grows by more than this."""
+SOFTENED = (16.0, 4.0, 2.0, 1.0)
+"""Damping, relative, of the detour for points that Newton's method does not reach directly."""
+
+
+@dataclass(frozen=True, slots=True)
+class Oscillator:
+    """b operating points over a mesh: inertia, damping, torque, stiffness (b,), speed (b,).
+
+    `speed` [rad/s] is that of the output, negative for turning backwards; `stiffness` [N m/rad] the
+    mean one about the operating torque.
+    """
+
+    inertia: Array
+    damping: Array
+    torque: Array
+    stiffness: Array
+    speed: Array
+
+    @classmethod
+    def of(cls, mesh: Mesh, train: Train, torque: Array, speed: Array) -> Oscillator:
+        """The points of a train at torques [N m] and speeds [rad/s] that broadcast to (b,)."""
+        one = operating_stiffness(mesh, np.atleast_1d(np.asarray(torque, dtype=float)))
+        parts = (train.reduced_inertia, train.damping(one), torque, one, speed)
+        return cls(*(np.array(p, dtype=float) for p in np.broadcast_arrays(*parts)))
+
+    @property
+    def resonance(self) -> Array:
+        """Order (b,) per output turn that meets the first mode."""
+        return np.asarray(np.sqrt(self.stiffness / self.inertia) / np.abs(self.speed))
+
+    def part(self, chosen: NDArray[np.bool_]) -> Oscillator:
+        """The chosen points."""
+        fields = ("inertia", "damping", "torque", "stiffness", "speed")
+        return Oscillator(*(getattr(self, name)[chosen] for name in fields))
+
+    def symbol(self, n: int) -> NDArray[np.complex128]:
+        """-J w^2 + i c w (b, n/2 + 1) of the orders that n samples carry."""
+        order = np.arange(n // 2 + 1)
+        wave = self.speed[:, None] * order
+        found = -self.inertia[:, None] * wave**2 + 1j * self.damping[:, None] * wave
+        found[:, -1] = found[:, -1].real  # the alternating wave has no slope at its samples
+        return np.asarray(found)
+
+
+@dataclass(frozen=True, slots=True)
+class Steady:
+    """Twist (b, n) [rad], and the residual (b,) of the torque, relative, that is left."""
+
+    twist: Array
+    residual: Array
+
+    def converged(self, tolerance: float) -> NDArray[np.bool_]:
+        """Points (b,) whose residual is within `tolerance`."""
+        return np.asarray(self.residual <= tolerance)
+
+
+def transfer(points: Oscillator, order: Array) -> NDArray[np.complex128]:
+    """K/(K - J w^2 + i c w) (b, m) of orders (m,): twist over quasi-static twist, linearised."""
+    wave = points.speed[:, None] * order
+    inner = points.stiffness[:, None] - points.inertia[:, None] * wave**2
+    return np.asarray(points.stiffness[:, None] / (inner + 1j * points.damping[:, None] * wave))
+
+
+def steady_state(
+    mesh: Mesh, points: Oscillator, tolerance: float = 1e-9, iterations: int = 40
+) -> Steady:
+    """Steady states of all points; those not found within `tolerance` have a larger residual."""
+    static = mesh.equilibrium(points.torque)
+    order = np.arange(mesh.samples // 2 + 1, dtype=float)
+    linear = np.asarray(np.fft.rfft(static)) * transfer(points, order)
+    found = _newton(mesh, points, np.fft.irfft(linear, mesh.samples), tolerance, iterations)
+    missed = ~found.converged(tolerance)
+    if not missed.any():
+        return found
+    twist, residual = found.twist.copy(), found.residual.copy()
+    hard, again = points.part(missed), Steady(static[missed], residual[missed])
+    for factor in SOFTENED:
+        softer = replace(hard, damping=factor * hard.damping)
+        again = _newton(mesh, softer, again.twist, tolerance, iterations)
+    twist[missed], residual[missed] = again.twist, again.residual
+    return Steady(twist, residual)
+
+
+def _newton(
+    mesh: Mesh, points: Oscillator, twist: Array, tolerance: float, iterations: int
+) -> Steady:
+    """Newton's method from `twist`; points that are there stay."""
+    twist = twist.copy()
+    balance = _Balance(mesh, points)
+    left, slope = balance(twist)
+    for _ in range(iterations):
+        open_ = balance.relative(left) > tolerance
+        if not open_.any():
+            break
+        active = balance.part(open_)
+        moved = active.step(twist[open_], left[open_], slope[open_])
+        twist[open_], left[open_], slope[open_] = moved
+    return Steady(twist, balance.relative(left))
+
+
+class _Balance:
+    """Residual of the equation of motion at all samples, and the steps that reduce it."""
+
+    def __init__(self, mesh: Mesh, points: Oscillator) -> None:
+        self.mesh, self.points = mesh, points
+        self.symbol = points.symbol(mesh.samples)
+        self.scale = np.maximum(np.abs(points.torque), 1.0)
+
+    def __call__(self, twist: Array) -> tuple[Array, Array]:
+        """Residual torque and tangent stiffness (b, n)."""
+        torque, slope = self.mesh.torque(twist)
+        motion = np.fft.irfft(self.symbol * np.fft.rfft(twist), twist.shape[-1])
+        return motion + torque - self.points.torque[:, None], slope
+
+    def relative(self, left: Array) -> Array:
+        """Largest residual over a turn (b,), relative to the torque (or 1 N m)."""
+        return np.asarray(np.abs(left).max(axis=-1) / self.scale)
+
+    def part(self, chosen: NDArray[np.bool_]) -> _Balance:
+        return _Balance(self.mesh, self.points.part(chosen))
+
+    def step(self, twist: Array, left: Array, slope: Array) -> tuple[Array, Array, Array]:
+        """The twist one step on, its residual and stiffness; halved as long as it overshoots."""
+        change = -self._soft(left, slope)
+        before = OVERSHOOT * self.relative(left)
+        for _ in range(HALVINGS):
+            at, after, stiffness = self._moved(twist + change)
+            worse = ~(self.relative(after) <= before)
+            if not worse.any():
+                return at, after, stiffness
+            change[worse] *= 0.5
+        return self._moved(twist + change)
+
+    def _moved(self, twist: Array) -> tuple[Array, Array, Array]:
+        """The twist after its stiff waves are corrected, its residual and stiffness."""
+        at = twist - self._stiff(self(twist)[0])
+        return at, *self(at)
+
+    def _soft(self, left: Array, slope: Array) -> Array:
+        """Newton's step, its derivatives by differences that fit at the resonance."""
+        points, step = self.points, 2.0 * np.pi / left.shape[-1]
+        angle = np.minimum(points.resonance * step, np.pi)
+        fitted = points.inertia * points.speed**2 * angle**2 / second_symbol(angle)
+        return solve(fitted, points.damping * points.speed, slope, left)
+
+    def _stiff(self, left: Array) -> Array:
+        """The step of the waves that inertia carries."""
+        stiffness = self.points.stiffness[:, None]
+        high = np.abs(self.symbol) > HIGH * stiffness
+        waves = np.where(high, np.fft.rfft(left) / (self.symbol + stiffness), 0.0)
+        return np.fft.irfft(waves, left.shape[-1])

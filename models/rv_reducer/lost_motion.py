@@ -1,0 +1,88 @@
+"""Twist of an RV reducer whose input is locked while its output is loaded and unloaded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...declarations import Output, Value
+from ...errors import raise_all
+from ...units import ARCMIN
+from ..inputs.distribution import Array, Distribution
+from ..measurable import NO_CHANGES, Column, MeasurableModel, Role
+from . import loaded_unit
+from .changes import CHANGEABLE, Answers
+from .order_table import LEFT_OUT, OrderTable
+from .readings import Rows, warn_of_overload
+
+SAMPLES_PER_PIN = 50
+"""Enough for 0.01 arcmin: what the mesh of one tooth does (order 1560, 0.006') is not resolved."""
+REACH = 1.25
+"""The tables go to so many momentary torques, and straight on beyond."""
+
+
+class RvLostMotion(MeasurableModel):
+    """Twist of the output against a torque, input locked: loaded contact, without hysteresis.
+
+    Tabulated by order of the output angle over torque, for readings of any angle and torque. With
+    clearance, a reading without torque stays on the flank that was loaded last (`direction` -1:
+    torque was positive), or is the middle of the clearance where no direction is given.
+    """
+
+    columns = (
+        Column("torque_Nm", "Nm", "torque on the output", role=Role.TORQUE),
+        Column("direction", "", "sign of dT/dt; acts through effects, and where the torque is 0",
+               False, role=Role.DIRECTION),
+        Column("output_angle_deg", "deg", "angle of the output; left out: the mean over a turn",
+               False, role=Role.ANGLE),
+        Column("temperature_C", "C", "temperature; acts through effects only", False,
+               role=Role.TEMPERATURE),
+    )  # fmt: skip
+    outputs = (Output("twist_arcmin", "arcmin", "twist of the output, with the torque's sign"),)
+    parameters = loaded_unit.PARAMETERS
+    free: ClassVar[Mapping[str, float]] = {}
+    changeable = CHANGEABLE
+
+    def __init__(
+        self,
+        parameters: Mapping[str, Value] | None = None,
+        designs: Mapping[str, float] | None = None,
+        inputs: Mapping[str, Distribution] | None = None,
+    ) -> None:
+        given = parameters or {}
+        raise_all(loaded_unit.faults(given))
+        self.unit = loaded_unit.loaded_unit(given)
+        samples = SAMPLES_PER_PIN * self.unit.contact.geometry.pins
+        self.momentary = self.unit.contact.momentary_torque
+        most = REACH * self.momentary
+        self.static = OrderTable.of(self.unit.mesh(samples), most, LEFT_OUT)
+        self.answers = Answers(self.unit, samples, most)
+
+    def predict(
+        self,
+        table: Mapping[str, NDArray[Any]],
+        rng: np.random.Generator,
+        changes: Mapping[str, Array] = NO_CHANGES,
+    ) -> dict[str, Array]:
+        rows = Rows.of(table)
+        warn_of_overload(rows.torque, self.momentary)
+        twist = _twist(self.static, rows)
+        for answer, amount in self.answers.of(changes, len(rows)):
+            twist = twist + amount * _twist(answer, rows)
+        return {"twist_arcmin": twist / ARCMIN}
+
+
+def _twist(orders: OrderTable, rows: Rows) -> Array:
+    """Twist (n,) [rad], on the flank that the torque, or the direction, or neither chooses."""
+    if not rows.angled:
+        orders = orders.mean_only()
+    last = np.zeros(len(rows)) if rows.direction is None else -rows.direction
+    sign = np.where(rows.torque == 0.0, last, np.sign(rows.torque))
+    found = orders.twist(rows.angle, rows.torque, np.where(sign >= 0.0, 0, 1), None)
+    if np.all(sign != 0.0):
+        return found
+    other = orders.twist(rows.angle, rows.torque, np.where(sign > 0.0, 0, 1), None)
+    return np.asarray(0.5 * (found + other))

@@ -1,0 +1,74 @@
+"""Rows of a measurement table of a loaded unit, checked."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import Fault, raise_all
+from .contact.contact import OverloadWarning
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Columns (n,) of a table in SI; `speed` and `direction` are None where there are none.
+
+    `angle` [rad] and `torque` [N m] are zero where there are none, `speed` is in rad/s, `direction`
+    +1 or -1; `angled` says whether the table has angles.
+    """
+
+    angle: Array
+    torque: Array
+    speed: Array | None
+    direction: Array | None
+    angled: bool
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    @classmethod
+    def of(cls, table: Mapping[str, NDArray[Any]]) -> Rows:
+        """The rows of a table. Raises InputError with every fault of its numbers."""
+        names = ("output_angle_deg", "torque_Nm", "output_speed_rpm", "direction")
+        found = {n: np.asarray(table[n], dtype=float) for n in names if n in table}
+        raise_all(_faults(found))
+        count = len(next(iter(table.values()))) if table else 0
+        speed = found.get("output_speed_rpm")
+        return cls(
+            angle=np.radians(found.get("output_angle_deg", np.zeros(count))),
+            torque=found.get("torque_Nm", np.zeros(count)),
+            speed=None if speed is None else speed * (2.0 * np.pi / 60.0),
+            direction=found.get("direction"),
+            angled="output_angle_deg" in found,
+        )
+
+
+def _faults(columns: Mapping[str, Array]) -> list[Fault]:
+    found = []
+    for name, column in columns.items():
+        wrong = ~np.isfinite(column)
+        text = "must be finite"
+        if name == "output_speed_rpm":
+            wrong, text = wrong | (column <= 0.0), "must be above 0 (leave the column out for " \
+                "quasi-static readings; the sense of turning is `direction`)"  # fmt: skip
+        if name == "direction":
+            wrong, text = wrong | (np.abs(column) != 1.0), "must be 1 or -1"
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            found.append(Fault(f"{name}, row {row + 1}", f"{text}, got {column[row]:g}"))
+    return found
+
+
+def warn_of_overload(torque: Array, momentary: float) -> None:
+    """Warn (`OverloadWarning`) of torques [N m] beyond the momentary one; they are computed."""
+    most = float(np.abs(torque).max(initial=0.0))
+    if most > momentary:
+        text = f"torque {most:g} N m is beyond the momentary torque {momentary:g} N m"
+        warnings.warn(text, OverloadWarning, stacklevel=3)

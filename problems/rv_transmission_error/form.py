@@ -1,0 +1,92 @@
+"""The convex form at a fixed precision weight: cost against transmission error, from below.
+
+The amplitude is A_0 plus the quantile of the radius R of a Gaussian vector in the plane. For a
+coverage p, R_p^2 is at least c_p times the trace of its covariance, with c_p the least of that
+ratio over all shapes of the ellipse (of a circle, at high coverage); the trace is a sum of squares
+of the tolerances. The bound is exact where the optimum is round. A wave m that all units share only
+widens |c . x + m| (Anderson's inequality), so that the bound holds with it too. The standard
+deviations of the final angles are roots of sums of squares as they stand.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.assembly.coverage import radius_quantile
+from ...units import ARCSEC, MRAD
+from ..forms import Feature, Form, Way
+from .declared import AXES, DOCUMENT_MRAD, PRECISION, SIZE
+
+if TYPE_CHECKING:
+    from .problem import RvTransmissionError
+
+Array = NDArray[np.float64]
+SHAPES = 257
+"""Ellipses, from flat to round, among which the least ratio is sought."""
+SAFETY = 1e-6
+"""Relative lowering of c_p, more than the numerical error of the quantiles."""
+TE = "te_amplitude_arcsec"
+STD = tuple(f"kc_{at}_{axis}_std_mrad" for at in range(1, 5) for axis in AXES)
+
+
+def least_ratio(coverage: float) -> float:
+    """c_p: the least R_p^2 over the trace of the covariance, of any Gaussian in the plane."""
+    flat = np.linspace(0.0, 1.0, SHAPES)
+    covariance = np.zeros((SHAPES, 2, 2))
+    covariance[:, 0, 0], covariance[:, 1, 1] = 1.0, flat
+    found = radius_quantile(covariance, coverage) ** 2 / (1.0 + flat)
+    return float(found.min() * (1.0 - SAFETY))
+
+
+def form_of(problem: RvTransmissionError) -> Form | None:
+    """The form, None where the precision weight is searched."""
+    if PRECISION not in problem.fixed:
+        return None
+    unit = np.ones((1, len(problem.names)))
+    unit[:, problem.names.index(PRECISION)] = problem.fixed[PRECISION]
+    spread = problem.residual(unit).spread[0]
+    plane = problem.influence.order_40 @ spread / ARCSEC
+    factor = least_ratio(problem.settings.propagation.coverage)
+    squares = np.vstack([factor * np.sum(plane**2, axis=0), (spread / MRAD) ** 2])
+    base = problem.influence.base_amplitude / ARCSEC
+    ranges = {name: _range(problem, name) for name in DOCUMENT_MRAD}
+    features = tuple(
+        Feature(name, (Way(problem.settings.costs[name], *ranges[name], (0.0,) * len(squares),
+                           tuple(np.sqrt(squares[:, at]).tolist())),))
+        for at, name in enumerate(DOCUMENT_MRAD)
+    )  # fmt: skip
+    relaxed = _relaxed(problem)
+    left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
+    return Form(
+        (TE, *STD),
+        features,
+        np.array([base, *(0.0 for _ in STD)]),
+        squares[:, SIZE:].sum(axis=1),
+        f"influence coefficients, precision weight {problem.fixed[PRECISION]:g}{left_out}",
+        exact=False,
+        settled={PRECISION: problem.fixed[PRECISION]},
+        relaxed=relaxed,
+    )
+
+
+def _range(problem: RvTransmissionError, name: str) -> tuple[float, float]:
+    """Range of a tolerance, limits on it included."""
+    low, high = problem.interval(name)
+    for limit in problem.limits:
+        if limit.name == name:
+            low, high = max(low, limit.low), min(high, limit.high)
+    return low, high
+
+
+def _relaxed(problem: RvTransmissionError) -> tuple[str, ...]:
+    """Limits that the form leaves out."""
+    known = {"cost", TE, *STD}
+    return tuple(
+        limit.name
+        for limit in problem.limits
+        if limit.name not in {*known, *DOCUMENT_MRAD}
+        or (limit.name in known and np.isfinite(limit.low))
+    )

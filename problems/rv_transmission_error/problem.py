@@ -1,0 +1,271 @@
+"""Transmission error, mesh force, cost and adjustment effort, by twelve angular tolerances."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...declarations import Kind, Variable, number
+from ...errors import Fault, InputError
+from ...models.assembly import declared as assembly
+from ...models.assembly import gains, response, space_process, terminal_weight
+from ...models.assembly.coverage import normals, radius_quantile, sample_quantile
+from ...models.assembly.influence import Influence, influence
+from ...models.assembly.process import Process
+from ...models.assembly.transmission import Transmission
+from ...models.inputs import Normal
+from ...units import ARCSEC, MRAD
+from ..forms import Form
+from ..settings import Bound, VariableSetting
+from ..tolerance_problem import Interval, ToleranceProblem
+from . import declared
+from .counterparts import departures_with, sentence, waves_of
+from .form import form_of
+from .verify import errors_percent
+
+Array = NDArray[np.float64]
+SEARCH_SAMPLE = 2048
+"""Units of the search; its force quantile is within about 1 % of the reported one."""
+TE, FORCE, EFFORT = "te_amplitude_arcsec", "peak_mesh_force_N", "adjustment_effort"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Residual:
+    """Final angles of designs over units."""
+
+    spread: Array
+    """Final angles per standard normal source, (n, 12, s) [rad]."""
+    effort: Array
+    """Mean adjustment effort (n,) [rad^2]."""
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (n, 12, 12) [rad^2] of the final angles."""
+        return self.spread @ np.swapaxes(self.spread, 1, 2)
+
+
+class RvTransmissionError(ToleranceProblem):
+    """Transmission error of an RV reducer against cost and adjustment effort (document A).
+
+    Variables are half-widths of the angles of four parts about three axes, and the precision weight
+    of the adjusted assembly. Errors of parts are independent and centred; only their variances
+    enter, the final angles are taken as Gaussian. Details: docs/rv_transmission_error.md.
+    """
+
+    parameters = declared.PARAMETERS
+    variables = declared.VARIABLES
+    outputs = declared.OUTPUTS
+    default_costs = declared.COSTS
+    default_limits: ClassVar[Mapping[str, Bound]] = {}
+    default_objectives = ("cost", EFFORT, TE)
+    default_model = "assembly"
+
+    # ---------------------------------------------------------------- set-up
+
+    def _variable(self, variable: Variable, given: VariableSetting | None) -> VariableSetting:
+        """Errors of parts are normal unless the configuration says otherwise."""
+        found = super()._variable(variable, given)
+        if variable.kind is Kind.HALF_WIDTH and found.distribution is None:
+            return replace(found, distribution=Normal())
+        return found
+
+    @cached_property
+    def process(self) -> Process:
+        """The assembly process in space. Raises InputError."""
+        return assembly.process_of(self.settings.parameters, space_process)
+
+    @cached_property
+    def influence(self) -> Influence:
+        """The influence coefficients, from the full model."""
+        return influence(self.full)
+
+    @cached_property
+    def full(self) -> Transmission:
+        """The full model, with the waves that effects add to every unit."""
+        own = declared.transmission(self.settings.parameters)
+        waves = waves_of(self.settings.effects, *self._operating)
+        mapping = replace(own.mapping, floor=own.mapping.floor + waves.rest)
+        return replace(own, mapping=mapping, wave=waves.wave)
+
+    @property
+    def _operating(self) -> tuple[float, float]:
+        """Torque [N m] and speed of the output [rpm]."""
+        given = self.settings.parameters
+        return number(given["torque_Nm"]), number(given["output_speed_rpm"])
+
+    @cached_property
+    def _deviations(self) -> Array:
+        """Standard deviation of each part error per half-width, (12,)."""
+        moments = [self._moments(v) for v in self.variables if v.kind is Kind.HALF_WIDTH]
+        return np.sqrt([second - first**2 for first, second in moments])
+
+    def _moments(self, variable: Variable) -> tuple[float, float]:
+        law = self.settings.variables[variable.name].distribution
+        assert law is not None
+        _, first, second = law.raw_moments(2).tolist()
+        return first, second
+
+    # ---------------------------------------------------------------- evaluation
+
+    def residual(self, designs: Array) -> Residual:
+        """Final angles of full designs (n, all variables), by the linear assembly process."""
+        given = self.settings.parameters
+        noise = number(given["measurement_std_mrad"]) * MRAD
+        prior = np.full(declared.SIZE, number(given["part_std_mrad"]) * MRAD)
+        linear = response(
+            self.process,
+            self._gains(self.column(designs, declared.PRECISION)),
+            str(given["insertion"]),
+            assembly.estimator_of(self.process, given, prior),
+            departures_with(declared.departures(given), self.settings.effects),
+        )
+        parts = designs[:, : declared.SIZE] * MRAD * self._deviations
+        more = linear.state.shape[-1] - declared.SIZE
+        sources = np.hstack([parts, np.full((len(designs), more), noise)])
+        return Residual(linear.state * sources[:, None, :], linear.effort(self.process, sources))
+
+    def _gains(self, precision: Array) -> Array:
+        reading = str(self.settings.parameters["reading"])
+        return gains(self.process, terminal_weight(self.process, precision, reading))
+
+    def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
+        left = self.residual(designs)
+        covariance = left.covariance
+        te, force = self._te(covariance, searching), self._force(covariance, searching)
+        std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)) / MRAD
+        names = [f"kc_{at}_{axis}_std_mrad" for at in range(1, 5) for axis in declared.AXES]
+        return {
+            "cost": self.cost_of(designs),
+            EFFORT: left.effort / MRAD**2,
+            TE: te / ARCSEC,
+            FORCE: force,
+            "te_error_percent": np.zeros(len(designs)),
+            "force_error_percent": np.zeros(len(designs)),
+        } | dict(zip(names, std.T, strict=True))
+
+    def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
+        te, force = found[TE] * ARCSEC, found[FORCE]
+        spread = self.residual(designs).spread
+        errors = errors_percent(self.full, self.influence, spread, te, force)
+        return dict(zip(("te_error_percent", "force_error_percent"), errors, strict=True))
+
+    def _te(self, covariance: Array, searching: bool) -> Array:
+        """Quantile (n,) [rad] of the TE amplitude; of a sample where all units share a wave."""
+        plane, coverage = self.influence.order_40, self.settings.propagation.coverage
+        within = plane @ covariance @ plane.T
+        if not self.influence.wave.any():
+            return self.influence.base_amplitude + radius_quantile(within, coverage)
+        count = self.settings.propagation.samples
+        sample = normals(min(count, SEARCH_SAMPLE) if searching else count, 2, self.settings.seed)
+        return sample_quantile(within, sample, self.influence.amplitude_of, coverage)
+
+    def _force(self, covariance: Array, searching: bool) -> Array:
+        """Quantile (n,) [N] of the peak mesh force."""
+        loads = self.influence.force
+        wanted = FORCE in (*self.objectives, *(limit.name for limit in self.limits))
+        count = self.settings.propagation.samples
+        if searching:
+            count = min(count, SEARCH_SAMPLE if wanted else SEARCH_SAMPLE // 8)
+        sample = self._sample(count)
+        coverage = self.settings.propagation.coverage
+        return sample_quantile(
+            loads @ covariance @ loads.T, sample, self.influence.peak_of, coverage
+        )
+
+    def _sample(self, count: int) -> Array:
+        return normals(count, len(self.influence.force), self.settings.seed)
+
+    # ---------------------------------------------------------------- what is known
+
+    def interval(self, output: str) -> Interval:
+        """Proven bounds: costs fall with every tolerance, and no unit is below the error-free one.
+
+        The latter holds of the influence coefficients; a wave of order 40 that all units share may
+        be cancelled in some, the other orders are there in all.
+        """
+        if output == "cost":
+            return self.cost_interval
+        if output == TE:
+            return self.influence.base_amplitude / ARCSEC, np.inf
+        if output in {one.name for one in self.outputs if not one.error_of}:
+            return 0.0, np.inf
+        return super().interval(output)
+
+    def _corners(self) -> Array:
+        """Tightest and loosest tolerances, each with the least and the largest precision weight."""
+        rows = np.repeat(super()._corners(), 2, axis=0)
+        rows[:, self.names.index(declared.PRECISION)] = [
+            *super().interval(declared.PRECISION),
+        ] * 2  # fmt: skip
+        return rows
+
+    def references(self) -> dict[str, Array]:
+        """Document A's twelve tolerances, at each of its precision weights."""
+        printed = list(declared.DOCUMENT_MRAD.values())
+        return {
+            f"document A, Q = {weight:g}": np.array([*printed, weight])
+            for weight in declared.PRECISION_WEIGHTS
+        }
+
+    def least_cost(self) -> tuple[str, RvTransmissionError]:
+        """Least cost at the transmission error of document A's allocation, without adjustment."""
+        first = next(iter(self.references().values()))[None]
+        printed = self._te(self.residual(first).covariance, searching=False)
+        limit = Bound(high=float(printed[0]) / ARCSEC)
+        given = replace(
+            self.given,
+            objectives=("cost",),
+            limits=dict(self.given.limits) | {TE: limit},
+            variables=dict(self.given.variables) | {declared.PRECISION: VariableSetting(value=0.0)},
+        )
+        label = f"GA, least cost at {limit.high:.4g} arcsec without adjustment"
+        return label, RvTransmissionError(given)
+
+    def counterparts(self) -> tuple[str, ...]:
+        return tuple(sentence(one, *self._operating) for one in self.settings.effects)
+
+    # ---------------------------------------------------------------- faults and warnings
+
+    def form(self) -> Form | None:
+        """Cost against transmission error at a fixed precision weight, from below."""
+        return form_of(self)
+
+    def faults(self) -> list[Fault]:
+        found = self._process_faults()
+        for variable in self.variables:
+            if variable.kind is Kind.HALF_WIDTH and abs(self._moments(variable)[0]) > 1e-12:
+                text = "must be centred (mean 0): errors of angles have no preferred sign here"
+                found.append(Fault(f"variables.{variable.name}.distribution", text))
+        return found or super().faults()
+
+    def _process_faults(self) -> list[Fault]:
+        try:
+            assembly.process_of(self.settings.parameters, space_process)
+        except InputError as error:
+            return list(error.faults)
+        return []
+
+    def warnings(self) -> tuple[str, ...]:
+        found = []
+        if EFFORT not in (*self.objectives, *self.settings.limits) and any(
+            v.name == declared.PRECISION for v in self.free
+        ):
+            found.append(
+                "adjustment_effort is neither minimised nor limited: accuracy can always be bought "
+                "with adjustment; add it, or fix precision_weight"
+            )
+        if FORCE not in (*self.objectives, *self.settings.limits):
+            found.append(
+                "peak_mesh_force_N is neither minimised nor limited: the gears' angles about z "
+                "load one disc more than the other, but cause no transmission error, and open as "
+                "far as they may"
+            )
+        most = declared.transmission({}).contact.momentary_torque
+        if (torque := number(self.settings.parameters["torque_Nm"])) > most:
+            found.append(f"torque {torque:g} Nm is beyond the momentary torque {most:g} Nm")
+        return tuple(found)

@@ -1,0 +1,193 @@
+"""The page of one gap analysis: a single HTML file that needs no network."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from html import escape
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from ...gap_records import FoundEffect, GapResult, Rival
+from ..document import bullets, document, picture, section
+from ..summary import summary_table
+from ..tables import shown, table
+from .distribution import distribution_figure
+from .path import path_figure
+from .residuals import residuals_figure
+from .spectrum import spectrum_figure
+
+VERDICTS = {
+    "no_gap": "No gap: what is left between model and measurement is noise.",
+    "named": "Named: the effect below closes the gap, and no other name fits these data as well.",
+    "ambiguous": "Ambiguous: the effect below closes the gap, but these data cannot tell it from "
+    "its rivals.",
+    "unnamed": "Unnamed: model and measurement disagree, and no effect of the library explains it.",
+}
+CAPTIONS = {
+    "residuals": "{0}: measured less predicted against every input, before on the left (circles), "
+    "after on the right (crosses). Hatched: where the gap was located. At most 600 readings are "
+    "drawn.",
+    "spectrum": "{0}: amplitude of every order of the residual, before above and after below. "
+    "Dotted: what noise alone reaches; peaks above it bear their order.",
+    "distribution": "{0}: share of units below a value; measured (solid), model before (dashed) "
+    "and after (dash-dotted).",
+    "path": "Held-out error of every step over the noise: 1 is the noise floor (dotted). Accepted "
+    "steps are filled and joined, refused ones hollow.",
+}
+
+
+def figures(result: GapResult) -> dict[str, Figure]:
+    """Every figure of the result by the name of its file."""
+    return {name: figure for name, figure, _ in _drawn(result)}
+
+
+def gap_page(result: GapResult) -> str:
+    """The whole page; every text that comes from outside is escaped."""
+    pictures = {name: picture(name, figure, caption) for name, figure, caption in _drawn(result)}
+    sections = (
+        section("Verdict", _verdict(result)),
+        section("The gap before and after", _gaps(result) + _those(pictures, "residuals")
+                + _those(pictures, "distribution")),
+        section("Where", _where(result)),
+        section("Orders", _those(pictures, "spectrum") or "<p>The table has no angle.</p>"),
+        section("Steps", _those(pictures, "path") + _steps(result)),
+        section("Effects", _effects(result)),
+        section("Rivals and the measurement that separates them", _rivals(result)),
+        section("Without a name", bullets([str(one) for one in result.shapes])),
+        section("Recalibrated parameters", _recalibrated(result)),
+        section("What would have been seen", _detectable(result)),
+        section("Notes", bullets(result.notes)),
+        section("Summary", summary_table(result.summary)),
+        section("Configuration", f"<pre>{escape(result.configuration)}</pre>"),
+        section("Corrected configuration", f"<pre>{escape(result.corrected)}</pre>"),
+    )  # fmt: skip
+    return document(result.title, "\n".join(sections))
+
+
+def _drawn(result: GapResult) -> Iterator[tuple[str, Figure, str]]:
+    """Name, figure and caption of everything that this result has a figure of."""
+    kinds = (("residuals", residuals_figure), ("spectrum", spectrum_figure),
+             ("distribution", distribution_figure))  # fmt: skip
+    for output in result.outputs:
+        rows = f"{output.name}_before" in result.residuals
+        for kind, draw in kinds:
+            figure = None if kind == "distribution" and rows else draw(result, output)
+            if figure is not None:
+                yield (
+                    f"{kind}_{_file_part(output.name)}",
+                    figure,
+                    CAPTIONS[kind].format(output.name),
+                )
+    path = path_figure(result)
+    if path is not None:
+        yield "path", path, CAPTIONS["path"]
+
+
+def _file_part(name: str) -> str:
+    """A user's column as a part of a file name."""
+    return re.sub(r"\W+", "_", name)
+
+
+def _those(pictures: Mapping[str, str], kind: str) -> str:
+    return "\n".join(text for name, text in pictures.items() if name.startswith(kind))
+
+
+def _verdict(result: GapResult) -> str:
+    lines = [VERDICTS.get(result.verdict, result.verdict)]
+    lines += [f"{one.name}: {one.cause}" for one in result.effects]
+    lines += [str(one) for one in result.gate.outputs]
+    return bullets(lines)
+
+
+def _gaps(result: GapResult) -> str:
+    units = {one.name: one.unit for one in result.outputs} | {"total": "noise units"}
+    rows = [
+        {"output": name, "unit": units.get(name, ""), "before": before,
+         "after": result.gap_after.get(name), "noise floor": result.noise_floor.get(name)}
+        for name, before in result.gap_before.items()
+    ]  # fmt: skip
+    return table(pd.DataFrame(rows), caption="RMSE on rows that the fit never saw.")
+
+
+def _where(result: GapResult) -> str:
+    rows = [
+        {"output": one.output, "variable": one.variable, "kind": one.kind, "from": one.low,
+         "to": one.high, "unit": one.unit, "order": one.order, "direction": one.direction,
+         "share of the gap": one.share, "evidence": one.statistic, "noise reaches": one.threshold}
+        for one in result.where
+    ]  # fmt: skip
+    return table(pd.DataFrame(rows))
+
+
+def _steps(result: GapResult) -> str:
+    rows = [
+        {"step": one.number, "action": one.action, "name": one.name, "accepted": one.accepted,
+         "held-out RMSE over noise": one.held_out, "held-out gain": one.held_out_gain,
+         "its standard error": one.held_out_error, "gain": one.gain, "threshold": one.threshold,
+         "why": one.reason}
+        for one in result.steps
+    ]  # fmt: skip
+    return table(pd.DataFrame(rows), [one.accepted for one in result.steps])
+
+
+def _effects(result: GapResult) -> str:
+    return "\n".join(map(_effect, result.effects)) or "<p>None.</p>"
+
+
+def _effect(one: FoundEffect) -> str:
+    rows = [
+        {"parameter": p.name, "value": p.value, "90 % from": p.low, "to": p.high, "unit": p.unit,
+         "meaning": p.meaning}
+        for p in one.parameters
+    ]  # fmt: skip
+    evidence = [
+        f"explains {shown(one.gain)} where noise alone reaches {shown(one.threshold)}",
+        f"held-out squared error falls by {shown(one.held_out_gain)} "
+        f"(standard error {shown(one.held_out_error)})",
+    ]
+    if one.frequency == one.frequency:
+        evidence.append(f"named in {100 * one.frequency:.0f} % of the bootstrap replicates")
+    evidence += [f"{name} stands at its physical bound" for name in one.at_bound]
+    if not one.in_problem:
+        evidence.append("has no counterpart in the problem of the allocation")
+    return (
+        f"<h3>{escape(one.name)} ({escape(one.family)})</h3>\n<p>{escape(one.cause)}</p>\n"
+        f"{table(pd.DataFrame(rows))}\n{bullets(evidence)}"
+    )
+
+
+def _rivals(result: GapResult) -> str:
+    return "\n".join(map(_rival, result.rivals)) or "<p>None: no other name fits as well.</p>"
+
+
+def _rival(one: Rival) -> str:
+    mine, other = " + ".join(one.names), " + ".join(one.instead_of)
+    lines = [f"fits worse by {shown(one.distance)} (likelihood, and ln n per further parameter)"]
+    lines.append(f"next measurement: {one.measurement}")
+    lines += [
+        f"vary {name} from {shown(low)} to {shown(high)}"
+        for name, (low, high) in one.measurement.inputs.items()
+    ]
+    if one.measurement.readings:
+        lines.append(f"readings that separate them: {one.measurement.readings}")
+    return f"<h3>{escape(mine)} instead of {escape(other)}</h3>\n{bullets(lines)}"
+
+
+def _recalibrated(result: GapResult) -> str:
+    rows = [
+        {"parameter": one.name, "before": one.before, "after": one.after, "unit": one.unit,
+         "tolerance": one.tolerance, "at its end": one.at_bound}
+        for one in result.gate.recalibrated
+    ]  # fmt: skip
+    return table(pd.DataFrame(rows))
+
+
+def _detectable(result: GapResult) -> str:
+    rows = [
+        {"effect": one.name, "family": one.family, "smallest rms": one.rms, "unit": one.unit,
+         "parameter": one.parameter, "value": one.value}
+        for one in result.gate.detectable
+    ]  # fmt: skip
+    return table(pd.DataFrame(rows))

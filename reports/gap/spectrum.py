@@ -1,0 +1,50 @@
+"""Orders in the residual before and after: waves per turn of the output."""
+
+from __future__ import annotations
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ...gap_records import GapResult
+from ...records import Axis
+from ..drawing import new_figure, plain
+from .marks import AFTER, BEFORE
+
+HIGHEST = 5
+"""Peaks that are labelled with their order."""
+
+
+def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
+    """Amplitude over order, before above and after below; None where there is no angle."""
+    if result.spectrum.empty or "order" not in result.spectrum:
+        return None
+    rows = result.spectrum[result.spectrum["output"] == output.name].sort_values("order")
+    if rows.empty:
+        return None
+    figure = new_figure(height=4.2)
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    for axes, mark in zip(panels, (BEFORE, AFTER), strict=True):
+        axes.vlines(rows["order"], 0.0, rows[mark.word], color=mark.colour, linewidth=1.0)
+        if rows["threshold"].notna().any():
+            axes.plot(rows["order"], rows["threshold"], color="black", linestyle=":", linewidth=1.2,
+                      label="what noise alone reaches")  # fmt: skip
+        _label_peaks(axes, rows["order"].tolist(), rows[mark.word].tolist(),
+                     rows["threshold"].tolist())  # fmt: skip
+        axes.set_ylabel(f"{mark.word} [{output.unit}]" if output.unit else mark.word)
+    panels[0].legend(frameon=False, fontsize="small", loc="upper right")
+    panels[1].set_xlabel("order [waves per turn]")
+    for axes in panels:
+        plain(axes)
+    return figure
+
+
+def _label_peaks(axes: Axes, orders: list[float], sizes: list[float], limits: list[float]) -> None:
+    """The highest local peaks above the threshold."""
+    inner = range(len(sizes))
+    peaks = [
+        at for at in inner
+        if sizes[at] > limits[at] and sizes[at] == max(sizes[max(0, at - 4) : at + 5])
+    ]  # fmt: skip
+    for at in sorted(peaks, key=lambda one: -sizes[one])[:HIGHEST]:
+        axes.annotate(f"{orders[at]:g}", (orders[at], sizes[at]), fontsize="small", ha="center",
+                      va="bottom", xytext=(0, 1), textcoords="offset points")  # fmt: skip

@@ -1,0 +1,24 @@
+"""The summary of a result as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from .tables import shown, table
+
+
+def summary_table(summary: Mapping[str, Any]) -> str:
+    """`summary.json` by name and value, its assumptions aside."""
+    rows = [(name, _flat(value)) for name, value in summary.items() if name != "assumptions"]
+    return table(pd.DataFrame(rows, columns=["name", "value"], dtype=object))
+
+
+def _flat(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_flat(part)}" for name, part in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_flat, value))
+    return shown(value)

@@ -1,0 +1,109 @@
+"""The kinds of measurement: their points, tables, simulations and hidden mechanisms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.gap_trial import tables
+from tests.gap_trial.assemblies import ASSEMBLY, Builds, Faults, assembled, builds
+from tests.gap_trial.hysteresis import LOCKED
+from tests.gap_trial.mechanisms import ROTATING, Injected
+from tests.gap_trial.noise import NOISES
+from tests.gap_trial.populations import BATCH, POOR_BATCH, Units, units
+from tests.gap_trial.tables import POOR, Array, Points
+
+Draw = Callable[[np.random.Generator, Any], Injected]
+Simulator = Callable[[Any, int], Array]
+"""Predictions at points, all outputs one after the other (m n,); the number is a seed."""
+WITHOUT_ZERO = "backlash_arcmin"
+"""The one output here that is no angle: its zero is not free."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of measurement; a `population` has no noise but that of its units.
+
+    `columns` makes the table, `roles` its roles and units for `model = "table"`.
+    """
+
+    model: str
+    outputs: tuple[str, ...]
+    unit: str
+    points: Callable[[np.random.Generator, int, str | None], Any]
+    columns: Callable[[Any], Mapping[str, NDArray[Any]]]
+    mechanisms: Mapping[str, Draw]
+    simulate: Simulator | None
+    ways: tuple[str, ...]
+    noises: tuple[str, ...] = tuple(NOISES)
+    roles: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    population: bool = False
+
+    def free(self, n: int) -> Array:
+        """Gradient (m n, k) of the zeros that are always free."""
+        zeros = 0 if self.outputs == (WITHOUT_ZERO,) else len(self.outputs)
+        return np.asarray(np.kron(np.eye(zeros), np.ones((n, 1)))) if zeros else np.empty((n, 0))
+
+
+def bench(at: Points, _: int, scale: float = 1.0) -> Array:
+    """The trial's own simulation: wind-up, softer near zero, and the ripple of the teeth."""
+    windup = at.torque / 108.0 + 0.2 * np.tanh(at.torque / 30.0)
+    ripple = 0.02 * np.sin(1560.0 * at.angle)
+    return 60.0 * scale * (windup + ripple)
+
+
+def assembly(at: Builds, _: int) -> Array:
+    return assembled(at, Faults()).T.ravel()
+
+
+def of_batch(at: Units) -> dict[str, NDArray[Any]]:
+    lots = np.array([f"lot {'ABCDE'[one]}" for one in at.lot.tolist()], dtype=object)
+    return {"unit": np.arange(1, len(at) + 1), "lot": lots, "temperature_C": at.tau + 20.0}
+
+
+def of_assembly(at: Builds) -> dict[str, NDArray[Any]]:
+    errors = {f"dtheta_{one + 1}_mrad": at.errors[:, one] for one in range(4)}
+    return {"unit": np.arange(1, len(at) + 1), **errors, "precision_weight": at.weight}
+
+
+def roles(kind: str) -> dict[str, tuple[str, str]]:
+    found = {
+        "output_angle_deg": ("angle", "deg"),
+        "torque_Nm": ("torque", "N m"),
+        "output_speed_rpm": ("speed", "rpm"),
+        "temperature_C": ("temperature", "degC"),
+        "direction": ("direction", ""),
+        "time_s": ("time", "s"),
+    }
+    return {name: found[name] for name in tables.NAMES[kind]}
+
+
+TABLE = "table"
+ROTATING_TABLE = Kind(
+    TABLE, ("te_arcsec",), "arcsec", tables.points, partial(tables.as_columns, kind="rotating"),
+    ROTATING, bench, tuple(POOR), roles=roles("rotating"),
+)  # fmt: skip
+LOCKED_TABLE = Kind(
+    TABLE, ("twist_arcmin",), "arcmin", tables.loops,
+    partial(tables.as_columns, kind="lost_motion"), LOCKED, partial(bench, scale=1.0 / 60.0),
+    ("temperature follows time",), roles=roles("lost_motion"),
+)  # fmt: skip
+KINDS: dict[str, Kind] = {
+    "rotating": ROTATING_TABLE,
+    "lost_motion": LOCKED_TABLE,
+    "rv_transmission": replace(ROTATING_TABLE, model="rv_transmission", simulate=None),
+    "rv_lost_motion": replace(LOCKED_TABLE, model="rv_lost_motion", simulate=None),
+    "rv_batch": Kind(
+        "rv_batch", (WITHOUT_ZERO,), "arcmin", units, of_batch, BATCH, None, POOR_BATCH, ("white",),
+        population=True,
+    ),
+    "assembly": Kind(
+        "assembly", tuple(f"delta_{one}_mrad" for one in range(1, 5)), "mrad", builds, of_assembly,
+        ASSEMBLY, assembly, ("chain 2 like chain 1",), ("white", "outliers", "quantised"),
+    ),
+}  # fmt: skip

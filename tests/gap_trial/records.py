@@ -1,0 +1,235 @@
+"""Records of a hidden-effect trial: a configuration, a table, and the truth kept apart.
+
+Everything follows from the group of the record and its number. The simulation is the trial's own,
+or one that is handed in by the name of its model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from tests.gap_trial.kinds import KINDS, TABLE, Draw, Kind, Simulator
+from tests.gap_trial.noise import NOISES
+from tests.gap_trial.outside import OUTSIDE
+from tests.gap_trial.populations import Units
+from tests.gap_trial.tables import Array
+
+LEAST_LAMBDA = 50.0
+NO_SIMULATORS: Mapping[str, Simulator] = {}
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """One hidden effect: its name, what it adds (m n,) to the m outputs one after the other, and
+    the names that may stand beside it.
+    """
+
+    name: str
+    added: Array
+    beside: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is true of a record; `free` (m n, k) is the gradient of what may be recalibrated,
+    `noise_rms` that of the first output's noise, outliers (5 sigma) aside.
+    """
+
+    group: str
+    kind: str
+    number: int
+    points: Any
+    hidden: tuple[Hidden, ...]
+    outside: bool
+    poor: str | None
+    noise: str
+    sigma: float
+    noise_rms: float
+    free: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(one.name for one in self.hidden)
+
+
+@dataclass(frozen=True)
+class Record:
+    """What the workflow is given; its name says nothing about what it hides."""
+
+    name: str
+    configuration: str
+    table: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Task:
+    """How the records of one group are made."""
+
+    kinds: tuple[str, ...]
+    effects: int = 1
+    poor: bool = False
+    outside: bool = False
+    noises: tuple[str, ...] = tuple(NOISES)
+    n: tuple[int, int] = (60, 2400)
+    snr: tuple[float, float] = (0.2, 3.0)
+    only: tuple[str, ...] = ()
+
+
+QUIET = ("white", "autocorrelated", "outliers", "quantised")
+BENCH = ("rotating", "rotating", "rotating", "lost_motion")
+MODELS = ("rv_transmission", "rv_transmission", "rv_lost_motion")
+GROUPS: dict[str, Task] = {
+    "good": Task(BENCH),
+    "poor": Task(BENCH, poor=True),
+    "pair": Task(("rotating",), effects=2, n=(600, 600), snr=(0.5, 0.5)),
+    "clean": Task(BENCH, effects=0, noises=QUIET),
+    "size": Task(BENCH, effects=0, noises=("heteroscedastic",)),
+    "delay": Task(("rotating",), only=("read_out_lag",)),
+    "outside": Task(("rotating",), outside=True, n=(300, 2400), snr=(0.5, 3.0)),
+    "models good": Task(MODELS),
+    "models poor": Task(MODELS, poor=True),
+    "models pair": Task(("rv_transmission",), effects=2, n=(600, 600), snr=(0.5, 0.5)),
+    "models clean": Task(MODELS, effects=0, noises=QUIET),
+    "batch good": Task(("rv_batch",), snr=(0.2, 1.5)),
+    "batch poor": Task(("rv_batch",), snr=(0.2, 1.5), poor=True),
+    "batch clean": Task(("rv_batch",), effects=0),
+    "assembly good": Task(("assembly",)),
+    "assembly poor": Task(("assembly",), poor=True),
+    "assembly clean": Task(("assembly",), effects=0),
+}
+BENCH_GROUPS = tuple(name for name in GROUPS if " " not in name)
+"""The groups that need no model: `model = "table"`."""
+
+
+def orthogonal(to: Array, what: Array) -> Array:
+    """The part of `what` (n,) or (n, m) that no combination of the columns `to` (n, k) makes."""
+    if to.shape[1] == 0:
+        return what
+    basis, values, _ = np.linalg.svd(to / np.linalg.norm(to, axis=0), full_matrices=False)
+    basis = basis[:, values > 1e-9 * values[0]]
+    return np.asarray(what - basis @ (basis.T @ what))
+
+
+def record(
+    group: str, number: int, simulators: Mapping[str, Simulator] = NO_SIMULATORS
+) -> tuple[Record, Truth]:
+    """The record of that number in a group, always the same.
+
+    Raises KeyError where its kind has no simulation of its own and none is handed in.
+    """
+    rng = np.random.default_rng([list(GROUPS).index(group), number])
+    task = GROUPS[group]
+    name = task.kinds[rng.integers(len(task.kinds))]
+    kind = KINDS[name]
+    n, snr = _size(rng, task, len(kind.outputs))
+    poor = str(rng.choice(kind.ways)) if task.poor else None
+    at = kind.points(rng, n, poor)
+    predicted = (kind.simulate or simulators[kind.model])(at, int(rng.integers(1, 10**6)))
+    if isinstance(at, Units):
+        at = replace(at, drawn=predicted)
+    hidden, sigma = _hidden(rng, task, kind, at, snr)
+    laws = [law for law in task.noises if law in kind.noises]
+    law = laws[rng.integers(len(laws))]
+    reading, noise = _measured(rng, kind, law, sigma, predicted, hidden, at)
+    table = _table(kind, at, reading, predicted)
+    good = np.abs(noise[:n]) < 5.0 * sigma
+    truth = Truth(group, name, number, at, hidden, task.outside, poor, law, sigma,
+                  float(np.sqrt(np.mean(noise[:n][good] ** 2))), kind.free(n))  # fmt: skip
+    blind = f"r{rng.integers(10**9):09d}"
+    return Record(blind, configuration(kind, number), table), truth
+
+
+def _size(rng: np.random.Generator, task: Task, outputs: int) -> tuple[int, float]:
+    """Rows and signal to noise; with effects, such that lambda reaches its least."""
+    while True:
+        n = round(float(np.exp(rng.uniform(*np.log(task.n)))))
+        snr = float(np.exp(rng.uniform(*np.log(task.snr))))
+        if task.effects == 0 or outputs * n * snr**2 >= LEAST_LAMBDA:
+            return n, snr
+
+
+def _hidden(
+    rng: np.random.Generator, task: Task, kind: Kind, at: Any, snr: float
+) -> tuple[tuple[Hidden, ...], float]:
+    """The effects, scaled to one SNR, and the noise's standard deviation that gives it."""
+    spread = float(np.std(at.drawn)) if kind.population else 0.0
+    if task.effects == 0:
+        return (), spread or float(np.exp(rng.uniform(np.log(0.1), np.log(3.0))))
+    free = kind.free(len(at))
+    found = _drawn(rng, task, kind, at, free)
+    sizes = [float(np.sqrt(np.mean(orthogonal(free, one.added) ** 2))) for one in found]
+    wanted = snr * spread if kind.population else sizes[0]
+    scaled = tuple(
+        Hidden(one.name, wanted / size * one.added, one.beside)
+        for one, size in zip(found, sizes, strict=True)
+    )
+    return scaled, spread or sizes[0] / snr
+
+
+def _drawn(rng: np.random.Generator, task: Task, kind: Kind, at: Any, free: Array) -> list[Hidden]:
+    """Distinct effects, none of which the others or the free parameters nearly make up."""
+    library: Mapping[str, Draw] = OUTSIDE if task.outside else kind.mechanisms
+    while True:
+        names = rng.choice(task.only or list(library), task.effects, replace=False).tolist()
+        drawn = {name: library[name](rng, at) for name in names}
+        found = [Hidden(name, one.added, one.beside) for name, one in drawn.items()]
+        if _apart(found, free):
+            return found
+
+
+def _apart(found: list[Hidden], free: Array) -> bool:
+    """Whether each effect keeps half of its power beside the free parameters and the others."""
+    for at, one in enumerate(found):
+        others = [other.added[:, None] for k, other in enumerate(found) if k != at]
+        own = one.added if free.shape[1] == 0 else one.added - one.added.mean()
+        left = orthogonal(np.hstack([free, *others]), one.added)
+        if not (left**2).sum() > 0.5 * (own**2).sum() > 0.0:
+            return False
+    return True
+
+
+def _measured(
+    rng: np.random.Generator, kind: Kind, law: str, sigma: float, predicted: Array,
+    hidden: tuple[Hidden, ...], at: Any,
+) -> tuple[Array, Array]:  # fmt: skip
+    """The readings of all outputs and their noise; the noise of a population is its units."""
+    clean = predicted + sum((one.added for one in hidden), np.zeros(len(predicted)))
+    if kind.population:
+        return clean, predicted - predicted.mean()
+    m = len(kind.outputs)
+    zero = np.repeat(sigma * rng.uniform(-3.0, 3.0, m), len(at))
+    noise = np.concatenate([NOISES[law](rng, at) for _ in range(m)])
+    reading = clean + zero + sigma * noise
+    if law == "quantised":
+        step = sigma * rng.uniform(0.3, 1.0)
+        reading = step * np.round(reading / step)
+    return reading, reading - clean - zero
+
+
+def _table(kind: Kind, at: Any, reading: Array, predicted: Array) -> pd.DataFrame:
+    columns: dict[str, NDArray[Any]] = dict(kind.columns(at))
+    shape = (len(kind.outputs), len(at))
+    columns |= dict(zip(kind.outputs, reading.reshape(shape), strict=True))
+    if kind.model == TABLE:
+        columns[f"{kind.outputs[0]}_predicted"] = predicted
+    return pd.DataFrame(columns)
+
+
+def configuration(kind: Kind, seed: int) -> str:
+    """The TOML of a record; a model may recalibrate its zeros alone."""
+    head = f'model = "{kind.model}"\nseed = {seed}\n'
+    if kind.model != TABLE:
+        return f"{head}[free]\n"
+    output = kind.outputs[0]
+    names = {**kind.roles, output: ("measured", kind.unit)}
+    names[f"{output}_predicted"] = ("predicted", kind.unit)
+    lines = [
+        f'"{name}" = {{ role = "{role}", unit = "{unit}" }}' for name, (role, unit) in names.items()
+    ]
+    return "\n".join([f"{head}[columns]", *lines, ""])

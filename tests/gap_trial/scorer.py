@@ -1,0 +1,271 @@
+"""What a trial must come out with: each figure with its interval, from truths and verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite, log, nan, sqrt
+from typing import Any
+
+import numpy as np
+from scipy.stats import beta
+
+from tests.gap_trial.records import Hidden, Truth
+from tests.gap_trial.rivals import RIVALS, coefficients, first_parameter, least_left, without
+
+UNTOLD = 10.0
+INSTRUMENT = frozenset(
+    ["gauge_bias", "read_out_lag", "encoder_harmonics", "quantisation", "clock_drift", "drift"]
+)
+"""Names that blame the instrument."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """Of one hidden effect: lambda, the names that the record cannot tell from it, and those of
+    them whose columns are the same; `value` is its first number by the notes' formula.
+    """
+
+    strength: float
+    names: frozenset[str]
+    twins: frozenset[str]
+    name: str = ""
+    value: float = nan
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the workflow said of a record."""
+
+    verdict: str
+    names: tuple[str, ...]
+    alternatives: frozenset[str]
+    after: float
+    intervals: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+
+    @property
+    def named(self) -> bool:
+        return self.verdict in ("named", "ambiguous") and bool(self.names)
+
+    @property
+    def reported(self) -> frozenset[str]:
+        return frozenset(self.names) | self.alternatives
+
+
+def verdict(found: Mapping[str, Any]) -> Verdict:
+    """What a `gap.json` says."""
+    names = tuple(one["name"] for one in found["effects"])
+    others = frozenset(name for one in found["alternatives"] for name in one["names"])
+    after = found.get("gap_after")
+    if isinstance(after, Mapping):
+        after = next(iter(after.values()))
+    intervals = {
+        one["name"]: {
+            name: (known(number["interval"][0]), known(number["interval"][1]))
+            for name, number in one.get("parameters", {}).items()
+        }
+        for one in found["effects"]
+    }
+    return Verdict(found["verdict"], names, others, nan if after is None else float(after),
+                   intervals)  # fmt: skip
+
+
+def known(number: float | None) -> float:
+    """A number of a JSON file, nan where it has none."""
+    return nan if number is None else float(number)
+
+
+def told(truth: Truth, one: Hidden) -> Told:
+    """What the record can tell from that effect, the other hidden ones known."""
+    others = [other.added[:, None] for other in truth.hidden if other is not one]
+    free = np.hstack([truth.free, *others])
+    own = without(free, one.added)
+    strength = float((own**2).sum()) / truth.sigma**2
+    extra = own_count(truth, one)
+    names, twins, value = {one.name}, {one.name}, nan
+    for rival in RIVALS[truth.kind]:
+        least, p = least_left(rival, truth.points, free, one.added)
+        left = least / truth.sigma**2
+        if rival.name == one.name and rival.linear:
+            value = float(coefficients(rival, p, truth.points, free, one.added)[0])
+        left_out = left + log(len(truth.points)) * max(rival.count - extra, 0)
+        if left_out < UNTOLD:
+            names.add(rival.name)
+        if left < 1e-9 * strength:
+            twins.add(rival.name)
+    return Told(strength, frozenset(names), frozenset(twins & names), one.name, value)
+
+
+def own_count(truth: Truth, one: Hidden) -> int:
+    """Numbers of the truth, by the notes' formula of its name; 1 where it has no name there."""
+    found = [rival.count for rival in RIVALS[truth.kind] if rival.name == one.name]
+    return found[0] if found else 1
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A record with what can be told of it and what was said of it."""
+
+    truth: Truth
+    told: tuple[Told, ...]
+    said: Verdict
+
+    @property
+    def allowed(self) -> frozenset[str]:
+        """Every name that is no mistake here."""
+        beside = {name for one in self.truth.hidden for name in one.beside}
+        return frozenset(beside).union(*(one.names for one in self.told))
+
+    @property
+    def spurious(self) -> int:
+        """Names given to nothing: not allowed, or one more than there are effects."""
+        beside = {name for one in self.truth.hidden for name in one.beside}
+        wrong = [name for name in self.said.names if name not in self.allowed]
+        right = [name for name in self.said.names if name in self.allowed - beside]
+        return len(wrong) + max(len(right) - len(self.told), 0)
+
+    @property
+    def nothing_like_it(self) -> bool:
+        """Whether every name of the library leaves something of a cause that it does not have."""
+        return all(len(one.names) == 1 for one in self.told)
+
+    @property
+    def all_named(self) -> bool:
+        """Each hidden effect named by its own or by an untold name, its twins declared."""
+        if not self.said.named:
+            return False
+        left = list(self.said.names)
+        for one in sorted(self.told, key=lambda told: len(told.names)):
+            match = [name for name in left if name in one.names]
+            if not match or not one.twins <= self.said.reported:
+                return False
+            left.remove(match[0])
+        return True
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A line of the table: its value with a 95 % interval, what it must reach, from how many."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    must: float
+    aim: float
+    count: int
+    at_most: bool
+    by_bound: bool = False
+
+    @property
+    def met(self) -> bool:
+        """Whether the value meets what it must; where the notes ask so, its upper bound."""
+        judged = self.high if self.by_bound else self.value
+        return bool(judged <= self.must if self.at_most else judged >= self.must)
+
+    @property
+    def refuted(self) -> bool:
+        """Whether the whole interval lies on the wrong side."""
+        return bool(self.low > self.must if self.at_most else self.high < self.must)
+
+
+def clopper_pearson(hits: int, count: int, level: float = 0.95) -> tuple[float, float]:
+    """Exact two-sided interval of a proportion."""
+    tail = (1.0 - level) / 2.0
+    low = 0.0 if hits == 0 else float(beta.ppf(tail, hits, count - hits + 1))
+    high = 1.0 if hits == count else float(beta.ppf(1.0 - tail, hits + 1, count - hits))
+    return low, high
+
+
+def share(
+    name: str, hits: Sequence[bool], must: float, aim: float, at_most: bool, by_bound: bool = False
+) -> Figure:
+    """A rate; a one-sided upper 95 % bound where that is what is judged."""
+    if not hits:
+        return Figure(name, nan, nan, nan, must, aim, 0, at_most, by_bound)
+    low, high = clopper_pearson(sum(hits), len(hits), 0.90 if by_bound else 0.95)
+    return Figure(name, sum(hits) / len(hits), low, high, must, aim, len(hits), at_most, by_bound)
+
+
+def mean(name: str, values: Sequence[float], must: float, aim: float) -> Figure:
+    """A mean with the interval of its standard error."""
+    if not values:
+        return Figure(name, nan, nan, nan, must, aim, 0, True)
+    middle = float(np.mean(values))
+    spread = float(np.std(values, ddof=1)) if len(values) > 1 else nan
+    half = 1.96 * spread / sqrt(len(values))
+    return Figure(name, middle, middle - half, middle + half, must, aim, len(values), True)
+
+
+def blames_physics(one: Scored) -> bool:
+    """A name that is not the instrument's, no instrument offered beside it."""
+    if not one.said.named:
+        return False
+    physics = set(one.said.names) - INSTRUMENT
+    return bool(physics) and not (INSTRUMENT & one.said.alternatives)
+
+
+def falsely_named(one: Scored) -> bool:
+    """A rounded reading may be called quantised; anything else is a false name."""
+    harmless = {"quantisation"} if one.truth.noise == "quantised" else set()
+    return one.said.named and bool(set(one.said.names) - harmless)
+
+
+def covered(one: Scored) -> list[bool]:
+    """Whether the interval of each hidden effect's first number holds it, where it was named."""
+    found = []
+    for each in one.told:
+        stem = first_parameter(each.name, one.truth.kind)
+        for name, (low, high) in one.said.intervals.get(each.name, {}).items():
+            if stem and name.startswith(stem) and isfinite(low + high + each.value):
+                found.append(low <= each.value <= high)
+    return found
+
+
+def figures(records: Sequence[Scored]) -> list[Figure]:
+    """Every figure of the table, in its order."""
+    words = ("clean", "good", "poor", "pair", "outside", "size", "delay")
+    by = {word: [one for one in records if one.truth.group.split()[-1] == word] for word in words}
+    single = [*by["good"], *by["poor"]]
+    sets = [one for one in single if one.said.named]
+    named = [one for one in (*single, *by["pair"]) if one.said.named and one.all_named]
+    untold = [one for one in by["outside"] if one.nothing_like_it]
+    changed = [*by["size"], *by["delay"]]
+
+    def rate(of: Sequence[Scored], hit: Callable[[Scored], bool]) -> list[bool]:
+        return [hit(one) for one in of]
+
+    return [
+        share("clean given a name, upper bound", rate(by["clean"], falsely_named), 0.05, 0.015,
+              True, True),
+        share("single named rightly, good design", rate(by["good"], rightly), 0.88, 0.95, False),
+        share("single named rightly, poor design", rate(by["poor"], rightly), 0.75, 0.85, False),
+        share("truth inside the reported set", rate(sets, holds_truth), 0.95, 0.98, False),
+        mean("size of the reported set", [len(one.said.reported) for one in sets], 2.0, 1.5),
+        share("two effects, both named", rate(by["pair"], lambda one: one.all_named), 0.80, 0.92,
+              False),
+        mean("spurious names per record of two", [one.spurious for one in by["pair"]], 0.25, 0.05),
+        share("outside the library, not `unnamed`",
+              rate(untold, lambda one: one.said.verdict != "unnamed"), 0.25, 0.05, True),
+        share("noise that changes or delay, physics named", rate(changed, blames_physics), 0.05,
+              0.02, True),
+        mean("held-out RMSE over noise after naming",
+             [one.said.after / one.truth.noise_rms for one in named], 1.10, 1.03),
+        *coverage([hit for one in (*single, *by["pair"]) for hit in covered(one)]),
+    ]  # fmt: skip
+
+
+def coverage(hits: Sequence[bool]) -> list[Figure]:
+    """Share of the 90 % intervals that hold the truth: within two bounds."""
+    name = "coverage of 90 % intervals, at "
+    return [share(f"{name}least", hits, 0.80, 0.87, False),
+            share(f"{name}most", hits, 0.95, 0.93, True)]  # fmt: skip
+
+
+def rightly(one: Scored) -> bool:
+    """Named, and nothing spurious beside it."""
+    return one.all_named and one.spurious == 0
+
+
+def holds_truth(one: Scored) -> bool:
+    return set(one.truth.names) <= one.said.reported

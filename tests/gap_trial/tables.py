@@ -1,0 +1,125 @@
+"""Operating points of a hidden-effect trial: what a test bench would visit, well or badly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+RATED = 412.0
+"""Rated torque [N m] of the unit on the bench."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """Rows (n,) in the order of measuring: angle [rad], torque [N m], direction, speed [rpm],
+    temperature above 20 degC [K], time [s].
+    """
+
+    angle: Array
+    torque: Array
+    direction: Array
+    speed: Array
+    tau: Array
+    time: Array
+
+    def __len__(self) -> int:
+        return len(self.angle)
+
+    @property
+    def largest_torque(self) -> float:
+        return float(np.abs(self.torque).max())
+
+
+def independent(rng: np.random.Generator, n: int) -> dict[str, Array]:
+    """Inputs that do not follow each other."""
+    most = RATED * rng.uniform(0.5, 1.5)
+    return {
+        "angle": rng.uniform(0.0, 2.0 * np.pi, n),
+        "torque": rng.uniform(-most, most, n),
+        "direction": rng.choice([-1.0, 1.0], n),
+        "speed": rng.uniform(3.0, rng.uniform(40.0, 70.0), n),
+        "tau": rng.uniform(-5.0, rng.uniform(20.0, 45.0), n),
+        "time": np.arange(n) * rng.uniform(0.3, 3.0),
+    }
+
+
+def torque_follows_angle(rng: np.random.Generator, at: dict[str, Array]) -> None:
+    """An unbalanced arm: the torque is that of its weight."""
+    most = np.abs(at["torque"]).max()
+    weight = np.sin(at["angle"] + rng.uniform(0.0, 2.0 * np.pi))
+    at["torque"] = most * (weight + 0.15 * rng.normal(size=len(weight)))
+
+
+def temperature_follows_time(rng: np.random.Generator, at: dict[str, Array]) -> None:
+    """A unit that warms up while it is measured."""
+    share = at["time"] / at["time"][-1]
+    warm = 1.0 - np.exp(-share * rng.uniform(1.0, 3.0))
+    at["tau"] = at["tau"].max() * (warm + 0.05 * rng.normal(size=len(share)))
+
+
+def speed_follows_direction(rng: np.random.Generator, at: dict[str, Array]) -> None:
+    """Fast forward, slow back."""
+    middle = at["speed"].mean()
+    scatter = 0.15 * rng.normal(size=len(at["speed"]))
+    faster = rng.uniform(0.3, 0.6) * at["direction"]
+    at["speed"] = np.maximum(middle * (1.0 + faster + scatter), 0.5)
+
+
+POOR: dict[str, Callable[[np.random.Generator, dict[str, Array]], None]] = {
+    "torque follows angle": torque_follows_angle,
+    "temperature follows time": temperature_follows_time,
+    "speed follows direction": speed_follows_direction,
+}
+
+
+def points(rng: np.random.Generator, n: int, poor: str | None) -> Points:
+    """A design of n rows; `poor` says which inputs are not independent, None that all are."""
+    at = independent(rng, n)
+    if poor is not None:
+        POOR[poor](rng, at)
+    return Points(**at)
+
+
+def loops(rng: np.random.Generator, n: int, poor: str | None) -> Points:
+    """Torque cycles on a locked unit; a poor design has one amplitude and warms up meanwhile."""
+    cycles = int(np.clip(n // 60, 1, 12))
+    most = RATED * rng.uniform(0.5, 1.5)
+    sizes = np.full(cycles, most)
+    if poor is None:
+        sizes = most * rng.uniform(0.3, 1.0, cycles)
+        sizes[rng.integers(cycles)] = most
+    turns = np.concatenate([[0.0], np.column_stack([sizes, -sizes]).ravel(), [0.0]])
+    path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(turns)))])
+    torque = np.interp(np.linspace(0.0, path[-1], n), path, turns)
+    step = np.sign(np.gradient(torque))
+    at = independent(rng, n)
+    at |= {"torque": torque, "direction": np.where(step == 0.0, 1.0, step)}
+    at |= {"speed": np.zeros(n), "angle": np.full(n, rng.uniform(0.0, 2.0 * np.pi))}
+    if poor is not None:
+        temperature_follows_time(rng, at)
+    return Points(**at)
+
+
+NAMES = {
+    "rotating": ("output_angle_deg", "torque_Nm", "output_speed_rpm", "temperature_C", "direction",
+                 "time_s"),
+    "lost_motion": ("torque_Nm", "direction", "output_angle_deg", "temperature_C", "time_s"),
+}  # fmt: skip
+
+
+def as_columns(at: Points, kind: str) -> dict[str, NDArray[Any]]:
+    """The columns of a measurement table, in the units of its file."""
+    found = {
+        "output_angle_deg": np.degrees(at.angle),
+        "torque_Nm": at.torque,
+        "output_speed_rpm": at.speed,
+        "temperature_C": at.tau + 20.0,
+        "direction": at.direction,
+        "time_s": at.time,
+    }
+    return {name: found[name] for name in NAMES[kind]}

@@ -1,0 +1,112 @@
+"""The records are what they say they are, and share no code with what they judge."""
+
+from __future__ import annotations
+
+import ast
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.gap_trial.assemblies import Builds, Faults, assembled
+from tests.gap_trial.mechanisms import ROTATING
+from tests.gap_trial.noise import NOISES
+from tests.gap_trial.records import BENCH_GROUPS, LEAST_LAMBDA, orthogonal, record
+from tests.gap_trial.tables import points
+
+HERE = Path(__file__).parent
+MAKERS = (
+    "tables", "mechanisms", "hysteresis", "outside", "noise", "populations", "assemblies", "kinds",
+    "records", "rivals", "scorer", "baselines",
+)  # fmt: skip
+
+
+KNOWN = (
+    "__future__", "collections", "dataclasses", "functools", "itertools", "typing", "math",
+    "warnings", "numpy", "scipy", "sklearn", "pandas", "tests.gap_trial",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_nothing_of_the_project_is_imported(name: str) -> None:
+    tree = ast.parse((HERE / f"{name}.py").read_text(encoding="utf-8"))
+    found = [one for one in ast.walk(tree) if isinstance(one, ast.Import | ast.ImportFrom)]
+    modules = [one.module or "." for one in found if isinstance(one, ast.ImportFrom)]
+    modules += [alias.name for one in found if isinstance(one, ast.Import) for alias in one.names]
+    assert [one for one in modules if not one.startswith(KNOWN)] == []
+    assert not {one for one in modules if one.endswith((".trial", ".workflow", ".damper"))}
+    called = {one.id for one in ast.walk(tree) if isinstance(one, ast.Name)}
+    assert not called & {"__import__", "exec", "eval"}
+
+
+@pytest.mark.parametrize("group", BENCH_GROUPS)
+def test_a_record_follows_from_its_group_and_number(group: str) -> None:
+    (one, truth), (again, _), (other, _) = record(group, 3), record(group, 3), record(group, 4)
+    assert one.table.equals(again.table)
+    assert one.configuration == again.configuration
+    assert one.name != other.name
+    assert np.isfinite(one.table.to_numpy()).all()
+    assert set(tomllib.loads(one.configuration)["columns"]) == set(one.table.columns)
+    assert not any(name in f"{one.name} {one.configuration}" for name in truth.names)
+
+
+@pytest.mark.parametrize("group", ["good", "poor", "pair", "outside"])
+def test_signal_to_noise_is_that_of_the_part_that_recalibration_cannot_make(group: str) -> None:
+    for number in range(12):
+        _, truth = record(group, number)
+        for one in truth.hidden:
+            left = orthogonal(truth.free, one.added)
+            strength = float((left**2).sum()) / truth.sigma**2
+            assert strength >= LEAST_LAMBDA - 1e-9 if group != "pair" else strength > 149.0
+            assert 0.19 < np.sqrt(strength / len(left)) < 3.01
+
+
+def test_assembly_is_the_printed_one() -> None:
+    """Document A's part errors, final states of its printed reading at Q = 0, 5 and 10."""
+    errors = np.tile([-1.6, 5.3, 5.8, 3.2], (3, 1))
+    found = assembled(Builds(errors, np.array([0.0, 5.0, 10.0])), Faults())
+    printed = [
+        [-1.6, 3.7, 5.8, 9.0], [-1.314, 1.375, 3.314, 4.857], [-0.985, 0.884, 2.486, 4.029],
+    ]  # fmt: skip
+    np.testing.assert_allclose(found, printed, atol=5e-4)
+
+
+def test_every_mechanism_adds_something_and_draws_its_own_dimensions() -> None:
+    at = points(np.random.default_rng(0), 500, None)
+    for name, mechanism in ROTATING.items():
+        one = mechanism(np.random.default_rng(1), at).added
+        other = mechanism(np.random.default_rng(2), at).added
+        assert one.std() > 0.0, name
+        assert np.abs(np.corrcoef(one, other)[0, 1]) <= 1.0 + 1e-12
+        assert not np.allclose(one, other), name
+
+
+@pytest.mark.parametrize("law", [one for one in NOISES if one != "outliers"])
+def test_noise_has_unit_size(law: str) -> None:
+    rng = np.random.default_rng(5)
+    sizes = [np.mean(NOISES[law](rng, points(rng, 1500, None)) ** 2) for _ in range(30)]
+    np.testing.assert_allclose(np.mean(sizes), 1.0, atol=0.03)
+
+
+def test_autocorrelation_and_outliers() -> None:
+    rng = np.random.default_rng(6)
+    at = points(rng, 20000, None)
+    noise = NOISES["autocorrelated"](rng, at)
+    np.testing.assert_allclose(np.corrcoef(noise[1:], noise[:-1])[0, 1], 0.7, atol=0.02)
+    wrong = np.mean(np.abs(NOISES["outliers"](rng, at)) > 5.0)
+    np.testing.assert_allclose(wrong, 0.02, atol=0.004)
+
+
+def test_poor_designs_tie_their_inputs() -> None:
+    rng = np.random.default_rng(7)
+    by_time = points(rng, 2000, "temperature follows time")
+    by_direction = points(rng, 2000, "speed follows direction")
+    free = points(rng, 2000, None)
+    assert np.corrcoef(by_time.tau, by_time.time)[0, 1] > 0.8
+    assert np.corrcoef(by_direction.speed, by_direction.direction)[0, 1] > 0.8
+    assert abs(np.corrcoef(free.tau, free.time)[0, 1]) < 0.1
+    by_angle = points(rng, 2000, "torque follows angle")
+    waves = np.column_stack([np.cos(by_angle.angle), np.sin(by_angle.angle)])
+    left = orthogonal(waves, by_angle.torque)
+    assert (left**2).sum() < 0.15 * (by_angle.torque**2).sum()

@@ -1,0 +1,52 @@
+"""The contract, for every effect of the library that acts on outputs of a table."""
+
+from typing import Any
+
+import pytest
+
+from tolevo import registry
+from tolevo.models.effects.effect import FAMILIES
+from tolevo.testing import EffectContract
+
+LIBRARY = {
+    "load": "torsional_compliance hertz_stiffening lost_motion bearing_clearance"
+    " friction_hysteresis load_sharing",
+    "geometry by angle": "output_eccentricity pin_circle_runout eccentric_error two_disc_error"
+    " sun_runout pitch_defect",
+    "speed": "structural_resonance viscous_friction windage",
+    "temperature, time": "differential_thermal_expansion thermal_friction drift creep wear",
+    "population": "process_mean_shift spread_inflation tool_wear_drift lot_mixture lot_offset",
+    "manipulator": "joint_zero_offset arm_length_error base_tilt gravity_sag thermal_growth"
+    " drive_eccentricity joint_clearance",
+    "assembly": "adjustment_gain adjustment_backlash chain_coupling springback",
+    "instrument": "gauge_bias read_out_lag encoder_harmonics quantisation clock_drift",
+}
+"""Names to the letter, as the table of the library has them."""
+ELSEWHERE = ("population", "manipulator", "assembly")
+"""These have models of their own, and are tried there."""
+NAMES = [
+    name for family, names in LIBRARY.items() for name in names.split() if family not in ELSEWHERE
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+class TestEveryEffectOfATable(EffectContract):
+    @pytest.fixture(autouse=True)
+    def _named(self, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(type(self), "effect_type", registry.load("effects", name), False)
+
+
+def test_families_are_those_of_the_table() -> None:
+    found: dict[str, set[str]] = {}
+    for name in registry.names("effects"):
+        effect: Any = registry.load("effects", name)
+        assert effect.name == name
+        found.setdefault(effect.family, set()).add(name)
+    assert {family: set(names.split()) for family, names in LIBRARY.items()} == found
+    assert set(found) <= set(FAMILIES)
+
+
+def test_rivals_exist() -> None:
+    names = registry.names("effects")
+    for name in names:
+        assert set(registry.load("effects", name).mistaken_for) <= set(names), name

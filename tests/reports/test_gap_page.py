@@ -1,0 +1,227 @@
+"""The page of a gap analysis, of records written by hand."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tolevo.gap_records import (
+    FoundEffect,
+    FoundParameter,
+    GapResult,
+    Gate,
+    Measurement,
+    OutputGate,
+    Recalibrated,
+    Region,
+    Rival,
+    Shape,
+    Step,
+)
+from tolevo.records import Axis
+from tolevo.reports.drawing import as_png, as_svg
+from tolevo.reports.gap import figures, gap_page
+
+EVIL = '<script>alert("x")</script>'
+
+
+def readings(n: int = 150) -> pd.DataFrame:
+    rng = np.random.default_rng(0)
+    torque = rng.uniform(-400.0, 400.0, n)
+    noise = rng.normal(size=n)
+    before = 4.0 * np.clip(torque / 60.0, -1.0, 1.0) + noise
+    return pd.DataFrame(
+        {
+            "torque_Nm": torque,
+            "output_angle_deg": rng.uniform(0.0, 360.0, n),
+            "direction": rng.choice([-1.0, 1.0], n),
+            "lot": rng.choice(["A", "$B$"], n),
+            "outlier": np.arange(n) % 100 == 0,
+            "te_arcsec": before,
+            "te_arcsec_predicted": 0.0 * noise,
+            "te_arcsec_corrected": before - noise,
+            "te_arcsec_before": before,
+            "te_arcsec_after": noise,
+        }
+    )
+
+
+def spectrum() -> pd.DataFrame:
+    order = np.arange(0.25, 60.0, 0.25)
+    before = np.where(order == 33.5, 2.0, 0.1)
+    return pd.DataFrame({"output": "te_arcsec", "order": order, "before": before,
+                         "after": np.full(len(order), 0.1), "threshold": 0.4})  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def result() -> GapResult:
+    parameter = FoundParameter("half_width_arcsec", 4.0, 3.8, 4.2, "arcsec", "half of the band")
+    return GapResult(
+        title="Gap of rv_transmission",
+        verdict="ambiguous",
+        outputs=(Axis("te_arcsec", "arcsec"),),
+        inputs=(Axis("torque_Nm", "Nm"), Axis("output_angle_deg", "deg"), Axis("direction", ""),
+                Axis("lot", "")),
+        gate=Gate((OutputGate("te_arcsec", "arcsec", 1.0, "estimated", 4.1, 99.0, 12.0, True),),
+                  (Recalibrated("K", "Nm/arcmin", 108.0, 109.0, 5.0),)),
+        where=(Region("te_arcsec", "torque_Nm", "interval", "Nm", -60.0, 60.0, share=0.8),),
+        scores=(),
+        steps=(
+            Step(0, "start", "", (), True, "the recalibrated model", held_out=4.1),
+            Step(1, "add", "bearing_clearance", ("bearing_clearance",), True, "best", 90.0, 12.0,
+                 1.01, 9.0, 0.5),
+            Step(2, "reject", "drift", ("bearing_clearance",), False, "not significant", 3.0, 12.0,
+                 1.02, -0.1, 0.2),
+        ),
+        effects=(FoundEffect("bearing_clearance", "load", "Rolling elements.", (parameter,), 90.0,
+                             12.0, 9.0, 0.5, frequency=0.96, in_problem=False),),
+        rivals=(Rival(("lost_motion",), ("bearing_clearance",), 4.0,
+                      Measurement("measure at 5 to 40 N m", {"torque_Nm": (5.0, 40.0)}, 1.2, 17)),),
+        shapes=(Shape("te_arcsec", "load", "torque_Nm", 0.2, "arcsec", "a little is left"),),
+        noise_floor={"te_arcsec": 1.0, "total": 1.0},
+        gap_before={"te_arcsec": 4.1, "total": 4.1},
+        gap_after={"te_arcsec": 1.01, "total": 1.01},
+        residuals=readings(),
+        spectrum=spectrum(),
+        summary={"verdict": "ambiguous", "seed": 0},
+        notes=("Noise was estimated.",),
+        configuration='model = "rv_transmission"\n',
+        corrected="[[effect]]\n",
+    )  # fmt: skip
+
+
+class Tree(HTMLParser):
+    """Checks that tags close, and collects them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seen: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+        if tag not in {"meta", "wbr"}:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.seen.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def parsed(text: str) -> Tree:
+    tree = Tree()
+    tree.feed(text)
+    assert tree.open == []
+    return tree
+
+
+def test_page_says_what_was_found(result: GapResult) -> None:
+    text = gap_page(result)
+    for expected in ("half_width_arcsec", "3.8", "4.2", "lost_motion", "measure at 5 to 40 N m",
+                     "96 %", "no counterpart", "Noise was estimated", "a little is left",
+                     "not significant", "4.1", "1.01", "109"):  # fmt: skip
+        assert expected in text, expected
+
+
+def test_page_is_whole_and_needs_no_network(result: GapResult) -> None:
+    text = gap_page(result)
+    tree = parsed(text)
+    assert not re.search(r"(src|href)=\"(?!#)", text.replace("xlink:", ""))
+    assert {tag for tag, _ in tree.seen} & {"script", "link", "img", "iframe"} == set()
+    drawings = [attributes for tag, attributes in tree.seen if tag == "svg"]
+    assert len(drawings) == 3
+    assert all(one.get("role") == "img" and one.get("aria-label") for one in drawings)
+    names = [one["id"] for _, one in tree.seen if "id" in one]
+    assert len(names) == len(set(names))
+
+
+def test_texts_of_the_user_are_escaped(result: GapResult) -> None:
+    evil = replace(
+        result, title=EVIL, notes=(EVIL,), configuration=EVIL, corrected=EVIL, verdict=EVIL,
+        inputs=(Axis(EVIL, EVIL),), outputs=(Axis("te_arcsec", EVIL),), summary={EVIL: EVIL},
+        residuals=result.residuals.rename(columns={"lot": EVIL}),
+        where=(replace(result.where[0], variable=EVIL, unit=EVIL),),
+        steps=(replace(result.steps[1], name=EVIL, reason=EVIL),),
+        effects=(replace(result.effects[0], name=EVIL, cause=EVIL, at_bound=(EVIL,)),),
+        rivals=(replace(result.rivals[0], names=(EVIL,)),),
+    )  # fmt: skip
+    text = gap_page(evil)
+    assert "<script>" not in text
+    assert "&lt;script&gt;" in text
+    parsed(text)
+
+
+def test_nothing_found_is_a_page_too(result: GapResult) -> None:
+    nothing = pd.DataFrame()
+    empty = replace(
+        result, verdict="no_gap", inputs=(), where=(), steps=(), effects=(), rivals=(), shapes=(),
+        residuals=nothing, spectrum=nothing, notes=(), gate=Gate(()), gap_after={},
+    )  # fmt: skip
+    assert figures(empty) == {}
+    text = gap_page(empty)
+    assert "No gap" in text
+    parsed(text)
+
+
+def test_figures_show_before_and_after(result: GapResult) -> None:
+    drawn = figures(result)
+    assert set(drawn) == {"residuals_te_arcsec", "spectrum_te_arcsec", "path"}
+    panels = drawn["residuals_te_arcsec"].axes
+    assert len(panels) == 8
+    sizes = [np.std(np.asarray(axes.lines[1].get_ydata(), dtype=float)) for axes in panels[:2]]
+    assert sizes[0] > 3.0 * sizes[1]
+    assert "4.1" in panels[0].get_title() and "1.01" in panels[1].get_title()
+    located = [axes for axes in panels if axes.patches]
+    assert located == panels[:2]
+    left, right = np.asarray(located[0].patches[0].get_window_extent().intervalx)
+    edges = located[0].transData.transform([(-60.0, 0.0), (60.0, 0.0)])[:, 0]
+    np.testing.assert_allclose([left, right], edges, atol=0.5)
+
+
+def test_labels_of_the_user_are_no_formulas(result: GapResult) -> None:
+    by_lot = figures(result)["residuals_te_arcsec"].axes[6]
+    ticks = by_lot.get_xticklabels()
+    assert {text.get_text() for text in ticks} == {"A", "$B$"}
+    assert not any(text.get_parse_math() for text in ticks)
+
+
+def test_files_of_figures_stay_in_their_folder(result: GapResult) -> None:
+    renamed = result.residuals.rename(columns=lambda name: name.replace("te_arcsec", "../te"))
+    drawn = figures(replace(result, outputs=(Axis("../te", ""),), residuals=renamed))
+    assert "residuals__te" in drawn
+
+
+def test_peaks_above_the_noise_bear_their_order(result: GapResult) -> None:
+    before, after = figures(result)["spectrum_te_arcsec"].axes
+    assert [text.get_text() for text in before.texts] == ["33.5"]
+    assert [text.get_text() for text in after.texts] == []
+
+
+def test_a_population_is_drawn_as_distributions(result: GapResult) -> None:
+    names = ["te_arcsec_before", "te_arcsec_after"]
+    units = replace(result, residuals=result.residuals.drop(columns=names))
+    drawn = figures(units)
+    assert "distribution_te_arcsec" in drawn
+    lines = drawn["distribution_te_arcsec"].axes[0].lines
+    assert len({line.get_linestyle() for line in lines}) == 3
+    measured = np.asarray(lines[0].get_xdata(), dtype=float)
+    assert (np.diff(measured) >= 0.0).all()
+
+
+def test_a_long_record_is_thinned(result: GapResult) -> None:
+    long = replace(result, residuals=readings(20_000))
+    points = figures(long)["residuals_te_arcsec"].axes[0].lines[1].get_xdata()
+    assert 300 < len(np.asarray(points)) <= 600
+
+
+def test_same_bytes_every_time(result: GapResult) -> None:
+    for figure, again in zip(figures(result).values(), figures(result).values(), strict=True):
+        assert as_svg(figure) == as_svg(again)
+        assert as_png(figure)[:4] == b"\x89PNG"

@@ -1,0 +1,285 @@
+"""Bad input of a gap analysis: said in words, status 2 or a stated limitation, never a name."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner, Result
+
+from tolevo.cli import app
+from tolevo.configuration.gap import read_gap
+from tolevo.errors import InputError
+from tolevo.gap_records import GapResult
+from tolevo.workflows.gap import gap
+from tolevo.workflows.gap.read import read_data
+
+HEAD = """
+model = "table"
+seed = 0
+[columns]
+"torque" = { role = "torque", unit = "N m" }
+"warmth" = { role = "temperature", unit = "degC" }
+"clock" = { role = "time", unit = "s" }
+"te" = { role = "measured", unit = "arcsec" }
+"te_predicted" = { role = "predicted", unit = "arcsec" }
+"""
+COMPLIANCE = 0.05
+"""[arcsec/Nm]"""
+
+
+def bench(n: int = 240, seed: int = 0) -> pd.DataFrame:
+    rng = np.random.default_rng(seed)
+    torque = rng.uniform(-400.0, 400.0, n)
+    predicted = 0.2 * torque
+    te = predicted + COMPLIANCE * torque + 3.0 + rng.normal(0.0, 2.0, n)
+    warmth, clock = rng.uniform(20.0, 40.0, n), np.arange(n) * 1.0
+    return pd.DataFrame(
+        {"torque": torque, "warmth": warmth, "clock": clock, "te": te, "te_predicted": predicted}
+    )
+
+
+def found(folder: Path, frame: pd.DataFrame, text: str = HEAD) -> GapResult:
+    configuration, table = folder / "gap.toml", folder / "bench.csv"
+    configuration.write_text(text, encoding="utf-8")
+    frame.to_csv(table, index=False)
+    plan = read_gap(configuration)
+    return gap.found(plan, read_data(plan, table))
+
+
+def refused(folder: Path, frame: pd.DataFrame, text: str = HEAD) -> str:
+    with pytest.raises(InputError) as caught:
+        found(folder, frame, text)
+    return str(caught.value)
+
+
+def command(folder: Path, frame: pd.DataFrame, text: str = HEAD) -> Result:
+    (folder / "gap.toml").write_text(text, encoding="utf-8")
+    frame.to_csv(folder / "bench.csv", index=False)
+    words = ["gap", str(folder / "gap.toml"), str(folder / "bench.csv"), "--out"]
+    return CliRunner().invoke(app, [*words, str(folder / "out"), "--quiet"])
+
+
+def test_the_bench_itself_is_named(tmp_path: Path) -> None:
+    result = found(tmp_path, bench())
+    assert result.names == ("torsional_compliance",)
+    (number,) = result.effects[0].parameters
+    assert number.low < COMPLIANCE < number.high
+
+
+def test_missing_column(tmp_path: Path) -> None:
+    ended = command(tmp_path, bench().drop(columns="torque"))
+    assert ended.exit_code == 2
+    assert "bench.csv: column torque is missing" in ended.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_faults_of_configuration_and_output_together(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "old").write_text("x", encoding="utf-8")
+    ended = command(
+        tmp_path,
+        bench(),
+        HEAD.replace('"measured", unit = "arcsec"', '"measured", unit = "kg"') + "[free]\na = 1\n",
+    )
+    assert ended.exit_code == 2
+    assert '"arcsec" does not fit te, which is in "kg"' in ended.output
+    assert "--out" in ended.output
+
+
+def test_units_that_do_not_fit(tmp_path: Path) -> None:
+    said = refused(tmp_path, bench(), HEAD.replace('"N m"', '"mm"'))
+    assert 'columns.torque.unit: must be a unit of torque such as "N m", got "mm"' in said
+
+
+def test_constant_columns_are_said(tmp_path: Path) -> None:
+    result = found(tmp_path, bench().assign(warmth=20.0))
+    assert any("warmth is the same in every row" in note for note in result.notes)
+    assert result.names == ("torsional_compliance",)
+
+
+def test_measured_that_never_changes(tmp_path: Path) -> None:
+    assert "is the same in every row: nothing was measured" in refused(
+        tmp_path, bench().assign(te=1.0)
+    )
+
+
+def test_duplicated_column_names(tmp_path: Path) -> None:
+    said = refused(tmp_path, bench().rename(columns={"warmth": "torque"}))
+    assert "column torque appears 2 times" in said
+
+
+def test_copies_cannot_be_told_apart(tmp_path: Path) -> None:
+    frame = bench()
+    result = found(tmp_path, frame.assign(warmth=frame["torque"]))
+    assert any("warmth is a copy of torque" in n or "torque is a copy of warmth" in n
+               for n in result.notes)  # fmt: skip
+
+
+def test_collinear_columns_are_said(tmp_path: Path) -> None:
+    frame = bench()
+    frame["third"] = 0.3 * frame["torque"] + 4.0 * frame["warmth"]
+    text = HEAD + '"third" = { role = "input", unit = "mm" }\n'
+    result = found(tmp_path, frame, text)
+    assert any("are collinear" in note and "third" in note for note in result.notes)
+
+
+def test_fewer_rows_than_numbers(tmp_path: Path) -> None:
+    assert "has 8 rows" in refused(tmp_path, bench(8))
+
+
+@pytest.mark.parametrize("cell", ["nan", "inf", "-inf", "", "broken"])
+def test_cells_that_are_no_number_are_named(tmp_path: Path, cell: str) -> None:
+    frame = bench().astype(object)
+    frame.loc[6, "te"] = cell
+    said = refused(tmp_path, frame)
+    assert "bench.csv: row 8, column te" in said
+    assert "data.drop_bad_rows" in said
+
+
+def test_bad_rows_are_dropped_if_asked(tmp_path: Path) -> None:
+    frame = bench().astype(object)
+    frame.loc[6, "te"] = "nan"
+    result = found(
+        tmp_path, frame, HEAD.replace("[columns]", "[data]\ndrop_bad_rows = true\n[columns]")
+    )
+    assert any("1 rows" in note and "rows 8" in note for note in result.notes)
+    assert len(result.residuals) == 239
+
+
+def test_time_out_of_order(tmp_path: Path) -> None:
+    frame = bench()
+    mixed = frame.sample(frac=1.0, random_state=1)
+    result = found(tmp_path, mixed)
+    assert any("put in the order of clock" in note for note in result.notes)
+    np.testing.assert_array_equal(result.residuals["te"], frame["te"])
+
+
+def test_time_with_gaps(tmp_path: Path) -> None:
+    frame = bench()
+    frame.loc[120:, "clock"] += 5000.0
+    assert any("broken by 1 gaps" in note for note in found(tmp_path, frame).notes)
+
+
+def test_outliers_are_counted_and_do_not_count(tmp_path: Path) -> None:
+    frame = bench()
+    frame.loc[[10, 60, 200], "te"] += [90.0, -120.0, 400.0]
+    result = found(tmp_path, frame)
+    assert result.gate.outputs[0].outliers == 3
+    assert result.residuals["te_outlier"].sum() == 3
+    assert result.names == ("torsional_compliance",)
+    assert any("3 outliers" in note for note in result.notes)
+
+
+def test_prediction_that_copies_the_measurement(tmp_path: Path) -> None:
+    frame = bench()
+    assert "is a copy of te" in refused(tmp_path, frame.assign(te_predicted=frame["te"]))
+
+
+@pytest.mark.parametrize("content", ["", "torque,warmth,clock,te,te_predicted\n"])
+def test_no_rows(tmp_path: Path, content: str) -> None:
+    (tmp_path / "gap.toml").write_text(HEAD, encoding="utf-8")
+    (tmp_path / "bench.csv").write_text(content, encoding="utf-8")
+    plan = read_gap(tmp_path / "gap.toml")
+    with pytest.raises(InputError):
+        read_data(plan, tmp_path / "bench.csv")
+
+
+def test_noise_of_zero(tmp_path: Path) -> None:
+    frame = bench().assign(te_std=2.0)
+    frame.loc[3, "te_std"] = 0.0
+    said = refused(tmp_path, frame, HEAD + '"te_std" = { role = "std", unit = "arcsec" }\n')
+    assert "row 5, column te_std: must be above 0" in said
+
+
+def test_direction_that_is_none(tmp_path: Path) -> None:
+    frame = bench().assign(way=1.0)
+    frame.loc[0, "way"] = 0.5
+    said = refused(tmp_path, frame, HEAD + '"way" = { role = "direction" }\n')
+    assert "row 2, column way: a direction is +1 or -1" in said
+
+
+def test_outside_of_a_models_range(tmp_path: Path) -> None:
+    (tmp_path / "gap.toml").write_text('model = "manipulator_pose"\n', encoding="utf-8")
+    table = pd.DataFrame({"r_mm": 5000.0, "z_mm": 200.0, "phi_deg": np.linspace(0, 350, 120)})
+    table["dr_mm"] = np.linspace(0.0, 1.0, 120)
+    table.to_csv(tmp_path / "bench.csv", index=False)
+    plan = read_gap(tmp_path / "gap.toml")
+    with pytest.raises(InputError, match="reach"):
+        gap.found(plan, read_data(plan, tmp_path / "bench.csv"))
+
+
+def test_noise_of_something_that_is_not_measured(tmp_path: Path) -> None:
+    said = refused(tmp_path, bench(), HEAD + "[noise]\ntee = 1.0\n")
+    assert "noise.tee: is not a measured output (did you mean `te`?)" in said
+
+
+def test_everything_wrong_is_said_at_once(tmp_path: Path) -> None:
+    text = HEAD.replace("seed = 0", "sed = 0") + "[free]\na = 1\n[settings]\nbootstrap = -1\n"
+    said = refused(tmp_path, bench(), text)
+    for part in ("sed: is not a known key", "free.a", "settings.bootstrap: must be at least 0"):
+        assert part in said
+
+
+def test_same_data_same_file(tmp_path: Path) -> None:
+    ended = command(tmp_path, bench())
+    assert ended.exit_code == 0, ended.output
+    first = (tmp_path / "out" / "gap.json").read_bytes()
+    again = tmp_path / "again"
+    words = ["gap", str(tmp_path / "gap.toml"), str(tmp_path / "bench.csv"), "--out", str(again)]
+    assert CliRunner().invoke(app, [*words, "--quiet", "--workers", "2"]).exit_code == 0
+    assert (again / "gap.json").read_bytes() == first
+    assert json.loads(first)["verdict"] == "named"
+    assert str(tmp_path) not in first.decode()
+
+
+def test_corrected_configuration_simulates(tmp_path: Path) -> None:
+    """The corrected table model adds what was found to the prediction that the table carries."""
+    frame = bench()
+    assert command(tmp_path, frame).exit_code == 0
+    out = tmp_path / "again.csv"
+    frame.drop(columns="te").to_csv(tmp_path / "inputs.csv", index=False)
+    words = ["simulate", str(tmp_path / "out" / "corrected.toml"), str(tmp_path / "inputs.csv")]
+    ended = CliRunner().invoke(app, [*words, "--out", str(out), "--quiet"])
+    assert ended.exit_code == 0, ended.output
+    left = frame["te"] - pd.read_csv(out)["te"]
+    assert left.std() == pytest.approx(2.0, rel=0.15)
+
+
+def test_what_is_in_the_model_already_is_no_gap(tmp_path: Path) -> None:
+    """The corrected model, given back with the same data, has nothing to add."""
+    rng = np.random.default_rng(0)
+    n = 300
+    inputs = pd.DataFrame(
+        {"output_angle_deg": rng.uniform(0, 360, n), "torque_Nm": rng.uniform(-400, 400, n)}
+    )
+    inputs["output_speed_rpm"], inputs["direction"] = rng.uniform(2, 30, n), rng.choice([-1, 1], n)
+    simulated = tmp_path / "te.csv"
+    inputs.to_csv(tmp_path / "inputs.csv", index=False)
+    (tmp_path / "gap.toml").write_text('model = "rv_transmission"\n', encoding="utf-8")
+    words = ["simulate", str(tmp_path / "gap.toml"), str(tmp_path / "inputs.csv")]
+    assert CliRunner().invoke(app, [*words, "--out", str(simulated), "--quiet"]).exit_code == 0
+    frame = pd.read_csv(simulated)
+    frame["te_arcsec"] += 3.0 * inputs["direction"] + rng.normal(0.0, 2.0, n)
+    ended = command(tmp_path, frame, 'model = "rv_transmission"\n[free]\n')
+    assert ended.exit_code == 0, ended.output
+    said = json.loads((tmp_path / "out" / "gap.json").read_text(encoding="utf-8"))
+    assert [one["name"] for one in said["effects"]] == ["friction_hysteresis"]
+    corrected = (tmp_path / "out" / "corrected.toml").read_text(encoding="utf-8") + "[free]\n"
+    assert found(tmp_path, frame, corrected).verdict == "no_gap"
+
+
+def test_intervals_from_the_bootstrap(tmp_path: Path) -> None:
+    result = found(
+        tmp_path, bench(120), HEAD.replace("seed = 0", "seed = 0\n[settings]\nbootstrap = 30")
+    )
+    (effect,) = result.effects
+    (number,) = effect.parameters
+    assert effect.frequency > 0.9
+    assert number.low < COMPLIANCE < number.high
+    assert number.high - number.low == pytest.approx(
+        2 * 1.645 * 2.0 / np.sqrt(120) / 231.0, rel=0.5
+    )

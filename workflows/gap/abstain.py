@@ -1,0 +1,120 @@
+"""Stage 7: whether what is named is the right form, or only something of its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.inputs.distribution import Array
+from ...models.measurable import Role
+from .fit import Fit
+from .generic import PREDICTED, Form
+from .linear import Groups, basis, beside
+from .scan import Left, left_over
+from .select import Search
+
+PRICE = {1: 5.0, 2: -6.0}
+"""What a form without a name must fit better by than so many named effects, to displace them: one
+cause is likelier than two."""
+SMALL = 0.01
+"""Share of what the effects explain below which a remainder is no fault of their form."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Members that keep their name, those that do not, and the forms that are left."""
+
+    kept: tuple[int, ...]
+    lost: tuple[int, ...]
+    left: Left
+    significant: tuple[int, ...]
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """Generic forms in whitened space: columns, what they are, and of which output."""
+
+    white: Groups
+    forms: tuple[Form, ...]
+    outputs: NDArray[np.int64]
+    roles: dict[str, Role]
+
+
+def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
+    """Names that a freer form in the same variable displaces, or leaves much beside, are lost."""
+    left = left_over(fit, search.fitter, generic.white, generic.forms, generic.outputs)
+    explained = max(empty.rss - fit.rss, 0.0)
+    limit = search.thresholds.generic
+    significant = tuple(
+        int(at) for at in left.best
+        if left.evidence[at] > limit and left.gains[at] > SMALL * explained
+    )  # fmt: skip
+    lost = set(_displaced(search, fit, generic))
+    for at in significant[:20]:
+        lost |= _touched(search, fit, generic, at)
+    kept = tuple(k for k in range(len(fit.members)) if k not in lost)
+    return Judged(kept, tuple(sorted(lost)), left, significant)
+
+
+def _displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
+    """The members that one generic form fits better in place of."""
+    count = len(fit.members)
+    worst: tuple[float, Sequence[int]] = (0.0, ())
+    sets = [*((k,) for k in range(count)), *combinations(range(count), 2)]
+    for gone in sets:
+        others = tuple(one for k, one in enumerate(fit.members) if k not in gone)
+        less = search.fitter.fit(others)
+        gains = _gains(search, less, generic)
+        numbers = generic.white.sizes + np.array([_more(form) for form in generic.forms])
+        score = less.score - gains + search.fitter.penalty * numbers + PRICE[len(gone)]
+        score[[form.variable.startswith(PREDICTED) for form in generic.forms]] = np.inf
+        by = fit.score - float(score.min())
+        if by > worst[0]:
+            worst = (by, gone)
+    return worst[1]
+
+
+def _more(form: Form) -> int:
+    """Numbers in a form beside its coefficients: an exponent, an order, a place."""
+    return 1 if form.kind in ("power", "order") or form.detail.startswith("step") else 0
+
+
+def _gains(search: Search, fit: Fit, generic: Remaining) -> Array:
+    parts = [search.fitter.white(one) for one in fit.members]
+    q = basis(np.hstack([search.fitter.base, *parts]))
+    return generic.white.orthonormal(q).gains(fit.residual)
+
+
+def _touched(search: Search, fit: Fit, generic: Remaining, at: int) -> set[int]:
+    """The members that act in the variable of a generic form that is left."""
+    form = generic.forms[at]
+    if form.kind == "order":
+        return {k for k in range(len(fit.members)) if _overlap(search, fit, generic, at, k) > 0.1}
+    variables = {generic.roles.get(name) for name in (form.variable, *form.more)}
+    found = set()
+    for k, one in enumerate(fit.members):
+        mine = acts_in(one.candidate.effect.needs)
+        if (mine - {Role.DIRECTION}) & variables or (mine == {Role.DIRECTION} and form.direction):
+            found.add(k)
+    return found
+
+
+def acts_in(needs: Sequence[Role]) -> set[Role]:
+    """The variables that an effect acts in; force stands for torque."""
+    found = set(needs)
+    if Role.TORQUE in found:
+        found.add(Role.FORCE)
+    return found
+
+
+def _overlap(search: Search, fit: Fit, generic: Remaining, at: int, k: int) -> float:
+    """Share of a member's contribution that lies in the span of a generic form."""
+    mine = beside(search.fitter.white(fit.members[k]) @ fit.coefficients[k], search.fitter.q)
+    span = basis(beside(generic.white.of(at), search.fitter.q))
+    whole = float(np.sum(mine**2))
+    return float(np.sum((span.T @ mine) ** 2)) / max(whole, 1e-300)

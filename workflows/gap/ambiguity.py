@@ -1,0 +1,61 @@
+"""Stage 5: names that the data cannot tell from those that were accepted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .fit import Fit, Member
+from .scan import scan
+from .select import Search
+
+TWIN = 1e-3
+"""Distance below which two names have the same columns."""
+INSTRUMENT = "instrument"
+
+
+@dataclass(frozen=True)
+class Other:
+    """Another fit that the data do not exclude: what stands in it instead of what."""
+
+    fit: Fit
+    names: tuple[str, ...]
+    instead_of: tuple[str, ...]
+    distance: float
+
+
+def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
+    """Fits within the distance of a set, with one name exchanged, or one for two."""
+    found: dict[tuple[tuple[str, ...], tuple[str, ...]], Other] = {}
+    reach = search.settings.set_distance
+    for at in kept:
+        others = fit.without(at)
+        for one in _near(search, others, fit):
+            if one.names[-1] != fit.names[at] and one.score - fit.score <= reach:
+                key = ((one.names[-1],), (fit.names[at],))
+                found[key] = Other(one, *key, one.score - fit.score)
+    if len(fit.members) == 2:
+        for one in _near(search, (), fit):
+            if one.score - fit.score <= reach:
+                found[one.names, fit.names] = Other(one, one.names, fit.names,
+                                                    one.score - fit.score)  # fmt: skip
+    return sorted(found.values(), key=lambda one: one.distance)
+
+
+def _near(search: Search, others: Sequence[Member], fit: Fit) -> list[Fit]:
+    """Fits with one more beside `others`, about as good as `fit`."""
+    return search.refined(others, scan(search.fitter, search.white, search.book, others))
+
+
+def instrument_first(search: Search, fit: Fit, found: Sequence[Other]) -> Fit | None:
+    """The fit with the instrument's name where it has the same columns as an effect's.
+
+    What may be the instrument is not called physics.
+    """
+    for one in found:
+        new, old = one.fit.members[-1].candidate, one.instead_of
+        mine = next(m.candidate for m in fit.members if m.name == old[0])
+        same = abs(one.distance) < TWIN and len(old) == 1
+        if same and new.effect.family == INSTRUMENT and mine.effect.family != INSTRUMENT:
+            return one.fit
+    return None

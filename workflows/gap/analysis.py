@@ -1,0 +1,203 @@
+"""The whole loop on one set of readings: noise, thresholds, names, rivals, what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.effects.compose import Active, acting, changes_of
+from ...models.inputs.distribution import Array
+from ...models.measurable import Role
+from .abstain import Judged, Remaining, judged
+from .ambiguity import Other, instrument_first, rivals
+from .blocks import block_labels
+from .close import corrected
+from .estimate import estimated, remainders
+from .fit import Fit, Fitter
+from .generic import stacked
+from .linear import Groups, joined
+from .noise import Noise
+from .population import Scatter, scatter
+from .scan import Dictionary, Thresholds, dictionary, left_over, thresholds
+from .select import Search, Selection, select
+from .setup import Setup, moved_to, values_of
+from .space import Space
+
+WANDERING = 0.4
+"""Autocorrelation from which it is asked whether the noise is noise."""
+ROUNDS = 2
+"""How often the noise is estimated again with what was named."""
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """What the loop found, before it is put into records."""
+
+    setup: Setup
+    noises: tuple[Noise, ...]
+    search: Search
+    generic: Remaining
+    empty: Fit
+    selection: Selection
+    judged: Judged
+    others: tuple[Other, ...]
+    significant: bool
+    scatter: tuple[Scatter, ...] = ()
+
+    @property
+    def fit(self) -> Fit:
+        """The fit with every name that was accepted, those that were lost included."""
+        return self.selection.fit
+
+
+def analysed(setup: Setup) -> Analysis:
+    """The loop, with the noise estimated again beside what was named."""
+    noises = noise_of(setup, ())
+    book = dictionary(setup.library, setup.columns, _spread(noises))
+    forms, which = stacked(setup.generic, len(setup.data.outputs))
+    raw = joined(forms, [False] * len(forms))
+    search, generic = searching(setup, noises, book, raw, which, None)
+    found = select(search)
+    if max(one.rho for one in noises) > WANDERING:
+        found, noises, search, generic = _not_noise(
+            setup, (found, noises, search, generic), (book, raw, which)
+        )
+    for _ in range(ROUNDS if found.fit.members else 0):
+        if setup.free:
+            setup = _about(setup, search, found.fit)
+            book = dictionary(setup.library, setup.columns, _spread(noises))
+            fitter = searching(setup, noises, book, raw, which, search.thresholds)[0].fitter
+            found = replace(found, fit=fitter.refined(found.fit.members))
+        noises = noise_of(setup, _contributions(setup, found.fit))
+        search, generic = searching(setup, noises, book, raw, which, search.thresholds)
+        before, found = found.fit.names, select(search)
+        if found.fit.names == before:
+            break
+    return concluded(setup, noises, search, generic, found)
+
+
+def _about(setup: Setup, search: Search, fit: Fit) -> Setup:
+    """The setup about the joint fit, found in the full model: where columns are taken matters."""
+    model = corrected(setup, search.fitter.space, fit)
+    active = [Active(one.candidate.effect, model.effect(one.name)) for one in model.members]
+    changes = changes_of(acting(active, setup.data.readings, setup.data.target))
+    return moved_to(setup, {**setup.at, **model.free()}, changes)
+
+
+State = tuple[Selection, tuple[Noise, ...], Search, Remaining]
+
+
+def _not_noise(
+    setup: Setup, now: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
+) -> State:
+    """The state with names found as if the noise were white, where that is likelier by far.
+
+    A strong effect along the path of the measurement looks like noise that wanders.
+    """
+    found, noises, search, _ = now
+    white = tuple(replace(one, rho=0.0) for one in noises)
+    other, _ = searching(setup, white, *columns, search.thresholds)
+    tried = select(other, quick=True)
+    if not tried.fit.members:
+        return now
+    anew = noise_of(setup, _contributions(setup, tried.fit))
+    again, generic = searching(setup, anew, *columns, search.thresholds)
+    fit = again.fitter.refined(tried.fit.members)
+    better = _minus_log(found.fit, search) - _minus_log(fit, again)
+    if better < search.thresholds.library:
+        return now
+    return select(again), anew, again, generic
+
+
+def _minus_log(fit: Fit, search: Search) -> float:
+    """Minus twice the log likelihood, and the price of the names."""
+    total = fit.score - fit.rss
+    n = search.fitter.space.readings
+    for at, noise in enumerate(search.fitter.space.noises):
+        left = fit.residual[at * n : (at + 1) * n]
+        total += n * np.log(float(left @ left) / n) + 2.0 * float(np.sum(np.log(noise.sigma)))
+        total += (n - 1) * np.log(1.0 - noise.rho**2)
+    return total
+
+
+def concluded(
+    setup: Setup, noises: Sequence[Noise], search: Search, generic: Remaining, found: Selection
+) -> Analysis:
+    """Rivals, forms that displace names, and what is left."""
+    empty = search.fitter.fit(())
+    verdict = judged(search, found.fit, generic, empty)
+    others = rivals(search, found.fit, verdict.kept)
+    first = instrument_first(search, found.fit, others)
+    if first is not None:
+        found = Selection(first, found.steps, found.rejected, found.improvements)
+        verdict = judged(search, first, generic, empty)
+        others = rivals(search, first, verdict.kept)
+    left = left_over(empty, search.fitter, generic.white, generic.forms, generic.outputs)
+    seen = bool(left.evidence.max(initial=0.0) > search.thresholds.generic)
+    wider = scatter(setup, found.fit, setup.on_scatter)
+    return Analysis(setup, tuple(noises), search, generic, empty, found, verdict, tuple(others),
+                    bool(found.fit.members or wider) or seen, wider)  # fmt: skip
+
+
+def searching(
+    setup: Setup, noises: Sequence[Noise], book: Dictionary, raw: Groups,
+    which: NDArray[np.int64],
+    known: Thresholds | None,
+) -> tuple[Search, Remaining]:  # fmt: skip
+    """The search in the space of this noise."""
+    plan = setup.plan
+    space = Space(tuple(noises), setup.prior)
+    fitter = Fitter(space, setup.residual, setup.base, setup.columns, setup.offset)
+    white = book.white(space)
+    generic = Groups(space.whiten(raw.columns), raw.starts, raw.one_sided)
+    if known is None:
+        rng = np.random.default_rng([plan.seed, 2])
+        known = thresholds(white, generic, fitter.q, plan.settings.simulations,
+                           plan.settings.false_rate, rng)  # fmt: skip
+    labels = np.tile(block_labels(setup.data), len(setup.data.outputs))
+    roles = {c.name: c.role for c in setup.data.target.columns}
+    forms = tuple(setup.forms) * len(setup.data.outputs)
+    return (
+        Search(fitter, book, white, known, labels, plan.settings),
+        Remaining(generic, forms, which, roles),
+    )
+
+
+def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
+    """The noise of each output beside the model and the effects' columns (N, m)."""
+    outputs = setup.data.outputs
+    q = len(outputs)
+    kept = [np.column_stack(parts) for parts in zip(
+        *(np.split(x, q) for x in (setup.base, *contributions)), strict=True)]  # fmt: skip
+    of = remainders(
+        np.split(setup.residual, q),
+        kept,
+        setup.forms,
+        setup.generic,
+        values_of(setup.data),
+        [c.name for c in setup.data.inputs if c.role is Role.TIME],
+        setup.data.repeats,
+        [_known(setup, output.name) for output in outputs],
+    )
+    return tuple(estimated(one) for one in of)
+
+
+def _known(setup: Setup, name: str) -> tuple[Array, str] | None:
+    """The noise (n,) that the table or the configuration states, and which of them."""
+    if name in setup.data.std:
+        return setup.data.std[name], "column"
+    if name in setup.plan.noise:
+        return np.full(len(setup.data), setup.plan.noise[name]), "configuration"
+    return None
+
+
+def _contributions(setup: Setup, fit: Fit) -> list[Array]:
+    """Columns of the members in the outputs' units."""
+    return [setup.columns.of(one.candidate, one.shape) for one in fit.members]
+
+
+def _spread(noises: Sequence[Noise]) -> float:
+    return float(max(one.level for one in noises))

@@ -1,0 +1,175 @@
+"""Stage 9: the corrected model, all its numbers fitted together with the effects inside of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import optimize, stats
+
+from ...models.effects.compose import Active, acting, added, changes_of
+from ...models.inputs.distribution import Array
+from .data import GapData
+from .fit import Fit, Member
+from .plan import GapPlan
+from .setup import Setup, nominal, predictor
+from .space import Space
+
+
+@dataclass(frozen=True)
+class Number:
+    """One fitted number: of the free parameters, a zero of an output, or an effect's parameter."""
+
+    kind: str
+    owner: str
+    name: str
+    low: float
+    high: float
+    scale: float
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """The corrected model: `values` (k,) of its `numbers`, their standard errors, and how it
+    predicts.
+    """
+
+    plan: GapPlan
+    members: tuple[Member, ...]
+    numbers: tuple[Number, ...]
+    values: Array
+    errors: Array
+    freedom: int
+
+    def free(self) -> dict[str, float]:
+        """Recalibrated parameters of the model by name."""
+        return {one.name: float(value) for one, value in self._of("free")}
+
+    def effect(self, name: str) -> dict[str, float]:
+        """Parameters of an effect by name."""
+        member = next(one for one in self.members if one.name == name)
+        found = {k.name: float(member.shape[k.name]) for k in member.candidate.shape if k.choices}
+        return found | {one.name: float(v) for one, v in self._of("effect") if one.owner == name}
+
+    def interval(self, owner: str, name: str) -> tuple[float, float]:
+        """Its linearised interval, within its bounds; nan where it was not fitted."""
+        half = float(stats.t.ppf(0.5 + 0.5 * self.plan.settings.interval, self.freedom))
+        for one, value, error in zip(self.numbers, self.values, self.errors, strict=True):
+            if (one.owner, one.name) == (owner, name):
+                ends = np.clip([value - half * error, value + half * error], one.low, one.high)
+                return float(ends[0]), float(ends[1])
+        return float("nan"), float("nan")
+
+    def _of(self, kind: str) -> list[tuple[Number, float]]:
+        pairs = zip(self.numbers, self.values.tolist(), strict=True)
+        return [(one, value) for one, value in pairs if one.kind == kind]
+
+    def predicted(self, data: GapData, values: Array | None = None) -> dict[str, Array]:
+        """Every measured output (n,) at rows of data."""
+        at = self if values is None else replace(self, values=values)
+        active = [Active(one.candidate.effect, at.effect(one.name)) for one in self.members]
+        actions = acting(active, data.readings, data.target)
+        means = {} if at.plan.model is None else at._means(data)
+        outputs = at._model(data, changes_of(actions))
+        for one, value in at._of("zero"):
+            outputs[one.name] = outputs[one.name] + value
+        return added(outputs, actions, means, np.random.default_rng(self.plan.seed))
+
+    def _model(self, data: GapData, changes: Mapping[str, Array]) -> dict[str, Array]:
+        plan = self.plan
+        if plan.rebuild is None:
+            return dict(data.predicted)
+        model = plan.rebuild(self.free()) if self.free() else plan.model
+        assert model is not None
+        found = predictor(plan, data, model)(changes)
+        return {o.name: found[o.name] for o in data.outputs}
+
+    def _means(self, data: GapData) -> Mapping[str, float]:
+        return self.plan.model.means() if self.plan.model and data.target.population else {}
+
+
+def corrected(setup: Setup, space: Space, fit: Fit) -> Corrected:
+    """The joint fit carried into the full model: nonlinear least squares from the linear one.
+
+    Where the model itself is recalibrated, every reading counts the same: its own faults are no
+    noise, and weights made of them would pull. The errors are then those of the noise as it is.
+    """
+    numbers, start = _numbers(setup, fit)
+    found = Corrected(setup.plan, fit.members, numbers, start, np.full(len(start), np.nan), 1)
+    scale = np.array([one.scale for one in numbers])
+    used = space.plain() if setup.free else space
+    low = np.array([one.low for one in numbers]) / scale
+    high = np.array([one.high for one in numbers]) / scale
+    x = np.clip(start / scale, low + 1e-9 * (high > low), high - 1e-9 * (high > low))
+    jacobian = np.zeros((space.readings * len(space.noises) + space.prior, 0))
+    if len(x):
+        again = optimize.least_squares(_residual(setup, used, found, scale), x, bounds=(low, high),
+                                       max_nfev=12, diff_step=[1e-4])  # fmt: skip
+        x, jacobian = again.x, np.asarray(again.jac)
+    errors = np.sqrt(np.maximum(np.diag(_covariance(jacobian, space, used)), 0.0)) * scale
+    freedom = max(space.count - len(numbers), 1)
+    return replace(found, values=x * scale, errors=errors, freedom=freedom)
+
+
+def _residual(
+    setup: Setup, space: Space, model: Corrected, scale: Array
+) -> Callable[[Array], Array]:
+    """Whitened residual (N,) and distance from the tolerances, of numbers (k,) in their scale."""
+    measured = np.concatenate([setup.data.measured[o.name] for o in setup.data.outputs])
+    free = np.array([one.kind == "free" for one in model.numbers], dtype=bool)
+    middle = np.array([nominal(setup.plan, one.name) if one.kind == "free" else 0.0
+                       for one in model.numbers])  # fmt: skip
+
+    def residual(x: Array) -> Array:
+        predicted = model.predicted(setup.data, x * scale)
+        white = space.whiten(
+            measured - np.concatenate([predicted[o.name] for o in setup.data.outputs])
+        )
+        white[len(white) - space.prior :] = ((middle - x * scale) / scale)[free]
+        return white
+
+    return residual
+
+
+def _covariance(jacobian: Array, space: Space, used: Space) -> Array:
+    """Of numbers fitted in the space `used`, with the noise of `space`: the sandwich formula."""
+    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
+    if used is space:
+        return np.asarray(inverse)
+    n = space.readings
+    middle = jacobian[len(jacobian) - space.prior :].T @ jacobian[len(jacobian) - space.prior :]
+    for at, (real, plain) in enumerate(zip(space.noises, used.noises, strict=True)):
+        part = real.coloured(jacobian[at * n : (at + 1) * n] / plain.sigma[:, None])
+        middle = middle + part.T @ part
+    return np.asarray(inverse @ middle @ inverse)
+
+
+def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:
+    """What is fitted, and where the linear fit has it."""
+    numbers: list[Number] = []
+    start: list[float] = []
+    for at, name in enumerate(setup.free):
+        half, middle = setup.plan.free[name], nominal(setup.plan, name)
+        here = setup.at[name] + half * float(fit.free[at])
+        numbers.append(Number("free", "", name, middle - half, middle + half, half))
+        start.append(float(np.clip(here, middle - 0.99 * half, middle + 0.99 * half)))
+    for at, name in enumerate(setup.data.zeros):
+        value = float(fit.free[len(setup.free) + at])
+        numbers.append(Number("zero", "", name, -np.inf, np.inf, max(abs(value), 1e-6)))
+        start.append(value)
+    for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
+        values = member.candidate.values(member.shape, coefficients)
+        for one in (*member.candidate.linear, *member.candidate.shape):
+            if one.choices:
+                continue
+            value = values[one.name]
+            size = abs(value) or _size(member, values) or 1.0
+            numbers.append(Number("effect", member.name, one.name, one.low, one.high, size))
+            start.append(value)
+    return tuple(numbers), np.array(start, dtype=float)
+
+
+def _size(member: Member, values: Mapping[str, float]) -> float:
+    """A scale for a coefficient that is zero: that of its largest neighbour."""
+    return max((abs(values[one.name]) for one in member.candidate.linear), default=0.0)

@@ -1,0 +1,54 @@
+"""What the columns of a table allow to be told apart."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...models.measurable import Column
+
+CLOSE = 0.98
+"""Correlation above which two columns carry the same."""
+
+
+def alike(one: pd.Series[Any], other: pd.Series[Any]) -> bool:
+    """Whether two columns of numbers are equal but for rounding."""
+    a, b = one.to_numpy(dtype=float), other.to_numpy(dtype=float)
+    spread = max(float(np.ptp(a)), float(np.abs(a).max(initial=0.0)) * 1e-6)
+    return bool(np.abs(a - b).max(initial=0.0) <= 1e-9 * spread)
+
+
+def told_apart(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
+    """Sentences about columns that are constant, equal, or follow each other."""
+    numbers = [c.name for c in columns if not c.text and str(c.role) != "repeat"]
+    still = [name for name in numbers if np.ptp(frame[name].to_numpy(dtype=float)) == 0.0]
+    notes = [f"{name} is the same in every row: effects that depend on it cannot be seen"
+             for name in still]  # fmt: skip
+    moving = [name for name in numbers if name not in still]
+    if len(moving) < 2:
+        return notes
+    values = np.argsort(np.argsort(frame[moving].to_numpy(dtype=float), axis=0), axis=0)
+    size = np.atleast_2d(np.abs(np.corrcoef(values, rowvar=False)))
+    close = [(i, k) for i, k in combinations(range(len(moving)), 2) if size[i, k] > CLOSE]
+    for i, k in close:
+        one, other = moving[i], moving[k]
+        same = "is a copy of" if alike(frame[one], frame[other]) else "follows"
+        notes.append(f"{one} {same} {other}: what depends on the one cannot be told from what "
+                     "depends on the other")  # fmt: skip
+    if not close:
+        notes += _collinear(frame[moving])
+    return notes
+
+
+def _collinear(frame: pd.DataFrame) -> list[str]:
+    """A sentence about columns that together make up another one."""
+    scaled = (frame - frame.mean()) / frame.std()
+    values, vectors = np.linalg.eigh(np.corrcoef(scaled.to_numpy(dtype=float), rowvar=False))
+    if values[0] > 1e-3:
+        return []
+    mine = [name for name, x in zip(frame.columns, vectors[:, 0], strict=True) if abs(x) > 0.1]
+    return [f"{', '.join(mine)} are collinear: what depends on one cannot be told from what "
+            "depends on the others together"]  # fmt: skip

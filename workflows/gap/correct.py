@@ -1,0 +1,59 @@
+"""`corrected.toml`: the model as recalibrated, with its effects, for `simulate` and `run`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import deepcopy
+from typing import Any
+
+import tomli_w
+
+from .close import Corrected
+from .plan import GapPlan
+from .population import Scatter
+
+
+def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...] = ()) -> str:
+    """The run configuration (where there is one) with model, parameters and effects."""
+    found: dict[str, Any] = deepcopy(dict(plan.run))
+    if not found:
+        found = {k: deepcopy(v) for k, v in plan.tables.items() if k != "effect"}
+    found["model"] = plan.model_name
+    found.setdefault("seed", plan.seed)
+    parameters = dict(found.get("parameters", {})) | _given(plan)
+    for name, value in model.free().items():
+        table, dot, key = name.partition(".")
+        if dot:
+            parameters[table] = {**parameters.get(table, {}), key: value}
+        else:
+            parameters[name] = value
+    if parameters:
+        found["parameters"] = _plain(parameters)
+    more = [{"name": one.name, "parameters": model.effect(one.name)} for one in model.members]
+    more += [{"name": one.candidate.name, "parameters": one.numbers} for one in scatter]
+    effects = [*found.get("effect", []), *plan.tables.get("effect", []), *more]
+    if effects:
+        found["effect"] = effects
+    if plan.model is None:
+        found |= {"columns": {name: _column(one) for name, one in plan.columns.items()}}
+    scalars = {k: v for k, v in found.items() if not isinstance(v, dict | list)}
+    return tomli_w.dumps(_plain({**scalars, **found}))
+
+
+def _given(plan: GapPlan) -> dict[str, Any]:
+    """Parameters of the model that the configuration set."""
+    return dict(plan.given)
+
+
+def _column(one: Any) -> dict[str, str]:
+    parts = {"role": one.role, "unit": one.unit, "of": one.of}
+    return {key: value for key, value in parts.items() if value}
+
+
+def _plain(value: Any) -> Any:
+    """Values as TOML has them."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items() if one is not None}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return value.item() if hasattr(value, "item") else value

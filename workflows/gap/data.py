@@ -1,0 +1,162 @@
+"""The data of a gap analysis: a checked table in the order of measuring, and its meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...declarations import Output
+from ...models.effects import Readings, Target
+from ...models.effects.readings import readings_of, target_from
+from ...models.inputs.distribution import Array
+from ...models.measurable import Column, Role
+from ...units import converted, dimension
+from .plan import GapPlan
+
+
+@dataclass(frozen=True)
+class GapData:
+    """Rows (n,) in the order of measuring.
+
+    `measured` holds each output (n,) in its unit, `predicted` the prediction that the table itself
+    carries, `std` the noise that it states; `rows` are the line numbers in the file, `blocks` the
+    labels of the column that the configuration validates by, `repeats` the label of equal inputs.
+    """
+
+    target: Target
+    readings: Readings
+    measured: Mapping[str, Array]
+    predicted: Mapping[str, Array]
+    std: Mapping[str, Array]
+    rows: NDArray[np.int64]
+    blocks: NDArray[Any] | None = None
+    repeats: NDArray[Any] | None = None
+    zeros: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """The outputs that were measured."""
+        return self.target.outputs
+
+    @property
+    def inputs(self) -> tuple[Column, ...]:
+        """The input columns that hold numbers and vary."""
+        table = self.readings.table
+        return tuple(
+            c for c in self.target.columns if not c.text and np.ptp(np.asarray(table[c.name])) > 0
+        )
+
+    def some(self, rows: NDArray[np.int64]) -> GapData:
+        """The same data at some of the rows."""
+        return replace(
+            self,
+            readings=readings_of(
+                self.target.columns,
+                {name: values[rows] for name, values in self.readings.table.items()},
+            ),
+            measured={name: values[rows] for name, values in self.measured.items()},
+            predicted={name: values[rows] for name, values in self.predicted.items()},
+            std={name: values[rows] for name, values in self.std.items()},
+            rows=self.rows[rows],
+            blocks=None if self.blocks is None else self.blocks[rows],
+            repeats=None if self.repeats is None else self.repeats[rows],
+        )
+
+
+def assembled(
+    plan: GapPlan,
+    frame: pd.DataFrame,
+    columns: tuple[Column, ...],
+    outputs: tuple[Output, ...],
+    predictions: Mapping[str, str],
+    stds: Mapping[str, str],
+    notes: list[str],
+) -> GapData:
+    """The data from a typed, checked table.
+
+    `predictions` and `stds` name the column of an output; both are brought to the output's unit.
+    """
+    frame = _in_time(frame, columns, notes)
+    table = {c.name: frame[c.name].to_numpy() for c in columns}
+    units = {o.name: o.unit for o in outputs}
+    changeable = () if plan.model is None else plan.model.changeable
+    population = plan.model is not None and plan.model.population
+    target = target_from(plan.model_name, outputs, columns, table, changeable, population)
+    if plan.model is not None:
+        target = replace(target, several=len(plan.model.outputs) > 1)
+    return GapData(
+        target=target,
+        readings=readings_of(columns, table),
+        measured={name: frame[name].to_numpy(dtype=float) for name in units},
+        predicted={
+            name: _converted(frame[column], _unit(plan, column, units[name]), units[name])
+            for name, column in predictions.items()
+        },
+        std={
+            name: _converted(frame[column], _unit(plan, column, units[name]), units[name], True)
+            for name, column in stds.items()
+        },
+        rows=frame.index.to_numpy(),
+        blocks=None if plan.blocks == "auto" else frame[plan.blocks].to_numpy(),
+        repeats=_repeats(frame, columns),
+        zeros=_zeros(target),
+        notes=tuple(notes),
+    )
+
+
+def _unit(plan: GapPlan, column: str, unit: str) -> str:
+    given = plan.columns.get(column)
+    return unit if given is None or not given.unit else given.unit
+
+
+def _converted(values: pd.Series[Any], unit: str, wanted: str, scale_only: bool = False) -> Array:
+    numbers = values.to_numpy(dtype=float)
+    zero = converted(0.0, unit, wanted) if scale_only else 0.0
+    return np.asarray(converted(numbers, unit, wanted) - zero, dtype=float)
+
+
+def _in_time(frame: pd.DataFrame, columns: tuple[Column, ...], notes: list[str]) -> pd.DataFrame:
+    """The rows in the order of measuring."""
+    time = next((c.name for c in columns if c.role is Role.TIME), None)
+    if time is None:
+        return frame
+    steps = np.diff(frame[time].to_numpy())
+    if (steps < 0).any():
+        count = int((steps < 0).sum())
+        notes.append(f"{time} goes back {count} times; the rows were put in the order of {time}")
+        frame = frame.sort_values(time, kind="stable")
+        steps = np.diff(frame[time].to_numpy())
+    if same := int((steps == 0).sum()):
+        notes.append(f"{time} stands still at {same} rows: their order is that of the file")
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    if usual > 0 and (gaps := int((steps > 10 * usual).sum())):
+        notes.append(f"{time} is broken by {gaps} gaps of more than 10 usual steps")
+    return frame
+
+
+def _repeats(frame: pd.DataFrame, columns: tuple[Column, ...]) -> NDArray[Any] | None:
+    """A label of equal inputs, where the table says that readings were repeated."""
+    if not any(c.role is Role.REPEAT for c in columns):
+        return None
+    same = [c.name for c in columns if c.role not in (Role.TIME, Role.REPEAT)]
+    return frame.groupby(same, sort=False, dropna=False).ngroup().to_numpy()
+
+
+def _zeros(target: Target) -> tuple[str, ...]:
+    """The outputs whose zero is always free: angles, twists, transmission errors."""
+    if target.population:
+        return ()
+    return tuple(o.name for o in target.outputs if _is_angle(o.unit))
+
+
+def _is_angle(unit: str) -> bool:
+    return dimension(unit) == dimension("rad")

@@ -1,0 +1,171 @@
+"""Estimates the noise of each output beside the model, what is named, and any smooth remainder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.inputs.distribution import Array
+from .generic import Form, groups_of
+from .linear import Groups, basis, beside
+from .noise import Noise, autocorrelation, outliers, robust_scale, scale_left, size_follows
+from .scan import evidence
+
+CERTAIN = 14.0
+"""Evidence from which a generic form is taken out before the noise is estimated."""
+PASSES = 2
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """One output: its residual (n,), the columns (n, k) that may explain it and are kept, generic
+    forms, the inputs by name, labels of repeats, and the noise where it is known.
+    """
+
+    residual: Array
+    kept: Array
+    forms: tuple[Form, ...]
+    generic: Groups
+    inputs: Mapping[str, Array]
+    slow: tuple[bool, ...]
+    repeats: NDArray[np.int64] | None = None
+    known: Array | None = None
+    source: str = "estimated"
+
+
+def estimated(of: Remainder) -> Noise:
+    """The noise of one output."""
+    n = len(of.residual)
+    kept = np.column_stack([of.kept, _slow(n)])
+    sigma = np.ones(n) if of.known is None else of.known
+    noise = Noise(sigma * _first_scale(of, kept, sigma), of.source)
+    chosen = kept
+    for _ in range(PASSES):
+        noise, chosen = _improved(of, kept, noise)
+    return _scaled(of, chosen, noise)
+
+
+def _slow(n: int) -> Array:
+    """A slow curve along the order of measuring."""
+    x = np.linspace(-1.0, 1.0, n)
+    return np.column_stack([np.ones(n), x, x * x, x**3])
+
+
+def _first_scale(of: Remainder, kept: Array, sigma: Array) -> float:
+    q = basis(kept / sigma[:, None])
+    return max(robust_scale(beside(of.residual / sigma, q)), 1e-300)
+
+
+def _improved(of: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
+    """One pass: forms taken out, then outliers, size and autocorrelation of what is left."""
+    whole, trend = _with_forms(of, kept, noise, True)
+    tried = [(_one(of, whole, noise), whole)]
+    if trend:  # a trend, or noise that wanders: what is likelier
+        plain, _ = _with_forms(of, kept, noise, False)
+        tried.append((_one(of, plain, noise), plain))
+    scores = [_likelihood(of.residual, chosen, one) for one, chosen in tried]
+    return tried[int(np.argmax(scores))]
+
+
+def _one(of: Remainder, chosen: Array, noise: Noise) -> Noise:
+    white = replace(noise, rho=0.0, good=None)
+    left = of.residual - _fitted(of.residual, chosen, white)
+    good = outliers(left, noise.sigma)
+    found = replace(white, good=None if good.all() else good)
+    if of.known is None:
+        follows = size_follows(left, of.inputs, good)
+        if follows is not None:
+            found = replace(found, varies_with=follows[0], sigma=follows[1])
+        count = max(int(good.sum()) - basis(white.whiten(chosen)).shape[1], 1)
+        size = np.sqrt(np.sum((left[good] / found.sigma[good]) ** 2) / count)
+        found = replace(found, sigma=found.sigma * size)
+    return replace(found, rho=autocorrelation(of.residual, chosen, found))
+
+
+def _fitted(residual: Array, chosen: Array, noise: Noise) -> Array:
+    """A fit that outliers do not pull: they are clipped, and it is fitted again."""
+    x = noise.whiten(chosen)
+    y = noise.whiten(residual)
+    q = basis(x)
+    for _ in range(4):
+        fit = q @ (q.T @ y)
+        limit = 2.5 * max(robust_scale(noise.whiten(residual) - fit), 1e-12)
+        y = fit + np.clip(noise.whiten(residual) - fit, -limit, limit)
+    return np.asarray(q @ (q.T @ y) * noise.sigma)
+
+
+def _with_forms(of: Remainder, kept: Array, noise: Noise, trends: bool) -> tuple[Array, bool]:
+    """The columns kept, and those of forms that are certainly there, one after another; also
+    whether a trend is among them.
+    """
+    allowed = np.array([trends or not slow for slow in of.slow], dtype=bool)
+    if not allowed.any():
+        return kept, False
+    which = np.flatnonzero(allowed)
+    groups, trend = of.generic.some(which), False
+    white = Groups(noise.whiten(groups.columns), groups.starts, groups.one_sided)
+    y, chosen = noise.whiten(of.residual), kept
+    while chosen.shape[1] < max(len(y) // 5, kept.shape[1] + 2):
+        q = basis(noise.whiten(chosen))
+        left = beside(y, q)
+        scale = left @ left / (len(y) - q.shape[1])
+        beside_q = white.orthonormal(q)
+        level = evidence(beside_q, beside_q.gains(left) / scale)
+        best = int(np.argmax(level))
+        if level[best] < CERTAIN:
+            break
+        chosen = np.column_stack([chosen, groups.of(best)])
+        trend |= of.slow[int(which[best])]
+    return chosen, trend
+
+
+def _likelihood(residual: Array, chosen: Array, noise: Noise) -> float:
+    """Log likelihood less half ln n per column, but for a constant."""
+    q = basis(noise.whiten(chosen))
+    left = beside(noise.whiten(residual), q)
+    n = len(residual)
+    spread = -0.5 * (n - 1) * np.log(1.0 - noise.rho**2) - float(np.sum(np.log(noise.sigma)))
+    return float(spread - 0.5 * n * np.log(left @ left / n) - 0.5 * np.log(n) * q.shape[1])
+
+
+def _scaled(of: Remainder, chosen: Array, noise: Noise) -> Noise:
+    """The noise at its final size; repeats say it best."""
+    if of.known is not None:
+        return replace(noise, sigma=of.known)
+    pure = _pure(of)
+    if pure is not None:
+        level = np.sqrt(np.mean(noise.sigma**2))
+        return replace(noise, sigma=noise.sigma * pure / level, source="repeats")
+    q = basis(noise.whiten(chosen))
+    left = beside(noise.whiten(of.residual), q)
+    return replace(noise, sigma=noise.sigma * scale_left(left, q.shape[1]))
+
+
+def _pure(of: Remainder) -> float | None:
+    """Standard deviation between repeats of the same inputs, where there are ten or more."""
+    if of.repeats is None:
+        return None
+    _, number, count = np.unique(of.repeats, return_inverse=True, return_counts=True)
+    freedom = int(np.sum(count - 1))
+    if freedom < 10:
+        return None
+    means = np.bincount(number, of.residual) / count
+    return float(np.sqrt(np.sum((of.residual - means[number]) ** 2) / freedom))
+
+
+def remainders(
+    residuals: Sequence[Array], kept: Sequence[Array], forms: tuple[Form, ...],
+    generic: list[Array], inputs: Mapping[str, Array], trends: Sequence[str],
+    repeats: NDArray[np.int64] | None, known: Sequence[tuple[Array, str] | None],
+) -> list[Remainder]:  # fmt: skip
+    """One record per output."""
+    groups = groups_of(generic)
+    slow = tuple(form.variable in trends for form in forms)
+    return [
+        Remainder(residual, columns, forms, groups, inputs, slow, repeats,
+                  None if given is None else given[0], "estimated" if given is None else given[1])
+        for residual, columns, given in zip(residuals, kept, known, strict=True)
+    ]  # fmt: skip

@@ -1,0 +1,181 @@
+"""Joint fits of the model's free parameters and any effects, in whitened space."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import optimize
+
+from ...models.inputs.distribution import Array
+from .library import Candidate, Columns
+from .linear import basis, beside
+from .space import Space
+
+
+@dataclass(frozen=True)
+class Member:
+    """An effect in a fit, with its nonlinear parameters."""
+
+    candidate: Candidate
+    shape: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The effect's name."""
+        return self.candidate.name
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A joint fit: squared whitened residual `rss`, and the coefficients of each member.
+
+    `score` is rss and the price of the effects' numbers. `residual` is whitened, with the prior.
+    """
+
+    members: tuple[Member, ...]
+    rss: float
+    score: float
+    coefficients: tuple[Array, ...]
+    free: Array
+    residual: Array = field(repr=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects in it."""
+        return tuple(one.name for one in self.members)
+
+    def without(self, at: int) -> tuple[Member, ...]:
+        """All members but one."""
+        return self.members[:at] + self.members[at + 1 :]
+
+
+class Fitter:
+    """Fits in one space; columns of effects are kept while they are asked for again."""
+
+    def __init__(
+        self, space: Space, y: Array, base: Array, columns: Columns, offset: Array
+    ) -> None:
+        self.space = space
+        self.columns = columns
+        self.y = space.whiten(y)
+        self.y[len(self.y) - space.prior :] = offset
+        self.raw_base = base
+        self.base = space.with_prior(base)
+        self.q = basis(self.base)
+        self.y_left = beside(self.y, self.q)
+        self._kept: dict[tuple[str, tuple[float, ...]], Array] = {}
+
+    def of_record(self, y: Array) -> Fitter:
+        """The same for another whitened record (N,)."""
+        found = copy(self)
+        found.y, found.y_left = y, beside(y, self.q)
+        return found
+
+    @property
+    def penalty(self) -> float:
+        """ln n, what a further parameter must gain."""
+        return float(np.log(self.space.count))
+
+    def white(self, member: Member) -> Array:
+        """Whitened columns (N, m) of a member."""
+        key = (member.name, tuple(member.shape.values()))
+        if key not in self._kept:
+            if len(self._kept) > 400:
+                self._kept.clear()
+            self._kept[key] = self.space.whiten(self.columns.of(member.candidate, member.shape))
+        return self._kept[key]
+
+    def fit(self, members: Sequence[Member]) -> Fit:
+        """The fit of these members, their nonlinear parameters as they are."""
+        parts = [self.white(one) for one in members]
+        x = np.hstack([self.base, *parts])
+        size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
+        low, high = self._bounds(members)
+        found, *_ = np.linalg.lstsq(x / size, self.y, rcond=1e-9)
+        found = found / size
+        if (found < low).any() or (found > high).any():
+            found = optimize.lsq_linear(x / size, self.y, (low * size, high * size)).x / size
+        residual = self.y - x @ found
+        sizes = [part.shape[1] for part in parts]
+        split = np.split(found, np.cumsum([self.base.shape[1], *sizes])[:-1])
+        rss = float(residual @ residual)
+        price = sum(one.candidate.price(self.penalty) for one in members)
+        return Fit(tuple(members), rss, rss + price, tuple(split[1:]), split[0],
+                   residual)  # fmt: skip
+
+    def _bounds(self, members: Sequence[Member]) -> tuple[Array, Array]:
+        free = np.full(self.base.shape[1], np.inf)
+        ends = [one.candidate.bounds for one in members]
+        low = np.concatenate([-free, *(low for low, _ in ends)])
+        return low, np.concatenate([free, *(high for _, high in ends)])
+
+    def refined(self, members: Sequence[Member], passes: int = 2) -> Fit:
+        """The fit with the nonlinear parameters of each member fitted as well, in turn."""
+        found = list(members)
+        if not any(one.shape for one in found):
+            return self.fit(found)
+        for _ in range(passes if len(found) > 1 else 1):
+            for at, one in enumerate(found):
+                if one.shape:
+                    found[at] = self.shaped(found, at)
+        return self.fit(found)
+
+    def shaped(self, members: Sequence[Member], at: int) -> Member:
+        """A member with its nonlinear parameters fitted, the others' held."""
+        others = [self.white(one) for k, one in enumerate(members) if k != at]
+        q = basis(np.hstack([self.base, *others])) if others else self.q
+        left = beside(self.y, q)
+        candidate = members[at].candidate
+        free = [one for one in candidate.shape if not one.choices]
+        if not free:
+            return members[at]
+        start = np.array([members[at].shape[one.name] for one in free])
+        scale = np.array([_width(one, value) for one, value in zip(free, start, strict=True)])
+        low = np.array([one.low for one in free])
+        high = np.array([one.high for one in free])
+
+        def shape(x: Array) -> dict[str, float]:
+            values = np.clip(start + x * scale, low, high)
+            named = {one.name: float(v) for one, v in zip(free, values, strict=True)}
+            return {**members[at].shape, **named}
+
+        def loss(x: Array) -> float:
+            columns = self.space.whiten(self.columns.of(candidate, shape(x)))
+            return -_gain(candidate, beside(columns, q), left)
+
+        best = optimize.minimize(loss, np.zeros(len(free)), method="Nelder-Mead",
+                                 options={"maxiter": 40 * len(free), "xatol": 0.01, "fatol": 0.01,
+                                          "initial_simplex": _simplex(len(free))})  # fmt: skip
+        if best.fun >= loss(np.zeros(len(free))):
+            return members[at]
+        return Member(candidate, shape(best.x))
+
+
+def _simplex(dimensions: int) -> Array:
+    """Starting points about a cell of the grid away."""
+    return np.vstack([np.zeros(dimensions), 0.5 * np.eye(dimensions)])
+
+
+def _width(parameter: object, value: float) -> float:
+    """About one cell of the grid."""
+    unit = getattr(parameter, "unit", "")
+    if unit == "deg":
+        return 15.0
+    return 0.3 * abs(value) if value else 1.0
+
+
+def _gain(candidate: Candidate, columns: Array, left: Array) -> float:
+    """Fall of the squared residual `left` by these columns, their bounds kept."""
+    if candidate.alone:
+        column = columns[:, 0]
+        return float(2.0 * column @ left - column @ column)
+    gram, product = columns.T @ columns, columns.T @ left
+    ridge = 1e-9 * np.trace(gram) + 1e-300
+    found = np.linalg.solve(gram + ridge * np.eye(len(gram)), product)
+    low, high = candidate.bounds
+    if (found < low).any() or (found > high).any():
+        found = np.clip(found, low, high)
+    return float(2.0 * found @ product - found @ gram @ found)

@@ -1,0 +1,182 @@
+"""`tolevo gap`: data, loop, closing, files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import pandas as pd
+
+from ...errors import raise_all
+from ...gap_records import GapResult
+from ...records import Axis
+from .analysis import Analysis, analysed
+from .correct import corrected_toml
+from .data import GapData
+from .plan import GapPlan
+from .read import read_data
+from .result import (
+    Ending,
+    effects,
+    ended,
+    gaps,
+    gate,
+    residual_table,
+    rival_records,
+    scores,
+    shape_records,
+)
+from .scan import left_over
+from .select import renumbered
+from .setup import prepared
+from .spectrum import spectrum
+from .uncertainty import Spread, bootstrap
+from .where import of_inside, regions
+from .write import other_run, write
+
+Say = Callable[[str], None]
+"""Called with what is being done."""
+
+
+@dataclass(frozen=True, slots=True)
+class GapOutcome:
+    """How an analysis ended, and its summary in lines."""
+
+    folder: Path
+    lines: tuple[str, ...]
+    result: GapResult
+
+
+def gap(
+    plan: GapPlan,
+    path: Path,
+    out: Path,
+    workers: int = 1,
+    say: Say | None = None,
+    resume: bool = False,
+) -> GapOutcome:
+    """Find, name and close the gap between `plan`'s model and the data in `path`, into `out`.
+
+    The result does not depend on `workers`; with `resume`, `out` may hold the same analysis, and no
+    other. Raises InputError with every fault of the data; nothing
+    is written then.
+    """
+    if resume:
+        raise_all(other_run(plan, out))
+    result = found(plan, read_data(plan, path), workers, say)
+    write(result, out)
+    return GapOutcome(out, _lines(result), result)
+
+
+def found(plan: GapPlan, data: GapData, workers: int = 1, say: Say | None = None) -> GapResult:
+    """The whole analysis of data that were read, without its files."""
+    tell = say or (lambda text: None)
+    tell("columns of the library")
+    setup = prepared(plan, data)
+    tell("search")
+    end = ended(analysed(setup))
+    spread = None
+    if plan.settings.bootstrap and end.fit.members:
+        tell(f"bootstrap of {plan.settings.bootstrap} records")
+        spread = bootstrap(end.analysis, end.fit, workers)
+    tell("result")
+    return _result(plan, data, end, spread)
+
+
+def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -> GapResult:
+    analysis, setup = end.analysis, end.setup
+    search, generic = analysis.search, analysis.generic
+    left = left_over(analysis.empty, search.fitter, generic.white, generic.forms, generic.outputs)
+    table = residual_table(end, data)
+    outputs = data.outputs
+    noise = {o.name: n.level for o, n in zip(outputs, analysis.noises, strict=True)}
+    which = {side: {o.name: table[f"{o.name}_{side}"].to_numpy() for o in outputs}
+             for side in ("before", "after")}  # fmt: skip
+    named = effects(end, spread)
+    return GapResult(
+        title=plan.model_name,
+        verdict=end.verdict,
+        outputs=tuple(Axis(o.name, o.unit, o.meaning) for o in outputs),
+        inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
+        gate=gate(end),
+        where=of_inside(setup, end.fit, table)
+        + regions(setup, search.fitter, generic, left, analysis.empty,
+                      search.thresholds.generic),
+        scores=scores(end),
+        steps=renumbered(analysis.selection.steps),
+        effects=named,
+        rivals=rival_records(end),
+        shapes=shape_records(end),
+        noise_floor=noise | {"total": 1.0},
+        gap_before=gaps(end, end.before),
+        gap_after=gaps(end, end.after),
+        residuals=table,
+        spectrum=spectrum(data, which["before"], which["after"], noise,
+                          search.thresholds.generic),
+        summary=_summary(plan, data, end, spread),
+        notes=_notes(analysis, data, end),
+        configuration=plan.configuration,
+        corrected=corrected_toml(plan, end.model, analysis.scatter[:1]),
+    )  # fmt: skip
+
+
+def _summary(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -> dict[str, object]:
+    """What else `gap.json` holds: nothing that changes from one run to the next."""
+    settings = plan.settings
+    return {
+        "model": plan.model_name,
+        "seed": plan.seed,
+        "rows": len(data),
+        "rows_used": len(end.setup.data),
+        "library": [one.name for one in end.setup.library],
+        "threshold": end.analysis.search.thresholds.library,
+        "false_rate": settings.false_rate,
+        "practical_limit": settings.practical_limit,
+        "interval": settings.interval,
+        "intervals_from": "linearised" if spread is None else "block bootstrap of the selection",
+        "bootstrap": 0 if spread is None else len(spread.replicates),
+        "outside_training_region": _region(data),
+        "versions": {"tolevo": version("tolevo")},
+    }
+
+
+def _region(data: GapData) -> dict[str, list[float]]:
+    """The range of each input that the corrected model was fitted in."""
+    table = pd.DataFrame({c.name: data.readings.table[c.name] for c in data.inputs})
+    return {str(n): [float(table[n].min()), float(table[n].max())] for n in table}
+
+
+def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
+    found = [*data.notes, *end.setup.notes]
+    for output, noise in zip(data.outputs, analysis.noises, strict=True):
+        if noise.outliers:
+            found.append(f"{output.name}: {noise.outliers} outliers do not count")
+        if noise.varies_with:
+            found.append(f"{output.name}: the size of the noise follows {noise.varies_with}")
+        if noise.rho > 0.3:
+            found.append(f"{output.name}: the noise is autocorrelated ({noise.rho:.2f} from one "
+                         "reading to the next)")  # fmt: skip
+    if lost := [analysis.fit.names[at] for at in analysis.judged.lost]:
+        found.append(f"{', '.join(lost)}: something like it is there, but its form is not that")
+    if len(end.setup.library) == 0:
+        found.append("no effect of the library has a place in this model with these columns")
+    return tuple(found)
+
+
+def _lines(result: GapResult) -> tuple[str, ...]:
+    """A short summary for the terminal."""
+    lines = [f"{result.verdict}: {result.summary['rows']} rows"]
+    for output in result.outputs:
+        before, after = result.gap_before[output.name], result.gap_after[output.name]
+        lines.append(f"{output.name}: rmse {before:.4g} -> {after:.4g} {output.unit} on rows the "
+                     f"fit never saw; noise {result.noise_floor[output.name]:.4g}")  # fmt: skip
+    lines += [f"effect {one}" for one in result.effects]
+    lines += [f"rival {one}" for one in result.rivals]
+    lines += [f"without a name: {one}" for one in result.shapes]
+    if result.verdict == "no_gap":
+        seen = sorted(result.gate.detectable, key=lambda one: one.rms)[:5]
+        lines += [f"would have been seen from {one}" for one in seen]
+    lines += [f"note: {note}" for note in result.notes]
+    return tuple(lines)

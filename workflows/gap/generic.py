@@ -1,0 +1,226 @@
+"""Columns without a name: smooth functions of each input, orders, direction, products, levels.
+
+They show where something is left, whatever its cause, and what form it has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from ...models.inputs.distribution import Array
+from ...models.measurable import Column, Role
+from .data import GapData
+from .linear import Groups, joined
+
+HIGHEST = 130.0
+"""Highest order of the periodogram; its grid is of quarters."""
+PREDICTED = "predicted "
+"""Before the name of an output: the variable that its prediction is."""
+USUAL = (1.0, 2.0, 4.0, 39.0, 40.0, 78.0, 80.0, 120.0)
+"""Orders that are also tried with a size that follows another input."""
+POWERS = (0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)
+SMOOTH = (Role.TORQUE, Role.FORCE, Role.SPEED, Role.TEMPERATURE, Role.TIME, Role.PAYLOAD,
+          Role.POSITION, Role.INPUT)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What a group of generic columns is: `kind` as a `Region` has it; `detail` says more."""
+
+    kind: str
+    variable: str
+    order: float = np.nan
+    direction: str = ""
+    detail: str = ""
+    more: tuple[str, ...] = ()
+
+
+def generic(
+    data: GapData, predicted: Mapping[str, Array] | None = None
+) -> tuple[list[Form], list[Array]]:
+    """Forms and their columns (n, m), of one output; `predicted` stands in for a load."""
+    found: list[tuple[Form, Array]] = []
+    inputs = [c for c in data.inputs if c.role in SMOOTH]
+    values = {c.name: np.asarray(data.readings.table[c.name], dtype=float) for c in inputs}
+    sign = _direction(data)
+    for column in inputs:
+        found += _smooth(column, values[column.name], sign)
+    if sign is not None:
+        found.append((Form("direction", "direction", direction="odd"), sign[:, None]))
+    found += _products(inputs, values, sign)
+    if predicted is not None and not {Role.TORQUE, Role.FORCE} & set(data.readings.by_role):
+        found += _against_predicted(data, predicted)
+    found += _steps(data)
+    found += _levels(data)
+    if Role.ANGLE in data.readings:
+        found += _orders(data)
+    return [form for form, _ in found], [columns for _, columns in found]
+
+
+def _against_predicted(data: GapData, predicted: Mapping[str, Array]) -> list[tuple[Form, Array]]:
+    """Smooth functions of what the model predicts, where that varies."""
+    return [
+        (Form("interval", f"{PREDICTED}{o.name}"), spline(predicted[o.name], 6))
+        for o in data.outputs
+        if np.ptp(predicted[o.name]) > 0.0 and not data.target.population
+    ]
+
+
+def _direction(data: GapData) -> Array | None:
+    if Role.DIRECTION not in data.readings or np.ptp(data.readings[Role.DIRECTION]) == 0:
+        return None
+    return np.asarray(data.readings[Role.DIRECTION], dtype=float)
+
+
+def spline(values: Array, count: int) -> Array:
+    """Cubic B-splines (n, count + 3) of values (n,), their knots at quantiles."""
+    inner = np.unique(np.quantile(values, np.linspace(0, 1, count + 1)))
+    if len(inner) < 3:
+        return values[:, None].astype(float)
+    ends = np.r_[[inner[0]] * 3, inner, [inner[-1]] * 3]
+    matrix = BSpline.design_matrix(np.clip(values, inner[0], inner[-1]), ends, 3)
+    return np.asarray(matrix.toarray())
+
+
+def _smooth(column: Column, x: Array, sign: Array | None) -> list[tuple[Form, Array]]:
+    """Smooth functions of one input, the same in both directions, and opposite in them."""
+    kind = "trend" if column.role is Role.TIME else "interval"
+    fine = 6 if column.role in (Role.TORQUE, Role.FORCE) else 4
+    curve = spline(x, min(fine, max(2, len(x) // 25)))
+    found = [(Form(kind, column.name), curve)]
+    found += [(form, values[:, None]) for form, values in _powers(column, x)]
+    if sign is not None:
+        odd = [(replace(form, direction="odd"), columns * sign[:, None]) for form, columns in found]
+        found += odd
+    return found
+
+
+def _powers(column: Column, x: Array) -> list[tuple[Form, Array]]:
+    """Powers of a signed input, odd and even; of another one, from zero and from its least."""
+    signed = bool((x < 0).any() and (x > 0).any())
+    if signed:
+        size = np.abs(x) / np.abs(x).max()
+        bases = {"odd": (size, np.sign(x)), "even": (size, np.ones_like(x))}
+    else:
+        size = (x - x.min()) / np.ptp(x)
+        one = np.ones_like(x)
+        bases = {"from zero": (np.abs(x) / np.abs(x).max(), one), "from least": (size, one)}
+    return [
+        (Form("power", column.name, order=power, detail=which), sign * magnitude**power)
+        for which, (magnitude, sign) in bases.items()
+        for power in POWERS
+    ]
+
+
+def _scaled(x: Array) -> Array:
+    return np.asarray((x - x.mean()) / x.std())
+
+
+def _products(
+    inputs: list[Column], values: dict[str, Array], sign: Array | None
+) -> list[tuple[Form, Array]]:
+    """Products of two inputs, each to the first and second power."""
+    found = []
+    for one, other in combinations(inputs, 2):
+        a, b = _scaled(values[one.name]), _scaled(values[other.name])
+        columns = np.column_stack([a * b, a * a * b, a * b * b, a * a * b * b])
+        form = Form("product", one.name, more=(other.name,))
+        found.append((form, columns))
+        if sign is not None:
+            form = Form("product", one.name, more=(other.name,), direction="odd")
+            found.append((form, columns * sign[:, None]))
+    return found
+
+
+def _steps(data: GapData) -> list[tuple[Form, Array]]:
+    """Steps in the order of measuring, each a form of its own."""
+    n = len(data)
+    name = next((c.name for c in data.inputs if c.role is Role.TIME), "")
+    if not name:
+        return []
+    at = np.arange(n)
+    return [
+        (Form("trend", name, detail=f"step after {k} of {n} readings"), (at >= k)[:, None] * 1.0)
+        for k in np.unique(np.linspace(n * 0.08, n * 0.92, 22).astype(int))
+    ]
+
+
+def _levels(data: GapData) -> list[tuple[Form, Array]]:
+    """A level of its own for each unit or lot."""
+    found = []
+    for role in (Role.UNIT, Role.LOT):
+        if role not in data.readings:
+            continue
+        labels, number = np.unique(data.readings[role].astype(str), return_inverse=True)
+        if 2 <= len(labels) <= max(2, len(data) // 8):
+            columns = (number[:, None] == np.arange(1, len(labels))).astype(float)
+            found.append((Form("interval", str(role), detail="levels"), columns))
+    return found
+
+
+def order_grid(data: GapData) -> Array:
+    """The orders of the periodogram: quarters."""
+    angle = data.readings[Role.ANGLE]
+    least = 0.25 * np.ceil(4.0 * 2 * np.pi / max(float(np.ptp(angle)), 1e-9))
+    return np.arange(max(0.25, min(least, 1.0)), HIGHEST + 0.1, 0.25)
+
+
+def _orders(data: GapData) -> list[tuple[Form, Array]]:
+    """Waves of each order, alone and growing with the load."""
+    angle = np.asarray(data.readings[Role.ANGLE], dtype=float)
+    load = next((r for r in (Role.TORQUE, Role.FORCE) if r in data.readings), None)
+    if np.ptp(angle) < 0.1:
+        return []
+    column = next(c for c in data.inputs if c.role is Role.ANGLE)
+    found = []
+    for order in order_grid(data):
+        wave = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
+        found.append((Form("order", column.name, order=float(order)), wave))
+        if load is not None and order == np.floor(order):
+            size = data.readings[load] / max(float(np.abs(data.readings[load]).max()), 1e-300)
+            form = Form("order", column.name, order=float(order), detail=f"times {load}")
+            found.append((form, wave * size[:, None]))
+    return found + _modulated(data, column, angle)
+
+
+def _modulated(data: GapData, column: Column, angle: Array) -> list[tuple[Form, Array]]:
+    """Waves of the usual orders that grow with another input, or with its square."""
+    found = []
+    for order in USUAL:
+        wave = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
+        for other in (c for c in data.inputs if c.role in (*SMOOTH, Role.DIRECTION)):
+            x = np.asarray(data.readings.table[other.name], dtype=float)
+            for power in (1, 2):
+                if power == 2 and other.role is Role.DIRECTION:
+                    continue
+                size = (x / np.abs(x).max()) ** power
+                detail = f"times {other.name}" + (" squared" if power == 2 else "")
+                form = Form("order", column.name, order=order, detail=detail, more=(other.name,))
+                found.append((form, wave * size[:, None]))
+    return found
+
+
+def stacked(columns: list[Array], outputs: int) -> tuple[list[Array], NDArray[np.int64]]:
+    """The columns for each output on its own, over the rows of all of them; and which output."""
+    if outputs == 1:
+        return columns, np.zeros(len(columns), dtype=np.int64)
+    found, which = [], []
+    for output in range(outputs):
+        for one in columns:
+            n = len(one)
+            whole = np.zeros((n * outputs, one.shape[1]))
+            whole[output * n : (output + 1) * n] = one
+            found.append(whole)
+            which.append(output)
+    return found, np.array(which)
+
+
+def groups_of(columns: list[Array]) -> Groups:
+    """Generic columns as groups without a sign."""
+    return joined(columns, [False] * len(columns))

@@ -1,0 +1,171 @@
+"""The library of effects as columns: what each one adds to the stacked outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ... import registry
+from ...models.effects import Effect, EffectParameter
+from ...models.inputs.distribution import Array
+from .data import GapData
+
+ON_SCATTER = ("spread_inflation", "lot_mixture")
+"""Effects on the scatter of a population: they move no single unit."""
+
+Predict = Callable[[Mapping[str, Array]], Mapping[str, Array]]
+"""The model's outputs (n,) by name, at changes inside of it."""
+
+BEND = 2.5
+"""What the first nonlinear parameter of an effect must gain."""
+MOST = 400
+"""Points of the grid of an effect's nonlinear parameters."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect of the library for these data: its parameters, linear and nonlinear ones apart."""
+
+    effect: Effect
+    linear: tuple[EffectParameter, ...]
+    shape: tuple[EffectParameter, ...]
+
+    @property
+    def name(self) -> str:
+        """The effect's name."""
+        return self.effect.name
+
+    @property
+    def count(self) -> int:
+        """Numbers that are fitted, those with a few choices included."""
+        return len(self.linear) + len(self.shape)
+
+    def price(self, penalty: float) -> float:
+        """What its numbers must gain: `penalty` each, but little for one that only bends a form.
+
+        A bounded exponent or knee moves a column far less than a coefficient does.
+        """
+        bends = min(BEND, penalty) + penalty * (len(self.shape) - 1) if self.shape else 0.0
+        return penalty * len(self.linear) + bends
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether it is one column whose coefficient cannot be negative."""
+        return self.alone or (len(self.linear) == 1 and self.linear[0].low >= 0.0)
+
+    @property
+    def alone(self) -> bool:
+        """Whether it has no linear parameter: its size is in its one nonlinear one."""
+        return not self.linear
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of the coefficients of its columns."""
+        if self.alone:
+            return np.array([1.0]), np.array([1.0 + 1e-9])
+        low = np.array([one.low for one in self.linear])
+        return low, np.array([one.high for one in self.linear])
+
+    def values(self, shape: Mapping[str, float], coefficients: Array) -> dict[str, float]:
+        """All parameters by name."""
+        found = dict(shape)
+        for one, value in zip(self.linear, coefficients, strict=False):
+            found[one.name] = float(np.clip(value, one.low, one.high))
+        return found
+
+
+class Columns:
+    """What candidates add to the outputs at the rows of the data, in the outputs' units."""
+
+    def __init__(self, data: GapData, predict: Predict) -> None:
+        self.data = data
+        self._predict = predict
+        self._base = predict({})
+
+    def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
+        """Columns (N, m) of a candidate, m its linear parameters (1 where it has none)."""
+        if candidate.alone:
+            return self._added(candidate, shape)[:, None]
+        parts = [
+            self._added(candidate, {**shape, one.name: step}) / step
+            for one, step in ((one, _step(one)) for one in candidate.linear)
+        ]
+        return np.column_stack(parts)
+
+    def total(self, candidate: Candidate, values: Mapping[str, float]) -> Array:
+        """What the effect with these values adds (N,)."""
+        return self._added(candidate, values)
+
+    def _added(self, candidate: Candidate, values: Mapping[str, float]) -> Array:
+        data = self.data
+        action = candidate.effect.act(data.readings, values, data.target)
+        if action.changes:
+            changed = self._predict(action.changes)
+            return np.concatenate([changed[o.name] - self._base[o.name] for o in data.outputs])
+        zero = np.zeros(len(data))
+        if action.population is not None:
+            return self._of_units(action.population)
+        if action.reading:
+            return np.concatenate([
+                action.reading[o.name](self._base[o.name]) - self._base[o.name]
+                if o.name in action.reading else zero
+                for o in data.outputs
+            ])  # fmt: skip
+        return np.concatenate([np.asarray(action.output.get(o.name, zero), dtype=float)
+                               for o in data.outputs])  # fmt: skip
+
+    def _of_units(self, act: Callable[[Array, float, np.random.Generator], Array]) -> Array:
+        """What an effect on a population does to units that are all at the mean."""
+        rng = np.random.default_rng(0)
+        means = [(o.name, self._base[o.name]) for o in self.data.outputs]
+        return np.concatenate([act(m, float(m.mean()), rng) - m for _, m in means])
+
+
+def _step(parameter: EffectParameter) -> float:
+    """A small value of a linear parameter, at which a model is still linear in it."""
+    end = parameter.high if parameter.high > 0 else parameter.low
+    return 0.01 * end if np.isfinite(end) else 1.0
+
+
+def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
+    """The effects of these names that have a place in the data's model and columns."""
+    found = []
+    for name in names:
+        effect = registry.load("effects", name)()
+        if effect.applies(data.target):
+            numbers = effect.parameters(data.target)
+            linear = tuple(one for one in numbers if one.linear)
+            found.append(Candidate(effect, linear, tuple(o for o in numbers if not o.linear)))
+    return found
+
+
+def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:
+    """Values of the nonlinear parameters that a fixed dictionary tries; one empty set without any.
+
+    `spread` is the standard deviation of the residual: the scale of what has no bounds.
+    """
+    axes = [_axis(one, spread, len(candidate.shape)) for one in candidate.shape]
+    while np.prod([len(axis) for axis in axes]) > MOST:
+        longest = max(range(len(axes)), key=lambda k: len(axes[k]))
+        axes[longest] = axes[longest][::2]
+    names = [one.name for one in candidate.shape]
+    return [dict(zip(names, point, strict=True)) for point in product(*axes)]
+
+
+def _axis(parameter: EffectParameter, spread: float, dimensions: int) -> list[float]:
+    if parameter.choices:
+        return list(parameter.choices)
+    low, high = parameter.low, parameter.high
+    count = 15 if dimensions == 1 else 24 if parameter.unit in ("deg", "Hz") else 6
+    if parameter.unit == "deg" and high - low >= 360.0:
+        return [float(x) for x in np.linspace(low, high, count, endpoint=False)]
+    if not np.isfinite(high):
+        high = max(low, 0.0) + 10.0 * spread
+    if not np.isfinite(low):
+        low = -high
+    if low >= 0.0:
+        return [float(x) for x in np.geomspace(max(low, high * 1e-3), high, count)]
+    return [float(x) for x in np.linspace(low, high, count)]

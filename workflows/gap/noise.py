@@ -1,0 +1,143 @@
+"""The noise of the data, and the whitening that makes it independent with variance 1."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal, stats
+
+from ...models.inputs.distribution import Array
+from .linear import basis
+
+GRID = np.concatenate([np.arange(0.0, 0.9, 0.05), [0.9, 0.93, 0.96, 0.98, 0.99]])
+"""Autocorrelations that are tried."""
+OUTLYING = 4.5
+"""Robust standard deviations beyond which a reading is an outlier."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of one output: standard deviation (n,) of each reading, and its autocorrelation.
+
+    `good` (n,) is false for outliers, which do not count. `source` is where it comes from,
+    `varies_with` the input that its size follows.
+    """
+
+    sigma: Array
+    source: str
+    rho: float = 0.0
+    good: NDArray[np.bool_] | None = None
+    varies_with: str = ""
+
+    def whiten(self, columns: Array) -> Array:
+        """Columns (n, ...) or (n,), such that the noise in them is independent with variance 1."""
+        scale = 1.0 / self.sigma
+        if self.good is not None:
+            scale = np.where(self.good, scale, 0.0)
+        scaled = columns * (scale if columns.ndim == 1 else scale[:, None])
+        if self.rho == 0.0:
+            return scaled
+        found = np.empty_like(scaled)
+        found[0] = scaled[0]
+        found[1:] = (scaled[1:] - self.rho * scaled[:-1]) / np.sqrt(1.0 - self.rho**2)
+        return found
+
+    def plain(self) -> Noise:
+        """Noise of the same level, the same for every reading, and independent."""
+        return replace(self, sigma=np.full(len(self.sigma), self.level), rho=0.0)
+
+    def coloured(self, columns: Array) -> Array:
+        """L' x of columns x (n, m), where L makes this noise of independent ones: x' L L' x is what
+        the noise does to the products of the columns with readings.
+        """
+        scaled = columns * self.sigma[:, None]
+        summed = signal.lfilter([1.0], [1.0, -self.rho], scaled[::-1], axis=0)[::-1].copy()
+        summed[1:] *= np.sqrt(1.0 - self.rho**2)
+        return np.asarray(summed)
+
+    @property
+    def level(self) -> float:
+        """Root of the mean variance."""
+        return float(np.sqrt(np.mean(self.sigma**2)))
+
+    @property
+    def outliers(self) -> int:
+        """How many readings do not count."""
+        return 0 if self.good is None else int((~self.good).sum())
+
+
+def robust_scale(residual: Array) -> float:
+    """Standard deviation from the median of the magnitudes."""
+    return float(1.4826 * np.median(np.abs(residual - np.median(residual))))
+
+
+def outliers(residual: Array, sigma: Array) -> NDArray[np.bool_]:
+    """False (n,) where a reading lies further out than noise ever does."""
+    scaled = residual / sigma
+    return np.abs(scaled - np.median(scaled)) < OUTLYING * max(robust_scale(scaled), 1e-12)
+
+
+def autocorrelation(residual: Array, columns: Array, noise: Noise) -> float:
+    """Of the restricted likelihood's maximum, for a residual (n,) beside columns (n, k).
+
+    Reference: Harville, J. Am. Stat. Assoc. 72, 1977: the columns that were fitted do not bias it.
+    """
+    found = [_restricted(residual, columns, replace(noise, rho=float(rho))) for rho in GRID]
+    best = int(np.argmax(found))
+    if best in (0, len(GRID) - 1):
+        return float(GRID[best])
+    below, at, above = found[best - 1 : best + 2]
+    bend = below - 2 * at + above
+    step = 0.5 * (below - above) / bend if bend < 0 else 0.0
+    width = GRID[best + 1] - GRID[best] if step > 0 else GRID[best] - GRID[best - 1]
+    return float(GRID[best] + np.clip(step, -1, 1) * width)
+
+
+def _restricted(residual: Array, columns: Array, noise: Noise) -> float:
+    """Restricted log likelihood at the noise's autocorrelation, but for a constant."""
+    x, y = noise.whiten(columns), noise.whiten(residual)
+    q = basis(x)
+    left = y - q @ (q.T @ y)
+    count = len(y) - q.shape[1]
+    _, spread = np.linalg.slogdet(x.T @ x + 1e-9 * np.eye(x.shape[1]) * np.trace(x.T @ x))
+    jacobian = -0.5 * (len(y) - 1) * np.log(1.0 - noise.rho**2)
+    return float(jacobian - 0.5 * spread - 0.5 * count * np.log(float(left @ left)))
+
+
+def scale_left(white: Array, used: int) -> float:
+    """Standard deviation of whitened residuals (N,) after `used` numbers were fitted."""
+    count = int(np.count_nonzero(white))
+    return float(np.sqrt(white @ white / max(count - used, 1)))
+
+
+def size_follows(
+    residual: Array, inputs: Mapping[str, Array], good: NDArray[np.bool_]
+) -> tuple[str, Array] | None:
+    """The input that the size of the noise follows, and its relative size (n,); else None.
+
+    An F test on log squares (Glejser, Breusch and Pagan), which heavy tails do not mislead.
+    """
+    target = np.log(np.maximum(residual**2, 1e-8 * float(np.mean(residual[good] ** 2)) + 1e-300))
+    best: tuple[float, str, Array] | None = None
+    for name, values in inputs.items():
+        x = _parabola(values)
+        fit, *_ = np.linalg.lstsq(x[good], target[good], rcond=None)
+        left = target[good] - x[good] @ fit
+        share = 1.0 - float(left @ left) / float(np.sum((target[good] - target[good].mean()) ** 2))
+        more, rest = x.shape[1] - 1, int(good.sum()) - x.shape[1]
+        f = share / more / max((1.0 - share) / rest, 1e-12)
+        p = float(stats.f.sf(f, more, rest))
+        if best is None or p < best[0]:
+            best = (p, name, x @ fit)
+    if best is None or best[0] > 1e-3 / len(inputs):
+        return None
+    size = np.exp(0.5 * np.clip(best[2] - np.median(best[2]), -4.0, 4.0))
+    return best[1], np.asarray(size / np.sqrt(np.mean(size**2)))
+
+
+def _parabola(values: Array) -> Array:
+    x = (values - values.mean()) / max(float(values.std()), 1e-300)
+    return np.column_stack([np.ones_like(x), x, x * x])

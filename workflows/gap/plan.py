@@ -1,0 +1,93 @@
+"""What a gap analysis needs: a resolved configuration, apart from the data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...models.effects.compose import Active
+from ...models.measurable import MeasurableModel
+
+ROLES = (
+    "angle", "torque", "force", "direction", "speed", "temperature", "time", "unit", "lot",
+    "payload", "position", "repeat", "input", "measured", "predicted", "std", "ignore",
+)  # fmt: skip
+"""The roles that `[columns]` gives."""
+ROLE_UNITS = {
+    "angle": "rad", "torque": "N m", "force": "N", "speed": "rpm", "temperature": "degC",
+    "time": "s", "payload": "kg", "position": "m",
+}  # fmt: skip
+"""The unit in which effects see a column of a role."""
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnRole:
+    """Role and unit of one column of a table; `of` names the output of a prediction or noise."""
+
+    role: str
+    unit: str = ""
+    of: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class GapSettings:
+    """How the loop decides.
+
+    `false_rate` is the chance that noise alone passes the threshold, over the whole library;
+    `simulations` the number of noise records it is read from. `set_distance` bounds the names that
+    are reported together: likelihood, and the price of further numbers. `practical_limit` (share of
+    the noise) ends the loop. `bootstrap` replicates give the intervals, 0 for none. Records of more
+    than `rows_used` rows are thinned to every k-th row while effects are searched.
+    """
+
+    false_rate: float = 0.01
+    simulations: int = 2000
+    set_distance: float = 8.0
+    practical_limit: float = 0.02
+    bootstrap: int = 0
+    interval: float = 0.9
+    rows_used: int = 6000
+    effects_at_most: int = 6
+
+
+@dataclass(frozen=True, slots=True)
+class GapPlan:
+    """A resolved gap analysis; `configuration` is the TOML text that repeats it.
+
+    `model` is None for `model = "table"`, whose columns `columns` describes; `rebuild` makes it
+    again from other `parameters`, of which the configuration itself set `given`. `free` maps what
+    may be recalibrated to its half-width, `library` are the effects considered. `noise` holds a
+    known standard deviation by output, `blocks` is "auto" or a column. `run` are the raw tables of
+    the configuration whose allocation the corrected model is to repeat (empty for none), `tables`
+    the resolved ones of the model, `active` the effects that are in it already.
+    """
+
+    model_name: str
+    model: MeasurableModel | None
+    seed: int = 0
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    given: Mapping[str, Any] = field(default_factory=dict)
+    free: Mapping[str, float] = field(default_factory=dict)
+    library: tuple[str, ...] = ()
+    noise: Mapping[str, float] = field(default_factory=dict)
+    blocks: str = "auto"
+    columns: Mapping[str, ColumnRole] = field(default_factory=dict)
+    drop_bad_rows: bool = False
+    settings: GapSettings = field(default_factory=GapSettings)
+    run: Mapping[str, Any] = field(default_factory=dict)
+    active: tuple[Active, ...] = ()
+    rebuild: Callable[[Mapping[str, Any]], MeasurableModel] | None = None
+    tables: Mapping[str, Any] = field(default_factory=dict)
+    configuration: str = ""
+
+
+def output_of(name: str, columns: Mapping[str, ColumnRole]) -> str | None:
+    """The measured column that a predicted or std column belongs to, None where it is not clear."""
+    measured = [n for n, column in columns.items() if column.role == "measured"]
+    if columns[name].of:
+        return columns[name].of if columns[name].of in measured else None
+    suffix = {"predicted": "_predicted", "std": "_std"}[columns[name].role]
+    if name.removesuffix(suffix) in measured:
+        return name.removesuffix(suffix)
+    return measured[0] if len(measured) == 1 else None

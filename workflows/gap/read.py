@@ -1,0 +1,187 @@
+"""Reads and checks the table of a gap analysis; every fault at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ... import tables
+from ...declarations import Output
+from ...errors import Fault, nearest, raise_all
+from ...models.measurable import Column, Role
+from .columns import alike, told_apart
+from .data import GapData, assembled
+from .plan import GapPlan, output_of
+
+TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
+REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
+LEAST = 12
+"""Rows below which nothing can be told from noise."""
+
+
+def read_data(plan: GapPlan, path: Path) -> GapData:
+    """The data in `path`. Raises InputError with every fault; rows are named by line number."""
+    place = path.name
+    given = tables.read(path, place)
+    columns, outputs, predictions, stds = _layout(plan, given)
+    faults = _missing_outputs(plan, given, outputs, place)
+    wanted = [*(c.name for c in columns), *(o.name for o in outputs)]
+    wanted += [*predictions.values(), *stds.values()]
+    extra = [] if plan.blocks == "auto" or plan.blocks in wanted else [plan.blocks]
+    text = {c.name for c in columns if c.text} | set(extra)
+    kept = given.drop(columns=_ignored(plan, given))
+    frame, found = tables.parsed(
+        kept,
+        place,
+        needed=_needed(plan, columns, predictions) + extra,
+        optional=wanted,
+        text=text,
+    )
+    notes: list[str] = []
+    frame, found = _dropped(plan, frame, found, notes)
+    faults += found
+    if not faults:
+        faults += _content_faults(plan, frame, columns, outputs, predictions, stds, place)
+    raise_all(faults)
+    there = tuple(c for c in columns if c.name in frame)
+    notes += [
+        f"no column {c.name} ({c.meaning}): what depends on it cannot be seen"
+        for c in columns
+        if c.name not in frame and c not in (TIME, REPEAT)
+    ]
+    notes += told_apart(frame, there)
+    return assembled(plan, frame, there, outputs, predictions, stds, notes)
+
+
+def _layout(
+    plan: GapPlan, given: pd.DataFrame
+) -> tuple[tuple[Column, ...], tuple[Output, ...], dict[str, str], dict[str, str]]:
+    """Input columns, outputs, and the columns of predictions and of known noise by output."""
+    if plan.model is not None:
+        outputs = tuple(o for o in plan.model.outputs if o.name in given)
+        stds = {o.name: f"{o.name}_std" for o in outputs if f"{o.name}_std" in given}
+        return (*plan.model.columns, TIME, REPEAT), outputs, {}, stds
+    roles = plan.columns
+    outputs = tuple(Output(n, c.unit, "measured") for n, c in roles.items() if c.role == "measured")
+    inputs = tuple(
+        Column(name, c.unit, c.role, True, c.role in ("unit", "lot"), Role(c.role))
+        for name, c in roles.items()
+        if c.role not in ("measured", "predicted", "std", "ignore")
+    )
+    by = {
+        role: {str(output_of(n, roles)): n for n, c in roles.items() if c.role == role}
+        for role in ("predicted", "std")
+    }
+    return inputs, outputs, by["predicted"], by["std"]
+
+
+def _needed(
+    plan: GapPlan, columns: tuple[Column, ...], predictions: Mapping[str, str]
+) -> list[str]:
+    return [c.name for c in columns if c.needed] + list(predictions.values())
+
+
+def _ignored(plan: GapPlan, given: pd.DataFrame) -> list[str]:
+    """Columns of a table whose role is `ignore`."""
+    return [n for n, c in plan.columns.items() if c.role == "ignore" and n in given]
+
+
+def _missing_outputs(
+    plan: GapPlan, given: pd.DataFrame, outputs: tuple[Output, ...], place: str
+) -> list[Fault]:
+    """Measured columns that are not there, and names of `[noise]` that are no output."""
+    names = [o.name for o in (plan.model.outputs if plan.model else outputs)]
+    found = []
+    if plan.model is not None and not outputs:
+        found.append(Fault(place, f"holds none of the measured outputs: {', '.join(names)}"))
+    if plan.model is None:
+        found += [Fault(place, f"column {o.name} is missing") for o in outputs
+                  if o.name not in given]  # fmt: skip
+    found += [
+        Fault(f"noise.{name}", f"is not a measured output{nearest(name, names)}")
+        for name in plan.noise
+        if name not in names
+    ]
+    return found
+
+
+def _dropped(
+    plan: GapPlan, frame: pd.DataFrame, faults: list[Fault], notes: list[str]
+) -> tuple[pd.DataFrame, list[Fault]]:
+    """Rows with a cell that is no finite number: faults, or dropped where that was asked for."""
+    cells = [one for one in faults if ": row " in one.place or one.message.endswith("bad cells")]
+    if not cells:
+        return frame, faults
+    others = [one for one in faults if one not in cells]
+    if not plan.drop_bad_rows:
+        return frame, [*faults, Fault("data.drop_bad_rows", "set it to true to leave these rows "
+                                      "out")]  # fmt: skip
+    bad = frame.isna().any(axis=1) | (frame == "").any(axis=1)
+    shown = ", ".join(str(at) for at in frame.index[bad][:10])
+    more = ", ..." if bad.sum() > 10 else ""
+    notes.append(f"{int(bad.sum())} rows with a cell that is no finite number were dropped, as "
+                 f"asked: rows {shown}{more}")  # fmt: skip
+    return frame[~bad], others
+
+
+def _content_faults(
+    plan: GapPlan,
+    frame: pd.DataFrame,
+    columns: tuple[Column, ...],
+    outputs: tuple[Output, ...],
+    predictions: Mapping[str, str],
+    stds: Mapping[str, str],
+    place: str,
+) -> list[Fault]:
+    """What the numbers themselves cannot be."""
+    found = []
+    count = 1 + len(plan.free) + len(outputs)
+    if len(frame) < max(LEAST, 2 * count):
+        found.append(Fault(place, f"has {len(frame)} rows; {count - 1} numbers of the model and a "
+                           f"noise need at least {max(LEAST, 2 * count)}"))  # fmt: skip
+    for column in columns:
+        if column.role is Role.DIRECTION and column.name in frame:
+            bad = ~frame[column.name].isin([-1.0, 1.0])
+            found += _cells(frame, column.name, bad, place, "a direction is +1 or -1")
+    for name in stds.values():
+        text = "must be above 0; leave the column out where the noise is not known"
+        found += _cells(frame, name, frame[name] <= 0.0, place, text)
+    for output in outputs:
+        found += _measured_faults(frame, output.name, predictions.get(output.name), place)
+    return found
+
+
+def _cells(
+    frame: pd.DataFrame, column: str, bad: pd.Series[bool], place: str, text: str
+) -> list[Fault]:
+    """The same fault in some cells of a column."""
+    return tables.cell_faults(place, column, dict.fromkeys(frame.index[bad], text))
+
+
+def _measured_faults(
+    frame: pd.DataFrame, name: str, prediction: str | None, place: str
+) -> list[Fault]:
+    """A measurement that never changes, or that the prediction is a copy of."""
+    found = []
+    if len(frame) > 1 and np.ptp(frame[name].to_numpy()) == 0.0:
+        text = "is the same in every row: nothing was measured"
+        found.append(Fault(f"{place}: column {name}", text))
+    if prediction is not None and alike(frame[name], frame[prediction]):
+        text = f"is a copy of {name}: a prediction comes from the simulation, not from the data"
+        found.append(Fault(f"{place}: column {prediction}", text))
+    return found
+
+
+def finite_faults(predicted: Mapping[str, Any], rows: Any, place: str = "data") -> list[Fault]:
+    """Rows at which the model has no finite prediction: outside of its range."""
+    found = []
+    for name, values in predicted.items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        text = {int(rows[at]): "the model has no finite prediction here: outside of its range; "
+                "remove the row" for at in bad}  # fmt: skip
+        found += tables.cell_faults(place, name, text)
+    return found

@@ -1,0 +1,286 @@
+"""From an analysis to the records that are written and drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...gap_records import (
+    Detectable,
+    FoundEffect,
+    FoundParameter,
+    Gate,
+    Measurement,
+    OutputGate,
+    Recalibrated,
+    Rival,
+    Score,
+    Shape,
+)
+from ...models.inputs.distribution import Array
+from .analysis import Analysis
+from .blocks import HeldOut, improvement
+from .close import Corrected, corrected
+from .data import GapData
+from .fit import Fit
+from .linear import beside
+from .noise import outliers
+from .population import Scatter
+from .scan import left_over, scan
+from .separate import separating
+from .setup import Setup, nominal
+from .uncertainty import Spread
+from .where import shapes
+
+SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
+MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
+SEPARATED = 4
+"""Rivals for which the separating measurement is searched."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """An analysis with its final fit: only the effects that keep their name."""
+
+    analysis: Analysis
+    fit: Fit
+    model: Corrected
+    before: HeldOut
+    after: HeldOut
+
+    @property
+    def setup(self) -> Setup:
+        """What was analysed."""
+        return self.analysis.setup
+
+    @property
+    def verdict(self) -> str:
+        """The one word."""
+        if not self.analysis.significant:
+            return "no_gap"
+        if not self.fit.members and not self.analysis.scatter:
+            return "unnamed"
+        rivals = self.analysis.others or len(self.analysis.scatter) > 1 or self.twin
+        return "ambiguous" if rivals else "named"
+
+    @property
+    def twin(self) -> bool:
+        """Whether lots are off, which a second supplier would do as well."""
+        names = {one.name for one in self.setup.on_scatter}
+        return "lot_offset" in self.fit.names and "lot_mixture" in names
+
+
+def ended(analysis: Analysis) -> Ending:
+    """The final fit of what keeps its name, in the full model."""
+    search = analysis.search
+    kept = [analysis.fit.members[at] for at in analysis.judged.kept]
+    fit = search.fitter.refined(kept) if kept else analysis.empty
+    model = corrected(analysis.setup, search.fitter.space, fit)
+    return Ending(analysis, fit, model, search.tested(analysis.empty), search.tested(fit))
+
+
+def gate(end: Ending) -> Gate:
+    """Stage 1 as a record."""
+    analysis, setup = end.analysis, end.setup
+    fitter, count = analysis.search.fitter, len(setup.data)
+    left = left_over(analysis.empty, fitter, analysis.generic.white, analysis.generic.forms,
+                     analysis.generic.outputs)  # fmt: skip
+    found = []
+    for at, (output, noise) in enumerate(zip(setup.data.outputs, analysis.noises, strict=True)):
+        level = left.evidence[left.outputs == at].max(initial=0.0)
+        rows = slice(at * count, (at + 1) * count)
+        raw = setup.residual[rows] - end.before.fitted[rows]
+        limit = analysis.search.thresholds.generic
+        found.append(OutputGate(
+            output=output.name, unit=output.unit, noise=noise.level, noise_source=noise.source,
+            rmse=rmse(raw, noise.good), statistic=float(level), threshold=limit,
+            significant=bool(level > limit) or (analysis.significant and len(analysis.noises) == 1),
+            autocorrelation=noise.rho, heteroscedastic=noise.varies_with,
+            outliers=noise.outliers, uncertainty=noise.level * 2.0 / np.sqrt(count),
+        ))  # fmt: skip
+    return Gate(tuple(found), _recalibrated(end), detectable(end))
+
+
+def rmse(values: Array, good: object = None) -> float:
+    """Root mean square, outliers left out."""
+    inside = values if good is None else values[np.asarray(good, dtype=bool)]
+    return float(np.sqrt(np.mean(inside**2)))
+
+
+def _recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
+    plan = end.setup.plan
+    return tuple(
+        Recalibrated(name, "", nominal(plan, name), value, plan.free[name],
+                     abs(value - nominal(plan, name)) > 0.98 * plan.free[name])
+        for name, value in end.model.free().items()
+    )  # fmt: skip
+
+
+def detectable(end: Ending) -> tuple[Detectable, ...]:
+    """The smallest effect of each name that would have been seen nine times out of ten."""
+    search, setup = end.analysis.search, end.setup
+    wanted = np.sqrt(search.thresholds.library) + 1.2816
+    found: dict[str, Detectable] = {}
+    for at, member in enumerate(search.book.members):
+        if member.candidate.alone:
+            continue
+        white, raw = search.white.of(at), search.book.raw.of(at)
+        left = beside(white, search.fitter.q)
+        size = float(np.sqrt((left**2).sum(axis=0)).max())
+        if size <= 0.0:
+            continue
+        column = int(np.argmax((left**2).sum(axis=0)))
+        value = float(wanted / size)
+        rms = value * float(np.sqrt(np.mean(raw[:, column] ** 2)))
+        if member.name not in found or rms < found[member.name].rms:
+            one = member.candidate.linear[column]
+            family, unit = member.candidate.effect.family, setup.data.outputs[0].unit
+            found[member.name] = Detectable(member.name, family, rms, unit, one.name, value)
+    return tuple(found.values())
+
+
+def scores(end: Ending) -> tuple[Score, ...]:
+    """Stage 3 as records: every effect alone beside the model's parameters, best first."""
+    search = end.analysis.search
+    return tuple(
+        Score(one.member.name, one.member.candidate.effect.family, one.gain,
+              search.thresholds.library, dict(one.member.shape))
+        for one in scan(search.fitter, search.white, search.book, ())
+    )  # fmt: skip
+
+
+def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
+    """The effects that keep their name, with intervals and evidence."""
+    moving = [_effect(end, at, spread) for at in range(len(end.fit.members))]
+    return (*moving, *(_of_scatter(one) for one in end.analysis.scatter[:1]))
+
+
+def _of_scatter(one: Scatter) -> FoundEffect:
+    """An effect on the scatter of a batch as a record; nothing of it can be held out."""
+    effect = one.candidate.effect
+    numbers = (*one.candidate.linear, *one.candidate.shape)
+    return FoundEffect(
+        name=effect.name,
+        family=effect.family,
+        cause=effect.cause,
+        parameters=tuple(
+            FoundParameter(p.name, one.numbers[p.name], *one.intervals[p.name], p.unit, p.meaning)
+            for p in numbers
+        ),
+        gain=one.gain,
+        threshold=one.threshold,
+        held_out_gain=float("nan"),
+        held_out_error=float("nan"),
+    )
+
+
+def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
+    search, member = end.analysis.search, end.fit.members[at]
+    less = search.fitter.fit(end.fit.without(at))
+    better = improvement(search.tested(less), end.after, search.labels)
+    values = end.model.effect(member.name)
+    numbers = (*member.candidate.linear, *member.candidate.shape)
+    ends = {one.name: _ends(end, member.name, one.name, spread) for one in numbers}
+    total = max(end.analysis.empty.rss - end.fit.rss, 1e-300)
+    return FoundEffect(
+        name=member.name,
+        family=member.candidate.effect.family,
+        cause=member.candidate.effect.cause,
+        parameters=tuple(
+            FoundParameter(one.name, values[one.name], *ends[one.name], one.unit, one.meaning)
+            for one in numbers
+        ),
+        gain=less.rss - end.fit.rss,
+        threshold=search.thresholds.library,
+        held_out_gain=better.gain,
+        held_out_error=better.error,
+        share=min(1.0, (less.rss - end.fit.rss) / total),
+        frequency=float("nan") if spread is None else spread.frequency(member.name),
+        at_bound=tuple(o.name for o in numbers if _at_bound(values[o.name], o.low, o.high)),
+    )
+
+
+def _at_bound(value: float, low: float, high: float) -> bool:
+    """Whether physics stopped a number, an amplitude of zero aside."""
+    width = abs(value) * 1e-6
+    return bool((np.isfinite(high) and value >= high - width) or
+                (np.isfinite(low) and low != 0.0 and value <= low + width))  # fmt: skip
+
+
+def _ends(end: Ending, owner: str, name: str, spread: Spread | None) -> tuple[float, float]:
+    linear = end.model.interval(owner, name)
+    return linear if spread is None else spread.interval(owner, name, linear)
+
+
+def rival_records(end: Ending) -> tuple[Rival, ...]:
+    """Stage 5 as records."""
+    levels = end.analysis.search.fitter.space.level()
+    found: list[Rival] = []
+    for at, one in enumerate(end.analysis.others):
+        measurement = separating(end.setup, levels, end.fit, one.fit) if at < SEPARATED else \
+            found[0].measurement  # fmt: skip
+        found.append(Rival(one.names, one.instead_of, one.distance, measurement))
+    if end.twin:
+        found.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
+    for other in end.analysis.scatter[1:]:
+        mine = (end.analysis.scatter[0].candidate.name,)
+        found.append(Rival((other.candidate.name,), mine, other.distance, Measurement(MORE)))
+    return tuple(found)
+
+
+def shape_records(end: Ending) -> tuple[Shape, ...]:
+    """Stage 7 as records: what is significant beside the final fit."""
+    analysis, search = end.analysis, end.analysis.search
+    if not analysis.significant or (end.fit.members and not analysis.judged.lost
+                                    and not analysis.judged.significant):  # fmt: skip
+        return ()
+    generic = analysis.generic
+    left = left_over(end.fit, search.fitter, generic.white, generic.forms, generic.outputs)
+    lost = tuple(analysis.fit.names[at] for at in analysis.judged.lost)
+    return shapes(end.setup, search.fitter, generic, analysis.judged, left, end.fit,
+                  search.thresholds.generic, lost)  # fmt: skip
+
+
+def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
+    """Every reading with its prediction before and after, in the order of measuring."""
+    setup, n = end.setup, len(end.setup.data)
+    frame = pd.DataFrame({"row": full.rows, **full.readings.table})
+    used = np.flatnonzero(np.isin(full.rows, setup.data.rows))
+    bare = corrected(setup, end.analysis.search.fitter.space, end.analysis.empty)
+    before, after = bare.predicted(full), end.model.predicted(full)
+    for at, (output, noise) in enumerate(zip(setup.data.outputs, end.analysis.noises, strict=True)):
+        name, measured = output.name, full.measured[output.name]
+        frame[name] = measured
+        frame[f"{name}_predicted"] = before[name]
+        frame[f"{name}_corrected"] = after[name]
+        frame[f"{name}_before"] = measured - before[name]
+        frame[f"{name}_after"] = measured - after[name]
+        for which, held in (("before", end.before), ("after", end.after)):
+            part = (setup.residual - held.fitted)[at * n : (at + 1) * n]
+            frame[f"{name}_{which}_held_out"] = _at_rows(part, used, len(full))
+        frame[f"{name}_noise"] = _at_rows(noise.sigma, used, len(full))
+        good = outliers(measured - after[name], np.full(len(full), noise.level))
+        frame[f"{name}_outlier"] = ~good
+    labels = end.analysis.search.labels[:n].astype(float)
+    frame["block"] = _at_rows(labels, used, len(full))
+    return frame
+
+
+def _at_rows(values: Array, rows: NDArray[np.int64], count: int) -> Array:
+    found = np.full(count, np.nan)
+    found[rows] = values
+    return found
+
+
+def gaps(end: Ending, held: HeldOut) -> dict[str, float]:
+    """RMSE by output on rows the fit never saw, outliers left out, and `total` in noise units."""
+    setup, n = end.setup, len(end.setup.data)
+    raw = setup.residual - held.fitted
+    found, squares = {}, []
+    for at, (output, noise) in enumerate(zip(setup.data.outputs, end.analysis.noises, strict=True)):
+        found[output.name] = rmse(raw[at * n : (at + 1) * n], noise.good)
+        squares.append((found[output.name] / noise.level) ** 2)
+    return found | {"total": float(np.sqrt(np.mean(squares)))}

@@ -1,0 +1,127 @@
+"""Every effect and every generic form against a residual at once; what noise alone reaches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from ...models.inputs.distribution import Array
+from .fit import Fit, Fitter, Member
+from .generic import Form
+from .library import Candidate, Columns, grid
+from .linear import Groups, basis, beside, joined
+from .space import Space
+
+CHUNK = 250
+"""Noise records that are simulated at once."""
+FAR = 300.0
+"""Half of a gain from which the first term of the tail's expansion does."""
+
+
+@dataclass(frozen=True)
+class Dictionary:
+    """The library on the fixed grid of its nonlinear parameters, raw columns (N, C)."""
+
+    members: tuple[Member, ...]
+    raw: Groups
+
+    def white(self, space: Space) -> Groups:
+        """The same in whitened space."""
+        return Groups(space.whiten(self.raw.columns), self.raw.starts, self.raw.one_sided)
+
+
+def dictionary(library: Sequence[Candidate], columns: Columns, spread: float) -> Dictionary:
+    """Every candidate on its grid."""
+    members = [Member(one, shape) for one in library for shape in grid(one, spread)]
+    parts = [columns.of(one.candidate, one.shape) for one in members]
+    return Dictionary(tuple(members), joined(parts, [m.candidate.one_sided for m in members]))
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What the best of all reaches under noise alone, but for the false rate.
+
+    `library` is a gain; `generic` is minus the logarithm of a chance.
+    """
+
+    library: float
+    generic: float
+
+
+def thresholds(
+    library: Groups, generic: Groups, q: Array, simulations: int, rate: float,
+    rng: np.random.Generator,
+) -> Thresholds:  # fmt: skip
+    """From simulated noise records (N, simulations) in whitened space, scale fitted in each."""
+    named, forms = library.orthonormal(q), generic.orthonormal(q)
+    tops, levels = [], []
+    for start in range(0, simulations, CHUNK):
+        noise = rng.standard_normal((len(q), min(CHUNK, simulations - start)))
+        scale = np.sum(beside(noise, q) ** 2, axis=0) / (len(q) - q.shape[1])
+        tops.append(np.max(named.gains(noise) / scale, axis=0, initial=0.0))
+        levels.append(np.max(evidence(forms, forms.gains(noise) / scale), axis=0, initial=0.0))
+    at = 1.0 - 0.5 * rate
+    return Thresholds(
+        float(np.quantile(np.concatenate(tops), 1.0 - rate)),
+        float(np.quantile(np.concatenate(levels), at)),
+    )
+
+
+def evidence(groups: Groups, gains: Array) -> Array:
+    """Minus the logarithm of the chance of gains (g, ...) under noise, by the size of the group."""
+    half = groups.sizes.reshape(-1, *([1] * (gains.ndim - 1))) / 2.0
+    x = np.maximum(gains, 0.0) / 2.0
+    chance = special.gammaincc(half, np.minimum(x, FAR))
+    with np.errstate(divide="ignore"):
+        far = x - (half - 1.0) * np.log(np.maximum(x, 1.0)) + special.gammaln(half)
+        return np.asarray(np.where(x < FAR, -np.log(chance), far))
+
+
+@dataclass(frozen=True)
+class Found:
+    """The best of one candidate beside what is already in a fit."""
+
+    member: Member
+    gain: float
+
+
+def scan(fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Member]) -> list[Found]:
+    """Each candidate that is not in a fit of `members`, at its best grid point, best first."""
+    parts = [fitter.white(one) for one in members]
+    q = basis(np.hstack([fitter.base, *parts])) if parts else fitter.q
+    gains = white.orthonormal(q).gains(beside(fitter.y, q))
+    taken = {one.name for one in members}
+    best: dict[str, Found] = {}
+    for member, gain in zip(book.members, gains.tolist(), strict=True):
+        if member.name in taken:
+            continue
+        if member.name not in best or gain > best[member.name].gain:
+            best[member.name] = Found(member, gain)
+    return sorted(best.values(), key=lambda one: -one.gain)
+
+
+@dataclass(frozen=True)
+class Left:
+    """What generic forms still find: the strongest first, with evidence and gain."""
+
+    forms: tuple[Form, ...]
+    outputs: NDArray[np.int64]
+    evidence: Array
+    gains: Array
+    best: NDArray[np.int64]
+
+
+def left_over(
+    fit: Fit, fitter: Fitter, white: Groups, forms: tuple[Form, ...], outputs: NDArray[np.int64]
+) -> Left:
+    """Generic forms against the residual of a fit, beside all that is in it."""
+    parts = [fitter.white(one) for one in fit.members]
+    q = basis(np.hstack([fitter.base, *parts])) if parts else fitter.q
+    groups = white.orthonormal(q)
+    gains = groups.gains(fit.residual)
+    level = evidence(groups, gains)
+    return Left(forms, outputs, level, gains, np.argsort(-level))

@@ -1,0 +1,201 @@
+"""The search for names: add, refit, re-test all, until nothing significant is left to be named."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...gap_records import Step
+from .blocks import HeldOut, Improvement, held_out, improvement
+from .fit import Fit, Fitter, Member
+from .linear import Groups
+from .plan import GapSettings
+from .scan import Dictionary, Found, Thresholds, scan
+
+REFINED = 8
+"""Candidates whose nonlinear parameters are fitted at each step."""
+WITHIN = 40.0
+"""Gain behind the best on the grid, beyond which a candidate is not refined."""
+
+BOTH = "beyond what noise reaches, and held-out rows are predicted better"
+MASKED = 12
+"""Candidates that are tried in pairs where none shows alone."""
+TWO = 1.6
+"""Thresholds that two names must pass together."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """All that a search for names works with."""
+
+    fitter: Fitter
+    book: Dictionary
+    white: Groups
+    thresholds: Thresholds
+    labels: NDArray[np.int64]
+    settings: GapSettings
+
+    def refined(self, members: Sequence[Member], found: Sequence[Found]) -> list[Fit]:
+        """Fits with one candidate more each, their nonlinear parameters fitted, best first."""
+        if not found:
+            return []
+        best = found[0].gain
+        near = [one for one in found[:REFINED] if one.gain > best - WITHIN and one.gain > 0]
+        fits = [self._grown(members, one.member) for one in near]
+        return sorted(fits, key=lambda fit: fit.score)
+
+    def _grown(self, members: Sequence[Member], new: Member) -> Fit:
+        """A fit with a new member, whose nonlinear parameters are fitted."""
+        whole = [*members, new]
+        if new.shape:
+            whole[-1] = self.fitter.shaped(whole, len(whole) - 1)
+        return self.fitter.fit(whole)
+
+    def tested(self, fit: Fit) -> HeldOut:
+        """Held-out residuals of a fit."""
+        return held_out(self.fitter, fit, self.labels, self.book, self.white)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The fit that a search ended with, and its path."""
+
+    fit: Fit
+    steps: tuple[Step, ...]
+    rejected: tuple[str, ...] = ()
+    improvements: dict[str, Improvement] = field(default_factory=dict)
+
+
+def select(search: Search, quick: bool = False) -> Selection:
+    """Names that pass the threshold and the held-out test, from none; `quick` does not
+    look for names that only show in pairs.
+    """
+    fit = search.fitter.fit(())
+    steps: list[Step] = []
+    rejected: set[str] = set()
+    real: dict[str, Improvement] = {}
+    before = search.tested(fit)
+    _note(steps, search, fit, before, "start", "", True, "the model as recalibrated")
+    while len(fit.members) < search.settings.effects_at_most:
+        grown = _next(search, fit, rejected)
+        if grown is None and not quick:
+            grown = masked(search, fit, rejected)
+        if grown is None:
+            break
+        new = grown.names[len(fit.members) :]
+        name = " + ".join(new)
+        after = search.tested(grown)
+        better = improvement(before, after, search.labels)
+        gain = fit.rss - grown.rss
+        if not better.real:
+            rejected.update(new)
+            _note(steps, search, fit, after, "reject", name, False,
+                  "rows the fit never saw are not predicted better", gain, better)  # fmt: skip
+            continue
+        real |= dict.fromkeys(new, better)
+        _note(steps, search, grown, after, "add", name, True, BOTH, gain, better)
+        fit = _retested(search, grown, steps)
+        rejected.clear()  # effects mask each other: what failed before may not fail now
+        before = search.tested(fit)
+    fit = search.fitter.refined(fit.members)
+    return Selection(fit, tuple(steps), tuple(sorted(rejected)), real)
+
+
+def _next(search: Search, fit: Fit, rejected: set[str]) -> Fit | None:
+    """The best fit with one name more that passes the threshold; None where there is none."""
+    found = scan(search.fitter, search.white, search.book, fit.members)
+    limit = search.thresholds.library
+    # the threshold is that of the dictionary: what a finer fit adds is no evidence
+    found = [one for one in found if one.member.name not in rejected and one.gain > limit]
+    fits = [one for one in search.refined(fit.members, found) if fit.rss - one.rss > limit]
+    fits = [one for one in fits if one.score < fit.score]
+    return fits[0] if fits else None
+
+
+def masked(search: Search, fit: Fit, rejected: set[str]) -> Fit | None:
+    """The best fit with two names more, neither of which shows without the other; else None."""
+    limit = search.thresholds.library
+    firsts = [one for one in scan(search.fitter, search.white, search.book, fit.members)
+              if one.member.name not in rejected][:MASKED]  # fmt: skip
+    best: Fit | None = None
+    for first in firsts:
+        members = (*fit.members, first.member)
+        seconds = [one for one in scan(search.fitter, search.white, search.book, members)
+                   if one.member.name not in rejected]  # fmt: skip
+        if not seconds or first.gain + seconds[0].gain < TWO * limit:
+            continue
+        whole = search.fitter.refined([*members, seconds[0].member])
+        if best is None or whole.score < best.score:
+            best = whole
+    if best is None or fit.rss - best.rss < TWO * limit or best.score > fit.score:
+        return None
+    alone = [search.fitter.fit(best.without(k)).rss - best.rss
+             for k in range(len(fit.members), len(best.members))]  # fmt: skip
+    return best if min(alone) > limit else None
+
+
+def _retested(search: Search, fit: Fit, steps: list[Step]) -> Fit:
+    """The fit after each name was tried against all others, and against leaving it out."""
+    for _ in range(4):
+        better = _swapped(search, fit) or _dropped(search, fit)
+        if better is None:
+            return fit
+        action = "drop" if len(better.members) < len(fit.members) else "swap"
+        gone = [name for name in fit.names if name not in better.names]
+        come = [name for name in better.names if name not in fit.names]
+        text = f"{', '.join(gone)} for {', '.join(come)}" if come else ", ".join(gone)
+        why = "fits better beside the others" if come else "no longer beyond what noise reaches"
+        fit = better
+        _note(steps, search, fit, search.tested(fit), action, text, True, why)
+    return fit
+
+
+def _swapped(search: Search, fit: Fit) -> Fit | None:
+    """A fit with one name exchanged that is better, None where there is none."""
+    best = fit
+    for at in range(len(fit.members)):
+        others = fit.without(at)
+        found = scan(search.fitter, search.white, search.book, others)
+        for one in search.refined(others, found)[:1]:
+            if one.score < best.score - 1e-3:
+                best = one
+    return None if best is fit else best
+
+
+def _dropped(search: Search, fit: Fit) -> Fit | None:
+    """A fit without a name that is not significant beside the others."""
+    for at in range(len(fit.members) - 1):
+        less = search.fitter.fit(fit.without(at))
+        if less.rss - fit.rss < search.thresholds.library:
+            return less
+    return None
+
+
+def _note(
+    steps: list[Step], search: Search, fit: Fit, tested: HeldOut, action: str, name: str,
+    accepted: bool, reason: str, gain: float = np.nan, better: Improvement | None = None,
+) -> None:  # fmt: skip
+    count = max(search.fitter.space.count, 1)
+    steps.append(
+        Step(
+            number=len(steps),
+            action=action,
+            name=name,
+            names=fit.names,
+            accepted=accepted,
+            reason=reason,
+            gain=gain,
+            threshold=search.thresholds.library,
+            held_out=float(np.sqrt(np.sum(tested.white**2) / count)),
+            held_out_gain=np.nan if better is None else better.gain,
+            held_out_error=np.nan if better is None else better.error,
+        )
+    )
+
+
+def renumbered(steps: Sequence[Step]) -> tuple[Step, ...]:
+    """Steps numbered from 0."""
+    return tuple(replace(one, number=at) for at, one in enumerate(steps))

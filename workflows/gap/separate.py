@@ -1,0 +1,132 @@
+"""The measurement that would tell two explanations apart best."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...gap_records import Measurement
+from ...models.effects.readings import readings_of
+from ...models.inputs.distribution import Array
+from ...models.measurable import Column, Role
+from .data import GapData
+from .fit import Fit
+from .library import Columns
+from .linear import basis, beside
+from .setup import Setup, predictor
+
+ROWS = 240
+"""Readings of a design that is tried."""
+WIDER = 1.6
+"""How much further than now an input is taken."""
+CERTAIN = 12.0
+"""Squared distance in noise units from which explanations are told apart."""
+UNSEEN = {
+    frozenset(["viscous_friction", "read_out_lag"]):
+        "record runs that accelerate: a lag follows the speed itself, friction the torque it needs",
+    frozenset(["gauge_bias", "process_mean_shift"]):
+        "measure a reference unit, or some units on a second gauge: a bias stays, a shift does not",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Design:
+    """Operating points that could be visited, and what is new about them."""
+
+    text: str
+    table: Mapping[str, NDArray[Any]]
+    inputs: Mapping[str, tuple[float, float]]
+
+
+def separating(setup: Setup, levels: Array, fit: Fit, other: Fit) -> Measurement:
+    """The best of a few designs: each input on its own, or further out; `levels` (q,): noise."""
+    names = frozenset(set(fit.names) ^ set(other.names))
+    if names in UNSEEN:
+        return Measurement(UNSEEN[names])
+    best: tuple[float, Design] | None = None
+    for design in _designs(setup.data, np.random.default_rng([setup.plan.seed, 3])):
+        size = _difference(setup, levels, design, fit, other)
+        if np.isfinite(size) and (best is None or size > 1.05 * best[0]):
+            best = (size, design)
+    if best is None or best[0] < 1e-3:
+        return Measurement("no design of these inputs separates them: another quantity is needed")
+    size, design = best
+    readings = int(min(np.ceil(CERTAIN / size**2), 10**6))
+    text = f"{design.text}: {readings} readings separate them ({size:.2g} of the noise per reading)"
+    return Measurement(text, design.inputs, size, readings)
+
+
+def _designs(data: GapData, rng: np.random.Generator) -> Iterator[Design]:
+    """More of the same; each input apart from the others, as far as now and further; all apart."""
+    rows = rng.choice(len(data), size=min(ROWS, len(data)), replace=False)
+    now = {name: values[np.sort(rows)] for name, values in data.readings.table.items()}
+    yield Design("more readings like these", now, {})
+    moving = [c for c in data.inputs if c.role not in (Role.TIME, Role.REPEAT)]
+    for column in moving:
+        spread = _apart(now, column, rng, 1.0)
+        yield Design(f"vary {column.name} independently of the other inputs", *spread)
+        if column.role not in (Role.DIRECTION, Role.ANGLE):
+            far = _apart(now, column, rng, WIDER)
+            low, high = far[1][column.name]
+            text = f"vary {column.name} independently, out to {low:.4g} .. {high:.4g}"
+            yield Design(f"{text} {column.unit}".rstrip(), *far)
+    table: Mapping[str, NDArray[Any]] = now
+    ends: dict[str, tuple[float, float]] = {}
+    for column in moving:
+        table, more = _apart(table, column, rng, 1.0)
+        ends |= more
+    yield Design("vary all inputs independently of each other", table, ends)
+
+
+def _apart(
+    table: Mapping[str, NDArray[Any]], column: Column, rng: np.random.Generator, wider: float
+) -> tuple[Mapping[str, NDArray[Any]], dict[str, tuple[float, float]]]:
+    values = np.asarray(table[column.name], dtype=float)
+    low, high = float(values.min()), float(values.max())
+    if column.role is Role.DIRECTION:
+        new = rng.choice([-1.0, 1.0], len(values))
+    else:
+        if low < 0.0 < high:
+            low, high = wider * low, wider * high
+        else:
+            high = low + wider * (high - low)
+        new = rng.uniform(low, high, len(values))
+    return {**table, column.name: new}, {column.name: (low, high)}
+
+
+def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, other: Fit) -> float:
+    """Rms per reading [noise] of what the one explanation says and the other cannot follow."""
+    data = _at(setup.data, design.table)
+    columns = Columns(data, predictor(setup.plan, data) if setup.plan.model else _nothing(data))
+    level = np.repeat(levels, len(data))
+    mine = sum((columns.of(m.candidate, m.shape) @ c
+                for m, c in zip(fit.members, fit.coefficients, strict=True)),
+               np.zeros(len(level)))  # fmt: skip
+    free = [columns.of(m.candidate, m.shape) for m in other.members]
+    ones = np.zeros((len(level), len(data.outputs)))
+    for k in range(len(data.outputs)):
+        ones[k * len(data) : (k + 1) * len(data), k] = 1.0
+    q = basis(np.hstack([ones, *free]) / level[:, None])
+    left = beside(np.asarray(mine) / level, q)
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def _nothing(data: GapData) -> Any:
+    zero = {o.name: np.zeros(len(data)) for o in data.outputs}
+    return lambda changes: zero
+
+
+def _at(data: GapData, table: Mapping[str, NDArray[Any]]) -> GapData:
+    """The data's columns at other operating points."""
+    n = len(next(iter(table.values())))
+    return replace(
+        data,
+        readings=readings_of(data.target.columns, table),
+        rows=np.arange(n),
+        measured={},
+        predicted={},
+    )

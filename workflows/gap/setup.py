@@ -1,0 +1,264 @@
+"""From a plan and its data to residuals and columns: what everything else works on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import optimize
+
+from ...errors import raise_all
+from ...models.effects.compose import acting, added, changes_of
+from ...models.inputs.distribution import Array
+from ...models.measurable import NO_CHANGES, MeasurableModel, Role
+from .data import GapData
+from .generic import Form, generic
+from .library import ON_SCATTER, Candidate, Columns, Predict, candidates
+from .linear import basis, beside
+from .plan import GapPlan
+from .read import finite_faults
+
+STEP = 0.02
+"""Share of a tolerance by which a parameter is moved for its column."""
+UNITS = 32
+"""Units drawn for each row to average what a change does to a population."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Residual (N,) of the model at parameters `at`, where it fits best alone; the columns (N, p)
+    of its free parameters, each for
+    its whole tolerance, and of the zeros of outputs; `prior` is the count of the former.
+    """
+
+    plan: GapPlan
+    data: GapData
+    predicted: Mapping[str, Array]
+    at: Mapping[str, float]
+    residual: Array
+    base: Array
+    free: tuple[str, ...]
+    library: tuple[Candidate, ...]
+    on_scatter: tuple[Candidate, ...]
+    columns: Columns
+    forms: tuple[Form, ...]
+    generic: list[Array]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def prior(self) -> int:
+        """Free parameters that have a tolerance."""
+        return len(self.free)
+
+    @property
+    def offset(self) -> Array:
+        """How far (prior,) the parameters' own values lie from where they are, in tolerances."""
+        plan = self.plan
+        found = [(nominal(plan, name) - self.at[name]) / plan.free[name] for name in self.free]
+        return np.array(found, dtype=float)
+
+
+def predictor(plan: GapPlan, data: GapData, model: MeasurableModel | None = None) -> Predict:
+    """The model at the rows of the data, as a function of changes inside of it."""
+    if plan.model is None:
+        return lambda changes: data.predicted
+    of = plan.model if model is None else model
+    actions = acting(plan.active, data.readings, data.target)
+    if of.population:
+        return _of_mean_unit(plan, data, of)
+
+    def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
+        rng = np.random.default_rng(plan.seed)
+        whole = both(changes_of(actions), changes)
+        return added(of.predict(data.readings.table, rng, whole or NO_CHANGES), actions, {}, rng)
+
+    return predict
+
+
+def both(one: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, Array]:
+    """Changes inside of a model together."""
+    names = dict.fromkeys([*one, *other])
+    return {name: np.asarray(one.get(name, 0.0) + other.get(name, 0.0)) for name in names}
+
+
+def _of_mean_unit(plan: GapPlan, data: GapData, model: MeasurableModel) -> Predict:
+    """The mean over the units of a population; what changes it is averaged over drawn units."""
+    actions = acting(plan.active, data.readings, data.target)
+    always = changes_of(actions)
+
+    def one(number: int, changes: Mapping[str, Array]) -> dict[str, Array]:
+        rng = np.random.default_rng([plan.seed, 7, number])
+        found = model.predict(data.readings.table, rng, both(always, changes) or NO_CHANGES)
+        return added(found, actions, model.means(), rng)
+
+    def drawn(changes: Mapping[str, Array]) -> dict[str, Array]:
+        runs = [one(number, changes) for number in range(UNITS)]
+        return {o.name: np.mean([run[o.name] for run in runs], axis=0) for o in data.outputs}
+
+    def bare() -> dict[str, Array]:
+        rngs = [np.random.default_rng([plan.seed, 7, k]) for k in range(UNITS)]
+        runs = [model.predict(data.readings.table, rng) for rng in rngs]
+        return {o.name: np.mean([run[o.name] for run in runs], axis=0) for o in data.outputs}
+
+    def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
+        means = {o.name: np.full(len(data), model.means()[o.name]) for o in data.outputs}
+        if not changes and not plan.active:
+            return means
+        with_them, without = drawn(changes), bare()
+        return {name: mean + with_them[name] - without[name] for name, mean in means.items()}
+
+    return predict
+
+
+def prepared(plan: GapPlan, full: GapData) -> Setup:
+    """The setup for the rows that are used. Raises InputError where the model has no prediction."""
+    data, notes = thinned(plan, full)
+    predicted = predictor(plan, data)({})
+    raise_all(finite_faults({o.name: predicted[o.name] for o in data.outputs}, data.rows))
+    at = recalibrated(plan, data, predicted)
+    predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
+    predicted = predict({})
+    residual = np.concatenate([data.measured[o.name] - predicted[o.name] for o in data.outputs])
+    free, gradient = _gradient(plan, data, at)
+    base = np.column_stack([gradient, _zeros(data)])
+    forms, columns = generic(data, predicted)
+    library = candidates(plan.library, data)
+    return Setup(
+        plan=plan,
+        data=data,
+        predicted=predicted,
+        at=at,
+        residual=residual,
+        base=base,
+        free=free,
+        library=tuple(one for one in library if one.name not in ON_SCATTER),
+        on_scatter=tuple(one for one in library if one.name in ON_SCATTER),
+        columns=Columns(data, predict),
+        forms=tuple(forms),
+        generic=columns,
+        notes=notes,
+    )
+
+
+def moved_to(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]) -> Setup:
+    """The setup with the model at other parameters, its columns taken beside changes inside."""
+    plan, data = setup.plan, setup.data
+    predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
+    predicted = predict({})
+    residual = np.concatenate([data.measured[o.name] - predicted[o.name] for o in data.outputs])
+    free, gradient = _gradient(plan, data, at, changes)
+    return replace(
+        setup,
+        predicted=predicted,
+        at=at,
+        residual=residual,
+        base=np.column_stack([gradient, _zeros(data)]),
+        free=free,
+        columns=Columns(data, predict),
+    )
+
+
+def thinned(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:
+    """At most as many rows as are used: one at random out of each stretch of equal length."""
+    most = max(200, plan.settings.rows_used // len(full.outputs))
+    if len(full) <= most:
+        return full, ()
+    rng = np.random.default_rng([plan.seed, 1])
+    edges = np.linspace(0, len(full), most + 1)
+    drawn = np.floor(edges[:-1] + rng.random(most) * np.diff(edges)).astype(np.int64)
+    rows = np.unique(drawn)
+    text = (
+        f"{len(full)} rows: effects are searched on {len(rows)} of them, one at random out of each "
+        "stretch of equal length (settings.rows_used)"
+    )
+    return full.some(rows), (text,)
+
+
+def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -> dict[str, float]:
+    """The free parameters, within their tolerances, at which the model alone fits best."""
+    if plan.rebuild is None or not plan.free or data.target.population:
+        return {name: nominal(plan, name) for name in plan.free}
+    names = list(plan.free)
+    middle = np.array([nominal(plan, name) for name in names])
+    half = np.array([plan.free[name] for name in names])
+    measured = np.concatenate([data.measured[o.name] for o in data.outputs])
+    zeros = _zeros(data)
+    scale = np.repeat([max(float(np.std(data.measured[o.name] - predicted[o.name])), 1e-300)
+                       for o in data.outputs], len(data))  # fmt: skip
+    q = basis(zeros / scale[:, None])
+
+    def left(x: Array) -> Array:
+        moved = _moved(plan, data, dict(zip(names, (middle + x * half).tolist(), strict=True)))
+        return beside((measured - moved) / scale, q)
+
+    found = optimize.least_squares(left, np.zeros(len(names)), bounds=(-1.0, 1.0), max_nfev=25,
+                                   diff_step=[1e-3], loss="soft_l1")  # fmt: skip
+    return dict(zip(names, (middle + found.x * half).tolist(), strict=True))
+
+
+def _gradient(
+    plan: GapPlan,
+    data: GapData,
+    at: Mapping[str, float],
+    changes: Mapping[str, Array] = NO_CHANGES,
+) -> tuple[tuple[str, ...], Array]:
+    """Free parameters that do anything here, and what the tolerance of each one does (N, p)."""
+    count = len(data) * len(data.outputs)
+    names, found = [], []
+    for name, tolerance in plan.free.items() if plan.rebuild is not None else ():
+        up, down = (
+            _moved(plan, data, {**at, name: at[name] + s * STEP * tolerance}, changes)
+            for s in (1.0, -1.0)
+        )
+        column = (up - down) / (2.0 * STEP)
+        if np.isfinite(column).all() and np.abs(column).max(initial=0.0) > 0.0:
+            names.append(name)
+            found.append(column)
+    return tuple(names), np.column_stack(found) if found else np.zeros((count, 0))
+
+
+def nominal(plan: GapPlan, name: str) -> float:
+    """The value of a parameter, that of a table by its dotted name; 0 where it is not given."""
+    table, dot, key = name.partition(".")
+    if not dot:
+        return float(plan.parameters[name])
+    inner = plan.parameters.get(table, {})
+    return float(inner.get(key, 0.0)) if isinstance(inner, Mapping) else 0.0
+
+
+def _moved(
+    plan: GapPlan,
+    data: GapData,
+    parameters: Mapping[str, float],
+    changes: Mapping[str, Array] = NO_CHANGES,
+) -> Array:
+    assert plan.rebuild is not None
+    predict = predictor(plan, data, plan.rebuild(parameters))
+    predicted = predict(changes)
+    return np.concatenate([predicted[o.name] for o in data.outputs])
+
+
+def _zeros(data: GapData) -> Array:
+    """A column of ones for each output whose zero is free (N, zeros)."""
+    n, outputs = len(data), data.outputs
+    found = np.zeros((n * len(outputs), len(data.zeros)))
+    for at, name in enumerate(data.zeros):
+        which = [o.name for o in outputs].index(name)
+        found[which * n : (which + 1) * n, at] = 1.0
+    return found
+
+
+def values_of(data: GapData) -> dict[str, Array]:
+    """Inputs that the size of the noise may follow: numbers that vary, and magnitudes of signed
+    ones.
+    """
+    found: dict[str, Array] = {}
+    for column in data.inputs:
+        if column.role in (Role.DIRECTION, Role.REPEAT):
+            continue
+        values = np.asarray(data.readings.table[column.name], dtype=float)
+        found[column.name] = values
+        if (values < 0).any() and (values > 0).any():
+            found[f"|{column.name}|"] = np.abs(values)
+    return found

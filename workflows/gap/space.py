@@ -1,0 +1,55 @@
+"""Whitened space: the outputs one below the other, each divided by its own noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.inputs.distribution import Array
+from .noise import Noise
+
+
+@dataclass(frozen=True)
+class Space:
+    """Rows (N,) of q outputs with n readings each, and one row for each tolerance (prior,).
+
+    A free parameter that moves by its tolerance costs as much as one reading one standard deviation
+    off: so wide is what the data must say before they move it further.
+    """
+
+    noises: tuple[Noise, ...]
+    prior: int = 0
+
+    @property
+    def readings(self) -> int:
+        """Rows of one output."""
+        return len(self.noises[0].sigma)
+
+    @property
+    def count(self) -> int:
+        """Readings that count."""
+        return self.readings * len(self.noises) - sum(one.outliers for one in self.noises)
+
+    def plain(self) -> Space:
+        """A space in which every reading of an output counts the same."""
+        return Space(tuple(one.plain() for one in self.noises), self.prior)
+
+    def whiten(self, columns: Array) -> Array:
+        """Columns (N,) or (N, m) whitened, with zeros in the rows of the prior."""
+        parts = np.split(columns, len(self.noises))
+        white = [noise.whiten(part) for noise, part in zip(self.noises, parts, strict=True)]
+        tail = np.zeros((self.prior, *columns.shape[1:]))
+        return np.concatenate([*white, tail])
+
+    def with_prior(self, free: Array) -> Array:
+        """Columns (N, prior + zeros) of the free parameters, each for its whole tolerance; the
+        last ones are zeros of outputs, which have none.
+        """
+        found = self.whiten(free)
+        found[len(found) - self.prior :, : self.prior] = np.eye(self.prior)
+        return found
+
+    def level(self) -> Array:
+        """Noise level (q,) of each output, in its unit."""
+        return np.array([one.level for one in self.noises])

@@ -1,0 +1,97 @@
+"""The files of a gap analysis. Each appears whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from ...errors import Fault
+from ...files import write_bytes, write_text, write_with
+from ...gap_records import FoundEffect, GapResult, Rival
+from ...reports.drawing import as_png, as_svg
+from ...reports.gap.page import figures, gap_page
+from ..run.write import as_json
+from .plan import GapPlan
+
+
+def write(result: GapResult, folder: Path) -> None:
+    """Everything that the contract lists, `gap.json` last."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text(folder / "config.toml", result.configuration)
+    write_text(folder / "corrected.toml", result.corrected)
+    write_with(folder / "residuals.parquet",
+               lambda path: result.residuals.to_parquet(path, index=False))  # fmt: skip
+    for name, figure in figures(result).items():
+        write_bytes(folder / f"{name}.png", as_png(figure))
+        write_bytes(folder / f"{name}.svg", as_svg(figure))
+    write_text(folder / "report.html", gap_page(result))
+    write_text(folder / "gap.json", as_json(record(result)))
+
+
+def other_run(plan: GapPlan, folder: Path) -> list[Fault]:
+    """A fault where a folder that is to be gone on with holds something else."""
+    path = folder / "config.toml"
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return []
+    if path.is_file() and path.read_text(encoding="utf-8") == plan.configuration:
+        return []
+    return [Fault("--resume", f"{folder} holds another analysis; name another directory, or add "
+                  "--overwrite")]  # fmt: skip
+
+
+def record(result: GapResult) -> dict[str, Any]:
+    """The content of `gap.json`."""
+    return {
+        "verdict": result.verdict,
+        "effects": [_effect(one) for one in result.effects],
+        "alternatives": [_rival(one) for one in result.rivals],
+        "unnamed": [asdict(one) for one in result.shapes],
+        "where": [{**asdict(one), "text": str(one)} for one in result.where],
+        "noise_floor": _numbers(result.noise_floor),
+        "gap_before": _numbers(result.gap_before),
+        "gap_after": _numbers(result.gap_after),
+        "gate": asdict(result.gate),
+        "scores": [asdict(one) for one in result.scores],
+        "steps": [asdict(one) for one in result.steps],
+        **result.summary,
+        "notes": list(result.notes),
+    }
+
+
+def _numbers(by_output: Mapping[str, float]) -> float | dict[str, float]:
+    """One number for one output; by output, and the total in noise units, for several."""
+    outputs = [name for name in by_output if name != "total"]
+    return by_output[outputs[0]] if len(outputs) == 1 else dict(by_output)
+
+
+def _effect(one: FoundEffect) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "family": one.family,
+        "cause": one.cause,
+        "parameters": {
+            p.name: {"value": p.value, "interval": [p.low, p.high], "unit": p.unit,
+                     "meaning": p.meaning}
+            for p in one.parameters
+        },
+        "evidence": {
+            "gain": one.gain,
+            "threshold": one.threshold,
+            "held_out_gain": one.held_out_gain,
+            "held_out_error": one.held_out_error,
+            "share": one.share,
+            "bootstrap_frequency": one.frequency,
+            "at_bound": list(one.at_bound),
+        },
+    }  # fmt: skip
+
+
+def _rival(one: Rival) -> dict[str, Any]:
+    return {
+        "names": list(one.names),
+        "instead_of": list(one.instead_of),
+        "distance": one.distance,
+        "separating_measurement": asdict(one.measurement),
+    }

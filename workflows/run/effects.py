@@ -1,0 +1,77 @@
+"""The front before and after: what the effects in the model do to the allocation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from ...problems.tolerance_problem import ToleranceProblem
+from .plan import RunPlan
+from .references import SideSearch
+
+LABEL = "without effects"
+LEVELS = (0.25, 0.5, 0.75)
+"""Shares of the range of the second objective that both fronts reach."""
+
+
+def side_search(plan: RunPlan) -> tuple[SideSearch, ...]:
+    """The same search in the model without its effects, where one of them does something."""
+    if not any(plan.problem.counterparts()):
+        return ()
+    before = plan.problem.without_effects()
+    return (
+        SideSearch(
+            LABEL, before, plan.algorithm, plan.budget, plan.seed, False, plan.engine, apart=True
+        ),
+    )
+
+
+def moved(problem: ToleranceProblem, before: pd.DataFrame, after: pd.DataFrame) -> pd.DataFrame:
+    """How the allocation moves: pairs of points of both fronts, cheapest at the same level.
+
+    One pair per level of the second objective (one pair where there is a single objective): the
+    point `before`, the same design with the effects in the model (`kept`), and the point `after`.
+    Empty where a front is, where there are more objectives, or where the fronts share no level.
+    """
+    names = list(problem.objectives)
+    if before.empty or after.empty or len(names) > 2:
+        return pd.DataFrame()
+    rows = []
+    for level in _levels(before, after, names):
+        old, new = (_cheapest(front, names, level) for front in (before, after))
+        kept = problem.reported().frame(problem.designs_of(old)).reindex(columns=before.columns)
+        for label, row in (("before", old), ("kept", kept), ("after", new)):
+            rows.append(row.assign(level=level, allocation=label))
+    if not rows:
+        return pd.DataFrame()
+    free = [variable.name for variable in problem.free]
+    return pd.concat(rows, ignore_index=True)[["level", "allocation", *names, *free]]
+
+
+def _levels(before: pd.DataFrame, after: pd.DataFrame, names: list[str]) -> list[float]:
+    if len(names) == 1:
+        return [float("nan")]
+    ranges = [(front[names[1]].min(), front[names[1]].max()) for front in (before, after)]
+    low, high = max(one[0] for one in ranges), min(one[1] for one in ranges)
+    return [low + share * (high - low) for share in LEVELS] if low < high else []
+
+
+def _cheapest(front: pd.DataFrame, names: list[str], level: float) -> pd.DataFrame:
+    """The point (one row) with the least first objective that keeps the level of the second."""
+    within = front if np.isnan(level) else front[front[names[1]] <= level]
+    return within.sort_values(names, kind="stable").head(1)
+
+
+def summary(problem: ToleranceProblem) -> dict[str, object]:
+    """The active effects as `summary.json` has them; nothing where there is none."""
+    pairs = zip(problem.settings.effects, problem.counterparts(), strict=True)
+    found = [
+        {
+            "name": one.effect.name,
+            "family": one.effect.family,
+            "parameters": dict(one.values),
+            "counterpart": does or None,
+        }
+        for one, does in pairs
+    ]
+    return {"effects": found} if found else {}
