@@ -109,9 +109,10 @@ def handing_out(name: str, folder: Path, make: Callable[[], Executor], cpu: Call
     found = [measured(folder / f"{name} {seeds}", seeds, make, cpu) for seeds in (small, large)]
     count, own, total, seconds = (after - before for before, after in zip(*found, strict=True))
     extra = total - own - waiting * seconds
-    print(f"{name}: {count:.0f} runs of {own / count:.3f} s; handing out {1e3 * extra / count:.2f} "
-          f"ms CPU a run, {100.0 * extra / own:.1f} % (promised: under 5 %); waiting {waiting:.3f} s "
-          f"CPU per second, here {100.0 * waiting * seconds / own:.1f} %")  # fmt: skip
+    print(f"{name}: {count:.0f} runs of {own / count:.3f} s; handing out "
+          f"{1e3 * extra / count:.2f} ms CPU a run, {100.0 * extra / own:.1f} % (promised: under "
+          f"5 %); waiting {waiting:.3f} s CPU per second, here "
+          f"{100.0 * waiting * seconds / own:.1f} %")  # fmt: skip
 
 
 def measured(

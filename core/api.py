@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from .configuration import read
+from .configuration.study import read_study
 from .workflows.evaluate import evaluate
 from .workflows.run import run
 from .workflows.simulate import simulate
+from .workflows.study import study
 
-__all__ = ["evaluate", "read", "run", "simulate"]
+__all__ = ["evaluate", "read", "read_study", "run", "simulate", "study"]
