@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from tolevo.workflows.gap.linear import basis, beside, joined
-from tolevo.workflows.gap.noise import Noise, autocorrelation, outliers, size_follows
+from tolevo.workflows.gap.noise import Noise, autocorrelation, outliers, size_follows, whiteness
 from tolevo.workflows.gap.scan import evidence, thresholds
 
 Array = np.ndarray
@@ -77,6 +77,14 @@ def test_even_noise_seldom_seems_uneven() -> None:
         for _ in range(300)
     )  # fmt: skip
     assert seen <= stats.binom.ppf(0.999, 300, 1e-3)
+
+
+def test_whiteness_is_a_chance() -> None:
+    """Uniform under noise; almost 0 where the noise wanders."""
+    rng = np.random.default_rng(9)
+    chances = [whiteness(rng.normal(size=200)) for _ in range(200)]
+    assert stats.kstest(chances, "uniform").pvalue > 1e-3
+    assert whiteness(wandering(rng, 200, 0.6, 1.0)) < 1e-6
 
 
 def test_outliers_are_those_far_out() -> None:
