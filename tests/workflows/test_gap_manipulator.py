@@ -93,7 +93,7 @@ def readings(table: Table, hidden: Array, rng: np.random.Generator) -> Array:
         size = np.sqrt(np.mean(hidden[part] ** 2))
         noise = size if size > 1e-6 else 0.05
         found[part] += noise * rng.normal(size=hidden[part].shape)
-    return found
+    return np.asarray(found)
 
 
 CASES: dict[str, Callable[[Table], Array]] = {

@@ -142,8 +142,8 @@ def test_threshold_is_passed_as_often_as_it_says() -> None:
     forms = generic.orthonormal(q)
     level = evidence(forms, forms.gains(noise) / scale)
     passed = int(np.sum(named.max(axis=0) > limit.library))
-    low, high = stats.binom.ppf([0.0005, 0.9995], records, 0.05)
+    low, high = (float(stats.binom.ppf(p, records, 0.05)) for p in (0.0005, 0.9995))
     assert low <= passed <= high + 10  # the threshold itself is a quantile of 4000
     also = int(np.sum(level.max(axis=0) > limit.generic))
-    low, high = stats.binom.ppf([0.0005, 0.9995], records, 0.025)
+    low, high = (float(stats.binom.ppf(p, records, 0.025)) for p in (0.0005, 0.9995))
     assert low - 5 <= also <= high + 5
