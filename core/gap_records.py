@@ -23,7 +23,8 @@ class OutputGate:
 
     `rmse` is that of the recalibrated model, `noise` the standard deviation of the noise and
     `noise_source` where it comes from: "configuration", "column", "repeats" or "estimated".
-    `uncertainty` is the half-width of what noise alone leaves of the error (ASME V&V 20).
+    `uncertainty` is the half-width of what noise alone leaves of the error (ASME V&V 20),
+    `whiteness` the chance that noise is as autocorrelated as what is left at the end (Ljung-Box).
     """
 
     output: str
@@ -38,6 +39,7 @@ class OutputGate:
     heteroscedastic: str = ""
     outliers: int = 0
     uncertainty: float = nan
+    whiteness: float = nan
 
     def __str__(self) -> str:
         verdict = "disagrees with" if self.significant else "agrees with"

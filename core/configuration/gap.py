@@ -12,8 +12,8 @@ import tomli_w
 
 from .. import registry
 from ..errors import Fault, InputError, nearest, raise_all
-from ..section import POSITIVE, Range, Section, shown
 from ..models.effects.compose import Active
+from ..section import POSITIVE, Range, Section, shown
 from ..workflows.gap.plan import ColumnRole, GapPlan, GapSettings
 from .configuration import Configuration
 from .effects import read_effects, resolved_effects

@@ -48,6 +48,6 @@ def test_a_shifted_batch(tmp_path: Path, never: str, name: str, does: str) -> No
     told = does or "no counterpart in rv_backlash: the allocation does not change"
     assert effect["counterpart"].startswith(told)
     assert [bool(one) for one in problem.counterparts()] == [bool(does)]
-    words = " ".join(ended.output.split())
-    assert f"in the problem: {name}: {told}" in words
+    printed = " ".join(ended.output.split())
+    assert f"in the problem: {name}: {told}" in printed
     assert told.replace("'", "&#x27;") in (tmp_path / "out" / "report.html").read_text("utf-8")

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from tolevo.workflows.gap.linear import basis, beside, joined
-from tolevo.workflows.gap.noise import Noise, autocorrelation, outliers, size_follows
+from tolevo.workflows.gap.noise import Noise, autocorrelation, outliers, size_follows, whiteness
 from tolevo.workflows.gap.scan import evidence, thresholds
 
 Array = np.ndarray
@@ -79,6 +79,14 @@ def test_even_noise_seldom_seems_uneven() -> None:
     assert seen <= stats.binom.ppf(0.999, 300, 1e-3)
 
 
+def test_whiteness_is_a_chance() -> None:
+    """Uniform under noise; almost 0 where the noise wanders."""
+    rng = np.random.default_rng(9)
+    chances = [whiteness(rng.normal(size=200)) for _ in range(200)]
+    assert stats.kstest(chances, "uniform").pvalue > 1e-3
+    assert whiteness(wandering(rng, 200, 0.6, 1.0)) < 1e-6
+
+
 def test_outliers_are_those_far_out() -> None:
     y = np.random.default_rng(5).normal(size=500)
     y[[7, 90]] = [8.0, -9.0]
@@ -134,8 +142,8 @@ def test_threshold_is_passed_as_often_as_it_says() -> None:
     forms = generic.orthonormal(q)
     level = evidence(forms, forms.gains(noise) / scale)
     passed = int(np.sum(named.max(axis=0) > limit.library))
-    low, high = stats.binom.ppf([0.0005, 0.9995], records, 0.05)
+    low, high = (float(stats.binom.ppf(p, records, 0.05)) for p in (0.0005, 0.9995))
     assert low <= passed <= high + 10  # the threshold itself is a quantile of 4000
     also = int(np.sum(level.max(axis=0) > limit.generic))
-    low, high = stats.binom.ppf([0.0005, 0.9995], records, 0.025)
+    low, high = (float(stats.binom.ppf(p, records, 0.025)) for p in (0.0005, 0.9995))
     assert low - 5 <= also <= high + 5

@@ -20,6 +20,8 @@ from .linear import Groups, joined
 
 HIGHEST = 130.0
 """Highest order of the periodogram; its grid is of quarters."""
+OVER_A_WORKSPACE = 12.0
+"""The same where the angle is that of a pose: no teeth pass by."""
 PREDICTED = "predicted "
 """Before the name of an output: the variable that its prediction is."""
 USUAL = (1.0, 2.0, 4.0, 39.0, 40.0, 78.0, 80.0, 120.0)
@@ -170,7 +172,8 @@ def order_grid(data: GapData) -> Array:
     """The orders of the periodogram: quarters."""
     angle = data.readings[Role.ANGLE]
     least = 0.25 * np.ceil(4.0 * 2 * np.pi / max(float(np.ptp(angle)), 1e-9))
-    return np.arange(max(0.25, min(least, 1.0)), HIGHEST + 0.1, 0.25)
+    highest = OVER_A_WORKSPACE if Role.POSITION in data.readings else HIGHEST
+    return np.arange(max(0.25, min(least, 1.0)), highest + 0.1, 0.25)
 
 
 def _orders(data: GapData) -> list[tuple[Form, Array]]:

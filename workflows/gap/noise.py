@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, stats
+from scipy import signal
+from statsmodels.regression.linear_model import OLS
+from statsmodels.stats.diagnostic import acorr_ljungbox
 
 from ...models.inputs.distribution import Array
 from .linear import basis
@@ -113,6 +115,12 @@ def scale_left(white: Array, used: int) -> float:
     return float(np.sqrt(white @ white / max(count - used, 1)))
 
 
+def whiteness(white: Array) -> float:
+    """Chance that noise alone is as autocorrelated as a whitened residual (n,): Ljung and Box."""
+    found = acorr_ljungbox(white, lags=[min(10, len(white) // 5)])
+    return float(found["lb_pvalue"].iloc[0])
+
+
 def size_follows(
     residual: Array, inputs: Mapping[str, Array], good: NDArray[np.bool_]
 ) -> tuple[str, Array] | None:
@@ -124,14 +132,10 @@ def size_follows(
     best: tuple[float, str, Array] | None = None
     for name, values in inputs.items():
         x = _parabola(values)
-        fit, *_ = np.linalg.lstsq(x[good], target[good], rcond=None)
-        left = target[good] - x[good] @ fit
-        share = 1.0 - float(left @ left) / float(np.sum((target[good] - target[good].mean()) ** 2))
-        more, rest = x.shape[1] - 1, int(good.sum()) - x.shape[1]
-        f = share / more / max((1.0 - share) / rest, 1e-12)
-        p = float(stats.f.sf(f, more, rest))
+        fit = OLS(target[good], x[good]).fit()
+        p = float(fit.f_pvalue)
         if best is None or p < best[0]:
-            best = (p, name, x @ fit)
+            best = (p, name, np.asarray(fit.predict(x)))
     if best is None or best[0] > 1e-3 / len(inputs):
         return None
     size = np.exp(0.5 * np.clip(best[2] - np.median(best[2]), -4.0, 4.0))

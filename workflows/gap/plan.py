@@ -37,8 +37,9 @@ class GapSettings:
     `false_rate` is the chance that noise alone passes the threshold, over the whole library;
     `simulations` the number of noise records it is read from. `set_distance` bounds the names that
     are reported together: likelihood, and the price of further numbers. `practical_limit` ends the
-    loop: the rms of what a further name explains, as a share of the noise. `bootstrap` replicates give the intervals, 0 for none. Records of more
-    than `rows_used` rows are thinned to every k-th row while effects are searched.
+    loop: the rms of what a further name explains, as a share of the noise. `bootstrap` replicates
+    give the intervals, 0 for none. Records of more than `rows_used` rows are thinned to every k-th
+    row while effects are searched.
     """
 
     false_rate: float = 0.01

@@ -27,7 +27,7 @@ from .close import Corrected, corrected
 from .data import GapData
 from .fit import Fit
 from .linear import beside
-from .noise import outliers
+from .noise import outliers, whiteness
 from .population import Scatter
 from .scan import left_over, scan
 from .separate import separating
@@ -101,7 +101,8 @@ def gate(end: Ending) -> Gate:
             rmse=rmse(raw, noise.good), statistic=float(level), threshold=limit,
             significant=bool(level > limit) or (analysis.significant and len(analysis.noises) == 1),
             autocorrelation=noise.rho, heteroscedastic=noise.varies_with,
-            outliers=noise.outliers, uncertainty=noise.level * 2.0 / np.sqrt(count),
+            outliers=noise.outliers, whiteness=whiteness(end.fit.residual[rows]),
+            uncertainty=noise.level * 2.0 / np.sqrt(count),
         ))  # fmt: skip
     return Gate(tuple(found), _recalibrated(end), *detectable(end))
 

@@ -55,7 +55,8 @@ def curve_of(setup: Setup, generic: Remaining, at: int, q: Array, residual: Arra
     raw = setup.generic[at - which * forms]
     found = np.linalg.lstsq(beside(generic.white.of(at), q), residual, rcond=1e-7)[0]
     curve = raw @ found
-    return curve if np.ptp(curve) == 0.0 else np.asarray(curve - curve.mean())
+    zero = setup.data.outputs[which].name in setup.data.zeros
+    return np.asarray(curve - curve.mean() if zero else curve)
 
 
 def densest(x: Array, curve: Array, part: float = 0.6) -> tuple[float, float]:
