@@ -51,12 +51,14 @@ $(PEERS): .venv-bench/locked pyproject.toml
 	$(BENCH)/pip install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
-bench: $(PEERS)  ## optimisers side by side and the speeds that are promised; QUICK=1 for a look
+bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are promised; QUICK=1 for a look
 	$(BENCH)/python -m benchmarks.compare $(if $(QUICK),--quick)
 	$(BENCH)/python benchmarks/propagation.py
 	$(BENCH)/python benchmarks/engine.py
 	$(BENCH)/python benchmarks/manipulator.py
 	$(BENCH)/python benchmarks/dynamics.py
+	$(BENCH)/python benchmarks/contact.py
+	$(BIN)/python -m benchmarks.study
 
 lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
 	$(BIN)/pip install --quiet uv

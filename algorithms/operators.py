@@ -6,8 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pymoo.core.crossover import Crossover as PymooCrossover
+from pymoo.core.mutation import Mutation as PymooMutation
 from pymoo.core.repair import Repair
+from pymoo.operators.crossover.pntx import SinglePointCrossover, TwoPointCrossover
 from pymoo.operators.crossover.sbx import SBX
+from pymoo.operators.crossover.ux import UniformCrossover
+from pymoo.operators.mutation.gauss import GaussianMutation
 from pymoo.operators.mutation.pm import PM
 from pymoo.operators.sampling.rnd import FloatRandomSampling
 
@@ -42,8 +47,25 @@ def operators(
     """
     return {
         "sampling": FloatRandomSampling(),
-        "crossover": SBX(prob=crossover.probability, eta=crossover.eta),
-        "mutation": PM(prob=1.0, prob_var=mutation.probability, eta=mutation.eta),
+        "crossover": _crossover(crossover),
+        "mutation": _mutation(mutation),
         "repair": repair(problem),
         "eliminate_duplicates": False,
     }
+
+
+def _crossover(settings: Crossover) -> PymooCrossover:
+    if settings.operator == "sbx":
+        return SBX(prob=settings.probability, eta=settings.eta)
+    kinds = {
+        "uniform": UniformCrossover,
+        "one_point": SinglePointCrossover,
+        "two_point": TwoPointCrossover,
+    }
+    return kinds[settings.operator](prob=settings.probability)
+
+
+def _mutation(settings: Mutation) -> PymooMutation:
+    if settings.operator == "gaussian":
+        return GaussianMutation(prob=1.0, prob_var=settings.probability)
+    return PM(prob=1.0, prob_var=settings.probability, eta=settings.eta)

@@ -25,20 +25,32 @@ class Budget:
     time_limit_s: float | None = None
 
 
+CROSSOVERS = ("sbx", "uniform", "one_point", "two_point")
+MUTATIONS = ("polynomial", "gaussian")
+
+
 @dataclass(frozen=True, slots=True)
 class Crossover:
-    """Simulated binary crossover: probability per mating, distribution index eta."""
+    """Crossover: probability per mating, and for simulated binary crossover the index eta.
+
+    The other operators exchange whole variables of the parents.
+    """
 
     probability: float = field(default=0.9, metadata={"low": 0.0, "high": 1.0})
     eta: float = field(default=15.0, metadata={"low": 0.0})
+    operator: str = field(default=CROSSOVERS[0], metadata={"choices": CROSSOVERS})
 
 
 @dataclass(frozen=True, slots=True)
 class Mutation:
-    """Polynomial mutation: probability per variable, distribution index eta."""
+    """Mutation: probability per variable, and for polynomial mutation the index eta.
+
+    Gaussian mutation has a standard deviation of a tenth of the variable's range.
+    """
 
     probability: float = field(default=0.1, metadata={"low": 0.0, "high": 1.0})
     eta: float = field(default=20.0, metadata={"low": 0.0})
+    operator: str = field(default=MUTATIONS[0], metadata={"choices": MUTATIONS})
 
 
 class AlgorithmSettings(ABC):

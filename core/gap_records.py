@@ -80,11 +80,12 @@ class Detectable:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Stage 1: is there a gap at all."""
+    """Stage 1: is there a gap at all; `unseen` are effects that what is free does as well."""
 
     outputs: tuple[OutputGate, ...]
     recalibrated: tuple[Recalibrated, ...] = ()
     detectable: tuple[Detectable, ...] = ()
+    unseen: tuple[str, ...] = ()
 
     @property
     def significant(self) -> bool:
@@ -197,7 +198,9 @@ class FoundEffect:
     """An effect that is in the corrected model, with its evidence.
 
     `frequency` is the share of bootstrap replicates that name it (nan without bootstrap);
-    `at_bound` names parameters that physics stopped.
+    `at_bound` names parameters that physics stopped. `in_problem` is whether the problem whose
+    allocation is to be repeated has a counterpart of it (None: no allocation was given), and
+    `counterpart` what that does, or why there is none.
     """
 
     name: str
@@ -211,7 +214,8 @@ class FoundEffect:
     share: float = nan
     frequency: float = nan
     at_bound: tuple[str, ...] = ()
-    in_problem: bool = True
+    in_problem: bool | None = None
+    counterpart: str = ""
 
     def __str__(self) -> str:
         return f"{self.name} ({self.family}): " + ", ".join(str(one) for one in self.parameters)

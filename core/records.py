@@ -102,9 +102,9 @@ class StudyResult:
     """One finished study.
 
     `table`, `sensitivity` and `tests` are the files of these names (`study.csv`, ...). `medians`
-    has the columns response, point, median, low, high, level, n, failed. `courses` has, per key and
-    level of a design that changes one key at a time, the course of a run over its generations: key,
-    level, generation, median, low, high, and `optimum` where one is proven.
+    has the columns response, point, median, low, high, level, n, failed, reached. `courses` has,
+    per key and level of a design that changes one key at a time, the course of a run over its
+    generations: key, level, generation, median, low, high, and `optimum` where one is proven.
     """
 
     title: str

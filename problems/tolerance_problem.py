@@ -91,6 +91,13 @@ class ToleranceProblem(Problem):
         With `searching` a faster, coarser propagation may be used and errors of estimates omitted.
         """
 
+    def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
+        """Errors (n,) of the outputs `found` that take a model of their own, where there are any.
+
+        Asked for the designs that are reported, not for every one that might have been.
+        """
+        return {}
+
     def interval(self, output: str) -> Interval:
         """Proven bounds of an output (or variable) over the search space."""
         if output in self.names:
@@ -100,7 +107,7 @@ class ToleranceProblem(Problem):
 
     def box(self) -> tuple[Array, Array]:
         """Ideal and nadir of the normalised hypervolume, fixed by the problem."""
-        corners = self.outputs_of(self._corners())
+        corners = self.outputs_of(self._corners(), errors=False)
         values = np.array([corners[name] for name in self.objectives])
         proven = np.array([self.interval(name)[0] for name in self.objectives])
         ideal = np.where(np.isfinite(proven), proven, values.min(axis=1))
@@ -233,9 +240,17 @@ class ToleranceProblem(Problem):
                 designs[:, at] = np.rint(designs[:, at])
         return designs
 
-    def outputs_of(self, designs: Array, searching: bool = False) -> dict[str, Array]:
-        """Every output (n,) of full designs (n, all variables), checked for shape."""
-        found = self._outputs(np.asarray(designs, dtype=float), searching)
+    def outputs_of(
+        self, designs: Array, searching: bool = False, errors: bool = True
+    ) -> dict[str, Array]:
+        """Every output (n,) of full designs (n, all variables), checked for shape.
+
+        Without `errors`, or `searching`, those of `_verified` are left at zero.
+        """
+        designs = np.asarray(designs, dtype=float)
+        found = self._outputs(designs, searching)
+        if errors and not searching:
+            found |= self._verified(designs, found)
         for output in self.outputs:
             shape = np.shape(found[output.name]) if output.name in found else None
             if shape != (len(designs),):
@@ -280,9 +295,13 @@ class ToleranceProblem(Problem):
                 raise ModelError(f"{name} is not finite at {where}")
         return f, g
 
-    def frame(self, designs: Array) -> pd.DataFrame:
-        """Variables, outputs (at full accuracy) and limit margins of full designs, one row each."""
-        found = self.outputs_of(designs)
+    def frame(self, designs: Array, found: Mapping[str, Array] | None = None) -> pd.DataFrame:
+        """Variables, outputs (at full accuracy) and limit margins of full designs, one row each.
+
+        `found` are their outputs without `errors`, where they are known.
+        """
+        known = self.outputs_of(designs, errors=False) if found is None else found
+        found = {**known, **self._verified(designs, known)}
         columns: dict[str, Any] = {v.name: self._shown(v, designs) for v in self.variables}
         columns |= {output.name: found[output.name] for output in self.outputs}
         for limit in self.limits:

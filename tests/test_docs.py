@@ -6,8 +6,10 @@ import pytest
 from tolevo.models.inputs import DISTRIBUTIONS
 from tolevo.models.manipulator.pose import ManipulatorPose
 from tolevo.models.manipulator.sources import ROWS
+from tolevo.models.rv_reducer.contact import declared as contact
 from tolevo.models.rv_reducer.transmission import RvTransmission
 from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.workflows.study.designs import DESIGNS
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 
@@ -55,3 +57,18 @@ def test_every_parameter_and_column_of_rv_transmission_is_documented() -> None:
     names = [f"| `{one.name}` |" for one in RvTransmission.parameters]
     names += [f"`{one.name}`" for one in RvTransmission.columns]
     assert [name for name in names if name not in text] == []
+
+
+@pytest.mark.source_tree
+def test_every_parameter_of_the_contact_is_documented() -> None:
+    text = (DOCS / "contact.md").read_text(encoding="utf-8")
+    assert [one.name for one in contact.PARAMETERS if f"`{one.name}`" not in text] == []
+
+
+@pytest.mark.source_tree
+@pytest.mark.parametrize("kind", DESIGNS)
+def test_every_design_is_documented_with_its_keys(kind: str) -> None:
+    text = (DOCS / "study.md").read_text(encoding="utf-8")
+    row = next(line for line in text.splitlines() if line.startswith(f"| `{kind}` | "))
+    keys = [one.name for one in fields(DESIGNS[kind])]  # type: ignore[arg-type]
+    assert [one for one in keys if f"`{one}`" not in row] == []

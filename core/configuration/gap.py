@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -12,14 +13,16 @@ import tomli_w
 from .. import registry
 from ..errors import Fault, InputError, nearest, raise_all
 from ..section import POSITIVE, Range, Section, shown
+from ..models.effects.compose import Active
 from ..workflows.gap.plan import ColumnRole, GapPlan, GapSettings
 from .configuration import Configuration
+from .effects import read_effects, resolved_effects
 from .gap_columns import read_columns
-from .reader import read, read_alone
+from .reader import read, read_alone, read_table
 from .simulated import build_model
 from .source import load, override
+from .table import TABLE, table_model
 
-TABLE = "table"
 OF_THE_MODEL = ("model", "seed", "parameters", "variables", "effect")
 OWN = ("run", "free", "effects", "noise", "validation", "columns", "data", "settings")
 ZERO = "zero"
@@ -44,6 +47,7 @@ def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:
         top.fault("model", 'is missing: name a model (see `tolevo list`), or model = "table"')
     configuration = _model(table, name, faults) if name else None
     columns = read_columns(top, name == TABLE)
+    of_table = _effects_of_table(top, columns, faults) if name == TABLE else ()
     settings = _settings(top.section("settings"))
     free = _free(top, configuration)
     library = _library(top.section("effects"))
@@ -58,6 +62,7 @@ def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:
     top.finish()
     raise_all(faults)
     model = build_model(configuration) if configuration is not None else None
+    active = tuple(configuration.settings.effects) if configuration else of_table
     plan = GapPlan(
         model_name=str(name),
         model=model,
@@ -65,7 +70,7 @@ def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:
         parameters=dict(configuration.settings.parameters) if configuration else {},
         given=dict(table.get("parameters", {})) if configuration else {},
         free=free,
-        library=library,
+        library=tuple(name for name in library if name not in _names(active)),
         noise=noise,
         blocks=blocks,
         columns=columns,
@@ -73,7 +78,9 @@ def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:
         settings=settings,
         run=run,
         rebuild=_builder(configuration),
-        tables=_model_tables(configuration),
+        active=active,
+        counterparts=counterparts if run else None,
+        tables=_model_tables(configuration) or resolved_effects(active),
     )
     return _with_text(plan, table)
 
@@ -87,7 +94,7 @@ def _model(table: Mapping[str, Any], name: str, faults: list[Fault]) -> Configur
     if name == TABLE:
         part = Section(table, "", faults)
         part.integer("seed", Range(low=0))
-        for key in ("parameters", "variables", "effect"):
+        for key in ("parameters", "variables"):
             if key in part:
                 part.fault(key, 'belongs to a model; model = "table" has none')
         return None
@@ -218,6 +225,32 @@ def _run(top: Section, folder: Path) -> dict[str, Any]:
         for fault in error.faults:
             top.fault(f"run: {fault.place}", fault.message)
     return table
+
+
+def counterparts(text: str) -> dict[str, str]:
+    """What each effect of a configuration with a problem does there; empty where it does nothing.
+
+    Raises InputError where the text is no such configuration.
+    """
+    problem = read_table(tomllib.loads(text), []).problem
+    if problem is None:
+        return {}
+    pairs = zip(problem.settings.effects, problem.counterparts(), strict=True)
+    return {one.effect.name: does for one, does in pairs}
+
+
+def _effects_of_table(
+    top: Section, columns: Mapping[str, ColumnRole], faults: list[Fault]
+) -> tuple[Active, ...]:
+    """Effects that are added to the prediction of a table; none where its columns are at fault."""
+    if faults:
+        return ()
+    return read_effects(top, table_model(columns), TABLE)
+
+
+def _names(active: Sequence[Active]) -> set[str]:
+    """Effects that are in the model already."""
+    return {one.effect.name for one in active}
 
 
 def _builder(configuration: Configuration | None) -> Any:

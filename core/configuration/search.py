@@ -9,7 +9,7 @@ from typing import Any, get_type_hints
 from .. import registry
 from ..algorithms.engine import ENGINES
 from ..algorithms.refused import REFUSED
-from ..algorithms.settings import AlgorithmSettings, Budget
+from ..algorithms.settings import CROSSOVERS, MUTATIONS, AlgorithmSettings, Budget
 from ..section import POSITIVE, Range, Section
 from .plugins import load_named
 
@@ -78,6 +78,12 @@ def read_engine(section: Section, name: str, algorithm: AlgorithmSettings | None
         known = ", ".join(ENGINES)
         section.fault("engine", f'{name} has no array engine; {known} have one: choose one of '
                       'them, or engine = "pymoo"')  # fmt: skip
+    elif engine == "array":
+        for key, own in (("crossover", CROSSOVERS[0]), ("mutation", MUTATIONS[0])):
+            operator = getattr(getattr(algorithm, key, None), "operator", own)
+            if operator != own:
+                section.fault(f"{key}.operator", f'the array engine has {own} only, got '
+                              f'"{operator}": use it, or engine = "pymoo"')  # fmt: skip
     return engine
 
 

@@ -2,17 +2,18 @@
 
 Computed once from the full model, by central differences over the period of order 40:
 
-    TE amplitude = A_0 + |c . x|,  c complex (order 40; no other order appears to first order)
+    TE amplitude = A_0 + |c . x + m|,  c complex (order 40; no other order appears to first order)
     peak force   = max over discs of phi_d(d_d . x) + |h_d . x|
 
-x are the twelve final angles, d_d . x the difference of the discs' rotations that loads disc d as
-much as x does on average, phi_d its peak force as a tabulated function of that difference (a curve,
-because a disc that has lost its load takes part no more), and h_d the part of order 40.
+x are the twelve final angles, m is a wave of order 40 that all units have, d_d . x the difference
+of the discs' rotations that loads disc d as much as x does on average, phi_d its peak force as a
+tabulated function of that difference (a curve, because a disc that has lost its load takes part no
+more), and h_d the part of order 40.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,12 +43,17 @@ class Influence:
     """phi_d [N], shape (discs, k)."""
     force: Array
     """d_d, real and imaginary part of h_d per disc, shape (3 discs, 12) [-, N/rad, N/rad]."""
+    wave: Array
+    """Real and imaginary part of m [rad], shape (2,)."""
 
     def amplitude(self, states: Array) -> Array:
         """TE amplitude (...) [rad] of final angles (..., 12) [rad]."""
-        return np.asarray(
-            self.base_amplitude + np.hypot(*np.moveaxis(states @ self.order_40.T, -1, 0))
-        )
+        return self.amplitude_of(states @ self.order_40.T)
+
+    def amplitude_of(self, waves: Array) -> Array:
+        """TE amplitude (...) [rad] of c . x, real and imaginary part (..., 2) [rad]."""
+        whole = np.moveaxis(waves + self.wave, -1, 0)
+        return np.asarray(self.base_amplitude + np.hypot(*whole))
 
     def peak_force(self, states: Array) -> Array:
         """Peak mesh force (...) [N] of final angles (..., 12) [rad]."""
@@ -65,6 +71,7 @@ class Influence:
 
 def influence(full: Transmission) -> Influence:
     """The influence coefficients of a full model."""
+    wave, full = full.wave, replace(full, wave=0j)
     units = np.eye(SIZE).reshape(SIZE, 4, 3) * STEP
     up, down = full.turn(units), full.turn(-units)
     nominal = full.turn(np.zeros((1, 4, 3)))
@@ -84,6 +91,7 @@ def influence(full: Transmission) -> Influence:
         differences=differences,
         peak=loaded.max(axis=1).T,
         force=np.moveaxis(rows, 0, -1).transpose(1, 0, 2).reshape(-1, SIZE),
+        wave=np.array([wave.real, wave.imag]),
     )
 
 

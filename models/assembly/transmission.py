@@ -98,6 +98,9 @@ class Transmission:
     speed: float = 0.5 * pi
     """[rad/s] of the output (15 rpm, rated); 0 is quasi-static."""
     train: Train = Train()
+    wave: complex = 0j
+    """[rad] A wave of order 40 that every unit has besides: its transmission error is the real part
+    of wave exp(40 j theta), theta the angle of the output."""
     angles: int = 96
     """Crank angles over one period. With perfect pins all repeats after 1/40 of an output turn;
     more than two fall on each of its 39 pin pitches."""
@@ -141,8 +144,10 @@ class Transmission:
         return np.asarray(np.fft.irfft(waves * transfer(points, order), self.angles, axis=1))
 
     def amplitude(self, turned: Turned) -> Array:
-        """Half peak to peak (n,) [rad] of the transmission error, the floor included."""
-        return np.asarray(0.5 * np.ptp(turned.error, axis=1) + self.mapping.floor)
+        """Half peak to peak (n,) [rad] of the transmission error, wave and floor included."""
+        count = turned.error.shape[1]
+        besides = np.real(self.wave * np.exp(2j * pi * np.arange(count) / count))
+        return np.asarray(0.5 * np.ptp(turned.error + besides, axis=1) + self.mapping.floor)
 
     def peak(self, turned: Turned) -> Array:
         """Largest force (n,) [N] on any pin."""

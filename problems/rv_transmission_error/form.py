@@ -3,8 +3,9 @@
 The amplitude is A_0 plus the quantile of the radius R of a Gaussian vector in the plane. For a
 coverage p, R_p^2 is at least c_p times the trace of its covariance, with c_p the least of that
 ratio over all shapes of the ellipse (of a circle, at high coverage); the trace is a sum of squares
-of the tolerances. The bound is exact where the optimum is round. The standard deviations of the
-final angles are roots of sums of squares as they stand.
+of the tolerances. The bound is exact where the optimum is round. A wave m that all units share only
+widens |c . x + m| (Anderson's inequality), so that the bound holds with it too. The standard
+deviations of the final angles are roots of sums of squares as they stand.
 """
 
 from __future__ import annotations

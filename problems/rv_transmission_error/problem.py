@@ -17,12 +17,14 @@ from ...models.assembly import gains, response, space_process, terminal_weight
 from ...models.assembly.coverage import normals, radius_quantile, sample_quantile
 from ...models.assembly.influence import Influence, influence
 from ...models.assembly.process import Process
+from ...models.assembly.transmission import Transmission
 from ...models.inputs import Normal
 from ...units import ARCSEC, MRAD
 from ..forms import Form
 from ..settings import Bound, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from . import declared
+from .counterparts import departures_with, sentence, waves_of
 from .form import form_of
 from .verify import errors_percent
 
@@ -80,7 +82,21 @@ class RvTransmissionError(ToleranceProblem):
     @cached_property
     def influence(self) -> Influence:
         """The influence coefficients, from the full model."""
-        return influence(declared.transmission(self.settings.parameters))
+        return influence(self.full)
+
+    @cached_property
+    def full(self) -> Transmission:
+        """The full model, with the waves that effects add to every unit."""
+        own = declared.transmission(self.settings.parameters)
+        waves = waves_of(self.settings.effects, *self._operating)
+        mapping = replace(own.mapping, floor=own.mapping.floor + waves.rest)
+        return replace(own, mapping=mapping, wave=waves.wave)
+
+    @property
+    def _operating(self) -> tuple[float, float]:
+        """Torque [N m] and speed of the output [rpm]."""
+        given = self.settings.parameters
+        return number(given["torque_Nm"]), number(given["output_speed_rpm"])
 
     @cached_property
     def _deviations(self) -> Array:
@@ -106,7 +122,7 @@ class RvTransmissionError(ToleranceProblem):
             self._gains(self.column(designs, declared.PRECISION)),
             str(given["insertion"]),
             assembly.estimator_of(self.process, given, prior),
-            declared.departures(given),
+            departures_with(declared.departures(given), self.settings.effects),
         )
         parts = designs[:, : declared.SIZE] * MRAD * self._deviations
         more = linear.state.shape[-1] - declared.SIZE
@@ -120,27 +136,33 @@ class RvTransmissionError(ToleranceProblem):
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         left = self.residual(designs)
         covariance = left.covariance
-        te, force = self._te(covariance), self._force(covariance, searching)
+        te, force = self._te(covariance, searching), self._force(covariance, searching)
         std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)) / MRAD
-        errors = np.zeros(len(designs)), np.zeros(len(designs))
-        if not searching:
-            full = declared.transmission(self.settings.parameters)
-            errors = errors_percent(full, self.influence, left.spread, te, force)
         names = [f"kc_{at}_{axis}_std_mrad" for at in range(1, 5) for axis in declared.AXES]
         return {
             "cost": self.cost_of(designs),
             EFFORT: left.effort / MRAD**2,
             TE: te / ARCSEC,
             FORCE: force,
-            "te_error_percent": errors[0],
-            "force_error_percent": errors[1],
+            "te_error_percent": np.zeros(len(designs)),
+            "force_error_percent": np.zeros(len(designs)),
         } | dict(zip(names, std.T, strict=True))
 
-    def _te(self, covariance: Array) -> Array:
-        """Quantile (n,) [rad] of the TE amplitude."""
-        plane = self.influence.order_40
-        radius = radius_quantile(plane @ covariance @ plane.T, self.settings.propagation.coverage)
-        return self.influence.base_amplitude + radius
+    def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
+        te, force = found[TE] * ARCSEC, found[FORCE]
+        spread = self.residual(designs).spread
+        errors = errors_percent(self.full, self.influence, spread, te, force)
+        return dict(zip(("te_error_percent", "force_error_percent"), errors, strict=True))
+
+    def _te(self, covariance: Array, searching: bool) -> Array:
+        """Quantile (n,) [rad] of the TE amplitude; of a sample where all units share a wave."""
+        plane, coverage = self.influence.order_40, self.settings.propagation.coverage
+        within = plane @ covariance @ plane.T
+        if not self.influence.wave.any():
+            return self.influence.base_amplitude + radius_quantile(within, coverage)
+        count = self.settings.propagation.samples
+        sample = normals(min(count, SEARCH_SAMPLE) if searching else count, 2, self.settings.seed)
+        return sample_quantile(within, sample, self.influence.amplitude_of, coverage)
 
     def _force(self, covariance: Array, searching: bool) -> Array:
         """Quantile (n,) [N] of the peak mesh force."""
@@ -163,7 +185,8 @@ class RvTransmissionError(ToleranceProblem):
     def interval(self, output: str) -> Interval:
         """Proven bounds: costs fall with every tolerance, and no unit is below the error-free one.
 
-        The latter holds of the influence coefficients.
+        The latter holds of the influence coefficients; a wave of order 40 that all units share may
+        be cancelled in some, the other orders are there in all.
         """
         if output == "cost":
             return self.cost_interval
@@ -191,7 +214,8 @@ class RvTransmissionError(ToleranceProblem):
 
     def least_cost(self) -> tuple[str, RvTransmissionError]:
         """Least cost at the transmission error of document A's allocation, without adjustment."""
-        printed = self._te(self.residual(next(iter(self.references().values()))[None]).covariance)
+        first = next(iter(self.references().values()))[None]
+        printed = self._te(self.residual(first).covariance, searching=False)
         limit = Bound(high=float(printed[0]) / ARCSEC)
         given = replace(
             self.given,
@@ -201,6 +225,9 @@ class RvTransmissionError(ToleranceProblem):
         )
         label = f"GA, least cost at {limit.high:.4g} arcsec without adjustment"
         return label, RvTransmissionError(given)
+
+    def counterparts(self) -> tuple[str, ...]:
+        return tuple(sentence(one, *self._operating) for one in self.settings.effects)
 
     # ---------------------------------------------------------------- faults and warnings
 

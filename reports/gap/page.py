@@ -25,6 +25,7 @@ VERDICTS = {
     "its rivals.",
     "unnamed": "Unnamed: model and measurement disagree, and no effect of the library explains it.",
 }
+UNSEEN = "Cannot be seen at all, because what is free does the same"
 CAPTIONS = {
     "residuals": "{0}: measured less predicted against every input, before on the left (circles), "
     "after on the right (crosses). Hatched: where the gap was located. At most 600 readings are "
@@ -150,8 +151,8 @@ def _effect(one: FoundEffect) -> str:
     if one.frequency == one.frequency:
         evidence.append(f"named in {100 * one.frequency:.0f} % of the bootstrap replicates")
     evidence += [f"{name} stands at its physical bound" for name in one.at_bound]
-    if not one.in_problem:
-        evidence.append("has no counterpart in the problem of the allocation")
+    if one.counterpart:
+        evidence.append(f"in the problem of the allocation: {one.counterpart}")
     return (
         f"<h3>{escape(one.name)} ({escape(one.family)})</h3>\n<p>{escape(one.cause)}</p>\n"
         f"{table(pd.DataFrame(rows))}\n{bullets(evidence)}"
@@ -190,4 +191,5 @@ def _detectable(result: GapResult) -> str:
          "parameter": one.parameter, "value": one.value}
         for one in result.gate.detectable
     ]  # fmt: skip
-    return table(pd.DataFrame(rows))
+    unseen = ", ".join(result.gate.unseen)
+    return table(pd.DataFrame(rows)) + (f"<p>{UNSEEN}: {escape(unseen)}.</p>" if unseen else "")

@@ -10,6 +10,10 @@ from scipy.optimize import least_squares
 
 from tests.gap_trial.damper import Jenkins, arts
 from tests.gap_trial.tables import Array
+from tolevo import registry
+from tolevo.gap_records import GapResult
+from tolevo.workflows.gap import GapPlan, gap
+from tolevo.workflows.gap.read import read_data
 
 PLAIN = ("stiffness_kip_per_in", "slip_force_kip", "start_in")
 
@@ -46,23 +50,69 @@ def test_loop_of_the_element_is_the_parallelogram_of_its_parameters() -> None:
         assert np.abs(found).max() == pytest.approx(2.0)
 
 
-def test_a_dead_zone_of_an_inch_over_six_is_in_the_record() -> None:
-    """Fitted to 1 in., judged on 0.5 in. with its beginning free: by least squares alone."""
+def fitted(start: Array) -> Array:
+    """Least squares on the 1 in. record: stiffness, slip, beginning, and a width where asked."""
     measured = read("1")["force_kip"].to_numpy()
-    first = np.array([12.0, 2.0, 0.0])
 
-    def stiff(p: Array) -> Array:
-        return np.asarray(force("1", p) - measured)
+    def left(p: Array) -> Array:
+        return np.asarray(force("1", p[:3], p[3] if len(p) > 3 else 0.0) - measured)
 
-    def loose(p: Array) -> Array:
-        return np.asarray(force("1", p[:3], p[3]) - measured)
+    return np.asarray(least_squares(left, start, diff_step=STEP).x)
 
-    plain = least_squares(stiff, first, diff_step=STEP).x
-    full = least_squares(loose, np.append(first, 0.1), diff_step=STEP).x
+
+def on_the_other_record(p: Array, width: float) -> float:
+    """RMSE [kip] on the 0.5 in. record, its beginning free."""
+    starts = np.linspace(-0.2, 0.2, 41)
+    return min(error("0.5", np.array([*p[:2], at]), width) for at in starts)
+
+
+@pytest.fixture(scope="module")
+def plain() -> Array:
+    return fitted(np.array([12.0, 2.0, 0.0]))
+
+
+def test_a_dead_zone_of_an_inch_over_six_is_in_the_record(plain: Array) -> None:
+    """By least squares alone, before the workflow says so."""
+    full = fitted(np.append(plain, 0.1))
     assert 0.17 < abs(full[3]) < 0.18
+    assert on_the_other_record(full, full[3]) < 0.6 * on_the_other_record(plain, 0.0)
 
-    def best(p: Array, width: float) -> float:
-        starts = np.linspace(-0.2, 0.2, 41)
-        return min(error("0.5", np.array([*p[:2], at]), width) for at in starts)
 
-    assert best(full, full[3]) < 0.6 * best(plain, 0.0)
+@pytest.fixture(scope="module")
+def result(plain: Array, tmp_path_factory: pytest.TempPathFactory) -> GapResult:
+    """The analysis of the 1 in. record with the whole library, from the plain element's fit."""
+    path = tmp_path_factory.mktemp("arts") / "damper.csv"
+    read("1").to_csv(path, index=False)
+    plan = GapPlan(
+        model_name="damper",
+        model=Jenkins(),
+        parameters=dict(zip(PLAIN, plain.tolist(), strict=True)),
+        free=Jenkins.free,
+        rebuild=Jenkins,
+        library=tuple(registry.names("effects")),
+    )
+    return gap.found(plan, read_data(plan, path))
+
+
+def test_the_workflow_names_the_clearance_and_its_width(result: GapResult) -> None:
+    assert result.names == ("bearing_clearance",)
+    (width,) = result.effects[0].parameters
+    assert width.name == "bearing_clearance_in"
+    assert 0.17 < width.value < 0.18
+
+
+def test_the_gap_is_located_at_small_force(result: GapResult) -> None:
+    region = max(result.where, key=lambda one: one.share)
+    assert "force" in region.variable
+    largest = float(np.abs(read("1")["force_kip"]).max())
+    assert -0.1 * largest < region.low < 0.0 < region.high < 0.1 * largest
+
+
+def test_the_record_that_was_not_fitted_is_predicted_better(
+    result: GapResult, plain: Array
+) -> None:
+    """Half the amplitude, its beginning free: the error falls by 40 % at least."""
+    after = {one.name: one.after for one in result.gate.recalibrated}
+    corrected = np.array([after[name] for name in PLAIN])
+    width = result.effects[0].parameters[0].value
+    assert on_the_other_record(corrected, width) < 0.6 * on_the_other_record(plain, 0.0)

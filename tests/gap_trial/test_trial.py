@@ -14,6 +14,8 @@ from tests.gap_trial.records import record
 from tests.gap_trial.scorer import Figure, Scored, figures
 from tests.gap_trial.trial import WORKFLOW, line, printed, scored
 
+pytestmark = pytest.mark.long
+
 COUNTS = {"clean": 14, "good": 8, "poor": 8, "outside": 5, "size": 4, "delay": 3, "pair": 3}
 ROWS = {"outside": 450, "pair": 600}
 """The longest record that is taken, where it is not FEW."""

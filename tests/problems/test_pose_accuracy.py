@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tolevo import registry
 from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.solver import Exact, closed_form
@@ -12,9 +13,13 @@ from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.configuration import read
 from tolevo.errors import InputError
+from tolevo.models.effects.compose import Active, acting, changes_of
+from tolevo.models.effects.readings import readings_of, target_of
 from tolevo.models.manipulator.effects import unit_effects
 from tolevo.models.manipulator.geometry import Manipulator, TaskRing
 from tolevo.models.manipulator.indices import quadrature
+from tolevo.models.manipulator.pose import ManipulatorPose
+from tolevo.models.manipulator.sources import SOURCES as ELEMENTARY
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.pose_accuracy.grouping import NINE, SOURCES
 from tolevo.problems.settings import Settings
@@ -177,3 +182,41 @@ def test_every_source_is_in_the_nine_kinds_once() -> None:
     named = [source for sources in NINE.values() for source in sources]
     assert sorted(named) == sorted(SOURCES)
     assert len(SOURCES) == 18
+
+
+EFFECTS: dict[str, dict[str, float]] = {
+    "joint_zero_offset": {"zero_1_mrad": 1.0, "zero_2_mrad": -0.5},
+    "arm_length_error": {"length_1_um": 200.0, "length_3_um": -100.0},
+    "base_tilt": {"x_mrad": 1.0, "y_mrad": -2.0},
+    "gravity_sag": {"compliance_1_mrad_per_Nm": 0.01, "moving_mass_kg": 20.0},
+    "thermal_growth": {"expansion_per_K_ppm": 12.0},
+    "drive_eccentricity": {"drive_cos_1_mrad": 0.5, "drive_sin_2_mrad": 0.5},
+    "joint_clearance": {"joint_clearance_um": 50.0},
+}
+
+
+@pytest.mark.parametrize("name", list(EFFECTS))
+def test_effects_move_the_mean_of_machines_and_not_their_spread(name: str) -> None:
+    """Machines drawn at one pose, exact kinematics: the same ones with the effect and without.
+
+    The problem's outputs are spreads, so that effects of the manipulator have no counterpart.
+    """
+    model, count, rng = ManipulatorPose(), 1000, np.random.default_rng(5)
+    table = {
+        "r_mm": np.full(count, 450.0), "z_mm": np.full(count, 200.0), "phi_deg": np.zeros(count),
+        "payload_kg": np.full(count, 10.0), "temperature_C": np.full(count, 30.0),
+    }  # fmt: skip
+    drawn = {
+        one.name: rng.normal(0.0, 0.1 if one.unit == "mrad" else 20.0, count) for one in ELEMENTARY
+    }
+    one = Active(registry.load("effects", name)(), EFFECTS[name])
+    target = target_of(model, "manipulator_pose", table)
+    added = changes_of(acting([one], readings_of(target.columns, table), target))
+    none = np.zeros(count)
+    both = {key: drawn.get(key, none) + added.get(key, none) for key in {*drawn, *added}}
+    plain, moved = (model.predict(table, rng, changes) for changes in (drawn, both))
+    shift = {key: abs(moved[key].mean() - plain[key].mean()) for key in plain}
+    assert max(shift.values()) > 1e-3
+    for key, values in plain.items():
+        assert moved[key].std() == pytest.approx(values.std(), rel=0.005), key
+    assert PoseAccuracy(Settings(effects=(one,))).counterparts() == ("",)

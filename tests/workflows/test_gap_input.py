@@ -250,6 +250,42 @@ def test_corrected_configuration_simulates(tmp_path: Path) -> None:
     assert left.std() == pytest.approx(2.0, rel=0.15)
 
 
+def test_what_is_in_the_model_already_is_no_gap(tmp_path: Path) -> None:
+    """The corrected model, given back with the same data, has nothing to add."""
+    rng = np.random.default_rng(0)
+    n = 300
+    inputs = pd.DataFrame(
+        {"output_angle_deg": rng.uniform(0, 360, n), "torque_Nm": rng.uniform(-400, 400, n)}
+    )
+    inputs["output_speed_rpm"], inputs["direction"] = rng.uniform(2, 30, n), rng.choice([-1, 1], n)
+    simulated = tmp_path / "te.csv"
+    inputs.to_csv(tmp_path / "inputs.csv", index=False)
+    (tmp_path / "gap.toml").write_text('model = "rv_transmission"\n', encoding="utf-8")
+    words = ["simulate", str(tmp_path / "gap.toml"), str(tmp_path / "inputs.csv")]
+    assert CliRunner().invoke(app, [*words, "--out", str(simulated), "--quiet"]).exit_code == 0
+    frame = pd.read_csv(simulated)
+    frame["te_arcsec"] += 3.0 * inputs["direction"] + rng.normal(0.0, 2.0, n)
+    ended = command(tmp_path, frame, 'model = "rv_transmission"\n[free]\n')
+    assert ended.exit_code == 0, ended.output
+    said = json.loads((tmp_path / "out" / "gap.json").read_text(encoding="utf-8"))
+    assert [one["name"] for one in said["effects"]] == ["friction_hysteresis"]
+    corrected = (tmp_path / "out" / "corrected.toml").read_text(encoding="utf-8") + "[free]\n"
+    assert found(tmp_path, frame, corrected).verdict == "no_gap"
+
+
+def test_intervals_from_the_bootstrap(tmp_path: Path) -> None:
+    result = found(
+        tmp_path, bench(120), HEAD.replace("seed = 0", "seed = 0\n[settings]\nbootstrap = 30")
+    )
+    (effect,) = result.effects
+    (number,) = effect.parameters
+    assert effect.frequency > 0.9
+    assert number.low < COMPLIANCE < number.high
+    assert number.high - number.low == pytest.approx(
+        2 * 1.645 * 2.0 / np.sqrt(120) / 231.0, rel=0.5
+    )
+
+
 def test_readings_in_degrees_are_named_as_those_in_seconds(tmp_path: Path) -> None:
     """A step of a reading is in degrees then, and no phase of a circle."""
     frame = bench()

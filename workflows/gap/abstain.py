@@ -50,9 +50,10 @@ def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
     left = left_over(fit, search.fitter, generic.white, generic.forms, generic.outputs)
     explained = max(empty.rss - fit.rss, 0.0)
     limit = search.thresholds.generic
+    matters = search.fitter.space.count * search.settings.practical_limit**2
     significant = tuple(
         int(at) for at in left.best
-        if left.evidence[at] > limit and left.gains[at] > SMALL * explained
+        if left.evidence[at] > limit and left.gains[at] > max(SMALL * explained, matters)
     )  # fmt: skip
     lost = set(_displaced(search, fit, generic))
     for at in significant[:20]:

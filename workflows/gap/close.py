@@ -78,10 +78,7 @@ class Corrected:
 
     def _model(self, data: GapData, changes: Mapping[str, Array]) -> dict[str, Array]:
         plan = self.plan
-        if plan.rebuild is None:
-            return dict(data.predicted)
-        model = plan.rebuild(self.free()) if self.free() else plan.model
-        assert model is not None
+        model = plan.rebuild(self.free()) if plan.rebuild and self.free() else plan.model
         found = predictor(plan, data, model)(changes)
         return {o.name: found[o.name] for o in data.outputs}
 

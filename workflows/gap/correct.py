@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from copy import deepcopy
+from dataclasses import replace
 from typing import Any
 
 import tomli_w
 
+from ...errors import InputError
+from ...gap_records import FoundEffect
 from .close import Corrected
 from .plan import GapPlan
 from .population import Scatter
@@ -38,6 +41,26 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
         found |= {"columns": {name: _column(one) for name, one in plan.columns.items()}}
     scalars = {k: v for k, v in found.items() if not isinstance(v, dict | list)}
     return tomli_w.dumps(_plain({**scalars, **found}))
+
+
+def in_problem(
+    plan: GapPlan, text: str, effects: tuple[FoundEffect, ...]
+) -> tuple[FoundEffect, ...]:
+    """The effects with what they do in the problem whose allocation is to be repeated."""
+    if plan.counterparts is None:
+        return effects
+    name = plan.run["problem"]
+    try:
+        does = plan.counterparts(text)
+    except InputError as error:
+        why = "; ".join(f"{one.place}: {one.message}" for one in error.faults)
+        return tuple(replace(one, in_problem=False, counterpart=f"{name} does not take it: {why}")
+                     for one in effects)  # fmt: skip
+    none = f"no counterpart in {name}: the allocation does not change"
+    return tuple(
+        replace(one, in_problem=bool(does.get(one.name)), counterpart=does.get(one.name) or none)
+        for one in effects
+    )
 
 
 def _given(plan: GapPlan) -> dict[str, Any]:

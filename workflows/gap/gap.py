@@ -13,8 +13,9 @@ from ...errors import raise_all
 from ...gap_records import GapResult
 from ...records import Axis
 from .analysis import Analysis, analysed
-from .correct import corrected_toml
+from .correct import corrected_toml, in_problem
 from .data import GapData
+from .locate import regions
 from .plan import GapPlan
 from .read import read_data
 from .result import (
@@ -28,12 +29,11 @@ from .result import (
     scores,
     shape_records,
 )
-from .scan import left_over
 from .select import renumbered
 from .setup import prepared
 from .spectrum import spectrum
 from .uncertainty import Spread, bootstrap
-from .where import regions
+from .where import of_inside
 from .write import other_run, write
 
 Say = Callable[[str], None]
@@ -88,21 +88,21 @@ def found(plan: GapPlan, data: GapData, workers: int = 1, say: Say | None = None
 def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -> GapResult:
     analysis, setup = end.analysis, end.setup
     search, generic = analysis.search, analysis.generic
-    left = left_over(analysis.empty, search.fitter, generic.white, generic.forms, generic.outputs)
     table = residual_table(end, data)
     outputs = data.outputs
     noise = {o.name: n.level for o, n in zip(outputs, analysis.noises, strict=True)}
     which = {side: {o.name: table[f"{o.name}_{side}"].to_numpy() for o in outputs}
              for side in ("before", "after")}  # fmt: skip
-    named = effects(end, spread)
+    text = corrected_toml(plan, end.model, analysis.scatter[:1])
+    named = in_problem(plan, text, effects(end, spread))
     return GapResult(
         title=plan.model_name,
         verdict=end.verdict,
         outputs=tuple(Axis(o.name, o.unit, o.meaning) for o in outputs),
         inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
         gate=gate(end),
-        where=regions(setup, search.fitter, generic, left, analysis.empty,
-                      search.thresholds.generic),
+        where=of_inside(setup, end.fit, table)
+        + regions(setup, search.fitter, generic, analysis.empty, search.thresholds.generic),
         scores=scores(end),
         steps=renumbered(analysis.selection.steps),
         effects=named,
@@ -117,7 +117,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         summary=_summary(plan, data, end, spread),
         notes=_notes(analysis, data, end),
         configuration=plan.configuration,
-        corrected=corrected_toml(plan, end.model, analysis.scatter[:1]),
+        corrected=text,
     )  # fmt: skip
 
 
@@ -172,10 +172,14 @@ def _lines(result: GapResult) -> tuple[str, ...]:
         lines.append(f"{output.name}: rmse {before:.4g} -> {after:.4g} {output.unit} on rows the "
                      f"fit never saw; noise {result.noise_floor[output.name]:.4g}")  # fmt: skip
     lines += [f"effect {one}" for one in result.effects]
+    lines += [f"in the problem: {one.name}: {one.counterpart}"
+              for one in result.effects if one.counterpart]  # fmt: skip
     lines += [f"rival {one}" for one in result.rivals]
     lines += [f"without a name: {one}" for one in result.shapes]
     if result.verdict == "no_gap":
         seen = sorted(result.gate.detectable, key=lambda one: one.rms)[:5]
         lines += [f"would have been seen from {one}" for one in seen]
+    if unseen := ", ".join(result.gate.unseen):
+        lines.append(f"cannot be seen, because what is free does the same: {unseen}")
     lines += [f"note: {note}" for note in result.notes]
     return tuple(lines)

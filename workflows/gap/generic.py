@@ -56,6 +56,8 @@ def generic(
     found += _products(inputs, values, sign)
     if predicted is not None and not {Role.TORQUE, Role.FORCE} & set(data.readings.by_role):
         found += _against_predicted(data, predicted)
+    if data.target.population:  # whose mean is not free
+        found.append((Form("distribution", "mean of the units"), np.ones((len(data), 1))))
     found += _steps(data)
     found += _levels(data)
     if Role.ANGLE in data.readings:

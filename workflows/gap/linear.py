@@ -86,14 +86,16 @@ def _each_orthonormal(left: Array, before: Array, at: NDArray[np.int64]) -> Arra
     if size == 1:
         square = np.einsum("ij,ij->j", left[:, at[:, 0]], left[:, at[:, 0]])
         good = square > GONE * np.maximum(before[at[:, 0]], 1e-300)
-        return left[:, at[:, 0]] * np.where(good, 1.0 / np.sqrt(np.where(good, square, 1.0)), 0.0)
+        return np.asarray(
+            left[:, at[:, 0]] * np.where(good, 1.0 / np.sqrt(np.where(good, square, 1.0)), 0.0)
+        )
     scale = np.sqrt(np.maximum(before[at], 1e-300))
     blocks = np.moveaxis(left[:, at] / scale, 1, 0)  # (g, N, m)
     gram = np.matmul(np.swapaxes(blocks, 1, 2), blocks)
     values, vectors = np.linalg.eigh(gram)
     good = values > GONE
     turned = vectors * np.where(good, 1.0 / np.sqrt(np.where(good, values, 1.0)), 0.0)[:, None, :]
-    return np.moveaxis(np.matmul(blocks, turned), 0, 1).reshape(len(left), count * size)
+    return np.asarray(np.moveaxis(blocks @ turned, 0, 1).reshape(len(left), count * size))
 
 
 def joined(parts: list[Array], one_sided: list[bool]) -> Groups:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ...models.effects.compose import Active
 from ...models.measurable import MeasurableModel
 
 ROLES = (
@@ -35,8 +36,8 @@ class GapSettings:
 
     `false_rate` is the chance that noise alone passes the threshold, over the whole library;
     `simulations` the number of noise records it is read from. `set_distance` bounds the names that
-    are reported together: likelihood, and the price of further numbers. `practical_limit` (share of
-    the noise) ends the loop. `bootstrap` replicates give the intervals, 0 for none. Records of more
+    are reported together: likelihood, and the price of further numbers. `practical_limit` ends the
+    loop: the rms of what a further name explains, as a share of the noise. `bootstrap` replicates give the intervals, 0 for none. Records of more
     than `rows_used` rows are thinned to every k-th row while effects are searched.
     """
 
@@ -59,7 +60,8 @@ class GapPlan:
     may be recalibrated to its half-width, `library` are the effects considered. `noise` holds a
     known standard deviation by output, `blocks` is "auto" or a column. `run` are the raw tables of
     the configuration whose allocation the corrected model is to repeat (empty for none), `tables`
-    the resolved ones of the model.
+    the resolved ones of the model, `active` the effects that are in it already. `counterparts` says
+    what each effect of a corrected configuration does in the problem of `run`; None without it.
     """
 
     model_name: str
@@ -75,7 +77,9 @@ class GapPlan:
     drop_bad_rows: bool = False
     settings: GapSettings = field(default_factory=GapSettings)
     run: Mapping[str, Any] = field(default_factory=dict)
+    active: tuple[Active, ...] = ()
     rebuild: Callable[[Mapping[str, Any]], MeasurableModel] | None = None
+    counterparts: Callable[[str], Mapping[str, str]] | None = None
     tables: Mapping[str, Any] = field(default_factory=dict)
     configuration: str = ""
 

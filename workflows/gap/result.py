@@ -37,6 +37,8 @@ from .where import shapes
 
 SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
 MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
+OWN = 0.01
+"""Share of a column that what is free cannot do, below which nothing of it can be seen."""
 SEPARATED = 4
 """Rivals for which the separating measurement is searched."""
 
@@ -101,7 +103,7 @@ def gate(end: Ending) -> Gate:
             autocorrelation=noise.rho, heteroscedastic=noise.varies_with,
             outliers=noise.outliers, uncertainty=noise.level * 2.0 / np.sqrt(count),
         ))  # fmt: skip
-    return Gate(tuple(found), _recalibrated(end), detectable(end))
+    return Gate(tuple(found), _recalibrated(end), *detectable(end))
 
 
 def rmse(values: Array, good: object = None) -> float:
@@ -119,27 +121,32 @@ def _recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
     )  # fmt: skip
 
 
-def detectable(end: Ending) -> tuple[Detectable, ...]:
-    """The smallest effect of each name that would have been seen nine times out of ten."""
+def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
+    """The smallest effect of each name that would have been seen nine times out of ten, and the
+    names that cannot be seen at all, because what is free does the same.
+    """
     search, setup = end.analysis.search, end.setup
     wanted = np.sqrt(search.thresholds.library) + 1.2816
     found: dict[str, Detectable] = {}
+    names: dict[str, None] = {}
     for at, member in enumerate(search.book.members):
         if member.candidate.alone:
             continue
         white, raw = search.white.of(at), search.book.raw.of(at)
-        left = beside(white, search.fitter.q)
-        size = float(np.sqrt((left**2).sum(axis=0)).max())
+        names.setdefault(member.name)
+        squares = np.sum(beside(white, search.fitter.q) ** 2, axis=0)
+        squares[squares < OWN**2 * np.sum(white**2, axis=0)] = 0.0
+        column = int(np.argmax(squares))
+        size = float(np.sqrt(squares[column]))
         if size <= 0.0:
             continue
-        column = int(np.argmax((left**2).sum(axis=0)))
         value = float(wanted / size)
         rms = value * float(np.sqrt(np.mean(raw[:, column] ** 2)))
         if member.name not in found or rms < found[member.name].rms:
             one = member.candidate.linear[column]
             family, unit = member.candidate.effect.family, setup.data.outputs[0].unit
             found[member.name] = Detectable(member.name, family, rms, unit, one.name, value)
-    return tuple(found.values())
+    return tuple(found.values()), tuple(name for name in names if name not in found)
 
 
 def scores(end: Ending) -> tuple[Score, ...]:

@@ -21,6 +21,7 @@ WITHIN = 40.0
 """Gain behind the best on the grid, beyond which a candidate is not refined."""
 
 BOTH = "beyond what noise reaches, and held-out rows are predicted better"
+SMALL = "what it explains is below the practical limit"
 MASKED = 12
 """Candidates that are tried in pairs where none shows alone."""
 TWO = 1.6
@@ -87,9 +88,12 @@ def select(search: Search, quick: bool = False) -> Selection:
             break
         new = grown.names[len(fit.members) :]
         name = " + ".join(new)
+        gain = fit.rss - grown.rss
+        if not _matters(search, gain, len(new)):
+            _note(steps, search, fit, before, "reject", name, False, SMALL, gain)
+            break
         after = search.tested(grown)
         better = improvement(before, after, search.labels)
-        gain = fit.rss - grown.rss
         if not better.real:
             rejected.update(new)
             _note(steps, search, fit, after, "reject", name, False,
@@ -104,11 +108,18 @@ def select(search: Search, quick: bool = False) -> Selection:
     return Selection(fit, tuple(steps), tuple(sorted(rejected)), real)
 
 
+def _matters(search: Search, gain: float, names: int) -> bool:
+    """Whether what each further name explains has an rms above the practical limit."""
+    rms = np.sqrt(max(gain, 0.0) / names / max(search.fitter.space.count, 1))
+    return bool(rms > search.settings.practical_limit)
+
+
 def _next(search: Search, fit: Fit, rejected: set[str]) -> Fit | None:
     """The best fit with one name more that passes the threshold; None where there is none."""
     found = scan(search.fitter, search.white, search.book, fit.members)
-    found = [one for one in found if one.member.name not in rejected]
     limit = search.thresholds.library
+    # the threshold is that of the dictionary: what a finer fit adds is no evidence
+    found = [one for one in found if one.member.name not in rejected and one.gain > limit]
     fits = [one for one in search.refined(fit.members, found) if fit.rss - one.rss > limit]
     fits = [one for one in fits if one.score < fit.score]
     return fits[0] if fits else None

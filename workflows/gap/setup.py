@@ -9,6 +9,7 @@ import numpy as np
 from scipy import optimize
 
 from ...errors import raise_all
+from ...models.effects.compose import acting, added, changes_of
 from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, MeasurableModel, Role
 from .data import GapData
@@ -60,34 +61,53 @@ class Setup:
 
 def predictor(plan: GapPlan, data: GapData, model: MeasurableModel | None = None) -> Predict:
     """The model at the rows of the data, as a function of changes inside of it."""
+    actions = acting(plan.active, data.readings, data.target)
     if plan.model is None:
-        return lambda changes: data.predicted
+        rng = np.random.default_rng(plan.seed)
+        whole = added(data.predicted, actions, {}, rng)
+        return lambda changes: whole
     of = plan.model if model is None else model
     if of.population:
         return _of_mean_unit(plan, data, of)
 
     def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
         rng = np.random.default_rng(plan.seed)
-        return of.predict(data.readings.table, rng, changes or NO_CHANGES)
+        whole = both(changes_of(actions), changes)
+        return added(of.predict(data.readings.table, rng, whole or NO_CHANGES), actions, {}, rng)
 
     return predict
 
 
+def both(one: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, Array]:
+    """Changes inside of a model together."""
+    names = dict.fromkeys([*one, *other])
+    return {name: np.asarray(one.get(name, 0.0) + other.get(name, 0.0)) for name in names}
+
+
 def _of_mean_unit(plan: GapPlan, data: GapData, model: MeasurableModel) -> Predict:
     """The mean over the units of a population; what changes it is averaged over drawn units."""
+    actions = acting(plan.active, data.readings, data.target)
+    always = changes_of(actions)
+
+    def one(number: int, changes: Mapping[str, Array]) -> dict[str, Array]:
+        rng = np.random.default_rng([plan.seed, 7, number])
+        found = model.predict(data.readings.table, rng, both(always, changes) or NO_CHANGES)
+        return added(found, actions, model.means(), rng)
 
     def drawn(changes: Mapping[str, Array]) -> dict[str, Array]:
-        runs = [
-            model.predict(data.readings.table, np.random.default_rng([plan.seed, 7, k]), changes)
-            for k in range(UNITS)
-        ]
+        runs = [one(number, changes) for number in range(UNITS)]
+        return {o.name: np.mean([run[o.name] for run in runs], axis=0) for o in data.outputs}
+
+    def bare() -> dict[str, Array]:
+        rngs = [np.random.default_rng([plan.seed, 7, k]) for k in range(UNITS)]
+        runs = [model.predict(data.readings.table, rng) for rng in rngs]
         return {o.name: np.mean([run[o.name] for run in runs], axis=0) for o in data.outputs}
 
     def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
         means = {o.name: np.full(len(data), model.means()[o.name]) for o in data.outputs}
-        if not changes:
+        if not changes and not plan.active:
             return means
-        with_them, without = drawn(changes), drawn(NO_CHANGES)
+        with_them, without = drawn(changes), bare()
         return {name: mean + with_them[name] - without[name] for name, mean in means.items()}
 
     return predict

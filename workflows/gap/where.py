@@ -1,8 +1,9 @@
-"""Stage 2: where the residual shows, from the generic forms that find it."""
+"""Where effects inside of a model show, and the shape of what is left without a name."""
 
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 
 from ...gap_records import Region, Shape
 from ...models.inputs.distribution import Array
@@ -14,7 +15,6 @@ from .linear import beside
 from .scan import Left
 from .setup import Setup
 
-MOST = 6
 FAMILIES = {
     Role.TORQUE: "load", Role.FORCE: "load", Role.ANGLE: "geometry by angle",
     Role.SPEED: "speed", Role.TEMPERATURE: "temperature, time", Role.TIME: "temperature, time",
@@ -23,52 +23,23 @@ FAMILIES = {
 }  # fmt: skip
 
 
-def regions(
-    setup: Setup, fitter: Fitter, generic: Remaining, left: Left, fit: Fit, limit: float
-) -> tuple[Region, ...]:
-    """The significant forms, one for each output and variable, the strongest first."""
-    found: dict[tuple[int, str, str], Region] = {}
-    beyond = max(fit.rss - fitter.space.count, float(left.gains.max(initial=1e-9)))
-    for at in left.best:
-        if left.evidence[at] <= limit or len(found) >= MOST:
-            break
-        form, output = left.forms[at], int(left.outputs[at])
-        kind = "interval" if form.kind == "power" else form.kind
-        key = (output, form.variable, kind)
-        if kind == "order":
-            key = (output, form.variable, f"{form.order:.0f}")
-        if key not in found:
-            found[key] = _region(setup, fitter, generic, left, int(at), kind, beyond, limit, fit)
-    return tuple(found.values())
+def of_inside(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]:
+    """Where effects that act inside of the model change what it predicts, along the prediction."""
+    if not any(one.candidate.alone for one in fit.members):
+        return ()
+    found = []
+    for output in setup.data.outputs:
+        after = table[f"{output.name}_corrected"].to_numpy()
+        change = after - table[f"{output.name}_predicted"].to_numpy()
+        low, high = densest(after, change)
+        squares = float(np.mean(table[f"{output.name}_before"] ** 2))
+        left = float(np.mean(table[f"{output.name}_after"] ** 2))
+        found.append(Region(output.name, f"{PREDICTED}{output.name}", "interval", output.unit, low,
+                            high, share=1.0 - left / max(squares, 1e-300)))  # fmt: skip
+    return tuple(found)
 
 
-def _region(
-    setup: Setup, fitter: Fitter, generic: Remaining, left: Left, at: int, kind: str,
-    beyond: float, limit: float, fit: Fit,
-) -> Region:  # fmt: skip
-    form, output = left.forms[at], setup.data.outputs[int(left.outputs[at])]
-    curve = _curve(setup, fitter, generic, at, fit)
-    column = next((c for c in setup.data.inputs if c.name == form.variable), None)
-    low = high = np.nan
-    along = _along(setup, form.variable)
-    if along is not None and kind in ("interval", "trend"):
-        low, high = _densest(along, curve)
-    return Region(
-        output=output.name,
-        variable=" x ".join((form.variable, *form.more)),
-        kind=kind,
-        unit="" if column is None else column.unit,
-        low=low,
-        high=high,
-        order=form.order if kind == "order" else np.nan,
-        direction="opposite in the two directions" if form.direction else "",
-        share=float(np.clip(left.gains[at] / beyond, 0.0, 1.0)),
-        statistic=float(left.evidence[at]),
-        threshold=limit,
-    )
-
-
-def _along(setup: Setup, variable: str) -> Array | None:
+def along(setup: Setup, variable: str) -> Array | None:
     """Values (n,) of an input, or of what is predicted."""
     if variable.startswith(PREDICTED):
         return setup.predicted[variable.removeprefix(PREDICTED)]
@@ -77,19 +48,17 @@ def _along(setup: Setup, variable: str) -> Array | None:
     return np.asarray(setup.data.readings.table[variable], dtype=float)
 
 
-def _curve(setup: Setup, fitter: Fitter, generic: Remaining, at: int, fit: Fit) -> Array:
-    """What the form fits of the residual, in the unit of its output (n,)."""
-    n = len(setup.data)
+def curve_of(setup: Setup, generic: Remaining, at: int, q: Array, residual: Array) -> Array:
+    """What the form fits of a residual (N,) beside a basis (N, r), in the unit of its output."""
     which = int(generic.outputs[at])
     forms = len(generic.forms) // len(setup.data.outputs)
     raw = setup.generic[at - which * forms]
-    white = beside(generic.white.of(at), fitter.q)
-    found = np.linalg.lstsq(white, fit.residual, rcond=1e-7)[0]
+    found = np.linalg.lstsq(beside(generic.white.of(at), q), residual, rcond=1e-7)[0]
     curve = raw @ found
-    return np.asarray(curve - curve.mean()) if len(curve) == n else np.zeros(n)
+    return curve if np.ptp(curve) == 0.0 else np.asarray(curve - curve.mean())
 
 
-def _densest(x: Array, curve: Array, part: float = 0.6) -> tuple[float, float]:
+def densest(x: Array, curve: Array, part: float = 0.6) -> tuple[float, float]:
     """The shortest interval of x that holds `part` of the curve's squares."""
     order = np.argsort(x, kind="stable")
     total = np.concatenate([[0.0], np.cumsum(curve[order] ** 2)])
@@ -115,7 +84,7 @@ def shapes(
             break
         form, output = left.forms[at], int(left.outputs[at])
         key = (output, form.variable)
-        if key not in found:
+        if key not in found and not (found and form.kind == "distribution"):
             found[key] = _shape(setup, fitter, generic, form, int(at), fit, near)
     return tuple(found.values())
 
@@ -125,14 +94,14 @@ def _shape(
     near: tuple[str, ...],
 ) -> Shape:  # fmt: skip
     output = setup.data.outputs[int(generic.outputs[at])]
-    curve = _curve(setup, fitter, generic, at, fit)
-    amplitude = float(0.5 * np.ptp(curve))
+    curve = curve_of(setup, generic, at, fitter.q, fit.residual)
+    amplitude = float(np.abs(curve).max() if form.kind == "distribution" else 0.5 * np.ptp(curve))
     role = generic.roles.get(form.variable)
     low = high = np.nan
     column = next((c for c in setup.data.inputs if c.name == form.variable), None)
     if column is not None and form.kind != "order":
         x = np.asarray(setup.data.readings.table[column.name], dtype=float)
-        low, high = _densest(x, curve)
+        low, high = densest(x, curve)
     torque = _parity(setup, curve) if role in (Role.TORQUE, Role.FORCE) else "none"
     direction = "odd" if form.direction else "even"
     text = _text(form, amplitude, output.unit, torque, near)
@@ -172,6 +141,7 @@ def _explained(columns: Array, curve: Array) -> float:
 def _text(form: Form, amplitude: float, unit: str, torque: str, near: tuple[str, ...]) -> str:
     """One sentence about a form."""
     where = {"order": f"a wave of order {form.order:g}",
+             "distribution": "an offset of all units",
              "direction": "an offset that changes sign with the direction",
              "product": f"a product of {form.variable} and {', '.join(form.more)}",
              "trend": f"a change along {form.variable}"}.get(

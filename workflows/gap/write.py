@@ -82,6 +82,8 @@ def _effect(one: FoundEffect) -> dict[str, Any]:
                      "meaning": p.meaning}
             for p in one.parameters
         },
+        "in_problem": one.in_problem,
+        "counterpart": one.counterpart,
         "evidence": {
             "gain": one.gain,
             "threshold": one.threshold,

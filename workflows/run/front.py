@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -22,17 +24,28 @@ def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFra
     """The non-dominated feasible points of the archive, every value at full accuracy.
 
     The search may have ranked by a coarser propagation, so the best ranks are recomputed and
-    filtered anew. Sorted by the objectives; empty where no point is feasible.
+    filtered anew; only what is left is verified. Sorted by the objectives; empty where no point is
+    feasible.
     """
-    chosen = found.x[_candidates(found)]
-    if not len(chosen):
+    whole, designs = problem.reported(), problem.complete(found.x[_candidates(found)])
+    values = whole.outputs_of(designs, errors=False) if len(designs) else {}
+    rows = _best(whole, designs, values) if len(designs) else np.arange(0)
+    if not len(rows):
         return pd.DataFrame(columns=[*problem.names, *(o.name for o in problem.outputs)])
-    frame = problem.reported().frame(problem.complete(chosen))
-    frame = frame[frame.pop("feasible").to_numpy(dtype=bool)]
-    frame = frame[nondominated(frame[list(problem.objectives)].to_numpy())]
-    frame = frame.sort_values(list(problem.objectives), kind="stable").reset_index(drop=True)
-    frame["knee"] = knee(frame[list(problem.objectives)].to_numpy())
+    frame = whole.frame(designs[rows], {name: each[rows] for name, each in values.items()})
+    names = list(problem.objectives)
+    frame = frame.drop(columns="feasible").sort_values(names, kind="stable")
+    frame = frame.reset_index(drop=True)
+    frame["knee"] = knee(frame[names].to_numpy())
     return frame
+
+
+def _best(
+    problem: ToleranceProblem, designs: Array, values: Mapping[str, Array]
+) -> NDArray[np.int64]:
+    """Rows of the feasible designs that no other feasible one dominates."""
+    rows = np.flatnonzero(np.all(problem.violations(designs, values) <= 0.0, axis=1))
+    return rows[nondominated(problem.objective_values(values)[rows])] if len(rows) else rows
 
 
 def _candidates(found: SearchResult) -> NDArray[np.int64]:

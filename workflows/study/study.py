@@ -12,6 +12,8 @@ import pandas as pd
 from ...algorithms.course import CURVE
 from ...errors import RunError, refuse
 from ...files import write_text, write_with
+from .analysed import FILES as SAID
+from .analysed import analysed
 from .execution import Executor
 from .plan import StudyOutcome, StudyPlan
 from .records import StudyData
@@ -23,10 +25,8 @@ from .work import Report, Work
 from .yardstick import Yardstick
 
 GO_ON = "run the same command with --resume to go on"
-FILES = ("study.csv", "sensitivity.csv", "tests.csv", "curves.parquet", "report.html")
+FILES = ("study.csv", "curves.parquet", *SAID)
 """Files of a finished study, removed while it is not finished."""
-GAUGED = frozenset({"cpu_s_to_99"})
-"""Responses that are measured with a clock: another run of the study has other values."""
 
 
 def study(
@@ -67,9 +67,9 @@ def _begin(out: Path, resume: bool) -> None:
         pids = ", ".join(name.split("-")[0] for name in busy)
         raise refuse("--overwrite", f"another process works on the study in {out} (pid {pids}): "
                      "wait for it or end it; with --resume this one would help it")  # fmt: skip
-    names = FILES if resume else (*FILES, DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm")
-    for name in names if not resume else ():
-        (out / name).unlink(missing_ok=True)
+    if not resume:
+        for name in (*FILES, DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm"):
+            (out / name).unlink(missing_ok=True)
 
 
 def _done(work: Work, plan: StudyPlan) -> Mapping[int, Yardstick]:
@@ -132,5 +132,5 @@ def _written(plan: StudyPlan, data: StudyData, out: Path) -> StudyOutcome:
     if len(failed):
         reason, times = next(iter(failed["reason"].value_counts().items()))
         lines.append(f"note: {times} runs failed with: {reason}")
-    lines += [f"note: {note}" for note in data.notes]
+    lines += analysed(plan.settings, data, out)
     return StudyOutcome("done", out, tuple(lines), data)

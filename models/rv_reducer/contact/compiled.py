@@ -8,17 +8,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .gaps import Displacements, teeth
-from .geometry import ContactGeometry, lever, nominal_pin, unit
+from .errors import PartErrors
+from .gaps import Axes, Displacements, displacements, teeth
+from .geometry import ContactGeometry, nominal_pin, unit
 from .kernel import rotations
 from .nominal import Nominal
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 
 def rotation(
     geometry: ContactGeometry,
-    moved: Displacements,
+    errors: PartErrors,
     angles: Array,
     normal: Array,
     series: Array,
@@ -27,40 +29,53 @@ def rotation(
 ) -> Array:
     """Rotation of the carrier [rad], (units, angles), as `Mesh.rotation` has it.
 
-    `normal` [N/m] and `series` [N m/rad] stiffness fit (units, angles, discs), `torque` [N m] is
+    `normal` [N/m] and `series` [N m/rad] stiffness fit (units, angles, discs), `torque` [N m] fits
     (units, angles).
     """
-    units, count = torque.shape
-    shape = (units, count, geometry.discs)
-    found = np.empty((units, count))
+    moved, axes = displacements(geometry, errors), Axes.at(geometry, angles)
+    shape = (errors.units, angles.size, geometry.discs)
+    found = np.empty((angles.size, errors.units))
     rotations(
-        _table(geometry, angles),
-        _last(np.stack([moved.pins.real, moved.pins.imag, moved.across])),
-        _last(np.stack([moved.centre.real, moved.centre.imag, moved.turn])),
-        _last(np.stack([moved.shift, moved.pitch.real, moved.pitch.imag, moved.play[:, 0]])),
+        _table(geometry, angles, axes),
+        _parts(axes.eccentric, axes.disc, axes.crank),
+        _pins(moved),
+        _discs(moved),
         np.broadcast_to(normal, shape),
         np.broadcast_to(1.0 / series, shape),
-        torque / geometry.output_ratio,
+        np.broadcast_to(torque / geometry.output_ratio, shape[:2]),
         direction,
         found,
     )
-    return found / geometry.output_ratio
+    return found.T / geometry.output_ratio
 
 
-def _last(stacked: Array) -> Array:
-    """(kinds, units, ...) as (kinds, ..., units): units side by side in memory."""
-    return np.ascontiguousarray(np.moveaxis(stacked, 1, -1))
+def _parts(*values: Complex) -> Array:
+    """Real and imaginary parts, one after the other."""
+    return np.stack([part for one in values for part in (one.real, one.imag)])
 
 
-def _table(geometry: ContactGeometry, angles: Array) -> Array:
+def _pins(moved: Displacements) -> Array:
+    """All that is known of pins, (3, discs, pins, units)."""
+    of_pins = (moved.pins.real, moved.pins.imag, moved.across)
+    return np.stack([np.moveaxis(one, 0, -1) for one in of_pins])
+
+
+def _discs(moved: Displacements) -> Array:
+    """All that is known of discs, (11, discs, units)."""
+    directions = _parts(moved.turning.T, moved.offset.T, moved.around.T)
+    rest = (moved.angle, moved.play, moved.shift, moved.pitch.real, moved.pitch.imag)
+    return np.concatenate([directions, np.stack([one.T for one in rest])])
+
+
+def _table(geometry: ContactGeometry, angles: Array, axes: Axes) -> Array:
     """What the nominal profile says of each pin, (angles, discs, pins, 13), in housing's axes."""
     phi = geometry.phase(angles)
     nominal = Nominal.at(geometry, phi)
     normal = nominal.normal * unit(geometry.pin_angles)
-    turned, tooth = np.multiply(-1j, nominal_pin(geometry, phi)), teeth(geometry, angles)
+    turned, tooth = np.multiply(-1j, nominal_pin(geometry, phi)), teeth(geometry, axes)
     along, across = (np.real(turned * one.conj()) for one in (nominal.normal, nominal.tangent))
     columns = [
-        lever(geometry, phi),
+        nominal.lever,
         nominal.gap,
         normal.real,
         normal.imag,

@@ -16,7 +16,7 @@ from ....errors import raise_all
 from ....units import ARCMIN
 from .errors import PartErrors
 from .faults import faults
-from .gaps import displacements, gaps
+from .gaps import gaps
 from .geometry import ContactGeometry
 from .mesh import Mesh
 from .nominal import Nominal
@@ -137,9 +137,8 @@ class LoadedContact:
 
     def _compiled(self, errors: PartErrors, angles: Array, wanted: Array, direction: int) -> Array:
         kernel = import_module(".compiled", __package__)
-        moved = displacements(self.geometry, errors, angles)
         rotation: Array = kernel.rotation(
-            self.geometry, moved, angles, *self._stiffness(), wanted, direction
+            self.geometry, errors, angles, *self._stiffness(), wanted, direction
         )
         return rotation
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import PartErrors
-from .geometry import ContactGeometry, curve, foot, lever, nominal_pin, unit
+from .geometry import ContactGeometry, curve, foot, nominal_pin, unit
 from .nominal import Nominal
 
 Array = NDArray[np.float64]
@@ -35,25 +36,57 @@ class Gaps:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Displacements:
-    """What part errors move, in axes of the housing; complex numbers are points of the plane [m].
+    """What part errors move; complex numbers are points of the plane [m], or directions.
 
-    `pins` (units, discs, pins) is the displacement of the pins, `across` the same shape [m] what
-    radii add to the gap; `centre` (units, angles, discs) that of the profiles' centres; `turn` and
-    `play` as in `Gaps`; `shift` (units, discs) [m]; `pitch` (units, discs) [rad] is the turn
-    F_p/(2 r_p) exp(i phase) of a tooth at angle u, to be taken at exp(i u) as a scalar product.
+    `pins` (units, discs, pins) displaces pins in axes of the housing, `across` the same shape [m]
+    is what radii add to the gap. The rest is (units, discs): `turning` displaces the disc's centre
+    in axes that turn with its eccentric, `offset` in those of the disc; `around` [rad] turns it by
+    its part across the line of the cranks, `angle` [rad] forward; `play` as in `Gaps`; `shift` [m];
+    `pitch` [rad] is the turn F_p/(2 r_p) exp(i phase) of a tooth at angle u, to be taken at
+    exp(i u) as a scalar product.
     """
 
     pins: Complex
     across: Array
-    centre: Complex
-    turn: Array
+    turning: Complex
+    offset: Complex
+    around: Complex
+    angle: Array
     play: Array
     shift: Array
     pitch: Complex
 
+    def centre(self, axes: Axes) -> Complex:
+        """Displacement of the profiles' centres in axes of the housing, (units, angles, discs)."""
+        return self.turning[:, None] * axes.eccentric + self.offset[:, None] * axes.disc
 
-def displacements(geometry: ContactGeometry, errors: PartErrors, angles: Array) -> Displacements:
-    """The displacements of all units at the crank angles [rad], (angles,)."""
+    def turn(self, axes: Axes) -> Array:
+        """Forward turn of the discs [rad], (units, angles, discs)."""
+        return np.asarray(self.angle[:, None] - np.imag(self.around[:, None] * axes.crank))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Axes:
+    """Directions exp(i angle), each (angles, discs).
+
+    Of the eccentric and of the disc in the housing, and of the eccentric against the line of the
+    cranks.
+    """
+
+    eccentric: Complex
+    disc: Complex
+    crank: Complex
+
+    @classmethod
+    def at(cls, geometry: ContactGeometry, angles: Array) -> Self:
+        """The directions at crank angles [rad], (angles,)."""
+        at, carrier = angles[:, None], -angles[:, None] / geometry.nominal.cycloid_teeth
+        of_disc = geometry.disc_angles
+        return cls(unit(at + of_disc), unit(carrier + of_disc), unit(at + of_disc - carrier))
+
+
+def displacements(geometry: ContactGeometry, errors: PartErrors) -> Displacements:
+    """The displacements of all units."""
     sizes = {
         "units": errors.units,
         "discs": geometry.discs,
@@ -62,16 +95,19 @@ def displacements(geometry: ContactGeometry, errors: PartErrors, angles: Array) 
     }
     full = {name: errors.full(name, sizes) for name in errors.__slots__}
     circle = full["circle_offset"] * unit(full["circle_phase"])
-    radius = 2.0 * geometry.nominal.pin_circle_radius
-    play = 0.5 * full["bearing_clearance"].mean(axis=1) / geometry.nominal.centre_distance
+    e, a_0 = geometry.nominal.eccentricity, geometry.nominal.centre_distance
+    eccentrics = (e + full["eccentricity"]) * unit(full["crank_phase"]) - e
+    cranks = unit(-2.0 * np.pi * np.arange(geometry.cranks) / geometry.cranks)
     return Displacements(
         pins=_pins(geometry, full) * unit(geometry.pin_angles) + circle[:, None, None],
         across=full["hole_radius"] - full["pin_radius"] + full["equidistance"][:, :, None],
-        centre=_centre(geometry, full, angles),
-        turn=_turn(geometry, full, angles),
-        play=play[:, None],
+        turning=eccentrics.mean(axis=1),
+        offset=full["disc_offset"] * unit(full["disc_offset_phase"]),
+        around=(eccentrics * cranks[:, None]).mean(axis=1) / a_0,
+        angle=full["angle"],
+        play=0.5 * full["bearing_clearance"].mean(axis=1) / a_0,
         shift=full["shift"],
-        pitch=full["pitch"] / radius * unit(full["pitch_phase"]),
+        pitch=0.5 * full["pitch"] / geometry.nominal.pin_circle_radius * unit(full["pitch_phase"]),
     )
 
 
@@ -90,57 +126,28 @@ def gaps(
     `exact` finds the nearest point of the profile for every pin instead. `nominal` at these angles
     may be given where it is known.
     """
-    moved = displacements(geometry, errors, angles)
+    moved, axes = displacements(geometry, errors), Axes.at(geometry, angles)
     phi, shift = geometry.phase(angles), moved.shift[:, None, :, None]
-    pins = _relative(geometry, moved, angles)
-    if exact:
-        found = _exact(geometry, phi, pins, shift)
-    else:
-        nominal = Nominal.at(geometry, phi) if nominal is None else nominal
-        found = nominal.displaced(pins, shift)
-    across = moved.across[:, None]
-    return Gaps(found + across, lever(geometry, phi), moved.turn, moved.play)
+    pins = _relative(geometry, moved, axes, phi)
+    nominal = Nominal.at(geometry, phi) if nominal is None else nominal
+    found = _exact(geometry, phi, pins, shift) if exact else nominal.displaced(pins, shift)
+    turn, play = moved.turn(axes), moved.play[:, None]
+    return Gaps(found + moved.across[:, None], nominal.lever, turn, play)
 
 
-def teeth(geometry: ContactGeometry, angles: Array) -> Complex:
+def teeth(geometry: ContactGeometry, axes: Axes) -> Complex:
     """exp(i u) of the angle u of each pin in its disc, (angles, discs, pins)."""
-    disc = geometry.disc_angles - angles[:, None] / geometry.nominal.cycloid_teeth
-    return unit(geometry.pin_angles - disc[:, :, None])
+    return unit(geometry.pin_angles) * axes.disc.conj()[:, :, None]
 
 
-def _relative(geometry: ContactGeometry, moved: Displacements, angles: Array) -> Complex:
+def _relative(geometry: ContactGeometry, moved: Displacements, axes: Axes, phi: Array) -> Complex:
     """Displacement of each pin's centre against its tooth, in the pin's axes."""
-    relative = moved.pins[:, None] - moved.centre[..., None]
+    relative = moved.pins[:, None] - moved.centre(axes)[..., None]
     relative *= unit(-geometry.pin_angles)
     if np.any(moved.pitch):
-        turned = np.real(moved.pitch.conj()[:, None, :, None] * teeth(geometry, angles))
-        relative -= turned * (1j * nominal_pin(geometry, geometry.phase(angles)))
+        turned = np.real(moved.pitch.conj()[:, None, :, None] * teeth(geometry, axes))
+        relative -= turned * (1j * nominal_pin(geometry, phi))
     return relative
-
-
-def _eccentrics(geometry: ContactGeometry, full: Mapping[str, Array]) -> Complex:
-    """Displacement of the eccentrics against nominal, in axes that turn with them."""
-    e = geometry.nominal.eccentricity
-    return (e + full["eccentricity"]) * unit(full["crank_phase"]) - e
-
-
-def _turn(geometry: ContactGeometry, full: Mapping[str, Array], angles: Array) -> Array:
-    """Forward turn of the discs: the mean of the eccentrics' tangential displacements over a_0."""
-    cranks = 2.0 * np.pi * np.arange(geometry.cranks) / geometry.cranks
-    around = np.mean(_eccentrics(geometry, full) * unit(-cranks)[:, None], axis=1)
-    relative = angles * (1.0 + 1.0 / geometry.nominal.cycloid_teeth)
-    phase = unit(relative[:, None] + geometry.disc_angles)
-    turned = np.imag(around[:, None] * phase) / geometry.nominal.centre_distance
-    return np.asarray(full["angle"][:, None] - turned)
-
-
-def _centre(geometry: ContactGeometry, full: Mapping[str, Array], angles: Array) -> Complex:
-    """Displacement of the centres of the profiles, (units, angles, discs)."""
-    disc = geometry.disc_angles - angles[:, None] / geometry.nominal.cycloid_teeth
-    eccentric = unit(angles[:, None] + geometry.disc_angles)
-    offset = full["disc_offset"] * unit(full["disc_offset_phase"])
-    turning: Complex = _eccentrics(geometry, full).mean(axis=1)
-    return turning[:, None] * eccentric + offset[:, None] * unit(disc)
 
 
 def _pins(geometry: ContactGeometry, full: Mapping[str, Array]) -> Complex:

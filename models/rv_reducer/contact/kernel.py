@@ -14,8 +14,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from .nominal import STEEP
+
 Array = NDArray[np.float64]
-LANES = 64
+LANES = 128
 """Units solved side by side."""
 _ARMLESS = 1e-9
 _FAR = 1e3
@@ -43,17 +45,22 @@ def _gap(
     """Gaps of one pin for all lanes: `row` of the table, the rest (lanes), each contiguous."""
     nominal, nx, ny, bend, cubic, mixed = row[1], row[2], row[3], row[4], row[5], row[6]
     rn, rt, an, am, tn, tm = row[7], row[8], row[9], row[10], row[11], row[12]
+    steep = abs(bend) > STEEP
     for u in range(gap.size):
         x, y = pin_x[u] - disc_x[u], pin_y[u] - disc_y[u]
         shift, p, q = shifts[u], pitch_x[u], pitch_y[u]
         along = x * nx + y * ny - shift * rn + p * an + q * am
         across = y * nx - x * ny - shift * rt + p * tn + q * tm
-        wide, bent = 1.0 + bend * along, bend * across
-        length = np.sqrt(wide * wide + bent * bent)
-        ratio = across / length
-        circle = (2.0 * along + bend * (along * along + across * across)) / (1.0 + length)
-        change = cubic * ratio * ratio * ratio - mixed * shift * across
-        gap[u] = nominal + circle + change + radius[u]
+        if steep:
+            wide, bent = 1.0 + bend * along, bend * across
+            length = np.sqrt(wide * wide + bent * bent)
+            arc = across / length
+            moved = (2.0 * along + bend * (along * along + across * across)) / (1.0 + length)
+            moved += cubic * arc * arc * arc
+        else:
+            square = across * across
+            moved = along + square * (0.5 * bend * (1.0 - bend * along) + cubic * across)
+        gap[u] = nominal + moved - mixed * shift * across + radius[u]
 
 
 @_compiled
@@ -109,13 +116,13 @@ def _lanes(
                 need[u] += (moment[d, u] - rise * turn[d, u]) * bent[d, u]
         for u in range(lanes):
             found[u] = need[u] / stiffness[u] if stiffness[u] > 0.0 else 1.0
-        moved = 0.0
+        moving = 0
         for d in range(discs):
             for u in range(lanes):
                 ahead = (found[u] + turn[d, u] + moment[d, u] * behind[d, u]) * bent[d, u]
-                moved = max(moved, abs(ahead - at[d, u]))
+                moving += 1 if abs(ahead - at[d, u]) > 1e-18 else 0
                 at[d, u] = ahead
-        if moved <= 1e-18:
+        if moving == 0:
             wrong[:] = 0.0
             break
     for d in range(discs):
@@ -238,57 +245,66 @@ def balance(
 
 
 @_compiled
+def _place(axes: Array, disc: Array, x: Array, y: Array, turn: Array) -> None:
+    """Displacement of the centre and forward turn of one disc: `axes` (6), `disc` (11, lanes)."""
+    ex, ey, dx, dy, cx, cy = axes
+    turning_x, turning_y, offset_x, offset_y = disc[0], disc[1], disc[2], disc[3]
+    around_x, around_y, angle = disc[4], disc[5], disc[6]
+    for u in range(turn.size):
+        x[u] = turning_x[u] * ex - turning_y[u] * ey + offset_x[u] * dx - offset_y[u] * dy
+        y[u] = turning_x[u] * ey + turning_y[u] * ex + offset_x[u] * dy + offset_y[u] * dx
+        turn[u] = angle[u] - (around_x[u] * cy + around_y[u] * cx)
+
+
+@_compiled
 def rotations(
     table: Array,
+    axes: Array,
     pins: Array,
-    centre: Array,
-    disc: Array,
+    discs: Array,
     normal: Array,
     compliance: Array,
     torque: Array,
     direction: int,
     found: Array,
 ) -> None:
-    """Fills `found` (units, angles) with rotations against the mesh; torques there as well."""
-    units, count = torque.shape
-    discs, pin_count = table.shape[1], table.shape[2]
-    warm = np.ones((discs, units))
-    for a in range(count):
-        for first in range(0, units, LANES):
-            last = min(first + LANES, units)
-            lanes = last - first
-            gap = np.empty((discs, pin_count, lanes))
-            for d in range(discs):
-                for j in range(pin_count):
+    """Fills `found` (angles, units) with rotations against the mesh under torques there.
+
+    `table` (angles, discs, pins, 13), `axes` (6, angles, discs), `pins` (3, discs, pins, units),
+    `discs` (11, discs, units), `normal`, `compliance` (units, angles, discs), `torque`
+    (units, angles).
+    """
+    for first in range(0, torque.shape[0], LANES):
+        part = slice(first, min(first + LANES, torque.shape[0]))
+        of_pins, of_discs = pins[:, :, :, part].copy(), discs[:, :, part].copy()
+        lanes = of_pins.shape[3]
+        warm = np.ones((table.shape[1], lanes))
+        x, y, turn = np.empty_like(warm), np.empty_like(warm), np.empty_like(warm)
+        gap = np.empty((table.shape[1], table.shape[2], lanes))
+        for a in range(torque.shape[1]):
+            for d in range(turn.shape[0]):
+                _place(axes[:, a, d], of_discs[:, d], x[d], y[d], turn[d])
+                for j in range(gap.shape[1]):
                     _gap(
                         table[a, d, j],
-                        pins[0, d, j, first:last],
-                        pins[1, d, j, first:last],
-                        pins[2, d, j, first:last],
-                        centre[0, a, d, first:last],
-                        centre[1, a, d, first:last],
-                        disc[0, d, first:last],
-                        disc[1, d, first:last],
-                        disc[2, d, first:last],
+                        of_pins[0, d, j], of_pins[1, d, j], of_pins[2, d, j],
+                        x[d], y[d],
+                        of_discs[8, d], of_discs[9, d], of_discs[10, d],
                         gap[d, j],
-                    )
-            loads = torque[first:last, a].copy()
-            k = normal[first:last, a].T.copy()
-            behind = compliance[first:last, a].T.copy()
-            turn, play = centre[2, a, :, first:last].copy(), disc[3, :, first:last].copy()
+                    )  # fmt: skip
+            loads, play = torque[part, a].copy(), of_discs[7]
+            k, behind = normal[part, a].T.copy(), compliance[part, a].T.copy()
             arms = table[a, :, :, 0].copy()
             sign = 1.0 if loads[0] > 0.0 else -1.0
-            wrong = np.ones(lanes)
+            wrong = np.ones(loads.size)
             if np.all(loads * sign > 0.0):
-                start = warm[:, first:last].copy()
                 turned, wrong = _lanes(
-                    arms * sign, gap, k, behind, turn * sign - play, loads * sign, start
+                    arms * sign, gap, k, behind, turn * sign - play, loads * sign, warm
                 )
-                warm[:, first:last] = start
-                found[first:last, a] = turned * sign
-            for u in range(lanes):
+                found[a, part] = turned * sign
+            for u in range(loads.size):
                 if wrong[u] > 0.0:
-                    found[first + u, a] = balance(
+                    found[a, first + u] = balance(
                         arms, gap[:, :, u].copy(), k[:, u].copy(), behind[:, u].copy(),
                         turn[:, u].copy(), play[:, u].copy(), loads[u], direction,
                     )  # fmt: skip

@@ -8,24 +8,27 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from .geometry import ContactGeometry, curve, foot, nominal_pin
+from .geometry import ContactGeometry, curve, foot, lever, nominal_pin
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+STEEP = 1500.0
+"""Bend [1/m] from which the series of the osculating circle is not used: radii below 0.7 mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Nominal:
     """The nominal profile at the phases it was made for; all of one shape.
 
-    `gap` [m]; `normal` and `tangent` of the profile (outward; with its parameter) and `radial`, the
-    direction in which a shift modification moves it, in the pin's axes; `bend` [1/m],
-    kappa/(1 + kappa d) with the curvature kappa of the curve C and the distance d from it; `cubic`
-    [1/m^2], (d kappa/ds)/6/(1 + kappa d)^3; `mixed` [1/m], how the effect of a shift changes
-    along C.
+    `gap` [m]; `lever` [m], what a forward turn of the disc closes of it per radian; in the pin's
+    axes `normal` (outward) and `tangent` of the profile and `radial`, the direction in which a
+    shift modification moves it; `bend` [1/m], kappa/(1 + kappa d) with the curvature kappa of the
+    curve C and the distance d from it; `cubic` [1/m^2], (d kappa/ds)/6/(1 + kappa d)^3; `mixed`
+    [1/m], how the effect of a shift changes along C.
     """
 
     gap: Array
+    lever: Array
     normal: Complex
     tangent: Complex
     radial: Complex
@@ -48,6 +51,7 @@ class Nominal:
         spread = 1.0 + kappa * distance
         return cls(
             gap=distance + geometry.dr_rp,
+            lever=np.imag(pin * normal.conj()) if geometry.true_levers else lever(geometry, phi),
             normal=normal,
             tangent=tangent,
             radial=c.radial,
@@ -59,14 +63,19 @@ class Nominal:
     def displaced(self, moved: Complex, shift: Array | float = 0.0) -> Array:
         """Gap [m] with the pin displaced by `moved` [m] and the shift modification by `shift` [m].
 
-        With x_n and x_t along and across the normal, shift included, c = `bend` and
-        h = sqrt((1 + c x_n)^2 + (c x_t)^2): the osculating circle's distance
-        (2 x_n + c (x_n^2 + x_t^2))/(1 + h), the change of curvature `cubic` (x_t/h)^3 and
-        -`mixed` shift x_t. What is left out is of fourth order.
+        With x_n and x_t along and across the normal, shift included, and c = `bend`:
+        x_n + c x_t^2 (1 - c x_n)/2 + `cubic` x_t^3 - `mixed` shift x_t. What is left out is of
+        fourth order. Where the curve is `STEEP`, the osculating circle's distance is taken instead
+        of its series: with h = sqrt((1 + c x_n)^2 + (c x_t)^2) it is
+        (2 x_n + c (x_n^2 + x_t^2))/(1 + h), and x_t/h the arc for the cubic term.
         """
         moved = moved - shift * self.radial
         along, across = np.real(moved * self.normal.conj()), np.real(moved * self.tangent.conj())
-        length = np.hypot(1.0 + self.bend * along, self.bend * across)
-        circle = (2.0 * along + self.bend * (along**2 + across**2)) / (1.0 + length)
-        change = self.cubic * (across / length) ** 3 - self.mixed * shift * across
-        return np.asarray(self.gap + circle + change)
+        bent = self.bend * across
+        gap = along + 0.5 * bent * across * (1.0 - self.bend * along) + self.cubic * across**3
+        steep = np.abs(self.bend) > STEEP
+        x_n, x_t, c = along[:, steep], across[:, steep], self.bend[steep]
+        length = np.hypot(1.0 + c * x_n, c * x_t)
+        circle = (2.0 * x_n + c * (x_n**2 + x_t**2)) / (1.0 + length)
+        gap[:, steep] = circle + self.cubic[steep] * (x_t / length) ** 3
+        return np.asarray(self.gap + gap - self.mixed * shift * across)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
 from tolevo.configuration.study import read_study
 from tolevo.errors import InputError
+from tolevo.workflows.study import study
+from tolevo.workflows.study.execution import InProcess
 
 ROOT = Path(__file__).resolve().parents[3]
 RUN = """
@@ -69,6 +72,8 @@ LEVELS = '"algorithm.population" = [10, 20]'
          "must be a whole number"),
         ('"algorithm.name" = ["ga", "nsga3"]', "vary.algorithm.name",
          "needs two or more objectives"),
+        ('"algorithm.crossover.operator" = ["sbx", "unifrom"]', "vary.algorithm.crossover.operator",
+         "did you mean `uniform`"),
         ('"algorithm.engine" = ["pymoo", "array"]', "vary.algorithm.engine",
          "ga has no array engine"),
         ("seed = [1, 2]", "vary.seed", "the seeds are the replicates"),
@@ -117,7 +122,7 @@ def test_designs_too_small_say_what_they_need(tmp_path: Path) -> None:
     vary = '"algorithm.mutation.probability" = { low = 0.0, high = 0.1 }'
     path = study_file(tmp_path, vary, kind="sobol")
     found = faults_of(path, "design.samples=8", "seeds=1")
-    assert "at least 64" in found["design.samples"]
+    assert "at least 128" in found["design.samples"]
     assert "at least 2 replicates" in found["seeds"]
 
 
@@ -165,7 +170,21 @@ def test_keys_may_be_quoted_or_tables(tmp_path: Path) -> None:
     assert nested.settings.factors == quoted.settings.factors
 
 
-def test_operators_and_algorithms_are_categories(tmp_path: Path) -> None:
+def test_operators_are_categories(tmp_path: Path) -> None:
+    vary = """
+    "algorithm.crossover.operator" = ["sbx", "uniform", "two_point"]
+    "algorithm.mutation.operator" = ["polynomial", "gaussian"]
+    """
+    path = study_file(tmp_path, vary, 'response = "feasible_fraction"\nseeds = 4')
+    plan = read_study(path, ["run.limits.squareness_mrad=0.6"])
+    assert all(factor.categorical for factor in plan.settings.factors)
+    outcome = study(plan, tmp_path / "out", InProcess())
+    assert outcome.data is not None
+    fractions = outcome.data.table["feasible_fraction"].to_numpy().reshape(6, -1)
+    assert len(np.unique(fractions, axis=0)) == 6
+
+
+def test_algorithms_are_categories(tmp_path: Path) -> None:
     clutch = ROOT / "configs" / "stack_clutch.toml"
     path = study_file(tmp_path, '"algorithm.name" = ["nsga2", "sms_emoa"]')
     (tmp_path / "run.toml").write_text(clutch.read_text(encoding="utf-8"), encoding="utf-8")
@@ -186,3 +205,11 @@ def test_check_describes_a_study(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["check", str(study_file(tmp_path, LEVELS))])
     assert result.exit_code == 0
     assert "# 20 runs: 2 settings, 10 replicates each" in result.stdout
+
+
+def test_the_array_engine_has_its_own_operators(tmp_path: Path) -> None:
+    path = study_file(tmp_path, '"algorithm.crossover.operator" = ["sbx", "uniform"]')
+    clutch = (ROOT / "configs" / "stack_clutch.toml").read_text(encoding="utf-8")
+    (tmp_path / "run.toml").write_text(clutch, encoding="utf-8")
+    found = faults_of(path, "run.algorithm.name=nsga2", "run.algorithm.engine=array")
+    assert "the array engine has sbx only" in found["vary.algorithm.crossover.operator"]

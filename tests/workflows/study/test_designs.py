@@ -130,9 +130,9 @@ def test_a_design_too_small_says_what_it_needs() -> None:
     assert messages(LatinHypercube(samples=20)) == ""
     assert "trajectories: is 9" in messages(Morris(trajectories=9))
     assert "levels: is 5" in messages(Morris(levels=5))
-    assert "samples: is 32" in messages(Sobol(samples=32))
-    assert "use 64 or 128" in messages(Sobol(samples=100))
-    assert messages(Sobol(samples=64)) == messages(Morris(trajectories=10)) == ""
+    assert "samples: is 64" in messages(Sobol(samples=64))
+    assert "use 128 or 256" in messages(Sobol(samples=200))
+    assert messages(Sobol(samples=128)) == messages(Morris(trajectories=10)) == ""
 
 
 @pytest.mark.parametrize("kind", ["factorial", "latin_hypercube", "morris", "sobol"])

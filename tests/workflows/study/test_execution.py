@@ -34,6 +34,8 @@ from tolevo.workflows.study.execution.executor import Result, TaskT
 from tolevo.workflows.study.storage import DATABASE
 from tolevo.workflows.study.trial import Chunk
 
+pytestmark = pytest.mark.long
+
 RUN = """
 problem = "pose_accuracy"
 [parameters]
@@ -302,10 +304,8 @@ def scheduler() -> Iterator[tuple[subprocess.Popen[str], str]]:
     bound = ("--host", LOOPBACK, "--port", 0, "--dashboard-address", f"{LOOPBACK}:0")
     with daemon("scheduler", *bound) as process:
         assert process.stdout is not None
-        for line in process.stdout:
-            if found := re.search(r"Scheduler at:\s+(tcp://127\.0\.0\.1:\d+)", line):
-                break
-        assert found
+        lines = (re.search(r"Scheduler at:\s+(tcp://127\.0\.0\.1:\d+)", x) for x in process.stdout)
+        found = next(one for one in lines if one)
         threading.Thread(target=process.stdout.read, daemon=True).start()  # or its pipe is full
         yield process, found[1]
 
@@ -402,7 +402,7 @@ def test_nobody_answers_within_ten_seconds(config: Path, tmp_path: Path) -> None
 
 def test_a_port_where_nothing_is(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dask_cluster, "PATIENCE", 0.5)
-    with pytest.raises(InputError, match="no Dask scheduler answers at tcp://127.0.0.1:9"):
+    with pytest.raises(InputError, match="no Dask scheduler answers"):
         executor_of(1, "tcp://127.0.0.1:9")
 
 

@@ -166,7 +166,9 @@ def test_the_evaluation_that_reaches_a_level_is_found_within_a_batch() -> None:
             course.add(points[start : start + 4], feasible[start : start + 4], float(start))
         curve = course.curve()
         first = int(np.argmax(np.array(areas) >= level)) + 1
-        assert course.reached_at == (first, 4.0 * ((first - 1) // 4))
+        evaluations, cpu_s = course.reached_at
+        assert evaluations == first
+        assert cpu_s == 4.0 * ((first - 1) // 4)
         np.testing.assert_allclose(curve[:, 3], [areas[int(n) - 1] for n in curve[:, 1]])
 
 

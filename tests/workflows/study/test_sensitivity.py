@@ -15,6 +15,7 @@ from scipy.stats import binom
 from tolevo.workflows.study.designs import Factorial, LatinHypercube, Morris, OneAtATime, Sobol
 from tolevo.workflows.study.records import Design, Factor, StudyData, StudySettings
 from tolevo.workflows.study.statistics.contrasts import contrasts
+from tolevo.workflows.study.statistics.resampling import crossed
 from tolevo.workflows.study.statistics.runs import runs_of
 from tolevo.workflows.study.statistics.sensitivity import sensitivity
 
@@ -28,7 +29,7 @@ RARE = 1e-4
 """Chance at which a right interval would fail its test."""
 
 
-def found(settings: StudySettings, data: StudyData, rng: np.random.Generator) -> pd.DataFrame:
+def found(settings: StudySettings, data: StudyData, rng: np.random.Generator) -> Any:
     """Rows of the sensitivities by key and statistic."""
     runs = runs_of(data.table, settings.responses[0], len(data.design))
     some = contrasts(settings.design.kind, data.design, settings.factors, settings.base)
@@ -164,7 +165,7 @@ def test_shares_of_a_factorial_cover_the_truth(synthetic: Any) -> None:
         ("a x b", "anova_share"): 1 / 6 / total, ("c", "anova_share"): 0.0,
         ("b x c", "anova_share"): 0.0, ("", "noise_share"): (noise**2 + common**2) / total,
     }  # fmt: skip
-    inside, above = hits(synthetic, Factorial(), LISTS, levels, truth, noise, seeds=25)
+    inside, above = hits(synthetic, Factorial(), LISTS, levels, truth, noise, seeds=8)
     assert_covered(inside)
     assert above["c", "anova_share"] <= binom.ppf(1 - RARE, STUDIES, 0.025)
 
@@ -220,3 +221,16 @@ def test_an_infinite_response_has_no_shares(synthetic: Any) -> None:
     data = synthetic.data(settings, levels, 1.0, rng)
     data.table.loc[0, "evaluations_to_99"] = np.nan  # done, but never there
     assert found(settings, data, rng).empty
+
+
+def test_noise_alone_has_no_square_over_different_seeds() -> None:
+    """4,000 settings of 4 seeds: the square of a mean is 1/4, that over different seeds is 0."""
+    noise = np.random.default_rng(4).normal(size=(4000, 4))
+    found = crossed(noise, noise, np.ones(4))
+    error = found.std() / np.sqrt(len(found))
+    assert abs(found.mean()) < 5 * error < 0.05
+    by_hand = [a * b for i, a in enumerate(noise[0]) for j, b in enumerate(noise[0]) if i != j]
+    assert found[0] == pytest.approx(np.mean(by_hand))
+    without = crossed(noise, noise, np.array([1.0, 1.0, 1.0, 0.0]))
+    np.testing.assert_allclose(without, crossed(noise[:, :3], noise[:, :3], np.ones(3)))
+    assert np.isnan(crossed(noise, noise, np.array([1.0, 0.0, 0.0, 0.0]))).all()

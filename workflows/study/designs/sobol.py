@@ -13,7 +13,7 @@ from ....errors import Fault
 from ..records import Design, Factor, Level
 from .needs import frame_of, replicate_faults, small
 
-LEAST = 64
+LEAST = 128
 """Base samples from which the intervals of the indices are worth their name."""
 
 

@@ -11,7 +11,7 @@ from concurrent.futures import CancelledError
 from typing import Any
 
 import distributed
-from distributed.comm import connect
+from distributed.comm.core import connect
 from distributed.core import send_recv
 
 from ....errors import RunError, refuse
@@ -137,6 +137,7 @@ async def _kind(address: str) -> str:
         raise ValueError("TLS needs certificates in Dask's configuration, see docs/study.md")
     comm: Any = await connect(address, timeout=PATIENCE, **arguments)
     try:
-        return str((await send_recv(comm, op="identity", reply=True))["type"])
+        found: Any = await send_recv(comm, op="identity", reply=True)
+        return str(found["type"])
     finally:
         comm.abort()

@@ -81,9 +81,11 @@ def _notes(
     for runs in all_runs:
         if not runs.reached:
             count = int(np.isinf(runs.array).sum())
-            found.append(f"{runs.response}: {count} runs did not get there; they count as worse "
-                         "than all others in ranks, and the response has no variance to be "
-                         "shared out")  # fmt: skip
+            text = (
+                f"{runs.response}: {count} of {runs.array.size} runs did not get there within the"
+            )
+            found.append(f"{text} budget of their setting; they count as worse than all others in "
+                         "ranks, and the response has no variance to be shared out")  # fmt: skip
     if settings.seeds < 2:
         found.append("one seed per setting: noise cannot be told from an effect, and nothing is "
                      "tested")  # fmt: skip

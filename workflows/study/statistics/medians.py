@@ -15,7 +15,7 @@ BATCH = 2_000_000
 
 
 def medians(runs: Runs, rng: np.random.Generator) -> pd.DataFrame:
-    """Columns response, point, median, low, high, level, n, failed; one row per setting.
+    """Columns response, point, median, low, high, level, n, failed, reached; a row per setting.
 
     NaN where nothing is known: all runs failed, or half of them did not reach the response.
     """
@@ -29,6 +29,7 @@ def medians(runs: Runs, rng: np.random.Generator) -> pd.DataFrame:
         {"response": runs.response, "point": np.arange(len(known))}
         | dict(zip(("median", "low", "high"), found.T, strict=True))
         | {"level": LEVEL, "n": known, "failed": runs.replicates - known}
+        | {"reached": np.isfinite(runs.array).sum(axis=1)}
     )
 
 
@@ -39,8 +40,9 @@ def interval_of_median(values: Array, rng: np.random.Generator) -> Array:
         if values.shape[1] < 2:
             low, high = np.full((2, len(values)), np.nan)
         else:
+            batch = max(1, BATCH // values.size)
             found = bootstrap(
-                (values,), np.median, axis=1, vectorized=True, n_resamples=RESAMPLES, batch=max(1, BATCH // values.size),
+                (values,), np.median, axis=1, vectorized=True, n_resamples=RESAMPLES, batch=batch,
                 confidence_level=LEVEL, method="percentile", rng=rng,
             ).confidence_interval  # fmt: skip
             low, high = np.asarray(found.low), np.asarray(found.high)

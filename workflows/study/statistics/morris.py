@@ -45,10 +45,10 @@ def _of_key(slope: Array, weights: Array, rows: Array) -> tuple[Array, Array]:
     size = (weights * slope * signed).sum(-1) / np.where(counts > 0, counts, 1.0)
     star = over_settings(np.where(seeds > 1, size, np.nan), rows)
     mean = (weights * slope).sum(-1) / np.where(counts > 0, counts, 1.0)
-    mean = np.where(seeds > 1, mean, np.nan)
+    usable = seeds > 1
+    mean = np.where(usable, mean, 0.0)
     between = over_settings(crossed(slope, slope, weights), rows)
-    return star, between - crossed(*(np.where(np.isnan(mean), 0.0, mean),) * 2,
-                                   rows * ~np.isnan(mean))  # fmt: skip
+    return star, between - crossed(mean, mean, rows * usable)
 
 
 def _rooted(values: Array, keys: int) -> Array:

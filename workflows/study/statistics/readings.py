@@ -43,6 +43,9 @@ def _verdict(reading: Reading, row: dict[str, Any] | None) -> tuple[str, str]:
         return "undecided", f"{text}."
     if row["reason"]:
         return "undecided", f"{str(row['reason']).capitalize()}."
+    if pd.isna(row["difference"]):  # a run that ended early may only have had the smaller budget
+        text = f"Too many runs did not reach {reading.response} within the budget of their setting"
+        return "undecided", f"{text}, and what they would have needed is not known."
     evidence = _evidence(reading, row)
     if not row["significant"]:
         return "not shown", f"{evidence}: no difference is shown."
@@ -54,11 +57,8 @@ def _verdict(reading: Reading, row: dict[str, Any] | None) -> tuple[str, str]:
 
 def _evidence(reading: Reading, row: dict[str, Any]) -> str:
     """The comparison in words."""
-    if pd.isna(row["difference"]):
-        size = f"{reading.response} was not reached by most runs on one side"
-    else:
-        size = (f"{reading.response} at {reading.a} less that at {reading.b} is "
-                f"{row['difference']:.3g}{_interval(row)} in the median")  # fmt: skip
+    size = (f"{reading.response} at {reading.a} less that at {reading.b} is "
+            f"{row['difference']:.3g}{_interval(row)} in the median")  # fmt: skip
     return (f"{size} (rank correlation {row['effect']:.2f}, p = {row['p_holm']:.2g} after Holm, "
             f"{row['n']} seeds)")  # fmt: skip
 

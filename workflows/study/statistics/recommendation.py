@@ -45,6 +45,9 @@ def recommendation(
         reference, named = int(own[0]), "the run's own setting"
     keys = [name for name in map(str, design.columns) if not name.startswith("_")]
     settings = {key: design[key].iloc[best] for key in keys}
+    if np.isinf(np.median(chosen[best])):
+        text = f"{response.name}: at no setting do more than half of the runs get there."
+        return Recommendation(response.name, best, settings, False, UNKNOWN, text)
     if best == reference:
         text = f"{named} is the best of {len(design)}; nothing is to be changed"
         return Recommendation(response.name, best, settings, False, UNKNOWN,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .resampling import Array, Estimates, crossed, over_settings, random_settings
 
@@ -17,7 +16,7 @@ def indices(values: Array, keys: int, rng: np.random.Generator) -> Estimates:
     variance between settings without the noise.
     """
     blocks = values.reshape(-1, keys + 2, values.shape[1])
-    whole: NDArray[np.bool_] = np.isfinite(blocks).all(axis=1)
+    whole = np.asarray(np.isfinite(blocks).all(axis=1), dtype=np.bool_)
     ends = np.where(whole[:, None], blocks, np.nan)[:, [0, -1]]
     # What a seed does alike at every setting is no effect of a setting.
     blocks = np.where(whole[:, None], blocks - _mean_of_seeds(ends), 0.0)

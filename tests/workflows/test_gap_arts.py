@@ -1,0 +1,34 @@
+"""A real record: a friction damper with backlash, whose dead band a plain model misses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.gap_trial.damper import Jenkins, arts
+from tolevo import registry
+from tolevo.workflows.gap import gap
+from tolevo.workflows.gap.plan import GapPlan
+from tolevo.workflows.gap.read import read_data
+
+
+def test_the_clearance_is_named_and_located(tmp_path: Path) -> None:
+    """Its full width by least squares alone is 0.17 to 0.18 in. (test_arts)."""
+    arts("1").to_csv(tmp_path / "damper.csv", index=False)
+    given = {one.name: one.default for one in Jenkins.parameters}
+    plan = GapPlan(
+        model_name="jenkins",
+        model=Jenkins(given),
+        parameters=given,
+        free=dict(Jenkins.free),
+        library=tuple(registry.names("effects")),
+        rebuild=lambda parameters: Jenkins({**given, **parameters}),
+    )
+    result = gap.found(plan, read_data(plan, tmp_path / "damper.csv"))
+    assert result.verdict == "named"
+    assert result.names == ("bearing_clearance",)
+    (width,) = result.effects[0].parameters
+    assert 0.17 < width.value < 0.18
+    place = result.where[0]
+    assert place.variable == "predicted force_kip"
+    assert max(abs(place.low), abs(place.high)) < 0.1 * result.residuals["force_kip"].abs().max()
+    assert result.gap_after["force_kip"] < 0.6 * result.gap_before["force_kip"]

@@ -1,0 +1,139 @@
+"""Stage 2: where the residual shows, one region after another, each beside those before it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...gap_records import Region
+from ...models.inputs.distribution import Array
+from ...models.measurable import Role
+from .abstain import Remaining
+from .fit import Fit, Fitter
+from .generic import PREDICTED, Form
+from .linear import basis, beside
+from .scan import evidence
+from .setup import Setup
+from .where import along, curve_of, densest
+
+MOST = 6
+BESIDE = 0.6
+"""Orders so close to one that was located are its leakage: the angle seldom covers whole turns."""
+AS_MUCH = 0.8
+"""Share of what a flexible form explains that a symmetric one must, to be given instead."""
+WIDTHS = np.geomspace(0.01, 1.0, 24)
+"""Half-widths of symmetric intervals, as shares of the largest magnitude."""
+OVER_INPUT = ("interval", "power", "trend")
+
+
+def regions(
+    setup: Setup, fitter: Fitter, generic: Remaining, fit: Fit, limit: float
+) -> tuple[Region, ...]:
+    """The significant regions, the strongest first.
+
+    What was located is taken out with a flexible form of its variable before the next is looked
+    for: two variables that one cause shows in, through chance correlation, are not two regions.
+    """
+    found: list[Region] = []
+    q, residual = fitter.q, fit.residual
+    groups = generic.white.orthonormal(q)
+    beyond = fit.rss - fitter.space.count
+    while len(found) < MOST:
+        gains = groups.gains(residual)
+        level = evidence(groups, gains)
+        at = int(np.argmax(level))
+        if level[at] <= limit:
+            break
+        parts = [generic.white.of(int(k)) for k in _flexible(generic, at)]
+        taken = basis(beside(np.hstack(parts), q))
+        explained = max(float(np.sum((taken.T @ residual) ** 2)) - taken.shape[1], float(gains[at]))
+        beyond = max(beyond, explained)
+        low, high = _ends(setup, fitter, generic, at, q, residual, explained)
+        found.append(_region(setup, generic, at, low, high, explained / beyond,
+                             float(level[at]), limit))  # fmt: skip
+        groups, residual = groups.orthonormal(taken), beside(residual, taken)
+        q = np.hstack([q, taken])
+    return tuple(found)
+
+
+def _flexible(generic: Remaining, at: int) -> NDArray[np.int64]:
+    """The forms that are taken out with one: all of its variable, or of about its order."""
+    form = generic.forms[at]
+
+    def same(other: Form) -> bool:
+        if (other.variable, other.more, other.direction) != (
+            form.variable, form.more, form.direction,
+        ):  # fmt: skip
+            return False
+        if form.kind == "order":
+            near = other.kind == "order" and abs(other.order - form.order) < BESIDE
+            return near and other.detail == form.detail
+        return other.kind in OVER_INPUT and form.kind in OVER_INPUT
+
+    mine = [same(one) and generic.outputs[k] == generic.outputs[at]
+            for k, one in enumerate(generic.forms)]  # fmt: skip
+    mine[at] = True
+    return np.flatnonzero(mine)
+
+
+def _ends(
+    setup: Setup, fitter: Fitter, generic: Remaining, at: int, q: Array, residual: Array,
+    explained: float,
+) -> tuple[float, float]:  # fmt: skip
+    """The interval of its variable in which a form shows; nan where it has none."""
+    form = generic.forms[at]
+    x = along(setup, form.variable) if form.kind in OVER_INPUT else None
+    if x is None:
+        return np.nan, np.nan
+    if (x < 0).any() and (x > 0).any():
+        width, gain = _turning(setup, fitter, form, int(generic.outputs[at]), x, q, residual)
+        if gain >= AS_MUCH * explained:
+            return max(-width, float(x.min())), min(width, float(x.max()))
+    return densest(x, curve_of(setup, generic, at, q, residual))
+
+
+def _turning(
+    setup: Setup, fitter: Fitter, form: Form, output: int, x: Array, q: Array, residual: Array
+) -> tuple[float, float]:
+    """Half-width of the interval about zero in which an odd function of x rises, and its gain.
+
+    The function is clip(x/w, -1, 1): beyond w nothing more is lost.
+    """
+    n, outputs = len(x), len(setup.data.outputs)
+    widths = WIDTHS * float(np.abs(x).max())
+    columns = np.zeros((n * outputs, len(widths)))
+    odd = np.clip(x[:, None] / widths, -1.0, 1.0)
+    if form.direction:
+        odd = odd * _sign(setup)[:, None]
+    columns[output * n : (output + 1) * n] = odd
+    left = beside(fitter.space.whiten(columns), q)
+    size = np.einsum("ij,ij->j", left, left)
+    gains = (left.T @ residual) ** 2 / np.maximum(size, 1e-9)
+    best = int(np.argmax(gains))
+    return float(widths[best]), float(gains[best])
+
+
+def _sign(setup: Setup) -> Array:
+    return np.asarray(setup.data.readings[Role.DIRECTION], dtype=float)
+
+
+def _region(
+    setup: Setup, generic: Remaining, at: int, low: float, high: float, share: float,
+    level: float, limit: float,
+) -> Region:  # fmt: skip
+    form, output = generic.forms[at], setup.data.outputs[int(generic.outputs[at])]
+    column = next((c for c in setup.data.inputs if c.name == form.variable), None)
+    unit = "" if column is None else column.unit
+    return Region(
+        output=output.name,
+        variable=" x ".join((form.variable, *form.more)),
+        kind="interval" if form.kind == "power" else form.kind,
+        unit=output.unit if form.variable.startswith(PREDICTED) else unit,
+        low=low,
+        high=high,
+        order=form.order if form.kind == "order" else np.nan,
+        direction="opposite in the two directions" if form.direction else "",
+        share=float(np.clip(share, 0.0, 1.0)),
+        statistic=level,
+        threshold=limit,
+    )

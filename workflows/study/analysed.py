@@ -1,0 +1,57 @@
+"""The statistics of a finished study, made once."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from ...files import write_text
+from .records import StudyData, StudySettings
+
+STREAM = (0, 1)
+"""Spawn key of the generator of the resampling."""
+SAID = "study.json"
+FILES = (SAID, "sensitivity.csv", "tests.csv", "medians.csv", "report.html")
+
+
+def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, ...]:
+    """Write what the study says to `out`, and return it in lines for the terminal.
+
+    Where `out` already holds the statistics of the same runs, nothing is done again.
+    """
+    digest = _digest(settings, data)
+    if (known := _known(out, digest)) is not None:
+        return known
+    from .statistics import analyse  # statsmodels takes seconds to import
+    from .write import lines, said, write
+
+    seed = np.random.SeedSequence(settings.seed, spawn_key=STREAM)
+    result = analyse(settings, data, np.random.default_rng(seed))
+    write(result, out)
+    found = lines(result)
+    write_text(out / SAID, said(result, {"digest": digest, "lines": list(found)}))
+    return found
+
+
+def _digest(settings: StudySettings, data: StudyData) -> str:
+    """A hash of all that the statistics depend on."""
+    parts = (data.table, data.design, data.exact)
+    text = [settings.configuration, version("tolevo"), *(one.to_csv(index=False) for one in parts)]
+    return hashlib.sha256("\n".join([*text, *data.notes]).encode()).hexdigest()
+
+
+def _known(out: Path, digest: str) -> tuple[str, ...] | None:
+    """The lines of statistics that are there already, None where they are not."""
+    if not all((out / name).is_file() for name in FILES):
+        return None
+    try:
+        found = json.loads((out / SAID).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    if not isinstance(found, dict) or found.get("digest") != digest:
+        return None
+    return tuple(map(str, found["lines"]))

@@ -1,0 +1,41 @@
+"""The files of what a study says. Each appears whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from ...files import write_bytes, write_text
+from ...records import StudyResult
+from ...reports.drawing import as_png, as_svg
+from ...reports.study import figures, study_page
+from ..run.write import as_json
+
+
+def write(result: StudyResult, folder: Path) -> None:
+    """`sensitivity.csv`, `tests.csv`, `medians.csv`, every figure and the page."""
+    for name in ("sensitivity", "tests", "medians"):
+        write_text(folder / f"{name}.csv", getattr(result, name).to_csv(index=False))
+    for one in figures(result):
+        write_bytes(folder / f"{one.name}.png", as_png(one.figure))
+        write_bytes(folder / f"{one.name}.svg", as_svg(one.figure))
+    write_text(folder / "report.html", study_page(result))
+
+
+def said(result: StudyResult, more: Mapping[str, Any]) -> str:
+    """`study.json`: recommendations, verdicts on readings, notes, and `more`."""
+    found = {
+        "recommendations": [asdict(one) for one in result.recommendations],
+        "readings": [asdict(one) for one in result.verdicts],
+        "notes": list(result.notes),
+    }
+    return as_json(found | dict(more))
+
+
+def lines(result: StudyResult) -> tuple[str, ...]:
+    """What the terminal says of it."""
+    said = [f"recommended: {one.sentence}" for one in result.recommendations]
+    said += [f"reading: {one.sentence}" for one in result.verdicts]
+    return (*said, *(f"note: {note}" for note in result.notes))
