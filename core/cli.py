@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +33,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+TABLES = (".csv", ".txt", ".parquet", ".pq", "")
+"""Endings of tables that can be written."""
 Result = TypeVar("Result")
 Config = Annotated[Path, typer.Argument(help="Configuration (TOML).", show_default=False)]
 Out = Annotated[Path, typer.Option("--out", help="Where the results go.", show_default=False)]
@@ -339,6 +342,9 @@ def _file_faults(out: Path, source: Path) -> list[Fault]:
         faults.append(Fault("--out", f"the directory {out.parent} does not exist"))
     else:
         faults += unwritable(out.parent, "--out")
+        if out.suffix.lower() not in TABLES:
+            text = f"{out.name} is neither .csv nor .parquet; no other table can be written"
+            faults.append(Fault("--out", text))
     if not source.exists():
         faults.append(Fault(str(source), "does not exist"))
     elif out.exists() and out.samefile(source):
@@ -346,11 +352,18 @@ def _file_faults(out: Path, source: Path) -> list[Fault]:
     return faults
 
 
+def _warned(message: Warning | str, *_: object, **__: object) -> None:
+    """What a model warns of, in a line without the place in the code."""
+    typer.echo(f"warning: {message}", err=True)
+
+
 @contextmanager
 def _exit_status() -> Iterator[None]:
     """Errors as lines on stderr and an exit status, never a traceback for what we foresee."""
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.showwarning = _warned
+            yield
     except TolevoError as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(error.exit_status) from None

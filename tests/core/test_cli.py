@@ -183,6 +183,26 @@ def test_files_that_cannot_be_read_or_written(config: Path, tmp_path: Path, comm
     assert "would replace its own input" in result.stderr
 
 
+def test_only_tables_that_can_be_written(config: Path, tmp_path: Path) -> None:
+    (tmp_path / "u.csv").write_text("unit\n1\n", encoding="utf-8")
+    out = tmp_path / "o.xlsx"
+    result = tolevo("simulate", config, tmp_path / "u.csv", "--out", out)
+    assert result.exit_code == 2
+    assert "--out: o.xlsx is neither .csv nor .parquet" in result.stderr
+    assert not out.exists()
+
+
+def test_warnings_of_a_model_are_lines(tmp_path: Path) -> None:
+    (tmp_path / "m.toml").write_text('model = "rv_lost_motion"\n', encoding="utf-8")
+    (tmp_path / "t.csv").write_text("torque_Nm\n5000\n", encoding="utf-8")
+    words = ["simulate", str(tmp_path / "m.toml"), str(tmp_path / "t.csv"), "--quiet", "--out"]
+    command = [sys.executable, "-m", "tolevo", *words, str(tmp_path / "o.csv")]
+    result = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert result.stderr.splitlines() == [
+        "warning: torque 5000 N m is beyond the momentary torque 2058 N m"
+    ]
+
+
 def test_list_names_what_is_installed() -> None:
     groups = json.loads(tolevo("list", "--json").stdout)
     assert "rv_backlash" in json.dumps(groups)
