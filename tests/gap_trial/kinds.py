@@ -47,7 +47,11 @@ class Kind:
     def free(self, n: int) -> Array:
         """Gradient (m n, k) of the zeros that are always free."""
         zeros = 0 if self.outputs == (WITHOUT_ZERO,) else len(self.outputs)
-        return np.asarray(np.kron(np.eye(zeros), np.ones((n, 1)))) if zeros else np.empty((n, 0))
+        return (
+            np.asarray(np.kron(np.eye(zeros), np.ones((n, 1))), dtype=np.float64)
+            if zeros
+            else np.empty((n, 0))
+        )
 
 
 def bench(at: Points, _: int, scale: float = 1.0) -> Array:

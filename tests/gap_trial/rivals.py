@@ -234,7 +234,8 @@ def left_at(rival: Rival, p: Array, at: Any, free: Array, what: Array) -> float:
 def coefficients(rival: Rival, p: Array, at: Any, free: Array, what: Array) -> Array:
     """Least-squares coefficients (m,) of the rival's columns beside the free parameters."""
     columns = without(free, rival.columns(at, p))
-    return np.asarray(np.linalg.lstsq(columns, without(free, what), rcond=None)[0])
+    solved = np.linalg.lstsq(columns, without(free, what), rcond=None)[0]
+    return np.asarray(solved, dtype=np.float64)
 
 
 def least_left(rival: Rival, at: Any, free: Array, what: Array) -> tuple[float, Array]:

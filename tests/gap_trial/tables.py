@@ -44,7 +44,7 @@ def independent(rng: np.random.Generator, n: int) -> dict[str, Array]:
         "direction": rng.choice([-1.0, 1.0], n),
         "speed": rng.uniform(3.0, rng.uniform(40.0, 70.0), n),
         "tau": rng.uniform(-5.0, rng.uniform(20.0, 45.0), n),
-        "time": np.arange(n) * rng.uniform(0.3, 3.0),
+        "time": np.arange(n, dtype=np.float64) * rng.uniform(0.3, 3.0),
     }
 
 

@@ -133,7 +133,7 @@ def _covariance(jacobian: Array, space: Space, used: Space) -> Array:
     """Of numbers fitted in the space `used`, with the noise of `space`: the sandwich formula."""
     inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
     if used is space:
-        return np.asarray(inverse)
+        return np.asarray(inverse, dtype=np.float64)
     n = space.readings
     middle = jacobian[len(jacobian) - space.prior :].T @ jacobian[len(jacobian) - space.prior :]
     for at, (real, plain) in enumerate(zip(space.noises, used.noises, strict=True)):

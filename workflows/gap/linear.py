@@ -21,7 +21,7 @@ def basis(columns: Array) -> Array:
     if kept.shape[1] == 0:
         return np.zeros((len(columns), 0))
     q, r, _ = linalg.qr(kept, mode="economic", pivoting=True)
-    return np.ascontiguousarray(q[:, np.abs(np.diag(r)) > np.sqrt(GONE)])
+    return np.ascontiguousarray(q[:, np.abs(np.diag(r)) > np.sqrt(GONE)], dtype=np.float64)
 
 
 def beside(columns: Array, q: Array) -> Array:

@@ -6,6 +6,7 @@ move single units are found as columns, those that change the scatter here, by l
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -171,9 +172,8 @@ def _fitted(law: Density, x: Array, candidate: Candidate, limit: float) -> Scatt
     return Scatter(candidate, values, ends, -2.0 * (float(best.fun) + none), limit)
 
 
-def _half_widths(worse: object, at: Array) -> Array:
+def _half_widths(worse: Callable[[Array], float], at: Array) -> Array:
     """Half-widths of 90 % intervals from the curvature of the likelihood."""
-    assert callable(worse)
     found = []
     for k, value in enumerate(at):
         step = np.zeros(len(at))
