@@ -18,6 +18,8 @@ from tolevo.models.rv_reducer.dynamics.sweep import Response, samples_needed, sw
 from tolevo.models.rv_reducer.dynamics.tabulated import TabulatedMesh
 from tolevo.models.rv_reducer.dynamics.train import Train
 
+pytestmark = pytest.mark.long
+
 Array = NDArray[np.float64]
 Errors = Callable[[Array], Array]
 K = 371_276.0  # 108 N m/arcmin

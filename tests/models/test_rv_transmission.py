@@ -23,6 +23,8 @@ from tolevo.models.rv_reducer.lost_motion import RvLostMotion
 from tolevo.models.rv_reducer.transmission import RvTransmission
 from tolevo.workflows.simulate import simulate
 
+pytestmark = pytest.mark.long
+
 Array = NDArray[np.float64]
 ARCSEC = np.pi / 180.0 / 3600.0
 OUTPUT = 117.0 / 121.0  # at the output over relative to the discs

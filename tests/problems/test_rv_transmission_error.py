@@ -22,6 +22,8 @@ from tolevo.problems.settings import Bound, PropagationSetting, Settings, Variab
 from tolevo.testing import ProblemContract
 from tolevo.units import ARCSEC, MRAD
 
+pytestmark = pytest.mark.long
+
 Array = NDArray[np.float64]
 DOCUMENT = np.array(list(declared.DOCUMENT_MRAD.values()))
 

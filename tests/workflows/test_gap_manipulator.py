@@ -14,6 +14,8 @@ from tolevo.configuration.gap import read_gap
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.read import read_data
 
+pytestmark = pytest.mark.long
+
 Array = np.ndarray
 Table = Mapping[str, Array]
 OUTPUTS = ("dr_mm", "dt_mm", "dz_mm", "tilt_r_mrad", "tilt_t_mrad", "yaw_mrad")

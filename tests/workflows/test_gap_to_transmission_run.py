@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,9 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.problems.rv_transmission_error import declared
 
-RUN = Path(__file__).parents[2] / "configs" / "rv_transmission_error.toml"
+pytestmark = pytest.mark.long
+
+RUN = Path(str(files("tolevo.configs") / "rv_transmission_error.toml"))
 SMALL = (
     "references=none",
     "algorithm.population=30",

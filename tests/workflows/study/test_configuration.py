@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from tolevo.errors import InputError
 from tolevo.workflows.study import study
 from tolevo.workflows.study.execution import InProcess
 
-ROOT = Path(__file__).resolve().parents[3]
+CONFIGS = Path(str(files("tolevo.configs")))
 RUN = """
 problem = "pose_accuracy"
 [parameters]
@@ -111,7 +112,7 @@ def test_unsuitable_responses(tmp_path: Path, rest: str, message: str) -> None:
 
 def test_response_without_an_exact_front(tmp_path: Path) -> None:
     path = study_file(tmp_path, LEVELS, 'response = ["hypervolume_ratio"]')
-    backlash = (ROOT / "configs" / "rv40e_backlash.toml").read_text(encoding="utf-8")
+    backlash = (CONFIGS / "rv40e_backlash.toml").read_text(encoding="utf-8")
     (tmp_path / "run.toml").write_text(backlash, encoding="utf-8")
     found = faults_of(path)
     assert "needs the exact front" in found["response"]
@@ -185,7 +186,7 @@ def test_operators_are_categories(tmp_path: Path) -> None:
 
 
 def test_algorithms_are_categories(tmp_path: Path) -> None:
-    clutch = ROOT / "configs" / "stack_clutch.toml"
+    clutch = CONFIGS / "stack_clutch.toml"
     path = study_file(tmp_path, '"algorithm.name" = ["nsga2", "sms_emoa"]')
     (tmp_path / "run.toml").write_text(clutch.read_text(encoding="utf-8"), encoding="utf-8")
     plan = read_study(path, ["run.algorithm.population=20"])
@@ -209,7 +210,7 @@ def test_check_describes_a_study(tmp_path: Path) -> None:
 
 def test_the_array_engine_has_its_own_operators(tmp_path: Path) -> None:
     path = study_file(tmp_path, '"algorithm.crossover.operator" = ["sbx", "uniform"]')
-    clutch = (ROOT / "configs" / "stack_clutch.toml").read_text(encoding="utf-8")
+    clutch = (CONFIGS / "stack_clutch.toml").read_text(encoding="utf-8")
     (tmp_path / "run.toml").write_text(clutch, encoding="utf-8")
     found = faults_of(path, "run.algorithm.name=nsga2", "run.algorithm.engine=array")
     assert "the array engine has sbx only" in found["vary.algorithm.crossover.operator"]

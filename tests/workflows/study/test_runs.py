@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import tomllib
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -110,7 +111,7 @@ def test_a_run_is_that_of_search(tmp_path: Path) -> None:
 
 def test_a_front_is_measured_as_search_does(tmp_path: Path) -> None:
     """Hypervolumes of a curve against the archive of `search`, and the evaluations to 99 %."""
-    path = Path(__file__).parents[3] / "configs" / "stack_clutch.toml"
+    path = Path(str(files("tolevo.configs") / "stack_clutch.toml"))
     text = f"""
     run = "{path}"
     seeds = 2

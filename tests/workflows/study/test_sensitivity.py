@@ -19,6 +19,8 @@ from tolevo.workflows.study.statistics.resampling import crossed
 from tolevo.workflows.study.statistics.runs import runs_of
 from tolevo.workflows.study.statistics.sensitivity import sensitivity
 
+pytestmark = pytest.mark.long
+
 Array = NDArray[np.float64]
 KEYS = ("a", "b", "c", "d")
 UNIT = tuple(Factor(key, low=0.0, high=1.0) for key in KEYS)
