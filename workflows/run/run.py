@@ -62,11 +62,10 @@ def run(
         if not found.interrupted:
             sides.finish()
         fronts = sides.fronts()
-    front = reported_front(plan.problem, found)
+    searched = reported_front(plan.problem, found)
     exact = exact_front(plan.problem)
     references = table(plan, printed, fronts, exact)
-    searched = front
-    front, dropped, joined = with_references(front, references, plan.problem)
+    front, dropped, joined = with_references(searched, references, plan.problem)
     front, statement = with_bounds(front, plan.problem)
     before = next((other for side, other in fronts.items() if side.apart), None)
     relaxed = {side.label: other for side, other in fronts.items() if side.relaxed}
@@ -75,8 +74,8 @@ def run(
         references = compare(references, searched, relaxed, plan.problem.objectives)
     cut = found.interrupted or any(other is None for other in fronts.values())
     status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
-    told = plan.problem.effect_notes()
-    notes = (*told, *plan.problem.warnings(), *anew, *_notes(references, dropped, joined))
+    told = (*plan.problem.effect_notes(), *plan.problem.warnings())
+    notes = (*told, *anew, *_notes(references, dropped, joined))
     proven = (*proof_notes(front, statement), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
     summary |= measures(found, front, statement, exact)
