@@ -97,11 +97,7 @@ def gap(
     """Find where model and measurement disagree, name the missing effect, correct the model."""
     with _exit_status():
         faults = _directory_faults(out, overwrite or resume)
-        if workers < 1:
-            faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
-        if resume and overwrite:
-            text = "goes on with what --overwrite would replace; give one of them"
-            faults.append(Fault("--resume", text))
+        faults += _choice_faults(workers, resume, overwrite)
         if not data.exists():
             faults.append(Fault(str(data), "does not exist"))
         plan = _collected(lambda: _gap_plan(config, set_), faults)

@@ -84,11 +84,12 @@ def to_unit(text: str, unit: str) -> float:
 
 def split_unit(name: str) -> tuple[str, str]:
     """`crank_bearing_um` as ("crank_bearing", "um"); the unit is empty where the name has none."""
-    for ratio in ("N_per_mm", "Nm_per_arcmin"):
-        if name.endswith(f"_{ratio}"):
-            return name.removesuffix(f"_{ratio}"), ratio
-    stem, _, last = name.rpartition("_")
-    return (stem, last) if stem and last in SUFFIXES else (name, "")
+    parts = name.split("_")
+    for at in range(1, len(parts)):  # the longest unit first: N_per_mm is not mm
+        stem, unit = "_".join(parts[:at]), "_".join(parts[at:])
+        if stem and unit in SUFFIXES:
+            return stem, unit
+    return name, ""
 
 
 def dimension(unit: str) -> str:

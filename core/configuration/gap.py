@@ -18,7 +18,7 @@ from ..workflows.gap.plan import ColumnRole, GapPlan, GapSettings
 from .configuration import Configuration
 from .effects import read_effects, resolved_effects
 from .gap_columns import read_columns
-from .reader import read, read_alone, read_table
+from .reader import read, read_table
 from .simulated import build_model
 from .source import load, override
 from .table import TABLE, table_model
@@ -99,7 +99,7 @@ def _model(table: Mapping[str, Any], name: str, faults: list[Fault]) -> Configur
                 part.fault(key, 'belongs to a model; model = "table" has none')
         return None
     try:
-        return read_alone({key: table[key] for key in OF_THE_MODEL if key in table})
+        return read_table({key: table[key] for key in OF_THE_MODEL if key in table}, [])
     except InputError as error:
         faults += error.faults
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -46,13 +46,6 @@ def read_table(table: Table, faults: list[Fault]) -> Configuration:
     top = Section(table, "", faults)
     if "problem" in top or "model" not in top:
         return _read_problem(top, faults)
-    return _read_model(top, faults)
-
-
-def read_alone(table: Mapping[str, Any]) -> Configuration:
-    """The configuration of a model alone, from tables. Raises InputError with every fault."""
-    faults: list[Fault] = []
-    top = Section(table, "", faults)
     return _read_model(top, faults)
 
 

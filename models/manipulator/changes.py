@@ -6,13 +6,14 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from ...units import MRAD, UM
 from ..inputs.distribution import Array
 from ..measurable import Changeable
 from . import sources
 from .geometry import Manipulator
 from .inverse import CHAINS, angles, posture
 from .maps import first_order, separated
-from .sources import MRAD, NAMES, PER_CHAIN, SOURCES, UM
+from .sources import NAMES, PER_CHAIN, SOURCES
 from .vectors import cross, dot
 
 GRAVITY = 9.80665

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...declarations import Output, Value
 from ...errors import raise_all
-from ...units import MM
+from ...units import MM, MRAD
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Role
 from . import declared
@@ -19,7 +19,7 @@ from .compensation import compensated
 from .faults import faults
 from .forward import exact_pose
 from .machine import about_up
-from .sources import MRAD, SOURCES
+from .sources import SOURCES
 from .vectors import rotation_vector, turned, vector
 
 ACTED_ON = "acts through effects only"

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import Fault, InputError, nearest
+from ...units import MRAD, UM
 from ..inputs.distribution import Array
 
 PER_CHAIN = 21
-MRAD = 1e-3
-UM = 1e-6
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
-from ...units import ARCMIN, UM
+from ...units import ARCMIN, MRAD, UM
 from ..measurable import Changeable
-from .loaded_unit import MRAD, LoadedUnit
+from .loaded_unit import LoadedUnit
 from .order_table import LEFT_OUT, OrderTable
 
 Array = NDArray[np.float64]

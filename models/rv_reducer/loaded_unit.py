@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...declarations import Parameter, Value, number
 from ...errors import Fault
-from ...units import ARCMIN, MM, UM
+from ...units import ARCMIN, MM, MRAD, UM
 from . import declared
 from .contact.contact import LoadedContact, turn_angles
 from .contact.errors import PartErrors
@@ -24,7 +24,6 @@ from .contact.mesh import Mesh
 from .geometry import RvGeometry
 
 Array = NDArray[np.float64]
-MRAD = 1e-3
 _GEOMETRY = (
     "pin_circle_radius_mm",
     "pin_radius_mm",

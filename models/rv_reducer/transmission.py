@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...declarations import Output, Parameter, Value, number
 from ...errors import raise_all
-from ...units import ARCMIN, MM, UM
+from ...units import ARCMIN, ARCSEC, MM, UM
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Role
 from . import declared, loaded_unit
@@ -24,7 +24,6 @@ from .dynamics.train import Train
 from .order_table import LEFT_OUT, ComplexArray, OrderTable
 from .readings import Rows, warn_of_overload
 
-ARCSEC = ARCMIN / 60.0
 SAMPLES_PER_PIN = 100
 REACH = 1.25
 """The tables go to so many momentary torques, and straight on beyond."""

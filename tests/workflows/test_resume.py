@@ -166,20 +166,30 @@ def test_finished_side_searches_are_not_repeated(
     assert len(kept) == len(labels) > len(kept & labels) == 1  # made anew, the GA's stays
 
 
+def _hears_interrupts() -> None:
+    """A shell starts what it puts in the background with interrupts ignored, which is inherited."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_an_interrupt_is_prompt_and_says_how_to_go_on(config: Path, tmp_path: Path) -> None:
     """Side searches in another process are ended, not waited for."""
     out, long = tmp_path / "o", ("--set", "algorithm.generations=1000000")
     references = ("--set", "references=documents", "--workers", 2)
     command = command_of(config, out, *references, *long)
-    with subprocess.Popen(command, stderr=subprocess.PIPE, env=os.environ.copy()) as process:
-        until = time.monotonic() + 30.0
-        while not (out / CHECKPOINT).exists() and time.monotonic() < until:
-            time.sleep(0.05)
-        time.sleep(2.0)  # the other process has begun
-        start = time.monotonic()
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=60)
-        taken = time.monotonic() - start
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, env=os.environ.copy(), preexec_fn=_hears_interrupts
+    ) as process:
+        try:
+            until = time.monotonic() + 30.0
+            while not (out / CHECKPOINT).exists() and time.monotonic() < until:
+                time.sleep(0.05)
+            time.sleep(2.0)  # the other process has begun
+            start = time.monotonic()
+            process.send_signal(signal.SIGINT)
+            _, errors = process.communicate(timeout=60)
+            taken = time.monotonic() - start
+        finally:
+            process.kill()
     assert process.returncode == 130
     assert "--resume" in errors.decode()
     assert "Traceback" not in errors.decode()

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
 
-import numpy as np
-
-from ...inputs.distribution import Array
-from ..effect import EffectParameter, Readings, Target, known
+from ..effect import Readings
 from ..shapes import Weight
-from .units import OfUnits, number
+from .units import MovedUnits
 
 
-class ProcessMeanShift(OfUnits):
+class ProcessMeanShift(MovedUnits):
     """All units are off by the same."""
 
     name = "process_mean_shift"
@@ -24,16 +20,5 @@ class ProcessMeanShift(OfUnits):
     reference = "Montgomery, Introduction to Statistical Quality Control, 2013"
     weight = Weight("shift", "c, shift of the mean", low=-inf)
 
-    def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        return (self.weight.of(target.outputs[0], target),)
-
-    def units(
-        self,
-        readings: Readings,
-        values: Mapping[str, float],
-        target: Target,
-        drawn: Array,
-        mean: float,
-        rng: np.random.Generator,
-    ) -> Array:
-        return drawn + known(values, number(self.weight, target))
+    def pattern(self, readings: Readings) -> float:
+        return 1.0

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
+from typing import Any
 
-import numpy as np
+from numpy.typing import NDArray
 
-from ...inputs.distribution import Array
 from ...measurable import Role
-from ..effect import EffectParameter, Readings, Target, known
+from ..effect import Readings
 from ..readings import unit_numbers
 from ..shapes import Weight
-from .units import OfUnits, number
+from .units import MovedUnits
 
 
-class ToolWearDrift(OfUnits):
+class ToolWearDrift(MovedUnits):
     """Units drift as the tool wears."""
 
     name = "tool_wear_drift"
@@ -27,16 +26,5 @@ class ToolWearDrift(OfUnits):
     reference = "Montgomery, Introduction to Statistical Quality Control, 2013"
     weight = Weight("rate_per_unit", "a, change from one unit to the next", low=-inf)
 
-    def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        return (self.weight.of(target.outputs[0], target),)
-
-    def units(
-        self,
-        readings: Readings,
-        values: Mapping[str, float],
-        target: Target,
-        drawn: Array,
-        mean: float,
-        rng: np.random.Generator,
-    ) -> Array:
-        return drawn + known(values, number(self.weight, target)) * unit_numbers(readings)
+    def pattern(self, readings: Readings) -> NDArray[Any]:
+        return unit_numbers(readings)

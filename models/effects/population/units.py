@@ -5,11 +5,13 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from functools import partial
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...inputs.distribution import Array
-from ..effect import Action, Effect, Readings, Target
+from ..effect import Action, Effect, EffectParameter, Readings, Target, known
 from ..shapes import Weight
 
 
@@ -33,6 +35,31 @@ class OfUnits(Effect):
         rng: np.random.Generator,
     ) -> Array:
         """What becomes of drawn units (n,), whose mean in the model is `mean`."""
+
+
+class MovedUnits(OfUnits):
+    """Moves every unit by one number times a pattern over the units."""
+
+    weight: ClassVar[Weight]
+
+    def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        return (self.weight.of(target.outputs[0], target),)
+
+    @abstractmethod
+    def pattern(self, readings: Readings) -> float | NDArray[Any]:
+        """What the number is multiplied with: one value, or one per row (n,)."""
+
+    def units(
+        self,
+        readings: Readings,
+        values: Mapping[str, float],
+        target: Target,
+        drawn: Array,
+        mean: float,
+        rng: np.random.Generator,
+    ) -> Array:
+        size = known(values, number(self.weight, target))
+        return np.asarray(drawn + size * self.pattern(readings))
 
 
 def number(weight: Weight, target: Target) -> str:
