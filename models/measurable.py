@@ -68,8 +68,10 @@ class MeasurableModel(ABC):
     `columns` are its inputs, `free` the parameters that a recalibration may move, each with its
     tolerance (half-width, in the parameter's unit), `changeable` what effects may change in it. A
     model of a `population` draws a unit for each row: it is compared with data as a distribution,
-    not row by row. It is set up from `parameters` and `designs` (variables by name, in their units;
-    what is left out keeps its default) and the distributions `inputs` of the variables by name.
+    not row by row. `corrects` names the problems whose allocation can be repeated with what was
+    learnt of it; a problem whose `default_model` it is belongs to it as well. It is set up from
+    `parameters` and `designs` (variables by name, in their units; what is left out keeps its
+    default) and the distributions `inputs` of the variables by name.
     """
 
     columns: ClassVar[tuple[Column, ...]]
@@ -79,6 +81,7 @@ class MeasurableModel(ABC):
     free: ClassVar[Mapping[str, float]]
     changeable: ClassVar[tuple[Changeable, ...]] = ()
     population: ClassVar[bool] = False
+    corrects: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def __init__(

@@ -51,6 +51,7 @@ class ManipulatorPose(MeasurableModel):
     )
     parameters = (*declared.PARAMETERS, declared.ERRORS, declared.COMPENSATION)
     changeable = CHANGEABLE
+    corrects = ("pose_accuracy",)
     free: ClassVar[Mapping[str, float]] = {
         f"{declared.DOTTED}{source.name}": 0.5 if source.unit == "mrad" else 100.0
         for source in SOURCES

@@ -45,6 +45,7 @@ class RvLostMotion(MeasurableModel):
     parameters = loaded_unit.PARAMETERS
     free: ClassVar[Mapping[str, float]] = {}
     changeable = CHANGEABLE
+    corrects = ("rv_backlash",)
 
     def __init__(
         self,

@@ -85,6 +85,7 @@ class RvTransmission(MeasurableModel):
     parameters = (*loaded_unit.PARAMETERS, *OWN)
     free: ClassVar[Mapping[str, float]] = {}
     changeable = CHANGEABLE
+    corrects = ("rv_transmission_error",)
 
     def __init__(
         self,

@@ -4,32 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import optimize
 
 from ...errors import raise_all
-from ...models.effects.compose import acting, added, changes_of
 from ...models.inputs.distribution import Array
-from ...models.measurable import NO_CHANGES, MeasurableModel, Role
+from ...models.measurable import NO_CHANGES, Role
 from .data import GapData
 from .generic import Form, generic
-from .library import ON_SCATTER, Candidate, Columns, Predict, candidates
+from .library import ON_SCATTER, Candidate, Columns, candidates
 from .linear import basis, beside
 from .plan import GapPlan
+from .predictor import predictor
 from .read import finite_faults
 
 STEP = 0.02
 """Share of a tolerance by which a parameter is moved for its column."""
-UNITS = 32
-"""Units drawn for each row to average what a change does to a population."""
 
 
 @dataclass(frozen=True)
 class Setup:
     """Residual (N,) of the model at parameters `at`, where it fits best alone; the columns (N, p)
-    of its free parameters, each for
-    its whole tolerance, and of the zeros of outputs; `prior` is the count of the former.
+    of its free parameters, each for its whole tolerance, and of the zeros of outputs; `prior` is
+    the count of the former.
     """
 
     plan: GapPlan
@@ -59,106 +58,52 @@ class Setup:
         return np.array(found, dtype=float)
 
 
-def predictor(plan: GapPlan, data: GapData, model: MeasurableModel | None = None) -> Predict:
-    """The model at the rows of the data, as a function of changes inside of it."""
-    actions = acting(plan.active, data.readings, data.target)
-    if plan.model is None:
-        rng = np.random.default_rng(plan.seed)
-        whole = added(data.predicted, actions, {}, rng)
-        return lambda changes: whole
-    of = plan.model if model is None else model
-    if of.population:
-        return _of_mean_unit(plan, data, of)
-
-    def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
-        rng = np.random.default_rng(plan.seed)
-        whole = both(changes_of(actions), changes)
-        return added(of.predict(data.readings.table, rng, whole or NO_CHANGES), actions, {}, rng)
-
-    return predict
-
-
-def both(one: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, Array]:
-    """Changes inside of a model together."""
-    names = dict.fromkeys([*one, *other])
-    return {name: np.asarray(one.get(name, 0.0) + other.get(name, 0.0)) for name in names}
-
-
-def _of_mean_unit(plan: GapPlan, data: GapData, model: MeasurableModel) -> Predict:
-    """The mean over the units of a population; what changes it is averaged over drawn units."""
-    actions = acting(plan.active, data.readings, data.target)
-    always = changes_of(actions)
-
-    def one(number: int, changes: Mapping[str, Array]) -> dict[str, Array]:
-        rng = np.random.default_rng([plan.seed, 7, number])
-        found = model.predict(data.readings.table, rng, both(always, changes) or NO_CHANGES)
-        return added(found, actions, model.means(), rng)
-
-    def drawn(changes: Mapping[str, Array]) -> dict[str, Array]:
-        runs = [one(number, changes) for number in range(UNITS)]
-        return {o.name: np.mean([run[o.name] for run in runs], axis=0) for o in data.outputs}
-
-    def bare() -> dict[str, Array]:
-        rngs = [np.random.default_rng([plan.seed, 7, k]) for k in range(UNITS)]
-        runs = [model.predict(data.readings.table, rng) for rng in rngs]
-        return {o.name: np.mean([run[o.name] for run in runs], axis=0) for o in data.outputs}
-
-    def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
-        means = {o.name: np.full(len(data), model.means()[o.name]) for o in data.outputs}
-        if not changes and not plan.active:
-            return means
-        with_them, without = drawn(changes), bare()
-        return {name: mean + with_them[name] - without[name] for name, mean in means.items()}
-
-    return predict
-
-
 def prepared(plan: GapPlan, full: GapData) -> Setup:
     """The setup for the rows that are used. Raises InputError where the model has no prediction."""
     data, notes = thinned(plan, full)
     predicted = predictor(plan, data)({})
     raise_all(finite_faults({o.name: predicted[o.name] for o in data.outputs}, data.rows))
     at = recalibrated(plan, data, predicted)
-    predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
-    predicted = predict({})
-    residual = np.concatenate([data.measured[o.name] - predicted[o.name] for o in data.outputs])
-    free, gradient = _gradient(plan, data, at)
-    base = np.column_stack([gradient, _zeros(data)])
-    forms, columns = generic(data, predicted)
+    parts = _parts(plan, data, at)
+    forms, columns = generic(data, parts["predicted"])
     library = candidates(plan.library, data)
     return Setup(
         plan=plan,
         data=data,
-        predicted=predicted,
-        at=at,
-        residual=residual,
-        base=base,
-        free=free,
         library=tuple(one for one in library if one.name not in ON_SCATTER),
         on_scatter=tuple(one for one in library if one.name in ON_SCATTER),
-        columns=Columns(data, predict),
         forms=tuple(forms),
         generic=columns,
         notes=notes,
+        **parts,
     )
 
 
 def moved_to(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]) -> Setup:
     """The setup with the model at other parameters, its columns taken beside changes inside."""
-    plan, data = setup.plan, setup.data
+    return replace(setup, **_parts(setup.plan, setup.data, at, changes))
+
+
+def _parts(
+    plan: GapPlan,
+    data: GapData,
+    at: Mapping[str, float],
+    changes: Mapping[str, Array] = NO_CHANGES,
+) -> dict[str, Any]:
+    """What of a setup depends on the parameters that the model is at."""
     predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
     predicted = predict({})
-    residual = np.concatenate([data.measured[o.name] - predicted[o.name] for o in data.outputs])
     free, gradient = _gradient(plan, data, at, changes)
-    return replace(
-        setup,
-        predicted=predicted,
-        at=at,
-        residual=residual,
-        base=np.column_stack([gradient, _zeros(data)]),
-        free=free,
-        columns=Columns(data, predict),
-    )
+    return {
+        "predicted": predicted,
+        "at": at,
+        "residual": np.concatenate(
+            [data.measured[o.name] - predicted[o.name] for o in data.outputs]
+        ),
+        "base": np.column_stack([gradient, _zeros(data)]),
+        "free": free,
+        "columns": Columns(data, predict),
+    }
 
 
 def thinned(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:
