@@ -14,7 +14,15 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, MeasurableModel, Role
 from .data import GapData
 from .generic import Form, generic
-from .library import ON_SCATTER, Candidate, Columns, Predict, candidates
+from .library import (
+    ON_SCATTER,
+    Candidate,
+    Columns,
+    Predict,
+    candidates,
+    carried,
+    with_rows,
+)
 from .linear import basis, beside
 from .plan import GapPlan
 from .read import finite_faults
@@ -86,13 +94,17 @@ def both(one: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, Arra
 
 def _of_mean_unit(plan: GapPlan, data: GapData, model: MeasurableModel) -> Predict:
     """The mean over the units of a population; what changes it is averaged over drawn units."""
-    actions = acting(plan.active, data.readings, data.target)
+    moving = [one for one in plan.active if one.effect.name not in ON_SCATTER]
+    actions = acting(moving, data.readings, data.target)
     always = changes_of(actions)
+    by = carried(plan.active, data.target)
+    own = model.means()
+    mean = {name: value + by for name, value in own.items()}
 
     def one(number: int, changes: Mapping[str, Array]) -> dict[str, Array]:
         rng = np.random.default_rng([plan.seed, 7, number])
         found = model.predict(data.readings.table, rng, both(always, changes) or NO_CHANGES)
-        return added(found, actions, model.means(), rng)
+        return added(found, actions, own, rng)
 
     def drawn(changes: Mapping[str, Array]) -> dict[str, Array]:
         runs = [one(number, changes) for number in range(UNITS)]
@@ -104,8 +116,8 @@ def _of_mean_unit(plan: GapPlan, data: GapData, model: MeasurableModel) -> Predi
         return {o.name: np.mean([run[o.name] for run in runs], axis=0) for o in data.outputs}
 
     def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
-        means = {o.name: np.full(len(data), model.means()[o.name]) for o in data.outputs}
-        if not changes and not plan.active:
+        means = {o.name: np.full(len(data), mean[o.name]) for o in data.outputs}
+        if not changes and not moving:
             return means
         with_them, without = drawn(changes), bare()
         return {name: mean + with_them[name] - without[name] for name, mean in means.items()}
@@ -121,11 +133,11 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
     at = recalibrated(plan, data, predicted)
     predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
     predicted = predict({})
-    residual = np.concatenate([data.measured[o.name] - predicted[o.name] for o in data.outputs])
+    residual = data.whole(data.measured) - data.whole(predicted)
     free, gradient = _gradient(plan, data, at)
     base = np.column_stack([gradient, _zeros(data)])
     forms, columns = generic(data, predicted)
-    library = candidates(plan.library, data)
+    library, few = with_rows(candidates(plan.library, data), data)
     return Setup(
         plan=plan,
         data=data,
@@ -139,7 +151,7 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         columns=Columns(data, predict),
         forms=tuple(forms),
         generic=columns,
-        notes=notes,
+        notes=(*notes, *few),
     )
 
 
@@ -148,7 +160,7 @@ def moved_to(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]
     plan, data = setup.plan, setup.data
     predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
     predicted = predict({})
-    residual = np.concatenate([data.measured[o.name] - predicted[o.name] for o in data.outputs])
+    residual = data.whole(data.measured) - data.whole(predicted)
     free, gradient = _gradient(plan, data, at, changes)
     return replace(
         setup,
@@ -184,7 +196,7 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
     names = list(plan.free)
     middle = np.array([nominal(plan, name) for name in names])
     half = np.array([plan.free[name] for name in names])
-    measured = np.concatenate([data.measured[o.name] for o in data.outputs])
+    measured = data.whole(data.measured)
     zeros = _zeros(data)
     scale = np.repeat([max(float(np.std(data.measured[o.name] - predicted[o.name])), 1e-300)
                        for o in data.outputs], len(data))  # fmt: skip
@@ -238,7 +250,7 @@ def _moved(
     assert plan.rebuild is not None
     predict = predictor(plan, data, plan.rebuild(parameters))
     predicted = predict(changes)
-    return np.concatenate([predicted[o.name] for o in data.outputs])
+    return data.whole(predicted)
 
 
 def _zeros(data: GapData) -> Array:
