@@ -25,6 +25,7 @@ VERDICTS = {
     "its rivals.",
     "unnamed": "Unnamed: model and measurement disagree, and no effect of the library explains it.",
 }
+RMSE = "RMSE on rows that the fit never saw"
 UNSEEN = "Cannot be seen at all, because what is free does the same"
 CAPTIONS = {
     "residuals": "{0}: measured less predicted against every input, before on the left (circles), "
@@ -109,7 +110,7 @@ def _gaps(result: GapResult) -> str:
          "after": result.gap_after.get(name), "noise floor": result.noise_floor.get(name)}
         for name, before in result.gap_before.items()
     ]  # fmt: skip
-    return table(pd.DataFrame(rows), caption="RMSE on rows that the fit never saw.")
+    return table(pd.DataFrame(rows), caption=f"{result.summary.get('gap_is', RMSE)}.")
 
 
 def _where(result: GapResult) -> str:

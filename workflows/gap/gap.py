@@ -14,6 +14,7 @@ from ...records import Axis
 from .analysis import Analysis, analysed
 from .correct import corrected_toml, in_problem
 from .data import GapData
+from .gaps import OF_UNITS, gaps
 from .locate import regions
 from .plan import GapPlan
 from .progress import GapProgress, Tell, silent
@@ -22,7 +23,6 @@ from .result import (
     Ending,
     effects,
     ended,
-    gaps,
     gate,
     residual_table,
     rival_records,
@@ -35,6 +35,9 @@ from .spectrum import spectrum
 from .uncertainty import Spread, bootstrap
 from .where import of_inside
 from .write import summary_of, write
+
+RMSE = "{}: rmse {:.4g} -> {:.4g} {} on rows the fit never saw; noise {:.4g}"
+FAR = "{}: batch from population {:.4g} -> {:.4g} {} on units the fit never saw; chance {:.4g}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,12 +112,14 @@ def found(
 
 def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -> GapResult:
     analysis, setup = end.analysis, end.setup
-    search, generic = analysis.search, analysis.generic
+    bare = analysis.bare
+    limit = bare.search.thresholds.generic
     table = residual_table(end, data)
     outputs = data.outputs
-    noise = {o.name: n.level for o, n in zip(outputs, analysis.noises, strict=True)}
+    noise = {o.name: n.level for o, n in zip(outputs, bare.noises, strict=True)}
     which = {side: {o.name: table[f"{o.name}_{side}"].to_numpy() for o in outputs}
              for side in ("before", "after")}  # fmt: skip
+    gap = gaps(end)
     text = corrected_toml(plan, end.model, analysis.scatter[:1])
     named = in_problem(plan, text, effects(end, spread))
     return GapResult(
@@ -124,19 +129,18 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
         gate=gate(end),
         where=of_inside(setup, end.fit, table)
-        + regions(setup, search.fitter, generic, analysis.empty, search.thresholds.generic),
+        + regions(bare.setup, bare.search.fitter, bare.generic, bare.empty, limit),
         scores=scores(end),
         steps=renumbered(analysis.selection.steps),
         effects=named,
         rivals=rival_records(end),
         shapes=shape_records(end),
-        noise_floor=noise | {"total": 1.0},
-        gap_before=gaps(end, end.before),
-        gap_after=gaps(end, end.after),
+        noise_floor=gap.floor,
+        gap_before=gap.before,
+        gap_after=gap.after,
         residuals=table,
-        spectrum=spectrum(data, which["before"], which["after"], noise,
-                          search.thresholds.generic),
-        summary=_summary(plan, data, end, spread),
+        spectrum=spectrum(data, which["before"], which["after"], noise, limit),
+        summary=_summary(plan, data, end, spread) | {"gap_is": gap.meaning},
         notes=_notes(analysis, data, end),
         configuration=plan.configuration,
         corrected=text,
@@ -173,7 +177,7 @@ def _region(data: GapData) -> dict[str, list[float]]:
 
 def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
     found = [*data.notes, *end.setup.notes]
-    for output, noise in zip(data.outputs, analysis.noises, strict=True):
+    for output, noise in zip(data.outputs, analysis.bare.noises, strict=True):
         if noise.outliers:
             found.append(f"{output.name}: {noise.outliers} outliers do not count")
         if noise.varies_with:
@@ -191,10 +195,11 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
 def _lines(result: GapResult) -> tuple[str, ...]:
     """A short summary for the terminal."""
     lines = [f"{result.verdict}: {result.summary['rows']} rows"]
+    words = FAR if result.summary["gap_is"] == OF_UNITS else RMSE
     for output in result.outputs:
         before, after = result.gap_before[output.name], result.gap_after[output.name]
-        lines.append(f"{output.name}: rmse {before:.4g} -> {after:.4g} {output.unit} on rows the "
-                     f"fit never saw; noise {result.noise_floor[output.name]:.4g}")  # fmt: skip
+        floor = result.noise_floor[output.name]
+        lines.append(words.format(output.name, before, after, output.unit, floor))
     lines += [f"effect {one}" for one in result.effects]
     lines += [f"in the problem: {one.name}: {one.counterpart}"
               for one in result.effects if one.counterpart]  # fmt: skip

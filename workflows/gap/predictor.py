@@ -12,7 +12,7 @@ from ...models.effects.effect import Action
 from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, MeasurableModel
 from .data import GapData
-from .library import Predict
+from .library import ON_SCATTER, Predict, carried
 from .plan import GapPlan
 
 UNITS = 32
@@ -67,10 +67,17 @@ class OfRows(_OfModel):
 class OfMeanUnit(_OfModel):
     """The mean over the units of a population; what changes it is averaged over drawn units."""
 
+    def __init__(self, plan: GapPlan, data: GapData, model: MeasurableModel) -> None:
+        super().__init__(plan, data, model)
+        moving = [one for one in plan.active if one.effect.name not in ON_SCATTER]
+        self._actions = acting(moving, data.readings, data.target)
+        by = carried(plan.active, data.target)
+        self._means = {name: value + by for name, value in model.means().items()}
+
     def __call__(self, changes: Mapping[str, Array]) -> Mapping[str, Array]:
-        expected, data = self._model.means(), self._data
-        means = {o.name: np.full(len(data), expected[o.name]) for o in data.outputs}
-        if not changes and not self._plan.active:
+        data = self._data
+        means = {o.name: np.full(len(data), self._means[o.name]) for o in data.outputs}
+        if not changes and not self._actions:
             return means
         moved = self._mean(both(changes_of(self._actions), changes), self._actions)
         return {name: mean + moved[name] - self._bare[name] for name, mean in means.items()}

@@ -14,7 +14,13 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, Role
 from .data import GapData
 from .generic import Form, generic
-from .library import ON_SCATTER, Candidate, Columns, candidates
+from .library import (
+    ON_SCATTER,
+    Candidate,
+    Columns,
+    candidates,
+    with_rows,
+)
 from .linear import basis, beside
 from .plan import GapPlan
 from .predictor import predictor
@@ -66,7 +72,7 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
     at = recalibrated(plan, data, predicted)
     parts = _parts(plan, data, at)
     forms, columns = generic(data, parts["predicted"])
-    library = candidates(plan.library, data)
+    library, few = with_rows(candidates(plan.library, data), data)
     return Setup(
         plan=plan,
         data=data,
@@ -74,7 +80,7 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         on_scatter=tuple(one for one in library if one.name in ON_SCATTER),
         forms=tuple(forms),
         generic=columns,
-        notes=notes,
+        notes=(*notes, *few),
         **parts,
     )
 
@@ -97,9 +103,7 @@ def _parts(
     return {
         "predicted": predicted,
         "at": at,
-        "residual": np.concatenate(
-            [data.measured[o.name] - predicted[o.name] for o in data.outputs]
-        ),
+        "residual": data.whole(data.measured) - data.whole(predicted),
         "base": np.column_stack([gradient, _zeros(data)]),
         "free": free,
         "columns": Columns(data, predict),
@@ -129,7 +133,7 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
     names = list(plan.free)
     middle = np.array([nominal(plan, name) for name in names])
     half = np.array([plan.free[name] for name in names])
-    measured = np.concatenate([data.measured[o.name] for o in data.outputs])
+    measured = data.whole(data.measured)
     zeros = _zeros(data)
     scale = np.repeat([max(float(np.std(data.measured[o.name] - predicted[o.name])), 1e-300)
                        for o in data.outputs], len(data))  # fmt: skip
@@ -183,7 +187,7 @@ def _moved(
     assert plan.rebuild is not None
     predict = predictor(plan, data, plan.rebuild(parameters))
     predicted = predict(changes)
-    return np.concatenate([predicted[o.name] for o in data.outputs])
+    return data.whole(predicted)
 
 
 def _zeros(data: GapData) -> Array:
