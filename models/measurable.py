@@ -60,6 +60,8 @@ class Changeable:
 
 
 NO_CHANGES: Mapping[str, Any] = MappingProxyType({})
+Outside = Mapping[str, tuple[NDArray[np.bool_], str]]
+"""Cells beyond a model's range, by column: which rows (n,), and what they must be."""
 
 
 class MeasurableModel(ABC):
@@ -102,6 +104,10 @@ class MeasurableModel(ABC):
 
         `changes` holds, by name, what is added to a changeable quantity: a number, or one per row.
         """
+
+    def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
+        """Cells of a table of columns (n,) that are beyond the range of the model."""
+        return {}
 
     def means(self, changes: Mapping[str, Array] = NO_CHANGES) -> Mapping[str, float]:
         """Mean of every output over the units of a population, by name, at the mean change."""

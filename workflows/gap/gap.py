@@ -33,6 +33,7 @@ from .select import renumbered
 from .setup import prepared
 from .spectrum import spectrum
 from .uncertainty import Spread, bootstrap
+from .units import spread_of_units
 from .where import of_inside
 from .write import summary_of, write
 
@@ -140,6 +141,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         gap_after=gap.after,
         residuals=table,
         spectrum=spectrum(data, which["before"], which["after"], noise, limit),
+        units=spread_of_units(plan, data, end),
         summary=_summary(plan, data, end, spread) | {"gap_is": gap.meaning},
         notes=_notes(analysis, data, end),
         configuration=plan.configuration,

@@ -15,6 +15,7 @@ from ... import tables
 from ...declarations import Output
 from ...errors import Fault, nearest, raise_all
 from ...models.measurable import Column, Role
+from ...units import converted
 from .columns import alike, told_apart
 from .data import GapData, assembled
 from .plan import GapPlan, output_of
@@ -22,6 +23,8 @@ from .plan import GapPlan, output_of
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
 SESSION = "session"
+ABSOLUTE_ZERO = -273.15
+"""[degC]"""
 LEAST = 12
 """Rows below which nothing can be told from noise."""
 
@@ -175,8 +178,8 @@ def _content_faults(
     found = []
     count = 1 + len(plan.free) + len(outputs)
     if len(frame) < max(LEAST, 2 * count):
-        found.append(Fault(place, f"has {len(frame)} rows; {count - 1} numbers of the model and a "
-                           f"noise need at least {max(LEAST, 2 * count)}"))  # fmt: skip
+        found.append(Fault(place, f"has {len(frame)} rows; {count - 1} free numbers of the model "
+                           f"and the noise need at least {max(LEAST, 2 * count)}"))  # fmt: skip
     for column in columns:
         if column.role is Role.DIRECTION and column.name in frame:
             bad = ~frame[column.name].isin([-1.0, 1.0]) & frame[column.name].notna()
@@ -185,9 +188,28 @@ def _content_faults(
         text = "must be above 0; leave the column out where the noise is not known"
         if name in frame:
             found += _cells(frame, name, frame[name] <= 0.0, place, text)
+    found += _range_faults(plan, frame, columns, place)
     for output in outputs:
         if output.name in frame:
             found += _measured_faults(frame, output.name, predictions.get(output.name), place)
+    return found
+
+
+def _range_faults(
+    plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...], place: str
+) -> list[Fault]:
+    """Cells beyond what is physical, or beyond the range of the model."""
+    found = []
+    for column in columns:
+        if column.role is Role.TEMPERATURE and column.name in frame:
+            cold = frame[column.name] < converted(ABSOLUTE_ZERO, "degC", column.unit)
+            found += _cells(frame, column.name, cold, place, "is below absolute zero")
+    if plan.model is None or any(c.needed and c.name not in frame for c in columns):
+        return found
+    table = {c.name: frame[c.name].to_numpy() for c in columns if c.name in frame}
+    for name, (wrong, text) in plan.model.outside(table).items():
+        said = f"{text}: the model does not reach there; remove the row"
+        found += _cells(frame, name, pd.Series(wrong, index=frame.index), place, said)
     return found
 
 
