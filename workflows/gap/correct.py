@@ -33,8 +33,9 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
     if parameters:
         found["parameters"] = _plain(parameters)
     more = [{"name": one.name, "parameters": model.effect(one.name)} for one in model.members]
-    more += [{"name": one.candidate.name, "parameters": one.numbers} for one in scatter]
-    effects = [*found.get("effect", []), *plan.tables.get("effect", []), *more]
+    # first: what moves units is not stretched with their scatter
+    first = [{"name": one.candidate.name, "parameters": one.numbers} for one in scatter]
+    effects = [*first, *found.get("effect", []), *plan.tables.get("effect", []), *more]
     if effects:
         found["effect"] = effects
     if plan.model is None:

@@ -76,10 +76,12 @@ def robust_scale(residual: Array) -> float:
     return float(1.4826 * np.median(np.abs(residual - np.median(residual))))
 
 
-def outliers(residual: Array, sigma: Array) -> NDArray[np.bool_]:
-    """False (n,) where a reading lies further out than noise ever does."""
+def outliers(residual: Array, sigma: Array, least: float = 1e-12) -> NDArray[np.bool_]:
+    """False (n,) where a reading lies further out than noise ever does, which is at least `least`
+    times sigma.
+    """
     scaled = residual / sigma
-    return np.abs(scaled - np.median(scaled)) < OUTLYING * max(robust_scale(scaled), 1e-12)
+    return np.abs(scaled - np.median(scaled)) < OUTLYING * max(robust_scale(scaled), least)
 
 
 def autocorrelation(residual: Array, columns: Array, noise: Noise) -> float:

@@ -22,8 +22,9 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .ambiguity import INSTRUMENT
 from .blocks import Improvement
+from .distance import distance, floor
 from .fit import Fit
-from .law import Law, law_of, mixture
+from .law import Law, mixture
 from .library import Candidate, carried
 from .plan import GapPlan
 from .select import Search
@@ -103,10 +104,10 @@ class Batch:
     setup: Setup
     search: Search
 
-    @cached_property
+    @property
     def law(self) -> Law:
         """Of the model's units."""
-        return law_of(self.setup.plan, self.setup.data.outputs[0].name)
+        return self.setup.laws[self.setup.data.outputs[0].name]
 
     @cached_property
     def limit(self) -> float:
@@ -132,6 +133,28 @@ class Batch:
         good = self.search.fitter.space.noises[0].good
         kept = np.arange(len(moved)) if good is None else np.flatnonzero(good)
         return Units(self.law, (setup.residual - moved)[kept], self.search.labels[kept])
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Units that scatter about their mean unlike the population: how far from it, and how far
+    chance gets; `ratio` of the standard deviations, measured over simulated.
+    """
+
+    distance: float
+    limit: float
+    ratio: float
+
+
+def misfit(batch: Batch, fit: Fit) -> Misfit | None:
+    """Whether the units beside `fit` scatter unlike the model's, in whatever way."""
+    if not batch.setup.data.target.population:
+        return None
+    units, plan = batch.units(fit), batch.setup.plan
+    rng = np.random.default_rng([plan.seed, 9])
+    far = distance(batch.law, units.centred)
+    limit = floor(batch.law, len(units.x), rng, 1.0 - plan.settings.false_rate, centred=True)
+    return Misfit(far, limit, float(units.x.std()) / batch.law.std) if far > limit else None
 
 
 def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
@@ -172,7 +195,7 @@ def carrying(setup: Setup, one: Scatter) -> Setup:
 def _same(columns: Array) -> bool:
     """Whether a column (N, 1) moves every unit alike."""
     size = float(np.abs(columns).max(initial=0.0))
-    return columns.shape[1] == 1 and 0.0 < size and bool(np.ptp(columns) <= LEVEL * size)
+    return columns.shape[1] == 1 and size > 0.0 and bool(np.ptp(columns) <= LEVEL * size)
 
 
 def threshold(law: Law, count: int, plan: GapPlan) -> float:

@@ -16,11 +16,12 @@ from ...models.measurable import Column, Role
 from .columns import alike, told_apart
 from .data import GapData, assembled
 from .plan import GapPlan, output_of
+from .units import LEAST, one_per_unit
 
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
+SAME = 1e-12
+"""Relative range of readings that are all the same."""
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
-LEAST = 12
-"""Rows below which nothing can be told from noise."""
 
 
 def read_data(plan: GapPlan, path: Path) -> GapData:
@@ -44,6 +45,9 @@ def read_data(plan: GapPlan, path: Path) -> GapData:
     notes: list[str] = []
     frame, found = _dropped(plan, frame, found, notes)
     faults += found
+    if not faults and plan.model is not None and plan.model.population:
+        frame, found = one_per_unit(frame, columns, place, notes)
+        faults += found
     if not faults:
         faults += _content_faults(plan, frame, columns, outputs, predictions, stds, place)
     raise_all(faults)
@@ -167,7 +171,7 @@ def _measured_faults(
 ) -> list[Fault]:
     """A measurement that never changes, or that the prediction is a copy of."""
     found = []
-    if len(frame) > 1 and np.ptp(frame[name].to_numpy()) == 0.0:
+    if len(frame) > 1 and np.ptp(values := frame[name].to_numpy()) <= SAME * np.abs(values).max():
         text = "is the same in every row: nothing was measured"
         found.append(Fault(f"{place}: column {name}", text))
     if prediction is not None and alike(frame[name], frame[prediction]):

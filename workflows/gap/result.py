@@ -28,7 +28,7 @@ from .data import GapData
 from .fit import Fit
 from .linear import beside
 from .noise import outliers, whiteness
-from .population import Scatter
+from .population import Misfit, Scatter
 from .scan import left_over, scan
 from .separate import separating
 from .setup import Setup, nominal
@@ -244,13 +244,27 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     """Stage 7 as records: what is significant beside the final fit."""
     analysis, search = end.analysis, end.analysis.search
     generic = analysis.ground.generic
+    odd = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
     if not analysis.significant or (end.fit.members and not analysis.judged.lost
                                     and not analysis.judged.significant):  # fmt: skip
-        return ()
+        return odd
     left = left_over(end.fit, search.fitter, generic)
     lost = tuple(analysis.fit.names[at] for at in analysis.judged.lost)
-    return shapes(end.setup, search.fitter, generic, analysis.judged, left, end.fit,
-                  search.thresholds.generic, lost)  # fmt: skip
+    found = shapes(end.setup, search.fitter, generic, analysis.judged, left, end.fit,
+                   search.thresholds.generic, lost)  # fmt: skip
+    return (*odd, *found)
+
+
+def _of_misfit(end: Ending, odd: Misfit) -> Shape:
+    """Units that scatter unlike the model's, as a record."""
+    output = end.setup.data.outputs[0]
+    text = (
+        f"the units scatter unlike the population: {odd.distance:.3g} {output.unit} from it about "
+        f"their mean where chance reaches {odd.limit:.3g}; their standard deviation is "
+        f"{odd.ratio:.2f} times as large"
+    )
+    return Shape(output.name, "population", "scatter of the units", odd.distance, output.unit, text,
+                 torque="none", direction="none")  # fmt: skip
 
 
 def residual_table(end: Ending, full: GapData) -> pd.DataFrame:

@@ -14,30 +14,34 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, MeasurableModel, Role
 from .data import GapData
 from .generic import Form, generic
+from .law import Law, law_of
 from .library import (
     ON_SCATTER,
     Candidate,
     Columns,
     Predict,
     candidates,
-    carried,
-    with_rows,
+    with_lots,
 )
 from .linear import basis, beside
+from .mean_unit import both, of_mean_unit
 from .plan import GapPlan
 from .read import finite_faults
 
 STEP = 0.02
 """Share of a tolerance by which a parameter is moved for its column."""
-UNITS = 32
-"""Units drawn for each row to average what a change does to a population."""
+LEAST_NAMED = 20
+"""Units of a batch below which no cause is named."""
+SAME_UNIT = 0.05
+"""Share of the population's scatter below which readings are as of one unit."""
 
 
 @dataclass(frozen=True)
 class Setup:
     """Residual (N,) of the model at parameters `at`, where it fits best alone; the columns (N, p)
     of its free parameters, each for
-    its whole tolerance, and of the zeros of outputs; `prior` is the count of the former.
+    its whole tolerance, and of the zeros of outputs; `prior` is the count of the former. `laws`
+    are those of a population's outputs.
     """
 
     plan: GapPlan
@@ -52,6 +56,7 @@ class Setup:
     columns: Columns
     forms: tuple[Form, ...]
     generic: list[Array]
+    laws: Mapping[str, Law]
     notes: tuple[str, ...] = ()
 
     @property
@@ -76,51 +81,12 @@ def predictor(plan: GapPlan, data: GapData, model: MeasurableModel | None = None
         return lambda changes: whole
     of = plan.model if model is None else model
     if of.population:
-        return _of_mean_unit(plan, data, of)
+        return of_mean_unit(plan, data, of)
 
     def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
         rng = np.random.default_rng(plan.seed)
         whole = both(changes_of(actions), changes)
         return added(of.predict(data.readings.table, rng, whole or NO_CHANGES), actions, {}, rng)
-
-    return predict
-
-
-def both(one: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, Array]:
-    """Changes inside of a model together."""
-    names = dict.fromkeys([*one, *other])
-    return {name: np.asarray(one.get(name, 0.0) + other.get(name, 0.0)) for name in names}
-
-
-def _of_mean_unit(plan: GapPlan, data: GapData, model: MeasurableModel) -> Predict:
-    """The mean over the units of a population; what changes it is averaged over drawn units."""
-    moving = [one for one in plan.active if one.effect.name not in ON_SCATTER]
-    actions = acting(moving, data.readings, data.target)
-    always = changes_of(actions)
-    by = carried(plan.active, data.target)
-    own = model.means()
-    mean = {name: value + by for name, value in own.items()}
-
-    def one(number: int, changes: Mapping[str, Array]) -> dict[str, Array]:
-        rng = np.random.default_rng([plan.seed, 7, number])
-        found = model.predict(data.readings.table, rng, both(always, changes) or NO_CHANGES)
-        return added(found, actions, own, rng)
-
-    def drawn(changes: Mapping[str, Array]) -> dict[str, Array]:
-        runs = [one(number, changes) for number in range(UNITS)]
-        return {o.name: np.mean([run[o.name] for run in runs], axis=0) for o in data.outputs}
-
-    def bare() -> dict[str, Array]:
-        rngs = [np.random.default_rng([plan.seed, 7, k]) for k in range(UNITS)]
-        runs = [model.predict(data.readings.table, rng) for rng in rngs]
-        return {o.name: np.mean([run[o.name] for run in runs], axis=0) for o in data.outputs}
-
-    def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
-        means = {o.name: np.full(len(data), mean[o.name]) for o in data.outputs}
-        if not changes and not moving:
-            return means
-        with_them, without = drawn(changes), bare()
-        return {name: mean + with_them[name] - without[name] for name, mean in means.items()}
 
     return predict
 
@@ -137,7 +103,11 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
     free, gradient = _gradient(plan, data, at)
     base = np.column_stack([gradient, _zeros(data)])
     forms, columns = generic(data, predicted)
-    library, few = with_rows(candidates(plan.library, data), data)
+    library, few = with_lots(candidates(plan.library, data), data, residual)
+    laws = {o.name: law_of(plan, o.name) for o in data.outputs} if data.target.population else {}
+    if why := nameless(data, laws):
+        plan = replace(plan, settings=replace(plan.settings, effects_at_most=0))
+        few.append(why)
     return Setup(
         plan=plan,
         data=data,
@@ -147,12 +117,31 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         base=base,
         free=free,
         library=tuple(one for one in library if one.name not in ON_SCATTER),
-        on_scatter=tuple(one for one in library if one.name in ON_SCATTER),
+        on_scatter=tuple(one for one in library if one.name in ON_SCATTER)
+        if plan.settings.effects_at_most
+        else (),
         columns=Columns(data, predict),
         forms=tuple(forms),
         generic=columns,
+        laws=laws,
         notes=(*notes, *few),
     )
+
+
+def nameless(data: GapData, laws: Mapping[str, Law]) -> str:
+    """Why no cause can be named from a batch, empty where one can."""
+    if laws and len(data) < LEAST_NAMED:
+        return (
+            f"cannot tell with n = {len(data)}: no cause is named from fewer than {LEAST_NAMED} "
+            "units"
+        )
+    for name, law in laws.items():
+        if np.std(data.measured[name]) < SAME_UNIT * law.std:
+            return (
+                f"cannot tell: {name} is as good as the same in every row, units of the model "
+                f"scatter by {law.std:.3g}; was one unit measured many times?"
+            )
+    return ""
 
 
 def moved_to(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]) -> Setup:
