@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import signal, stats
 from statsmodels.regression.linear_model import OLS
 from statsmodels.stats.diagnostic import acorr_ljungbox
 
@@ -73,7 +73,7 @@ class Noise:
 
 def robust_scale(residual: Array) -> float:
     """Standard deviation from the median of the magnitudes."""
-    return float(1.4826 * np.median(np.abs(residual - np.median(residual))))
+    return float(stats.median_abs_deviation(residual, scale="normal"))
 
 
 def outliers(residual: Array, sigma: Array, least: float = 1e-12) -> NDArray[np.bool_]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from ...gap_records import (
     Score,
     Shape,
 )
+from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
 from .analysis import Analysis
 from .blocks import HeldOut, improvement
@@ -190,14 +192,14 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
     better = improvement(search.tested(less), end.after, search.labels)
     values = end.model.effect(member.name)
     numbers = (*member.candidate.linear, *member.candidate.shape)
-    ends = {one.name: _ends(end, member.name, one.name, spread) for one in numbers}
+    ends = {one.name: _ends(end, member.name, one, values, spread) for one in numbers}
     total = max(end.analysis.ground.empty.rss - end.fit.rss, 1e-300)
     return FoundEffect(
         name=member.name,
         family=member.candidate.effect.family,
         cause=member.candidate.effect.cause,
         parameters=tuple(
-            FoundParameter(one.name, values[one.name], *ends[one.name], one.unit, one.meaning)
+            FoundParameter(one.name, values[one.name], *ends[one.name], one.unit, _meaning(one))
             for one in numbers
         ),
         gain=less.rss - end.fit.rss,
@@ -217,9 +219,21 @@ def _at_bound(value: float, low: float, high: float) -> bool:
                 (np.isfinite(low) and low != 0.0 and value <= low + width))  # fmt: skip
 
 
-def _ends(end: Ending, owner: str, name: str, spread: Spread | None) -> tuple[float, float]:
-    linear = end.model.interval(owner, name)
-    return linear if spread is None else spread.interval(owner, name, linear)
+def _meaning(one: EffectParameter) -> str:
+    """What a parameter means, and whether it was chosen instead of fitted."""
+    choices = ", ".join(f"{choice:g}" for choice in one.choices)
+    return f"{one.meaning} (chosen out of {choices}, not fitted)" if choices else one.meaning
+
+
+def _ends(
+    end: Ending, owner: str, one: EffectParameter, values: Mapping[str, float],
+    spread: Spread | None,
+) -> tuple[float, float]:  # fmt: skip
+    """The interval of a number; one that was chosen has no width."""
+    if one.choices:
+        return values[one.name], values[one.name]
+    linear = end.model.interval(owner, one.name)
+    return linear if spread is None else spread.interval(owner, one.name, linear)
 
 
 def rival_records(end: Ending) -> tuple[Rival, ...]:
