@@ -27,10 +27,10 @@ from .result import (
     residual_table,
     rival_records,
     scores,
-    shape_records,
 )
 from .select import renumbered
 from .setup import prepared
+from .shapes import shape_records
 from .spectrum import spectrum
 from .uncertainty import Spread, bootstrap
 from .where import of_inside

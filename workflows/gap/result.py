@@ -19,7 +19,6 @@ from ...gap_records import (
     Recalibrated,
     Rival,
     Score,
-    Shape,
 )
 from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
@@ -30,12 +29,11 @@ from .data import GapData
 from .fit import Fit
 from .linear import beside
 from .noise import outliers, whiteness
-from .population import Misfit, Scatter
-from .scan import left_over, scan
+from .population import Scatter
+from .scan import scan
 from .separate import separating
 from .setup import Setup, nominal
 from .uncertainty import Spread
-from .where import shapes
 
 SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
 MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
@@ -252,33 +250,6 @@ def rival_records(end: Ending) -> tuple[Rival, ...]:
         names, instead = (tuple(n for n in of if n not in both) for of in (other.names, mine))
         found.append(Rival(names, instead, other.distance, Measurement(MORE)))
     return tuple(found)
-
-
-def shape_records(end: Ending) -> tuple[Shape, ...]:
-    """Stage 7 as records: what is significant beside the final fit."""
-    analysis, search = end.analysis, end.analysis.search
-    generic = analysis.ground.generic
-    odd = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
-    if not analysis.significant or (end.fit.members and not analysis.judged.lost
-                                    and not analysis.judged.significant):  # fmt: skip
-        return odd
-    left = left_over(end.fit, search.fitter, generic)
-    lost = tuple(analysis.fit.names[at] for at in analysis.judged.lost)
-    found = shapes(end.setup, search.fitter, generic, analysis.judged, left, end.fit,
-                   search.thresholds.generic, lost)  # fmt: skip
-    return (*odd, *found)
-
-
-def _of_misfit(end: Ending, odd: Misfit) -> Shape:
-    """Units that scatter unlike the model's, as a record."""
-    output = end.setup.data.outputs[0]
-    text = (
-        f"the units scatter unlike the population: {odd.distance:.3g} {output.unit} from it about "
-        f"their mean where chance reaches {odd.limit:.3g}; their standard deviation is "
-        f"{odd.ratio:.2f} times as large"
-    )
-    return Shape(output.name, "population", "scatter of the units", odd.distance, output.unit, text,
-                 torque="none", direction="none")  # fmt: skip
 
 
 def residual_table(end: Ending, full: GapData) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from ...models.effects.compose import acting, added, changes_of
 from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, MeasurableModel, Role
 from .data import GapData
+from .fit import Fit
 from .generic import Form, generic
 from .law import Law, law_of
 from .library import (
@@ -126,6 +127,15 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         laws=laws,
         notes=(*notes, *few),
     )
+
+
+def left_of(setup: Setup, fit: Fit, but: Sequence[str] = ()) -> Array:
+    """Residual (N,) beside what is fitted, in the outputs' units; effects named in `but` stay."""
+    left = setup.residual - setup.base @ fit.free
+    for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
+        if member.name not in but:
+            left = left - setup.columns.of(member.candidate, member.shape) @ coefficients
+    return np.asarray(left)
 
 
 def nameless(data: GapData, laws: Mapping[str, Law]) -> str:
