@@ -142,12 +142,14 @@ def _settings(section: Section) -> GapSettings:
         "rows_used": Range(low=200),
         "effects_at_most": Range(low=1, high=20),
     }
-    given = {
+    given: dict[str, Any] = {
         one.name: section.integer(one.name, ranges[one.name])
         if isinstance(one.default, int)
         else section.number(one.name, "", ranges[one.name])
         for one in fields(GapSettings)
+        if one.name in ranges
     }
+    given["empirical"] = section.flag("empirical")
     section.finish()
     found: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return GapSettings(**found)

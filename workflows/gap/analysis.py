@@ -21,7 +21,7 @@ from .fit import Fit, Fitter
 from .generic import stacked
 from .linear import Groups, joined
 from .noise import Noise
-from .population import Batch, Scatter, carrying, scatter
+from .population import Batch, Misfit, Scatter, carrying, misfit, scatter
 from .scan import Dictionary, Left, Remaining, Thresholds, dictionary, left_over, thresholds
 from .select import Search, Selection, beside, select
 from .setup import Setup, moved_to, values_of
@@ -82,6 +82,7 @@ class Analysis:
     others: tuple[Other, ...]
     significant: bool
     scatter: tuple[Scatter, ...] = ()
+    misfit: Misfit | None = None
 
     @property
     def fit(self) -> Fit:
@@ -184,8 +185,9 @@ def concluded(
         verdict = judged(search, first, generic, ground.empty)
         others = rivals(search, first, verdict.kept)
     seen = bool(bare.left.evidence.max(initial=0.0) > search.thresholds.generic)
+    odd = None if wider else misfit(bare.batch, found.fit)
     return Analysis(bare, ground, found, verdict, tuple(others),
-                    bool(found.fit.members or wider) or seen, wider)  # fmt: skip
+                    bool(found.fit.members or wider or odd) or seen, wider, odd)  # fmt: skip
 
 
 def _beside_scatter(
@@ -251,6 +253,7 @@ def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
         [c.name for c in setup.data.inputs if c.role is Role.TIME],
         setup.data.repeats,
         [_known(setup, output.name) for output in outputs],
+        [setup.laws[o.name].std if setup.laws else 0.0 for o in outputs],
     )
     return tuple(estimated(one) for one in of)
 

@@ -35,8 +35,9 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
     if zero := _zero(plan, model):
         found["zero"] = zero
     more = [{"name": one.name, "parameters": model.effect(one.name)} for one in model.members]
-    more += [{"name": one.candidate.name, "parameters": one.numbers} for one in scatter]
-    effects = [*found.get("effect", []), *plan.tables.get("effect", []), *more]
+    # first: what moves units is not stretched with their scatter
+    first = [{"name": one.candidate.name, "parameters": one.numbers} for one in scatter]
+    effects = [*first, *found.get("effect", []), *plan.tables.get("effect", []), *more]
     if effects:
         found["effect"] = effects
     if plan.model is None:

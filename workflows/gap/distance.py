@@ -23,10 +23,16 @@ def distance(law: Law, units: Array) -> float:
     return float(_distances(law, np.asarray(units)[None])[0])
 
 
-def floor(law: Law, count: int, rng: np.random.Generator) -> float:
-    """Distance that all but 5 % of batches of `count` units, drawn from the law, stay below."""
+def floor(
+    law: Law, count: int, rng: np.random.Generator, share: float = FLOOR, centred: bool = False
+) -> float:
+    """Distance that a share of the batches of `count` units, drawn from the law, stay below;
+    `centred`: about the mean of each batch.
+    """
     drawn = law.histogram.rvs(size=(BATCHES, count), random_state=rng)
-    return float(np.quantile(_distances(law, drawn), FLOOR))
+    if centred:
+        drawn -= drawn.mean(axis=1, keepdims=True)
+    return float(np.quantile(_distances(law, drawn), share))
 
 
 def _distances(law: Law, units: Array) -> Array:

@@ -18,6 +18,7 @@ from .gaps import OF_UNITS, gaps
 from .locate import regions
 from .plan import GapPlan
 from .progress import GapProgress, Tell, silent
+from .quantiles import spread_of_units
 from .replicates import Replicates, identity_of, is_whole, opened
 from .result import (
     Ending,
@@ -27,13 +28,12 @@ from .result import (
     residual_table,
     rival_records,
     scores,
-    shape_records,
 )
 from .select import renumbered
 from .setup import prepared
+from .shapes import shape_records
 from .spectrum import spectrum
 from .uncertainty import Spread, bootstrap
-from .units import spread_of_units
 from .where import of_inside
 from .write import summary_of, write
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from ...models.inputs.distribution import Array
 from .distance import distance, floor
-from .law import law_of
 from .population import held_out_units, law_with
 from .result import Ending, rmse
 
@@ -69,7 +68,7 @@ def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
     parts = (np.split(x, len(outputs)) for x in (before, after))
     for at, (output, x, y) in enumerate(zip(outputs, *parts, strict=True)):
         good = slice(None) if bare.noises[at].good is None else bare.noises[at].good
-        law = whole = bare.batch.law if at == 0 else law_of(bare.setup.plan, output.name)
+        law = whole = bare.setup.laws[output.name]
         x, y = x[good], y[good]
         for one in end.analysis.scatter[:1] if at == 0 else ():
             y = held_out_units(bare.batch.units(end.fit), one, y + one.moves(end.setup.data.target))

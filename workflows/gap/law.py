@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, stats
+from scipy import stats
+from statsmodels.nonparametric.kde import KDEUnivariate
 
 from ...models.effects.compose import acting
 from ...models.effects.readings import readings_of, target_of
@@ -18,7 +19,9 @@ from .plan import GapPlan
 
 DRAWN = 200_000
 """Units that the density is read from."""
-CELLS = 400
+CELLS = 512
+SMOOTHED = 0.1
+"""Width of the kernel that smooths the drawn units, as a share of their standard deviation."""
 LEAST = 1e-12
 
 
@@ -64,18 +67,15 @@ def mixture(law: Law, x: Array, offset: float, share: float) -> Array:
 
 
 def law_of(plan: GapPlan, name: str) -> Law:
-    """Of the model's units with the effects on their scatter that are in it already, smoothed by a
-    tenth of a standard deviation.
-    """
+    """Of the model's units with the effects on their scatter that are in it already, smoothed."""
     drawn = _drawn(plan, name)
     drawn = drawn - drawn.mean()
     std = float(drawn.std())
-    low, high = float(drawn.min()) - 0.5 * std, float(drawn.max()) + 0.5 * std
-    counts, edges = np.histogram(drawn, CELLS, (low, high))
-    step = float(edges[1] - edges[0])
-    smooth = ndimage.gaussian_filter1d(counts.astype(float), 0.1 * std / step, mode="constant")
-    chance = np.maximum(smooth / (DRAWN * step), LEAST / std)
-    return Law(low + 0.5 * step, step, np.log(chance), std)
+    smooth = KDEUnivariate(drawn)
+    smooth.fit(bw=SMOOTHED * std, gridsize=CELLS, cut=0.5 / SMOOTHED)
+    chance = np.maximum(smooth.density, LEAST / std)
+    return Law(float(smooth.support[0]), float(np.ptp(smooth.support)) / (CELLS - 1),
+               np.log(chance), std)  # fmt: skip
 
 
 def _drawn(plan: GapPlan, name: str) -> Array:

@@ -12,6 +12,7 @@ from ... import registry
 from ...models.effects import Effect, EffectParameter, Target
 from ...models.effects.compose import Active
 from ...models.effects.population.units import OfUnits
+from ...models.effects.readings import labels_of
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .data import GapData
@@ -160,21 +161,36 @@ def _unread(effect: Effect, data: GapData) -> bool:
     return data.target.population and not set(effect.needs) - {Role.DIRECTION} <= there
 
 
-def with_rows(found: Iterable[Candidate], data: GapData) -> tuple[list[Candidate], list[str]]:
-    """The candidates without the offsets of lots that hold too few units, and what to say."""
+def with_lots(
+    found: Iterable[Candidate], data: GapData, residual: Array
+) -> tuple[list[Candidate], list[str]]:
+    """The candidates with the offsets of lots that these units can tell, and what to say.
+
+    An offset of every lot is one of all units as well: the lot that is off least has none. Nor have
+    lots that hold too few units.
+    """
     if Role.LOT not in data.readings:
         return list(found), []
-    labels, counts = np.unique(data.readings[Role.LOT].astype(str), return_counts=True)
-    few = [str(one) for one in labels[counts < LEAST_UNITS]]
-    none = {f"offset_{lot}" for lot in few}
+    labels, of_lot = labels_of(data.readings[Role.LOT])
+    counts = np.bincount(of_lot)
+    off = np.abs(np.bincount(of_lot, residual[: len(of_lot)])) / np.sqrt(counts)
+    few = labels[counts < LEAST_UNITS]
+    told = [str(lot) for lot in labels[np.sort(np.argsort(off)[1:])] if lot not in few]
     kept = []
     for one in found:
         if Role.LOT in one.effect.needs:
-            one = replace(one, linear=tuple(p for p in one.linear if p.stem not in none))
+            one = replace(one, linear=_of_lots(one, told, data.target))
         if one.linear or one.shape:
             kept.append(one)
     text = f"cannot tell by how much lots of fewer than {LEAST_UNITS} units are off"
-    return kept, [f"{text}: {', '.join(few[:10])}"] if few else []
+    return kept, [f"{text}: {', '.join(few[:10])}"] if len(few) else []
+
+
+def _of_lots(one: Candidate, lots: Iterable[str], target: Target) -> tuple[EffectParameter, ...]:
+    """The offsets of these lots."""
+    unit = one.linear[0].name.removeprefix(one.linear[0].stem) if one.linear else ""
+    found = (one.effect.parameter(f"offset_{lot}{unit}", target) for lot in lots)
+    return tuple(parameter for parameter in found if parameter is not None)
 
 
 def carried(active: Iterable[Active], target: Target) -> float:

@@ -39,7 +39,7 @@ class GapSettings:
     are reported together: likelihood, and the price of further numbers. `practical_limit` ends the
     loop: the rms of what a further name explains, as a share of the noise. `bootstrap` replicates
     give the intervals, 0 for none. Records of more than `rows_used` rows are thinned to every k-th
-    row while effects are searched.
+    row while effects are searched. `empirical` looks for a formula where nothing has a name.
     """
 
     false_rate: float = 0.01
@@ -50,6 +50,7 @@ class GapSettings:
     interval: float = 0.9
     rows_used: int = 6000
     effects_at_most: int = 6
+    empirical: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,12 @@ name beside it is asked of the likelihood of both together.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, stats
-from statsmodels.tools.numdiff import approx_hess
+from scipy import stats
 
 from ...models.effects import Target
 from ...models.effects.compose import Active
@@ -22,18 +20,14 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .ambiguity import INSTRUMENT
 from .blocks import Improvement
+from .distance import distance, floor
 from .fit import Fit
-from .law import Law, law_of, mixture
+from .law import Law
 from .library import Candidate, carried
-from .plan import GapPlan
+from .likelihood import Kind, half_widths, kind_of, threshold
 from .select import Search
-from .setup import Setup
+from .setup import Setup, left_of
 
-GROWTHS = np.geomspace(1.03, 4.0, 24) - 1.0
-STEPS = np.concatenate([-np.linspace(0.75, 5.0, 12), np.linspace(0.75, 5.0, 12)])
-SHARES = (0.06, 0.12, 0.25, 0.5, 0.75, 0.88)
-MOST = 400
-"""Units of a simulated batch; a likelihood ratio does not depend on their number."""
 CERTAIN = 1e-9
 """Shares so close to 0 and 1 are not told from them."""
 LEVEL = 1e-9
@@ -103,10 +97,10 @@ class Batch:
     setup: Setup
     search: Search
 
-    @cached_property
+    @property
     def law(self) -> Law:
         """Of the model's units."""
-        return law_of(self.setup.plan, self.setup.data.outputs[0].name)
+        return self.setup.laws[self.setup.data.outputs[0].name]
 
     @cached_property
     def limit(self) -> float:
@@ -124,14 +118,32 @@ class Batch:
     def units(self, fit: Fit) -> Units:
         """The units that count beside what moves each of them by its own amount."""
         setup = self.setup
-        moved = setup.base @ fit.free
-        for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
-            if member.name not in self.levels:
-                columns = setup.columns.of(member.candidate, member.shape)
-                moved = moved + columns @ coefficients
+        left = left_of(setup, fit, self.levels)
         good = self.search.fitter.space.noises[0].good
-        kept = np.arange(len(moved)) if good is None else np.flatnonzero(good)
-        return Units(self.law, (setup.residual - moved)[kept], self.search.labels[kept])
+        kept = np.arange(len(left)) if good is None else np.flatnonzero(good)
+        return Units(self.law, left[kept], self.search.labels[kept])
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Units that scatter about their mean unlike the population: how far from it, and how far
+    chance gets; `ratio` of the standard deviations, measured over simulated.
+    """
+
+    distance: float
+    limit: float
+    ratio: float
+
+
+def misfit(batch: Batch, fit: Fit) -> Misfit | None:
+    """Whether the units beside `fit` scatter unlike the model's, in whatever way."""
+    if not batch.setup.data.target.population:
+        return None
+    units, plan = batch.units(fit), batch.setup.plan
+    rng = np.random.default_rng([plan.seed, 9])
+    far = distance(batch.law, units.centred)
+    limit = floor(batch.law, len(units.x), rng, 1.0 - plan.settings.false_rate, centred=True)
+    return Misfit(far, limit, float(units.x.std()) / batch.law.std) if far > limit else None
 
 
 def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
@@ -175,77 +187,6 @@ def _same(columns: Array) -> bool:
     return columns.shape[1] == 1 and size > 0.0 and bool(np.ptp(columns) <= LEVEL * size)
 
 
-def threshold(law: Law, count: int, plan: GapPlan) -> float:
-    """What the better of both reaches on batches that are drawn from the model."""
-    rng = np.random.default_rng([plan.seed, 6])
-    n = min(count, MOST)
-    x = law.histogram.rvs(size=(plan.settings.simulations, n), random_state=rng)
-    x -= x.mean(axis=1, keepdims=True)
-    none = law(x).sum(axis=1)
-    best = np.zeros(len(x))
-    for growth in GROWTHS[::2]:
-        best = np.maximum(best, law.widened(growth)(x).sum(axis=1) - none)
-    for step in STEPS[::3] * law.std:
-        for share in SHARES[:4:2]:
-            found = mixture(law, x + share * step, step, share)
-            best = np.maximum(best, found.sum(axis=1) - none)
-    return float(np.quantile(2.0 * best, 1.0 - plan.settings.false_rate))
-
-
-Likelihood = Callable[[Array, Array], float]
-"""Log likelihood of deviations (n,) at the parameters (k,) of an effect on their scatter."""
-
-
-@dataclass(frozen=True)
-class Kind:
-    """How one effect acts on the law, and its likelihood: starting points (m, k), bounds, the scale
-    (k,) of each parameter in the output's unit, steps (k,) that its curvature is taken over, and
-    by how much it moves the mean.
-    """
-
-    likelihood: Likelihood
-    starts: Array
-    bounds: list[tuple[float, float]]
-    scale: Array
-    steps: Array
-    mean: Callable[[Array], float]
-    law: Callable[[Array], Law]
-
-    def best(self, x: Array, start: Array | None = None) -> Array:
-        """The likeliest parameters (k,)."""
-        starts = self.starts if start is None else start[None]
-
-        def worse(p: Array) -> float:
-            return -self.likelihood(x, p)
-
-        found = optimize.minimize(
-            worse, min(starts, key=worse), method="Nelder-Mead", bounds=self.bounds,
-            options={"xatol": 1e-4, "fatol": 1e-3},
-        )  # fmt: skip
-        return np.asarray(found.x)
-
-    def about_mean(self, x: Array, p: Array) -> float:
-        """The likelihood with the mean where it fits: that of the units is the population's."""
-        return self.likelihood(x + self.mean(p), p)
-
-
-def kind_of(name: str, law: Law) -> Kind:
-    """The effect of that name on the scatter of a law."""
-    if name == "spread_inflation":
-        return Kind(
-            lambda x, p: float(law.widened(float(p[0]))(x).sum()),
-            GROWTHS[:, None], [(0.0, 20.0)], np.ones(1), np.array([0.05]),
-            lambda p: 0.0, lambda p: law.widened(float(p[0])),
-        )  # fmt: skip
-    starts = np.array([(step, share) for step in STEPS for share in SHARES])
-    return Kind(
-        lambda x, p: float(mixture(law, x, float(p[0]) * law.std, float(p[1])).sum()),
-        starts, [(-20.0, 20.0), (0.02, 0.98)], np.array([law.std, 1.0]), np.array([0.1, 0.005]),
-        lambda p: float(p[0] * p[1]) * law.std,
-        lambda p: law.mixed(float(p[0]) * law.std, float(p[1])),
-    )  # fmt: skip
-
-
 def _tried(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scatter:
     """One effect: with the mean where the effect has it, or wherever it fits where that is far
     likelier.
@@ -260,7 +201,7 @@ def _tried(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scat
     at, used, x = (free, centred, units.centred) if apart else (fixed, kind, units.x)
     price = float(np.log(len(x))) * (candidate.count + apart)
     names = [one.name for one in (*candidate.linear, *candidate.shape)]
-    half = _half_widths(used, x, at, batch.setup.plan.settings.interval)
+    half = half_widths(used, x, at, batch.setup.plan.settings.interval)
     values = dict(zip(names, (at * kind.scale).tolist(), strict=True))
     ends = {
         name: (float((value - width) * by), float((value + width) * by))
@@ -305,10 +246,3 @@ def law_with(law: Law, one: Scatter) -> Law:
     """The law of units with an effect on their scatter."""
     kind = kind_of(one.candidate.name, law)
     return kind.law(one.fitted / kind.scale)
-
-
-def _half_widths(kind: Kind, x: Array, at: Array, level: float) -> Array:
-    """Half-widths (k,) of intervals from the curvature of the likelihood, all numbers together."""
-    bend = np.atleast_2d(approx_hess(at, lambda p: -kind.likelihood(x, p), epsilon=kind.steps))
-    variance = np.diag(np.linalg.pinv(bend))
-    return np.asarray(stats.norm.ppf(0.5 + 0.5 * level) * np.sqrt(np.maximum(variance, 1e-12)))

@@ -19,14 +19,15 @@ from ...units import converted
 from .columns import alike, told_apart
 from .data import GapData, assembled
 from .plan import GapPlan, output_of
+from .units import LEAST, one_per_unit
 
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
+SAME = 1e-12
+"""Relative range of readings that are all the same."""
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
 SESSION = "session"
 ABSOLUTE_ZERO = -273.15
 """[degC]"""
-LEAST = 12
-"""Rows below which nothing can be told from noise."""
 
 
 def read_data(plan: GapPlan, path: Path) -> GapData:
@@ -59,6 +60,9 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
     notes: list[str] = []
     frame, found = _dropped(plan, frame, found, notes)
     faults += found + _block_faults(plan, given, frame, place)
+    if not faults and plan.model is not None and plan.model.population:
+        frame, found = one_per_unit(frame, columns, place, notes)
+        faults += found
     if len(given):
         faults += _content_faults(plan, frame, columns, outputs, predictions, stds, place)
     if faults:
@@ -225,8 +229,8 @@ def _measured_faults(
 ) -> list[Fault]:
     """A measurement that never changes, or that the prediction is a copy of."""
     found = []
-    values = frame[name].dropna()
-    if len(values) > 1 and np.ptp(values.to_numpy()) == 0.0:
+    values = frame[name].dropna().to_numpy()
+    if len(values) > 1 and np.ptp(values) <= SAME * np.abs(values).max():
         text = "is the same in every row: nothing was measured"
         found.append(Fault(f"{place}: column {name}", text))
     if prediction in frame:

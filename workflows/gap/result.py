@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +19,8 @@ from ...gap_records import (
     Recalibrated,
     Rival,
     Score,
-    Shape,
 )
+from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
 from .analysis import Analysis
 from .blocks import HeldOut, improvement
@@ -29,11 +30,10 @@ from .fit import Fit
 from .linear import beside
 from .noise import outliers, whiteness
 from .population import Scatter
-from .scan import left_over, scan
+from .scan import scan
 from .separate import separating
 from .setup import Setup, nominal
 from .uncertainty import Spread
-from .where import shapes
 
 SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
 MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
@@ -190,14 +190,14 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
     better = improvement(search.tested(less), end.after, search.labels)
     values = end.model.effect(member.name)
     numbers = (*member.candidate.linear, *member.candidate.shape)
-    ends = {one.name: _ends(end, member.name, one.name, spread) for one in numbers}
+    ends = {one.name: _ends(end, member.name, one, values, spread) for one in numbers}
     total = max(end.analysis.ground.empty.rss - end.fit.rss, 1e-300)
     return FoundEffect(
         name=member.name,
         family=member.candidate.effect.family,
         cause=member.candidate.effect.cause,
         parameters=tuple(
-            FoundParameter(one.name, values[one.name], *ends[one.name], one.unit, one.meaning)
+            FoundParameter(one.name, values[one.name], *ends[one.name], one.unit, _meaning(one))
             for one in numbers
         ),
         gain=less.rss - end.fit.rss,
@@ -217,9 +217,21 @@ def _at_bound(value: float, low: float, high: float) -> bool:
                 (np.isfinite(low) and low != 0.0 and value <= low + width))  # fmt: skip
 
 
-def _ends(end: Ending, owner: str, name: str, spread: Spread | None) -> tuple[float, float]:
-    linear = end.model.interval(owner, name)
-    return linear if spread is None else spread.interval(owner, name, linear)
+def _meaning(one: EffectParameter) -> str:
+    """What a parameter means, and whether it was chosen instead of fitted."""
+    choices = ", ".join(f"{choice:g}" for choice in one.choices)
+    return f"{one.meaning} (chosen out of {choices}, not fitted)" if choices else one.meaning
+
+
+def _ends(
+    end: Ending, owner: str, one: EffectParameter, values: Mapping[str, float],
+    spread: Spread | None,
+) -> tuple[float, float]:  # fmt: skip
+    """The interval of a number; one that was chosen has no width."""
+    if one.choices:
+        return values[one.name], values[one.name]
+    linear = end.model.interval(owner, one.name)
+    return linear if spread is None else spread.interval(owner, one.name, linear)
 
 
 def rival_records(end: Ending) -> tuple[Rival, ...]:
@@ -238,19 +250,6 @@ def rival_records(end: Ending) -> tuple[Rival, ...]:
         names, instead = (tuple(n for n in of if n not in both) for of in (other.names, mine))
         found.append(Rival(names, instead, other.distance, Measurement(MORE)))
     return tuple(found)
-
-
-def shape_records(end: Ending) -> tuple[Shape, ...]:
-    """Stage 7 as records: what is significant beside the final fit."""
-    analysis, search = end.analysis, end.analysis.search
-    generic = analysis.ground.generic
-    if not analysis.significant or (end.fit.members and not analysis.judged.lost
-                                    and not analysis.judged.significant):  # fmt: skip
-        return ()
-    left = left_over(end.fit, search.fitter, generic)
-    lost = tuple(analysis.fit.names[at] for at in analysis.judged.lost)
-    return shapes(end.setup, search.fitter, generic, analysis.judged, left, end.fit,
-                  search.thresholds.generic, lost)  # fmt: skip
 
 
 def residual_table(end: Ending, full: GapData) -> pd.DataFrame:

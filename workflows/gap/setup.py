@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,13 +13,15 @@ from ...errors import raise_all
 from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, Role
 from .data import GapData
+from .fit import Fit
 from .generic import Form, generic
+from .law import Law, law_of
 from .library import (
     ON_SCATTER,
     Candidate,
     Columns,
     candidates,
-    with_rows,
+    with_lots,
 )
 from .linear import basis, beside
 from .plan import GapPlan
@@ -28,13 +30,17 @@ from .read import finite_faults
 
 STEP = 0.02
 """Share of a tolerance by which a parameter is moved for its column."""
+LEAST_NAMED = 20
+"""Units of a batch below which no cause is named."""
+SAME_UNIT = 0.05
+"""Share of the population's scatter below which readings are as of one unit."""
 
 
 @dataclass(frozen=True)
 class Setup:
     """Residual (N,) of the model at parameters `at`, where it fits best alone; the columns (N, p)
     of its free parameters, each for its whole tolerance, and of the zeros of outputs; `prior` is
-    the count of the former.
+    the count of the former. `laws` are those of a population's outputs.
     """
 
     plan: GapPlan
@@ -49,6 +55,7 @@ class Setup:
     columns: Columns
     forms: tuple[Form, ...]
     generic: list[Array]
+    laws: Mapping[str, Law]
     notes: tuple[str, ...] = ()
 
     @property
@@ -72,17 +79,49 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
     at = recalibrated(plan, data, predicted)
     parts = _parts(plan, data, at)
     forms, columns = generic(data, parts["predicted"])
-    library, few = with_rows(candidates(plan.library, data), data)
+    library, few = with_lots(candidates(plan.library, data), data, parts["residual"])
+    laws = {o.name: law_of(plan, o.name) for o in data.outputs} if data.target.population else {}
+    if why := nameless(data, laws):
+        plan = replace(plan, settings=replace(plan.settings, effects_at_most=0))
+        few.append(why)
     return Setup(
         plan=plan,
         data=data,
         library=tuple(one for one in library if one.name not in ON_SCATTER),
-        on_scatter=tuple(one for one in library if one.name in ON_SCATTER),
+        on_scatter=tuple(one for one in library if one.name in ON_SCATTER)
+        if plan.settings.effects_at_most
+        else (),
         forms=tuple(forms),
         generic=columns,
+        laws=laws,
         notes=(*notes, *few),
         **parts,
     )
+
+
+def left_of(setup: Setup, fit: Fit, but: Sequence[str] = ()) -> Array:
+    """Residual (N,) beside what is fitted, in the outputs' units; effects named in `but` stay."""
+    left = setup.residual - setup.base @ fit.free
+    for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
+        if member.name not in but:
+            left = left - setup.columns.of(member.candidate, member.shape) @ coefficients
+    return np.asarray(left)
+
+
+def nameless(data: GapData, laws: Mapping[str, Law]) -> str:
+    """Why no cause can be named from a batch, empty where one can."""
+    if laws and len(data) < LEAST_NAMED:
+        return (
+            f"cannot tell with n = {len(data)}: no cause is named from fewer than {LEAST_NAMED} "
+            "units"
+        )
+    for name, law in laws.items():
+        if np.std(data.measured[name]) < SAME_UNIT * law.std:
+            return (
+                f"cannot tell: {name} is as good as the same in every row, units of the model "
+                f"scatter by {law.std:.3g}; was one unit measured many times?"
+            )
+    return ""
 
 
 def moved_to(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]) -> Setup:

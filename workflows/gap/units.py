@@ -1,4 +1,4 @@
-"""How the units of a batch are spread: measured, and drawn from the model before and after."""
+"""Batches as units: repeated readings of a unit are one unit, and so many units are needed."""
 
 from __future__ import annotations
 
@@ -7,53 +7,39 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from ...models.effects.compose import Active, predicted
-from ...models.inputs.distribution import Array
-from ...models.measurable import MeasurableModel
-from .data import GapData
-from .plan import GapPlan
-from .result import Ending
+from ...errors import Fault
+from ...models.measurable import Column, Role
 
-COLUMNS = ("output", "share", "measured", "before", "after")
-DRAWN = 20_000
-"""Units drawn of a model, at least."""
-MOST = 400
-"""Quantiles of a distribution."""
+LEAST = 12
+"""Rows, or units of a batch, below which nothing can be told from noise."""
 
 
-def spread_of_units(plan: GapPlan, data: GapData, end: Ending) -> pd.DataFrame:
-    """Quantiles by output at shares of the units; empty where the model is of no population."""
-    if plan.model is None or not data.target.population:
-        return pd.DataFrame({name: [] for name in COLUMNS})
-    free = end.model.free()
-    model = plan.rebuild(free) if plan.rebuild and free else plan.model
-    named = [Active(one.candidate.effect, end.model.effect(one.name)) for one in end.model.members]
-    scatter = [one.active for one in end.analysis.scatter[:1]]
-    before = _drawn(plan, data, plan.model, plan.active)
-    after = _drawn(plan, data, model, (*plan.active, *named, *scatter))
-    count = min(MOST, len(data))
-    shares = (np.arange(count) + 0.5) / count
-    parts = [
-        pd.DataFrame({
-            "output": one.name,
-            "share": shares,
-            "measured": np.quantile(data.measured[one.name], shares),
-            "before": np.quantile(before[one.name], shares),
-            "after": np.quantile(after[one.name], shares),
-        })
-        for one in data.outputs
-    ]  # fmt: skip
-    return pd.concat(parts, ignore_index=True)
+def one_per_unit(
+    frame: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]
+) -> tuple[pd.DataFrame, list[Fault]]:
+    """The table with one row per unit, the mean of its repeats; a fault where units are too few.
 
-
-def _drawn(
-    plan: GapPlan, data: GapData, model: MeasurableModel, effects: Sequence[Active]
-) -> dict[str, Array]:
-    """Units (m,) at the inputs of the data, each visited as often."""
-    table = data.readings.table
-    runs = [
-        predicted(model, plan.model_name, table, effects,
-                  np.random.default_rng([plan.seed, 9, number]), plan.zero)
-        for number in range(-(-DRAWN // len(data)))
-    ]  # fmt: skip
-    return {one.name: np.concatenate([run[one.name] for run in runs]) for one in data.outputs}
+    Units are told apart by the columns of unit and lot. A row keeps the line number of the unit's
+    first reading. Without a column of repeats every row is a unit.
+    """
+    labels = [c.name for c in columns if c.role in (Role.UNIT, Role.LOT) and c.name in frame]
+    if not labels:
+        return frame, []
+    number = frame.groupby(labels, sort=False, dropna=False).ngroup().to_numpy()
+    units, rows = len(np.unique(number)), len(frame)
+    if units < LEAST:
+        text = f"holds {units} units in {rows} rows: cannot tell with n = {units}; a batch needs " \
+               f"at least {LEAST} units"  # fmt: skip
+        return frame, [Fault(place, text)]
+    repeat = next((c.name for c in columns if c.role is Role.REPEAT and c.name in frame), None)
+    if units < rows and repeat is None:
+        notes.append(f"{rows - units} rows repeat the label of a unit: each is taken for a unit of "
+                     "its own; a column repeat says that a unit was measured again")  # fmt: skip
+    if repeat is None:
+        return frame, []
+    if units < rows:
+        notes.append(f"{rows} readings of {units} units: each unit is the mean of its readings")
+    merged = frame.drop(columns=repeat).groupby(number, sort=True)
+    found = merged.agg({name: "first" if name in labels else "mean"
+                        for name in frame.columns if name != repeat})  # fmt: skip
+    return found.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
