@@ -4,48 +4,24 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...declarations import Parameter, Value
-from ...records import Axis
+from ...declarations import Output, Parameter, Value
+from ...records import Chart, ComputedTable
+
+__all__ = ["Calculation", "Chart", "Computed", "ComputedTable", "Quantity"]
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A computed number and its unit ("1" for none); `standard_error` is 0 where nothing is drawn."""
+    """A computed number and its unit ("1": none); `standard_error` is 0 where nothing is drawn."""
 
     value: float
     unit: str
     standard_error: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Chart:
-    """How a table is drawn: columns `y` over column `x`, as "lines", "points" or "histogram".
-
-    A histogram has the lower edges of its bins in `x` and the last upper edge in a last row of
-    height 0. `marks` are lines across the drawing at a value of `x`, by what they mean.
-    """
-
-    kind: str
-    x: str
-    y: tuple[str, ...]
-    marks: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class ComputedTable:
-    """A table of a calculation: one array (n,) of numbers or of text per column."""
-
-    name: str
-    meaning: str
-    columns: tuple[Axis, ...]
-    values: tuple[NDArray[Any], ...]
-    chart: Chart | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +45,10 @@ class Calculation(ABC):
     reference: ClassVar[str]
     """Where the document has it."""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
+    outputs: ClassVar[tuple[Output, ...]] = ()
+    """Every quantity that it computes, where they are the same whatever the parameters."""
+    sampled: ClassVar[bool] = True
+    """Whether it may draw from the generator; if not, it is computed once for all claims."""
 
     def completed(self, values: Mapping[str, Value]) -> dict[str, Value]:
         """All parameters by name; those left out have their defaults."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....declarations import Parameter, Value, number
+from ....declarations import Output, Parameter, Value, number
 from ....models.rv_reducer.contact.contact import LoadedContact
 from ....models.rv_reducer.contact.errors import PartErrors
 from ....models.rv_reducer.contact.geometry import ContactGeometry
@@ -20,6 +21,20 @@ from ..calculation import Calculation, Computed, ComputedTable, Quantity
 Array = NDArray[np.float64]
 PHASES = 72
 """Phases of an error that turns with its disc, among which the worst is sought."""
+
+MEANINGS: Mapping[str, str] = MappingProxyType({
+    "pin_circle_radius": "radius of the pin circle",
+    "pin_position_adverse": "position of pins along the circle, opposite on the two flanks",
+    "pin_hole_radius": "radius of the pin holes",
+    "pin_radius": "radius of the pins",
+    "pitch_worst_phase": "cumulative pitch error of the disc, at its worst phase",
+    "runout_worst_phase": "radial runout of the disc, at its worst phase",
+    "equidistance": "equidistance modification",
+    "shift": "shift modification",
+    "eccentricity": "eccentricity",
+    "crank_bearing": "clearance of the crank-arm bearings",
+})  # fmt: skip
+"""Change of backlash times e z_c per unit of each of these, for small errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +78,8 @@ class CycloidContact(Calculation):
     name = "cycloid_contact"
     about = "Sensitivity of backlash to each error of the cycloid stage, by exact 40-pin geometry."
     reference = "document B, table of relative sensitivities"
+    sampled = False
+    outputs = tuple(Output(name, "1", meaning) for name, meaning in MEANINGS.items())
     parameters = (
         Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", "document B"),
         Parameter("dr_p_mm", -0.070, "mm", "shift modification", "document B"),
