@@ -1,4 +1,4 @@
-"""The command line: `tolevo run | study | gap | evaluate | simulate | check | list`."""
+"""The command line: `tolevo run | study | gap | reproduce | evaluate | simulate | check | list`."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from .files import unwritable
 if TYPE_CHECKING:
     from .configuration import Configuration
     from .workflows.gap import GapPlan
+    from .workflows.reproduce.plan import ReproducePlan
     from .workflows.study import StudyPlan
 
 INTERRUPTED = 130
@@ -191,6 +192,45 @@ def _study(plan: StudyPlan, out: Path, workers: int, dask: str, quiet: bool, res
     page = out / "report.html"
     if outcome.status == "done" and page.is_file():
         typer.echo(f"page: {page}")
+    return STATUS[outcome.status]
+
+
+@app.command()
+def reproduce(
+    out: Out,
+    claims: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Files of claims (TOML).", show_default="those of the documents"),
+    ] = None,
+    workers: Annotated[int, typer.Option(help="Processes; no result depends on it.")] = WORKERS,
+    resume: Annotated[bool, typer.Option("--resume", help="Check what is missing.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
+    set_: Set = [],  # noqa: B006
+    quiet: Quiet = False,
+) -> None:
+    """Recompute every figure that documents print, and say which of them hold."""
+    with _exit_status():
+        from .configuration.claims import read_claims
+
+        faults = _directory_faults(out, overwrite or resume)
+        faults += _choice_faults(workers, resume, overwrite)
+        plan = _collected(lambda: read_claims(claims or (), set_), faults)
+        raise_all(faults)
+        status = _reproduce(plan, out, workers, quiet, resume)
+    raise typer.Exit(status)
+
+
+def _reproduce(plan: ReproducePlan, out: Path, workers: int, quiet: bool, resume: bool) -> int:
+    from .progress import shown_claims
+    from .workflows.reproduce.reproduce import reproduce
+    from .workflows.study.execution import executor_of
+
+    with shown_claims(quiet) as progress:
+        outcome = reproduce(plan, out, executor_of(workers), progress, resume)
+    for line in outcome.lines:
+        typer.echo(line, err=outcome.status != "done")
+    if outcome.status == "done":
+        typer.echo(f"page: {out / 'report.html'}")
     return STATUS[outcome.status]
 
 

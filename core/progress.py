@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from .algorithms.search import Progress
+    from .workflows.reproduce.plan import ClaimsProgress
     from .workflows.study.plan import StudyProgress
 
 State = TypeVar("State")
@@ -59,6 +60,17 @@ def study_fraction(progress: StudyProgress) -> float | None:
     return (progress.done + progress.failed) / progress.total if progress.total else None
 
 
+def describe_claims(progress: ClaimsProgress) -> str:
+    """Claims checked, and which one was the last."""
+    told = f"claims {progress.done}/{progress.total} checked, {progress.seconds:.0f} s"
+    return f"{told}, {progress.note}" if progress.note else told
+
+
+def claims_fraction(progress: ClaimsProgress) -> float | None:
+    """Share of the claims that have been checked."""
+    return progress.done / progress.total if progress.total else None
+
+
 @contextmanager
 def shown(quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
     """A function to call with every `Progress`, or None where nothing is to be shown."""
@@ -70,6 +82,13 @@ def shown(quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
 def shown_study(quiet: bool) -> Iterator[Callable[[StudyProgress], None] | None]:
     """A function to call with every `StudyProgress`, or None where nothing is to be shown."""
     with _shown(quiet, describe_study, study_fraction) as update:
+        yield update
+
+
+@contextmanager
+def shown_claims(quiet: bool) -> Iterator[Callable[[ClaimsProgress], None] | None]:
+    """A function to call with every `ClaimsProgress`, or None where nothing is to be shown."""
+    with _shown(quiet, describe_claims, claims_fraction) as update:
         yield update
 
 
