@@ -1,4 +1,4 @@
-"""What the calculations on the backlash of a whole reducer are given, and the sum they make of it."""
+"""What calculations on the backlash of a reducer are given, and the sum that they make of it."""
 
 from __future__ import annotations
 

@@ -7,20 +7,40 @@ from collections.abc import Mapping
 import numpy as np
 
 from ....declarations import Parameter, Value, number
+from ....errors import refuse
 from ....models.propagation import Convolution, Propagated
 from ....models.propagation.power_sums import PowerSums, Stated, share
 from ....models.propagation.sums import ClippedSum
 from ....models.rv_reducer.stages import Batch, batch
 from ....units import ARCMIN
-from ..calculation import Calculation, Chart, Computed, ComputedTable, Quantity
+from ..calculation import Calculation, Chart, Computed, ComputedTable
 from . import reducer_inputs
-from .tables import tabulated
+from .results import output, quantities, tabulated
 
 COVERAGE = 0.9973
 SPREAD = 6.0
 """The histogram covers so many standard deviations about the mean, within what is possible."""
-SUMS = {"phi_1": "involute stage", "phi_2": "cycloid stage, below 0: interference",
-        "phi_3": "output stage", "backlash": "phi_1 + max(0, phi_2) + phi_3"}  # fmt: skip
+SUMS = {"phi_1": "the involute stage", "phi_2": "the cycloid stage, below 0: interference",
+        "phi_3": "the output stage", "backlash": "phi_1 + max(0, phi_2) + phi_3"}  # fmt: skip
+OUTPUTS = (
+    *(output(f"{name}_mean_arcmin", f"mean of {text}") for name, text in SUMS.items()),
+    *(output(f"{name}_std_arcmin", f"standard deviation of {text}") for name, text in SUMS.items()),
+    output("backlash_least_arcmin", "least backlash drawn"),
+    output("backlash_most_arcmin", "largest backlash drawn"),
+    output("cp", "(upper - lower limit)/(6 std) of the backlash"),
+    output("cpk", "distance of its mean from the nearer limit over 3 std"),
+    output("cpk_upper", "distance of its mean from the upper limit over 3 std"),
+    output("units", "units drawn"),
+    output("yield_percent", "units within the backlash limit"),
+    output("above_limit_percent", "units above it"),
+    output("above_limit_units", "the same, their number"),
+    output("above_limit_ppm", "the same, parts per million"),
+    output("interference_percent", "units that interfere (phi_2 < 0)"),
+    output("exact_backlash_mean_arcmin", "mean by convolution, without drawing"),
+    output("exact_backlash_std_arcmin", "standard deviation by convolution"),
+    output("exact_yield_percent", "yield by convolution"),
+    output("exact_interference_percent", "interference by convolution"),
+)
 
 
 class ReducerMonteCarlo(Calculation):
@@ -29,6 +49,7 @@ class ReducerMonteCarlo(Calculation):
     name = "reducer_monte_carlo"
     about = "Backlash of units drawn from their tolerance zones: spread, capability and yield."
     reference = "document B, Monte Carlo simulation"
+    outputs = OUTPUTS
     parameters = (
         *reducer_inputs.PARAMETERS,
         Parameter("units", 1000, "", "units drawn", "document B", low=2, high=1e9),
@@ -46,9 +67,9 @@ class ReducerMonteCarlo(Calculation):
         exact = Convolution().propagate(total, COVERAGE, limit)
         edges = _edges(total, exact, int(number(given["bins"])))
         drawn = batch(total, int(number(given["units"])), limit, edges, rng)
-        quantities = _spread(drawn) | _capability(drawn, given) | _proportions(drawn)
-        quantities |= _exact(exact)
-        return Computed(quantities, (_histogram(drawn, given), _compared(quantities)))
+        numbers = _spread(drawn) | _capability(drawn, given) | _proportions(drawn) | _exact(exact)
+        tables = (_histogram(drawn, given), _compared(numbers))
+        return Computed(quantities(numbers), tables)
 
 
 def _edges(total: ClippedSum, exact: Propagated, bins: int) -> np.ndarray:
@@ -64,58 +85,59 @@ def _edges(total: ClippedSum, exact: Propagated, bins: int) -> np.ndarray:
     return np.linspace(low, high if high > low else low + ARCMIN, bins + 1)
 
 
-def _quantity(one: Stated, unit: str, scale: float = 1.0) -> Quantity:
-    return Quantity(one.value * scale, unit, one.error * scale)
+def _scaled(one: Stated, scale: float) -> Stated:
+    return Stated(one.value * scale, one.error * scale)
 
 
-def _spread(drawn: Batch) -> dict[str, Quantity]:
+def _spread(drawn: Batch) -> dict[str, Stated]:
     found = {}
     for name, sums in drawn.sums.items():
-        found[f"{name}_mean_arcmin"] = _quantity(sums.mean, "arcmin", 1.0 / ARCMIN)
-        found[f"{name}_std_arcmin"] = _quantity(sums.std, "arcmin", 1.0 / ARCMIN)
-    return found | {
-        "backlash_least_arcmin": Quantity(drawn.least / ARCMIN, "arcmin"),
-        "backlash_most_arcmin": Quantity(drawn.most / ARCMIN, "arcmin"),
-    }
+        found[f"{name}_mean_arcmin"] = _scaled(sums.mean, 1.0 / ARCMIN)
+        found[f"{name}_std_arcmin"] = _scaled(sums.std, 1.0 / ARCMIN)
+    ends = {"least": drawn.least, "most": drawn.most}
+    return found | {f"backlash_{k}_arcmin": Stated(v / ARCMIN, 0.0) for k, v in ends.items()}
 
 
-def _capability(drawn: Batch, given: Mapping[str, Value]) -> dict[str, Quantity]:
+def _capability(drawn: Batch, given: Mapping[str, Value]) -> dict[str, Stated]:
+    """Raises InputError where nothing varies."""
     sums: PowerSums = drawn.sums["backlash"]
     names = ("lower_limit_arcmin", "backlash_limit_arcmin")
     lower, upper = (number(given[name]) * ARCMIN for name in names)
     if sums.std.value == 0.0:
-        return {}
+        raise refuse("parameters", "no tolerance lets the backlash vary, so that there is no Cp; "
+                     "open one")  # fmt: skip
     return {
-        "cp": _quantity(sums.cp(lower, upper), "1"),
-        "cpk": _quantity(sums.cpk(lower, upper), "1"),
-        "cpk_upper": _quantity(sums.to_limit(upper, 1), "1"),
+        "cp": sums.cp(lower, upper),
+        "cpk": sums.cpk(lower, upper),
+        "cpk_upper": sums.to_limit(upper, 1),
     }
 
 
-def _proportions(drawn: Batch) -> dict[str, Quantity]:
+def _proportions(drawn: Batch) -> dict[str, Stated]:
     count = drawn.units
-    conforming, above = share(drawn.conforming, count), share(count - drawn.conforming, count)
+    beyond = count - drawn.conforming
+    above = share(beyond, count)
     return {
-        "units": Quantity(float(count), "1"),
-        "yield_percent": _quantity(conforming, "percent", 100.0),
-        "above_limit_percent": _quantity(above, "percent", 100.0),
-        "above_limit_units": Quantity(float(count - drawn.conforming), "1"),
-        "above_limit_ppm": _quantity(above, "1", 1e6),
-        "interference_percent": _quantity(share(drawn.interfering, count), "percent", 100.0),
+        "units": Stated(float(count), 0.0),
+        "yield_percent": _scaled(share(drawn.conforming, count), 100.0),
+        "above_limit_percent": _scaled(above, 100.0),
+        "above_limit_units": Stated(float(beyond), above.error * count),
+        "above_limit_ppm": _scaled(above, 1e6),
+        "interference_percent": _scaled(share(drawn.interfering, count), 100.0),
     }
 
 
-def _exact(exact: Propagated) -> dict[str, Quantity]:
+def _exact(exact: Propagated) -> dict[str, Stated]:
     """The same by convolution, which draws nothing; the errors are numerical."""
     named = {
-        "exact_backlash_mean_arcmin": (exact.mean, "arcmin", 1.0 / ARCMIN),
-        "exact_backlash_std_arcmin": (exact.std, "arcmin", 1.0 / ARCMIN),
-        "exact_yield_percent": (exact.conforming, "percent", 100.0),
-        "exact_interference_percent": (exact.negative, "percent", 100.0),
+        "exact_backlash_mean_arcmin": (exact.mean, 1.0 / ARCMIN),
+        "exact_backlash_std_arcmin": (exact.std, 1.0 / ARCMIN),
+        "exact_yield_percent": (exact.conforming, 100.0),
+        "exact_interference_percent": (exact.negative, 100.0),
     }
     return {
-        name: Quantity(float(one.value[0]) * scale, unit, float(one.error[0]) * scale)
-        for name, (one, unit, scale) in named.items()
+        name: _scaled(Stated(float(one.value[0]), float(one.error[0])), scale)
+        for name, (one, scale) in named.items()
     }
 
 
@@ -132,20 +154,17 @@ def _histogram(drawn: Batch, given: Mapping[str, Value]) -> ComputedTable:
     return tabulated("histogram", meaning, columns, chart)
 
 
-def _compared(quantities: Mapping[str, Quantity]) -> ComputedTable:
+def _compared(numbers: Mapping[str, Stated]) -> ComputedTable:
     """Drawn beside exact, and how many standard errors lie between."""
-    names = [name.removeprefix("exact_") for name in quantities if name.startswith("exact_")]
-    drawn = [quantities[name] for name in names]
-    exact = [quantities[f"exact_{name}"] for name in names]
-    away = [
-        (one.value - other.value) / max(one.standard_error, 1e-300)
-        for one, other in zip(drawn, exact, strict=True)
-    ]
+    names = [name.removeprefix("exact_") for name in numbers if name.startswith("exact_")]
+    drawn, exact = ([numbers[f"{of}{name}"] for name in names] for of in ("", "exact_"))
     columns = {
         "quantity": names,
         "drawn": [one.value for one in drawn],
-        "standard_error": [one.standard_error for one in drawn],
+        "standard_error": [one.error for one in drawn],
         "exact": [one.value for one in exact],
-        "standard_errors_apart": away,
+        "standard_errors_apart": [
+            (one.value - other.value) / one.error for one, other in zip(drawn, exact, strict=True)
+        ],
     }
     return tabulated("against_convolution", "Units drawn, and the same without drawing", columns)

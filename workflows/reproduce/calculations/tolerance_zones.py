@@ -22,8 +22,8 @@ from ....models.rv_reducer.zone_optimum import (
     least_clipped,
 )
 from ....units import ARCMIN, MM, UM
-from ..calculation import Calculation, Computed, ComputedTable, Quantity
-from .tables import tabulated
+from ..calculation import Calculation, Computed, ComputedTable
+from .results import output, quantities, tabulated
 
 INITIAL_UM: Mapping[str, tuple[float, float]] = {
     "pin_circle_radius": (-5.0, 5.0),
@@ -60,12 +60,34 @@ def _zone(error: str) -> Parameter:
                      "prints none", assumed=True, low=-most, high=most)  # fmt: skip
 
 
+OUTPUTS = (
+    output("phi_2_arcmin", "least phi_2 within the bounds, modification included; below 0: "
+           "interference"),
+    output("bound_arcmin", "its proven lower bound"),
+    output("gap_arcmin", "what the proof leaves open"),
+    output("without_modification_arcmin", "the errors' part of it"),
+    output("clipped_backlash_arcmin", "least max(0, phi_2) within the bounds"),
+    output("clipped_bound_arcmin", "its proven lower bound"),
+    *(output(f"{error}_um", "error at the least phi_2") for error in ERRORS),
+    *(output(f"clipped_{error}_um", "error at the least max(0, phi_2)") for error in ERRORS),
+    output("printed_favourable_arcmin", "least phi_2 within the printed zones"),
+    output("printed_middle_arcmin", "phi_2 at their mid-limits"),
+    output("printed_adverse_arcmin", "largest phi_2 within them"),
+    output("printed_zones", "zones that are printed"),
+    output("printed_zones_towards_optimum", "of these, with their middle towards the optimum"),
+    output("printed_largest_share_arcmin", "the most that phi_2 spans over one printed zone"),
+    output("printed_smallest_share_arcmin", "the least that it spans over one"),
+)  # fmt: skip
+
+
 class ToleranceZones(Calculation):
     """Errors of the cycloid stage that leave least backlash within initial bounds, proven."""
 
     name = "tolerance_zones"
     about = "Errors of the cycloid stage of least backlash within bounds, and the printed zones."
     reference = "document B, tolerance zone optimization"
+    sampled = False
+    outputs = OUTPUTS
     parameters = (
         *(one for one in declared.PARAMETERS if one.name in _SIZES),
         Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", "document B", low=-1.0,
@@ -79,9 +101,9 @@ class ToleranceZones(Calculation):
         model = declared.backlash_model(given, None, {})
         stage, bounds = _stage(model, given), _bounds(given)
         found, clipped = least(stage, bounds), least_clipped(stage, bounds)
-        quantities = _optimum(stage, found, clipped) | _printed(stage, found)
+        numbers = _optimum(stage, found, clipped) | _printed(stage, found)
         table = _table(stage, bounds, found, clipped)
-        return Computed(quantities, (table,))
+        return Computed(quantities(numbers), (table,))
 
 
 def _stage(model: BacklashModel, given: Mapping[str, Value]) -> Stage:
@@ -104,39 +126,41 @@ def _bounds(given: Mapping[str, Value]) -> Bounds:
     return found
 
 
-def _optimum(stage: Stage, found: ZoneOptimum, clipped: ZoneOptimum) -> dict[str, Quantity]:
-    quantities = {
-        "phi_2_arcmin": Quantity(found.backlash / ARCMIN, "arcmin"),
-        "bound_arcmin": Quantity(found.bound / ARCMIN, "arcmin"),
-        "gap_arcmin": Quantity((found.backlash - found.bound) / ARCMIN, "arcmin"),
-        "without_modification_arcmin": Quantity((found.backlash - stage.offset) / ARCMIN, "arcmin"),
-        "clipped_backlash_arcmin": Quantity(max(0.0, clipped.backlash) / ARCMIN, "arcmin"),
-        "clipped_bound_arcmin": Quantity(max(0.0, clipped.bound) / ARCMIN, "arcmin"),
+def _optimum(stage: Stage, found: ZoneOptimum, clipped: ZoneOptimum) -> dict[str, float]:
+    numbers = {
+        "phi_2_arcmin": found.backlash / ARCMIN,
+        "bound_arcmin": found.bound / ARCMIN,
+        "gap_arcmin": (found.backlash - found.bound) / ARCMIN,
+        "without_modification_arcmin": (found.backlash - stage.offset) / ARCMIN,
+        "clipped_backlash_arcmin": max(0.0, clipped.backlash) / ARCMIN,
+        "clipped_bound_arcmin": max(0.0, clipped.bound) / ARCMIN,
     }
     for error in found.errors:
-        quantities[f"{error}_um"] = Quantity(found.errors[error] / UM, "um")
-        quantities[f"clipped_{error}_um"] = Quantity(clipped.errors[error] / UM, "um")
-    return quantities
+        numbers[f"{error}_um"] = found.errors[error] / UM
+        numbers[f"clipped_{error}_um"] = clipped.errors[error] / UM
+    return numbers
 
 
-def _printed(stage: Stage, found: ZoneOptimum) -> dict[str, Quantity]:
+def _printed(stage: Stage, found: ZoneOptimum) -> dict[str, float]:
     """phi_2 within the printed zones, and how far they follow from optimum and sensitivities."""
     printed = {error: (low * UM, high * UM) for error, (low, high) in PRINTED_UM.items()}
     middle = {error: 0.5 * (low + high) for error, (low, high) in printed.items()}
-    worst = {
-        error: max(ends, key=lambda one, error=error: stage.contribution(error, one))
-        for error, ends in printed.items()
-    }
+    worst = {error: _adverse(stage, error, ends) for error, ends in printed.items()}
     share = _shares(stage)
     return {
-        "printed_favourable_arcmin": Quantity(least(stage, printed).backlash / ARCMIN, "arcmin"),
-        "printed_middle_arcmin": Quantity(stage.backlash(middle) / ARCMIN, "arcmin"),
-        "printed_adverse_arcmin": Quantity(stage.backlash(worst) / ARCMIN, "arcmin"),
-        "printed_zones": Quantity(float(len(printed)), "1"),
-        "printed_zones_towards_optimum": Quantity(float(np.sum(_towards(found) == "yes")), "1"),
-        "printed_largest_share_arcmin": Quantity(float(share.max()), "arcmin"),
-        "printed_smallest_share_arcmin": Quantity(float(share.min()), "arcmin"),
+        "printed_favourable_arcmin": least(stage, printed).backlash / ARCMIN,
+        "printed_middle_arcmin": stage.backlash(middle) / ARCMIN,
+        "printed_adverse_arcmin": stage.backlash(worst) / ARCMIN,
+        "printed_zones": float(len(printed)),
+        "printed_zones_towards_optimum": float(np.sum(_towards(found) == "yes")),
+        "printed_largest_share_arcmin": float(share.max()),
+        "printed_smallest_share_arcmin": float(share.min()),
     }
+
+
+def _adverse(stage: Stage, error: str, ends: tuple[float, float]) -> float:
+    """The end [m] that adds most."""
+    return max(ends, key=lambda one: stage.contribution(error, one))
 
 
 def _shares(stage: Stage) -> np.ndarray:
@@ -155,9 +179,7 @@ def _towards(found: ZoneOptimum) -> np.ndarray:
     return np.asarray(text)
 
 
-def _table(
-    stage: Stage, bounds: Bounds, found: ZoneOptimum, clipped: ZoneOptimum
-) -> ComputedTable:
+def _table(stage: Stage, bounds: Bounds, found: ZoneOptimum, clipped: ZoneOptimum) -> ComputedTable:
     """One row per error; empty (NaN) where the document prints nothing."""
     total = float(_shares(stage).sum()) * ARCMIN
     equal = equal_shares(stage, total)

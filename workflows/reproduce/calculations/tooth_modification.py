@@ -25,8 +25,8 @@ from ....problems.settings import Settings
 from ....problems.tooth_modification import ToothModification
 from ....problems.tooth_modification import declared as loaded
 from ....units import ARCMIN, MM, UM
-from ..calculation import Calculation, Chart, Computed, ComputedTable, Quantity
-from .tables import tabulated
+from ..calculation import Calculation, Chart, Computed, ComputedTable
+from .results import output, quantities, tabulated
 
 Array = NDArray[np.float64]
 FILMS = ((1.0, 30.0, 45.0), (1.9, 20.0, 60.0), (3.5, 20.0, 90.0), (6.1, 0.0, 180.0))
@@ -40,12 +40,45 @@ def _assumed(name: str, default: Value, unit: str, meaning: str, high: float) ->
     return Parameter(name, default, unit, meaning, source, assumed=True, low=0.0, high=high)
 
 
+CURVES = {
+    "printed": "as printed",
+    "printed_own_phase": "as printed, with S at phi",
+    "raw": "D_raw",
+    "after_contact": "D",
+}
+OUTPUTS = (
+    output("dr_rp_mm", "equidistance modification nearest to the target"),
+    output("dr_p_mm", "shift modification nearest to the target"),
+    output("backlash_arcmin", "its backlash by 2 (dr_rp - dr_p sqrt(1-k1^2))/(e z_c)"),
+    output("exact_backlash_arcmin", "its backlash at the output by exact contact"),
+    output("peak_mesh_force_N", "its largest force on a pin under the torque"),
+    output("deviation_um", "its sum of deviations from the target"),
+    output("bound_um", "proven lower bound of the sum"),
+    output("gap_um", "what the proof leaves open"),
+    output("zero_backlash_dr_rp_mm", "equidistance without backlash at the radial gap"),
+    output("zero_backlash_dr_p_mm", "shift without backlash at the radial gap"),
+    output("printed_optimum_backlash_arcmin", "backlash of the printed optimum by the formula"),
+    output("printed_optimum_exact_backlash_arcmin", "the same at the output by exact contact"),
+    output("printed_optimum_peak_mesh_force_N", "its largest force on a pin under the torque"),
+    *(
+        one
+        for name, text in CURVES.items()
+        for one in (
+            output(f"least_{name}_clearance_mm", f"least clearance {text} at the printed optimum"),
+            output(f"least_{name}_clearance_at_deg", "profile angle where it is least"),
+        )
+    ),
+)
+
+
 class ToothModificationTargets(Calculation):
     """The modification nearest to a target clearance under g1 to g5: a linear programme, proven."""
 
     name = "tooth_modification"
     about = "Modifications nearest to target clearances under g1 to g5, and the printed clearance."
     reference = "document B, tooth profile modification"
+    sampled = False
+    outputs = OUTPUTS
     parameters = (
         *loaded.PARAMETERS,
         Parameter("printed_dr_rp_mm", -0.040, "mm", "printed optimum, equidistance", "document B",
@@ -76,9 +109,9 @@ class ToothModificationTargets(Calculation):
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         case = _case(self.completed(values))
         found = _fitted(case, case.target(str(case.given["target"])), case.gap)
-        quantities = _optimum(case, found) | _printed(case)
+        numbers = _optimum(case, found) | _printed(case)
         tables = (_targets(case), _as_printed(case), _profile(case, found))
-        return Computed(quantities, tables)
+        return Computed(quantities(numbers), tables)
 
 
 @dataclass(frozen=True)
@@ -165,45 +198,48 @@ def _backlash(case: Case, dr_rp: Array | float, dr_p: Array | float) -> Array:
     return np.asarray(modification_backlash(case.geometry, *pair) / ARCMIN)
 
 
-def _optimum(case: Case, found: Fit) -> dict[str, Quantity]:
+def _optimum(case: Case, found: Fit) -> dict[str, float]:
     outputs = case.outputs(np.array([[found.dr_rp, found.dr_p]]))
     pair = zero_backlash_pair(case.geometry, case.number("radial_gap_mm") * MM)
     return {
-        "dr_rp_mm": Quantity(found.dr_rp / MM, "mm"),
-        "dr_p_mm": Quantity(found.dr_p / MM, "mm"),
-        "backlash_arcmin": Quantity(float(_backlash(case, found.dr_rp, found.dr_p)), "arcmin"),
-        "exact_backlash_arcmin": Quantity(float(outputs["backlash_arcmin"][0]), "arcmin"),
-        "peak_mesh_force_N": Quantity(float(outputs["peak_mesh_force_N"][0]), "N"),
-        "deviation_um": Quantity(found.deviation / UM, "um"),
-        "bound_um": Quantity(found.bound / UM, "um"),
-        "gap_um": Quantity(found.gap / UM, "um"),
-        "zero_backlash_dr_rp_mm": Quantity(pair[0] / MM, "mm"),
-        "zero_backlash_dr_p_mm": Quantity(pair[1] / MM, "mm"),
+        "dr_rp_mm": found.dr_rp / MM,
+        "dr_p_mm": found.dr_p / MM,
+        "backlash_arcmin": float(_backlash(case, found.dr_rp, found.dr_p)),
+        "exact_backlash_arcmin": float(outputs["backlash_arcmin"][0]),
+        "peak_mesh_force_N": float(outputs["peak_mesh_force_N"][0]),
+        "deviation_um": found.deviation / UM,
+        "bound_um": found.bound / UM,
+        "gap_um": found.gap / UM,
+        "zero_backlash_dr_rp_mm": pair[0] / MM,
+        "zero_backlash_dr_p_mm": pair[1] / MM,
     }
 
 
-def _printed(case: Case) -> dict[str, Quantity]:
+def _printed(case: Case) -> dict[str, float]:
     """What becomes of the printed optimum by the printed clearance and by the corrected ones."""
-    geometry, phi, pair = case.geometry, case.phi, case.printed
-    outputs = case.outputs(np.array([pair]))
+    outputs = case.outputs(np.array([case.printed]))
     found = {
-        "printed_optimum_backlash_arcmin": Quantity(float(_backlash(case, *pair)), "arcmin"),
-        "printed_optimum_exact_backlash_arcmin": Quantity(
-            float(outputs["backlash_arcmin"][0]), "arcmin"
-        ),
-        "printed_optimum_peak_mesh_force_N": Quantity(float(outputs["peak_mesh_force_N"][0]), "N"),
+        "printed_optimum_backlash_arcmin": float(_backlash(case, *case.printed)),
+        "printed_optimum_exact_backlash_arcmin": float(outputs["backlash_arcmin"][0]),
+        "printed_optimum_peak_mesh_force_N": float(outputs["peak_mesh_force_N"][0]),
     }
-    curves = {
-        "printed": printed_clearance(geometry, *pair, phi),
-        "printed_own_phase": printed_clearance(geometry, *pair, phi, own_phase=True),
-        "raw": raw_clearance(geometry, *pair, phi),
-        "after_contact": clearance(geometry, *pair, phi),
-    }
-    for name, curve in curves.items():
+    for name, curve in _curves(case).items():
         at = int(np.argmin(curve))
-        found[f"least_{name}_clearance_mm"] = Quantity(float(curve[at]) / MM, "mm")
-        found[f"least_{name}_clearance_at_deg"] = Quantity(float(np.degrees(phi[at])), "deg")
+        found[f"least_{name}_clearance_mm"] = float(curve[at]) / MM
+        found[f"least_{name}_clearance_at_deg"] = float(np.degrees(case.phi[at]))
     return found
+
+
+def _curves(case: Case) -> dict[str, Array]:
+    """Clearances [m] at the printed optimum, in the order of `CURVES`."""
+    at = case.geometry, *case.printed, case.phi
+    curves = (
+        printed_clearance(*at),
+        printed_clearance(*at, own_phase=True),
+        raw_clearance(*at),
+        clearance(*at),
+    )
+    return dict(zip(CURVES, curves, strict=True))
 
 
 def _cases(case: Case) -> Iterator[tuple[str, Target]]:
@@ -250,14 +286,8 @@ def _targets(case: Case) -> ComputedTable:
 
 def _as_printed(case: Case) -> ComputedTable:
     """Clearances at the printed optimum, printed and corrected."""
-    geometry, phi, pair = case.geometry, case.phi, case.printed
-    columns = {
-        "phi_deg": np.degrees(phi),
-        "printed_um": printed_clearance(geometry, *pair, phi) / UM,
-        "printed_own_phase_um": printed_clearance(geometry, *pair, phi, own_phase=True) / UM,
-        "raw_um": raw_clearance(geometry, *pair, phi) / UM,
-        "after_contact_um": clearance(geometry, *pair, phi) / UM,
-    }
+    columns = {"phi_deg": np.degrees(case.phi)}
+    columns |= {f"{name}_um": curve / UM for name, curve in _curves(case).items()}
     meaning = (
         "Clearance at the printed optimum: as printed (S at phi - phi_0, and at phi), which breaks "
         "g5 where it is negative, and the two corrected forms"
