@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import sqrt
 
-
 from ..inputs.distribution import Array
 
 
@@ -24,7 +23,7 @@ class Stated:
 
 @dataclass(frozen=True, slots=True)
 class PowerSums:
-    """Sums of (x - about)^k, k = 1..4, over `count` values; `about` near the mean loses no digits."""
+    """Sums of (x - about)^k, k = 1..4, over `count` values; no digits are lost near the mean."""
 
     count: int
     about: float
@@ -98,5 +97,3 @@ def share(hits: int, count: int) -> Stated:
 def _of_std(variance: float, fourth: float) -> float:
     """n times the variance of the standard deviation; 0 where nothing varies."""
     return max(fourth - variance**2, 0.0) / (4.0 * variance) if variance > 0.0 else 0.0
-
-

@@ -111,7 +111,7 @@ def _units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
 
 
 def drawn(terms: tuple[Term, ...], count: int, rng: np.random.Generator) -> Array:
-    """The sum of `terms` (of one design) in `count` units, (count,), by parts that stay in cache."""
+    """The sum of `terms` (of one design) in `count` units, (count,), by parts that fit a cache."""
     total = np.empty(count)
     for start in range(0, count, PART):
         part = total[start : start + PART]
@@ -120,7 +120,7 @@ def drawn(terms: tuple[Term, ...], count: int, rng: np.random.Generator) -> Arra
 
 
 def summed(terms: tuple[Term, ...], drawn: Array) -> Array:
-    """The sum (n,) of `terms` (of one design) at probabilities (terms, n), which are overwritten."""
+    """The sum (n,) of `terms` (of one design) at probabilities (terms, n), which it overwrites."""
     linear = np.array([np.squeeze(term.linear) for term in terms])
     constant = sum(float(np.squeeze(term.constant)) for term in terms)
     for at, (row, term) in enumerate(zip(drawn, terms, strict=True)):

@@ -1,9 +1,9 @@
 """Tooth modification by document B: least sum of deviations from a target, under g1 to g5.
 
 Every clearance is linear in (dr_rp, dr_p), so that the problem is a linear programme: minimise
-sum w_i t_i with |clearance(phi_i) - target_i| <= t_i. HiGHS solves it, and its multipliers prove it:
-for multipliers y of any origin, y . b + min over the box of (c - A'y) . x is a lower bound of the
-optimum, and it is computed here, not taken on trust.
+sum w_i t_i with |clearance(phi_i) - target_i| <= t_i. HiGHS solves it, and its multipliers prove
+it: for multipliers y of any origin, y . b + min over the box of (c - A'y) . x is a lower bound of
+the optimum, and it is computed here, not taken on trust.
 """
 
 from __future__ import annotations
@@ -63,9 +63,7 @@ class Programme:
         return float(upper @ self.below + equality @ self.to + within)
 
 
-def fit(
-    geometry: RvGeometry, target: Target, radial_gap: float | None, kind: str = "raw"
-) -> Fit:
+def fit(geometry: RvGeometry, target: Target, radial_gap: float | None, kind: str = "raw") -> Fit:
     """The modification nearest to `target`; `radial_gap` [m] is kept exactly, or free where None.
 
     `kind` is one of `CLEARANCES`. g4 is printed as > 0: its closure, >= 0, is used. Raises
@@ -78,7 +76,7 @@ def fit(
         b_ub=programme.below,
         A_eq=programme.equal,
         b_eq=programme.to,
-        bounds=np.stack([programme.low, programme.high], axis=1),
+        bounds=list(zip(programme.low.tolist(), programme.high.tolist(), strict=True)),
         method="highs",
     )
     if found.x is None:
@@ -102,9 +100,7 @@ def _programme(
     inside = rows[counts]
     g34 = np.array([[-1.0, 1.0], [-1.0, geometry.flank]])
     others = np.vstack([g34, -rows])
-    above = np.block(
-        [[inside, slack], [-inside, slack], [others, np.zeros((len(others), size))]]
-    )
+    above = np.block([[inside, slack], [-inside, slack], [others, np.zeros((len(others), size))]])
     below = np.concatenate([wanted, -wanted, np.zeros(len(others))])
     equal = np.zeros((0 if radial_gap is None else 1, 2 + size))
     equal[:, :2] = (1.0, -1.0)

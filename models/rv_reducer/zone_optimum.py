@@ -1,7 +1,7 @@
 """Errors of the cycloid stage that leave least backlash within bounds (document B, section 4).
 
-phi_2 = phi_mod + sum c_i delta_i/(e z_c) + 2 (a d + b d^2)/(e z_c) with the eccentricity error d. It
-is a sum of functions of one error each, so that the optimum over a box is each one's own: a line is
+phi_2 = phi_mod + sum c_i delta_i/(e z_c) + 2 (a d + b d^2)/(e z_c), d the eccentricity error, is a
+sum of functions of one error each, so that the optimum over a box is each one's own: a line is
 least at an end, the parabola at an end or, where b > 0, at its vertex.
 """
 

@@ -32,7 +32,7 @@ class ToothModification(ToleranceProblem):
 
     Both objectives are of the loaded contact with perfect parts: designs are its units, the
     modifications their deviations. A search expands the gaps to third order, what is reported has
-    the exact profile. Known answer: none (`exact_front` is None). Details: docs/tooth_modification.md.
+    the exact profile. Known answer: none (`exact_front` is None). See docs/tooth_modification.md.
     """
 
     parameters = declared.PARAMETERS
@@ -123,7 +123,7 @@ class ToothModification(ToleranceProblem):
         tight = np.array(modification.zero_backlash_pair(self.geometry, gap * MM)) / MM
         rows = np.stack([tight, [0.0, -gap]])
         ends = np.array([super(ToothModification, self).interval(name) for name in self.names])
-        return np.clip(rows, ends[:, 0], ends[:, 1])
+        return np.asarray(np.clip(rows, ends[:, 0], ends[:, 1]))
 
     # ---------------------------------------------------------------- faults
 
@@ -132,7 +132,7 @@ class ToothModification(ToleranceProblem):
             text = f"e z_p/r_p must lie in (0, 1), got {self.geometry.k1:.4g}"
             return [Fault("parameters.eccentricity_mm", text)]
         try:
-            self.contact.geometry
+            declared.one_disc(self.settings.parameters)
         except InputError as error:
             return list(error.faults)
         return super().faults()
