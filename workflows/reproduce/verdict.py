@@ -149,6 +149,8 @@ def _comparison(claim: Claim, found: Outcome) -> str:
         printed += f' ("{claim.printed_as}")'
     away = with_unit(found.deviation, claim.unit)
     if claim.relation == "equal":
+        if not any(found.deviation):
+            return f"{computed} equals {printed}"
         near = "within" if found.holds else "beyond"
         limit = with_unit((claim.tolerance,), claim.unit)
         return f"{computed} differs from {printed} by {away}, {near} the tolerance of {limit}"
