@@ -237,7 +237,7 @@ def _terms(section: Section, study: str) -> dict[str, tuple[Recipe, str]]:
 
 
 def _constant(section: Section, unit: str) -> Recipe | None:
-    value = section.number("value")
+    value = section.number("value", "" if unit == "1" else unit)
     return None if value is None else Constant(value, unit)
 
 

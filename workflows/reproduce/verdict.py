@@ -100,7 +100,10 @@ def _deviations(claim: Claim, computed: Sequence[float]) -> tuple[float, ...]:
     if claim.relation == "within":
         low, high = claim.printed
         return tuple(min(value - low, 0.0) + max(value - high, 0.0) for value in computed)
-    return tuple(value - own for value, own in zip(computed, claim.printed, strict=True))
+    return tuple(
+        0.0 if abs(value - own) <= ROUNDING * abs(own) else value - own
+        for value, own in zip(computed, claim.printed, strict=True)
+    )
 
 
 def _excess(claim: Claim, value: float, away: float) -> float:
@@ -141,9 +144,13 @@ def _comparison(claim: Claim, found: Outcome) -> str:
         ends = f"{number(claim.printed[0])} to {with_unit(claim.printed[1:], claim.unit)}"
         place = "lies within" if found.holds else "lies outside of"
         return f"{computed} {place} {ends}"
-    printed = claim.printed_as or with_unit(claim.printed, claim.unit)
+    printed = with_unit(claim.printed, claim.unit)
+    if claim.printed_as:
+        printed += f' ("{claim.printed_as}")'
     away = with_unit(found.deviation, claim.unit)
     if claim.relation == "equal":
+        if not any(found.deviation):
+            return f"{computed} equals {printed}"
         near = "within" if found.holds else "beyond"
         limit = with_unit((claim.tolerance,), claim.unit)
         return f"{computed} differs from {printed} by {away}, {near} the tolerance of {limit}"

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,7 +17,7 @@ class Found:
     """Computed quantities in the order asked for, and tables by a name for their file."""
 
     quantities: tuple[Quantity, ...]
-    tables: Mapping[str, ComputedTable] = MappingProxyType({})
+    tables: Mapping[str, ComputedTable] = field(default_factory=dict)
 
 
 class Recipe(ABC):
