@@ -43,9 +43,7 @@ def sum_of_deviations(kind: str, target: targets.Target, dr_rp: Array, dr_p: Arr
 
 
 @pytest.mark.parametrize(("own_phase", "least", "at"), [(False, -0.095, 31.0), (True, -0.143, 0.0)])
-def test_printed_clearance_at_the_printed_optimum(
-    own_phase: bool, least: float, at: float
-) -> None:
+def test_printed_clearance_at_the_printed_optimum(own_phase: bool, least: float, at: float) -> None:
     found = printed_clearance(GEOMETRY, *PRINTED, PHI, own_phase=own_phase)
     assert found.min() == pytest.approx(least * 1e-3, abs=5e-7)
     assert np.degrees(PHI[found.argmin()]) == pytest.approx(at, abs=0.6)

@@ -39,7 +39,9 @@ def stage(offset_arcmin: float = 0.0, quadratic: float = -12.6e3) -> Stage:
 @pytest.mark.parametrize("seed", range(3))
 def test_backlash_is_that_of_the_model(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    errors = {name: float(one) for name, one in zip(ERRORS, rng.uniform(-5e-6, 5e-6, 9), strict=True)}
+    errors = {
+        name: float(one) for name, one in zip(ERRORS, rng.uniform(-5e-6, 5e-6, 9), strict=True)
+    }
     own = stage(by_the_model(dict.fromkeys(ERRORS, 0.0)) / ARCMIN)
     assert own.backlash(errors) == pytest.approx(by_the_model(errors), rel=1e-9)
     assert own.offset / ARCMIN == pytest.approx(0.1095, abs=1e-4)
