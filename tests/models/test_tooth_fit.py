@@ -85,6 +85,20 @@ def test_after_contact_the_whole_flank_wants_no_equidistance(target: targets.Tar
     assert float(modification_backlash(GEOMETRY, *pair) / ARCMIN) == pytest.approx(2.37, abs=0.005)
 
 
+def test_after_contact_the_printed_pair_comes_of_a_turn_chosen_for_it() -> None:
+    """Near-conjugate at 2.0', not at 1.2' (no equidistance) nor at 2.2' (no backlash)."""
+    found = [
+        fit(
+            GEOMETRY,
+            targets.near_conjugate(GEOMETRY, PHI, turn * ARCMIN, GAP, band(20, 120)),
+            GAP,
+            "after_contact",
+        ).dr_rp
+        for turn in (1.2, 2.0, 2.2)
+    ]
+    assert found == pytest.approx([0.0, -40.4e-6, -41.94e-6], abs=0.05e-6)
+
+
 @pytest.mark.parametrize(
     ("kind", "target"),
     [
