@@ -300,7 +300,7 @@ def check(config: Config, set_: Set = [], quiet: Quiet = False) -> None:  # noqa
 
 @app.command("list")
 def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
-    """List models, problems, algorithms and effects, plugins included."""
+    """List models, problems, algorithms, effects and calculations, plugins included."""
     from . import registry
 
     with _exit_status():

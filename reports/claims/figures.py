@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
@@ -48,8 +48,8 @@ def table_figure(table: ComputedTable, chart: Chart) -> Figure:
             axes.axvline(place, color="black", linestyle="--", linewidth=1.0)
             axes.annotate(label, (place, 0.98), xycoords=("data", "axes fraction"), rotation=90,
                           ha="right", va="top", fontsize="small", parse_math=False)  # fmt: skip
-    axes.set_xlabel(axis_label(across))
-    axes.set_ylabel(axis_label(columns[chart.y[0]][0]) if len(chart.y) == 1 else "")
+    axes.set_xlabel(_label(across))
+    axes.set_ylabel(_label(columns[chart.y[0]][0]) if len(chart.y) == 1 else "")
     if len(chart.y) > 1:
         axes.legend(frameon=False, fontsize="small")
     plain(axes)
@@ -57,13 +57,18 @@ def table_figure(table: ComputedTable, chart: Chart) -> Figure:
 
 
 def _draw(axes: Axes, kind: str, x: np.ndarray, axis: Axis, y: np.ndarray, colour: str) -> None:
-    label = axis_label(axis)
+    label = _label(axis)
     if kind == "histogram":
         axes.bar(x[:-1], y[:-1], np.diff(x), align="edge", color=colour, alpha=0.8, label=label)
     elif kind == "points":
         axes.plot(x, y, "o", color=colour, markersize=4, label=label)
     else:
         axes.plot(x, y, color=colour, linewidth=1.4, label=label)
+
+
+def _label(axis: Axis) -> str:
+    """The label of an axis; "1" is no unit."""
+    return axis_label(replace(axis, unit="") if axis.unit == "1" else axis)
 
 
 def _caption(table: ComputedTable, chart: Chart) -> str:
