@@ -28,8 +28,8 @@ $(READY): $(LOCKED) pyproject.toml
 run: $(READY)  ## the main job: cost against backlash of the RV-40E-121
 	$(BIN)/tolevo run configs/rv40e_backlash.toml --out runs/rv40e_backlash --overwrite
 
-test: $(READY)  ## the tests
-	$(BIN)/python -m pytest
+test: $(READY)  ## the tests, on all cores
+	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
 lint: $(READY)  ## style, types and the arrows between the rooms
 	$(BIN)/ruff check .
@@ -54,6 +54,7 @@ $(PEERS): .venv-bench/locked pyproject.toml
 bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are promised; QUICK=1 for a look
 	$(BENCH)/python -m benchmarks.compare $(if $(QUICK),--quick)
 	$(BENCH)/python benchmarks/propagation.py
+	$(BENCH)/python benchmarks/reducer.py
 	$(BENCH)/python benchmarks/engine.py
 	$(BENCH)/python benchmarks/manipulator.py
 	$(BENCH)/python benchmarks/dynamics.py
@@ -64,7 +65,7 @@ lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
 	$(BIN)/pip install --quiet uv
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --upgrade \
 		--generate-hashes --no-annotate --custom-compile-command "make lock" \
-		--extra dev --output-file requirements.lock pyproject.toml
+		--extra dev --extra fast --extra gap --extra report --extra study --output-file requirements.lock pyproject.toml
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --upgrade \
 		--generate-hashes --no-annotate --custom-compile-command "make lock" \
 		--constraint requirements.lock --group peers --output-file benchmarks/requirements.lock pyproject.toml

@@ -19,8 +19,8 @@ from . import declared
 from .cycloid import LINEAR_ERRORS, coefficients, pin_circle_growth
 from .geometry import RvGeometry
 
-PART = 8192
-"""Units worked on at once: 64 kB per array."""
+PART = 16384
+"""Units worked on at once: 128 kB per array."""
 
 
 class RvBatch(MeasurableModel):

@@ -79,7 +79,7 @@ def fit(geometry: RvGeometry, target: Target, radial_gap: float | None, kind: st
         bounds=list(zip(programme.low.tolist(), programme.high.tolist(), strict=True)),
         method="highs",
     )
-    if found.x is None:
+    if found.x is None or found.fun is None:
         raise ArithmeticError(f"no modification keeps g1 to g5: {found.message}")
     bound = programme.bound(found.ineqlin.marginals, found.eqlin.marginals)
     dr_rp, dr_p = (float(value) * UM for value in found.x[:2])

@@ -104,8 +104,8 @@ def test_a_failed_run_takes_its_pair_along_and_one_that_never_got_there_is_worst
 
 
 def test_no_difference_is_found_more_often_than_stated() -> None:
-    """Four equal levels, six pairs each time: one false finding in 20 studies at most."""
-    source, studies = np.random.default_rng(11), 100
+    """Four equal levels, six pairs each time: a false finding in one of 20 studies at most."""
+    source, studies = np.random.default_rng(11), 40
     found = [compared(*source.normal(size=(4, 12)))["significant"].any() for _ in range(studies)]
     assert sum(found) <= binom.ppf(1 - 1e-4, studies, 0.05)
 

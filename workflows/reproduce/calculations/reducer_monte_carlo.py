@@ -9,8 +9,8 @@ import numpy as np
 from ....declarations import Parameter, Value, number
 from ....errors import refuse
 from ....models.propagation import Convolution, Propagated
-from ....models.propagation.power_sums import PowerSums, Stated, share
-from ....models.propagation.sums import ClippedSum
+from ....models.propagation.power_sums import Stated, share
+from ....models.propagation.sums import ClippedSum, total_cumulants
 from ....models.rv_reducer.stages import Batch, batch
 from ....units import ARCMIN
 from ..calculation import Calculation, Chart, Computed, ComputedTable
@@ -63,6 +63,9 @@ class ReducerMonteCarlo(Calculation):
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         given = self.completed(values)
         total = reducer_inputs.total_of(reducer_inputs.model_of(given), given)
+        if float(total_cumulants(total.free)[1][0]) == 0.0:
+            text = "gears and bearings do not vary, so that Cp may not exist; open a tolerance"
+            raise refuse("parameters", text)
         limit = number(given["backlash_limit_arcmin"]) * ARCMIN
         exact = Convolution().propagate(total, COVERAGE, limit)
         edges = _edges(total, exact, int(number(given["bins"])))
@@ -99,13 +102,9 @@ def _spread(drawn: Batch) -> dict[str, Stated]:
 
 
 def _capability(drawn: Batch, given: Mapping[str, Value]) -> dict[str, Stated]:
-    """Raises InputError where nothing varies."""
-    sums: PowerSums = drawn.sums["backlash"]
+    sums = drawn.sums["backlash"]
     names = ("lower_limit_arcmin", "backlash_limit_arcmin")
     lower, upper = (number(given[name]) * ARCMIN for name in names)
-    if sums.std.value == 0.0:
-        raise refuse("parameters", "no tolerance lets the backlash vary, so that there is no Cp; "
-                     "open one")  # fmt: skip
     return {
         "cp": sums.cp(lower, upper),
         "cpk": sums.cpk(lower, upper),
