@@ -166,6 +166,7 @@ def _of_study(own: Mapping[str, Value]) -> tuple[Array, Array]:
     """Runs (seeds, responses) of both settings in a study, paired by all else that it varies."""
     table, key = _study_table(own), KEYS[str(own["setting"])]
     others = [name for name in KEYS.values() if name in table and name != key]
+    table = table.drop_duplicates([key, *others, "replicate"])  # one setting may be run twice
     sides = [table[np.isclose(table[key], number(own[name]))] for name in "ab"]
     both = sides[0].merge(sides[1], on=[*others, "replicate"], suffixes=("_a", "_b"))
     if len(both) < 2:
