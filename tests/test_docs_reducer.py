@@ -16,7 +16,8 @@ pytestmark = pytest.mark.source_tree
 def test_every_name_of_the_tooth_modification_is_documented() -> None:
     text = (DOCS / "tooth_modification.md").read_text(encoding="utf-8")
     kind = ToothModification
-    names = [one.name for one in (*kind.variables, *kind.outputs, *kind.parameters)]
+    names = [one.name for one in kind.variables] + [one.name for one in kind.outputs]
+    names += [one.name for one in kind.parameters]
     assert [name for name in names if f"`{name}`" not in text] == []
     for variable in kind.variables:
         row = next(line for line in text.splitlines() if line.startswith(f"| `{variable.name}`"))
