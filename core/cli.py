@@ -135,6 +135,7 @@ def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, res
         configuration=configuration.toml(),
         title=configuration.problem_name,
         engine=configuration.engine,
+        choice=configuration.choice,
     )
     if not quiet:
         for warning in configuration.problem.warnings():

@@ -37,6 +37,8 @@ class RunResult:
     `summary.json`; `objectives` are the axes of the front, `variables` the design variables,
     `bars` charts of the problem itself, and `configuration` is the resolved TOML. Where effects act
     in the model, `before` is the front without them and `moved` how the allocation moves.
+    `choices`, `choice_sensitivity`, `allocation`, `contributions` and `exact_front` are the tables
+    of the files of these names, None where there is none.
     """
 
     title: str
@@ -51,6 +53,11 @@ class RunResult:
     configuration: str = field(default="", repr=False)
     before: pd.DataFrame | None = None
     moved: pd.DataFrame | None = None
+    choices: pd.DataFrame | None = None
+    choice_sensitivity: pd.DataFrame | None = None
+    allocation: pd.DataFrame | None = None
+    contributions: pd.DataFrame | None = None
+    exact_front: pd.DataFrame | None = None
 
 
 @dataclass(frozen=True, slots=True)
