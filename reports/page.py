@@ -6,17 +6,23 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from ..records import Bars, RunResult
 from .bars import bars_figure
-from .convergence import convergence_figure
+from .choices import choice_sections
+from .convergence import RATIO, convergence_figure, known
 from .document import bullets, document, picture, section
 from .drawing import flags
+from .explorer import WITHOUT, explorer, interactive, scripts
 from .figure import front_figure
+from .scripts import plotly
 from .summary import summary_table
 from .tables import chosen, table
 
+LISTED = 60
+"""Points of the front in the table at most."""
 ASSUMPTION_COLUMNS = ("name", "value", "unit", "reason", "set_by")
 GAINS = (
     "Each reference against the front. cost_saving_percent: how much less the front costs where "
@@ -35,9 +41,11 @@ MOVED = (
 
 def page(result: RunResult) -> str:
     """The whole page; every text that comes from outside is escaped."""
+    scripted = interactive(result)
     sections = (
-        section("Front", picture("front", front_figure(result), _front_caption(result))),
+        section("Front", _front(result, scripted)),
         section("In words", bullets(result.notes)),
+        *choice_sections(result),
         *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),
         section("References", _references(result)),
         section("Points of the front", _points(result)),
@@ -47,7 +55,14 @@ def page(result: RunResult) -> str:
         section("Summary", summary_table(result.summary)),
         section("Configuration", f"<pre>{escape(result.configuration)}</pre>"),
     )
-    return document(result.title, "\n".join(sections))
+    return document(result.title, "\n".join(sections), scripts() if scripted else ())
+
+
+def _front(result: RunResult, scripted: bool) -> str:
+    still = picture("front", front_figure(result), _front_caption(result))
+    if scripted:
+        return f"{explorer(result)}\n<noscript>{still}</noscript>"
+    return still if result.front.empty or plotly() else f"{still}\n<p>{escape(WITHOUT)}</p>"
 
 
 def _bars(bars: Sequence[Bars]) -> str:
@@ -89,13 +104,23 @@ def _is_gain(name: str) -> bool:
 def _points(result: RunResult) -> str:
     first = [axis.name for axis in (*result.objectives, *result.variables)]
     ordered = chosen(result.front, [*first, *map(str, result.front.columns)])
-    return table(ordered, flags(ordered, "knee"), "Rounded; front.csv has all digits.")
+    caption = "Rounded; front.csv has all digits."
+    if len(ordered) > LISTED:
+        some = np.linspace(0, len(ordered) - 1, LISTED).astype(int)
+        kept = np.isin(np.arange(len(ordered)), some) | flags(ordered, "knee")
+        ordered = ordered[kept]
+        caption = (
+            f"{len(ordered)} of {len(result.front)} points, evenly, rounded; front.csv has all."
+        )
+    return table(ordered, flags(ordered, "knee"), caption)
 
 
 def _convergence(found: pd.DataFrame) -> str:
     if found.empty:
         return "<p>None.</p>"
     caption = "Hypervolume in the fixed box of the problem, and share of feasible designs."
+    if known(found) == RATIO:
+        caption += " Dashed: the exact front."
     return picture("convergence", convergence_figure(found), caption)
 
 

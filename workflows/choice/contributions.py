@@ -61,7 +61,8 @@ def _shares(
         axis=1,
     )
     whole = np.abs(each).sum(axis=1, keepdims=True)
-    return 100.0 * np.divide(each, whole, out=np.zeros_like(each), where=whole > 0.0)
+    shares = np.divide(each, whole, out=np.zeros_like(each), where=whole > 0.0)
+    return np.asarray(100.0 * shares)
 
 
 def _differences(

@@ -37,8 +37,8 @@ def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
                 | _others(points, at)
                 for rule, at in found.items()
             ]  # fmt: skip
-    found = pd.DataFrame(rows)
-    return found.sort_values("choice", kind="stable", ignore_index=True) if rows else found
+    table = pd.DataFrame(rows)
+    return table.sort_values("choice", kind="stable", ignore_index=True) if rows else table
 
 
 def _with_cost(points: Points, cost: Array) -> Points:

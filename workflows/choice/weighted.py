@@ -34,7 +34,7 @@ def closeness(values: Array, weights: Array) -> Array:
     to_best = np.linalg.norm(rated - rated.min(axis=0), axis=1)
     to_worst = np.linalg.norm(rated - rated.max(axis=0), axis=1)
     whole = to_best + to_worst
-    return np.divide(to_worst, whole, out=np.ones_like(whole), where=whole > 0.0)
+    return np.asarray(np.divide(to_worst, whole, out=np.ones_like(whole), where=whole > 0.0))
 
 
 def by_topsis(values: Array, weights: Array) -> int | None:

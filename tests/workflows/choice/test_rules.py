@@ -101,14 +101,15 @@ def test_a_dearer_curve_moves_the_choice_to_what_the_money_still_buys() -> None:
     """Of 10, 6, 4 the first curve is 5, 1, 1: at 1.2 times it they cost 11, 6.2, 4.2."""
     part = np.array([5.0, 1.0, 1.0])
     found = sensitivity(points(budget=10.5), {"a_um": part, "b_um": np.zeros(3)})
-    rows = found[found["choice"] == "best_for_budget"].set_index(["curve", "factor"])
-    dear = rows.loc[("a_um", 1.2)]
+    own = found[found["choice"] == "best_for_budget"].to_dict("records")
+    rows = {(row["curve"], row["factor"]): row for row in own}
+    dear = rows["a_um", 1.2]
     assert (dear["point"], dear["same"], dear["error"]) == (1, False, 2.0)
     assert dear["cost"] == pytest.approx(6.2)
     assert dear["cost_kept"] == pytest.approx(11.0)
-    cheap = rows.loc[("a_um", 0.8)]
+    cheap = rows["a_um", 0.8]
     assert (cheap["point"], cheap["same"], cheap["cost"]) == (0, True, 9.0)
-    assert rows.loc["b_um"]["same"].all()
+    assert rows["b_um", 0.8]["same"] and rows["b_um", 1.2]["same"]
 
 
 def test_a_cost_that_is_no_objective_moves_nothing() -> None:
