@@ -1,4 +1,4 @@
-"""The command line: `tolevo run | study | gap | evaluate | simulate | check | list`."""
+"""The command line: `tolevo run | study | gap | evaluate | simulate | report | check | list`."""
 
 from __future__ import annotations
 
@@ -242,6 +242,27 @@ def simulate(
 
 
 @app.command()
+def report(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Results of run, study, gap.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="The page.", show_default="DIR/report.html")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Build the page of a result again, or compare several runs."""
+    with _exit_status():
+        raise_all(_page_faults(folders, out))
+        from .workflows.report import report as built
+
+        found = built(folders, out)
+        for remark in () if quiet else found.remarks:
+            typer.echo(f"warning: {remark}", err=True)
+        typer.echo(f"page: {found.path}")
+
+
+@app.command()
 def check(config: Config, set_: Set = [], quiet: Quiet = False) -> None:  # noqa: B006
     """Validate a configuration and print all it comes to; the output is itself one."""
     with _exit_status():
@@ -347,6 +368,23 @@ def _file_faults(out: Path, source: Path) -> list[Fault]:
     elif out.exists() and out.samefile(source):
         faults.append(Fault("--out", f"would replace its own input {source}; name another file"))
     return faults
+
+
+def _page_faults(folders: list[Path], out: Path | None) -> list[Fault]:
+    """Directories that are not there, or a page that cannot be written."""
+    faults = [Fault(str(one), "is not a directory" if one.exists() else "does not exist")
+              for one in folders if not one.is_dir()]  # fmt: skip
+    if len(folders) > 1 and len(faults) < len(folders):
+        faults = []  # what is there is compared, and the rest is said
+    if out is None:
+        return faults or unwritable(folders[0] if len(folders) == 1 else Path(), "--out")
+    if out.is_dir():
+        return [*faults, Fault("--out", f"{out} is a directory; name a file")]
+    if out.suffix.lower() not in (".html", ".htm"):
+        faults.append(Fault("--out", f"{out.name} must end with .html: it is a page"))
+    if not out.parent.is_dir():
+        return [*faults, Fault("--out", f"the directory {out.parent} does not exist")]
+    return faults + unwritable(out.parent, "--out")
 
 
 def _warned(message: Warning | str, *_: object, **__: object) -> None:

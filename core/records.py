@@ -129,3 +129,28 @@ class StudyResult:
     verdicts: tuple[Verdict, ...] = ()
     notes: tuple[str, ...] = ()
     configuration: str = field(default="", repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A run among others: what it is called, its front and its references."""
+
+    label: str
+    front: pd.DataFrame
+    references: pd.DataFrame
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Several runs with the same objectives.
+
+    `table` has one row per run, `equal` the cost of each at levels of the other objective (empty
+    where there is no one other objective, or no common level).
+    """
+
+    title: str
+    objectives: tuple[Axis, ...]
+    runs: tuple[Compared, ...]
+    table: pd.DataFrame
+    equal: pd.DataFrame
+    notes: tuple[str, ...] = ()

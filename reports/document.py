@@ -51,3 +51,8 @@ def bullets(notes: Sequence[str]) -> str:
     if not notes:
         return "<p>None.</p>"
     return "<ul>\n" + "\n".join(f"<li>{escape(note)}</li>" for note in notes) + "\n</ul>"
+
+
+def remarked(remarks: Sequence[str]) -> tuple[str, ...]:
+    """The section on what was wrong with the files that a page is built from, if anything was."""
+    return (section("What is wrong with the files", bullets(remarks)),) if remarks else ()

@@ -13,7 +13,7 @@ from ..records import Bars, RunResult
 from .bars import bars_figure
 from .choices import choice_sections
 from .convergence import RATIO, convergence_figure, known
-from .document import bullets, document, picture, section
+from .document import bullets, document, picture, remarked, section
 from .drawing import flags
 from .explorer import WITHOUT, explorer, interactive, scripts
 from .figure import front_figure
@@ -39,10 +39,14 @@ MOVED = (
 )
 
 
-def page(result: RunResult) -> str:
-    """The whole page; every text that comes from outside is escaped."""
+def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
+    """The whole page; every text that comes from outside is escaped.
+
+    `remarks` are what was wrong with the files that it is built from.
+    """
     scripted = interactive(result)
     sections = (
+        *remarked(remarks),
         section("Front", _front(result, scripted)),
         section("In words", bullets(result.notes)),
         *choice_sections(result),
@@ -109,9 +113,7 @@ def _points(result: RunResult) -> str:
         some = np.linspace(0, len(ordered) - 1, LISTED).astype(int)
         kept = np.isin(np.arange(len(ordered)), some) | flags(ordered, "knee")
         ordered = ordered[kept]
-        caption = (
-            f"{len(ordered)} of {len(result.front)} points, evenly, rounded; front.csv has all."
-        )
+        caption = f"{len(ordered)} of {len(result.front)} points, rounded; front.csv has all."
     return table(ordered, flags(ordered, "knee"), caption)
 
 

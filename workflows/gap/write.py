@@ -13,6 +13,7 @@ from ...files import write_bytes, write_text, write_with
 from ...gap_records import FoundEffect, GapResult, Region, Rival
 from ...reports.drawing import as_png, as_svg
 from ...reports.gap.page import figures, gap_page
+from .. import page_data
 from ..run.write import as_json
 from .plan import GapPlan
 
@@ -28,6 +29,7 @@ def write(result: GapResult, folder: Path) -> None:
         write_bytes(folder / f"{name}.png", as_png(figure))
         write_bytes(folder / f"{name}.svg", as_svg(figure))
     write_text(folder / "report.html", gap_page(result))
+    write_text(folder / page_data.NAME, page_data.dumped(result))
     write_text(folder / "gap.json", as_json(record(result)))
 
 
