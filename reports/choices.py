@@ -7,7 +7,7 @@ from html import escape
 import pandas as pd
 
 from ..records import RunResult
-from .document import section
+from .document import folded, section
 from .tables import chosen, table
 
 CHOICES = (
@@ -18,8 +18,8 @@ CHOICES = (
 )
 SURE = (
     "What each rule would choose with one cost curve 20 % lower or higher, among the points of "
-    "this front: what that point, and the choice of the run, cost then. Cases that change nothing are "
-    "left out."
+    "this front: what that point, and the choice of the run, cost then. Cases that change nothing "
+    "are left out."
 )
 ROUNDED = (
     "How each variable was rounded. What the configuration does not set under [rounding] is an "
@@ -40,14 +40,10 @@ def choice_sections(result: RunResult) -> tuple[str, ...]:
     if result.choice_sensitivity is not None:
         moved = result.choice_sensitivity[~result.choice_sensitivity["same"].astype(bool)]
         shown = table(moved.drop(columns="same"))
-        parts.append(_folded("With other costs", f"<p>{escape(SURE)}</p>\n{shown}"))
+        parts.append(folded("With other costs", f"<p>{escape(SURE)}</p>\n{shown}"))
     if result.allocation is not None:
         rules = pd.DataFrame(list(result.summary.get("rounding") or ()))
         text = f"<p>{escape(ROUNDED)}</p>\n{table(rules)}"
-        parts += [_folded("Drawing-ready allocations", table(result.allocation)),
-                  _folded("Rounding", text)]  # fmt: skip
+        parts += [folded("Drawing-ready allocations", table(result.allocation)),
+                  folded("Rounding", text)]  # fmt: skip
     return (section("Choices", "\n".join(parts)),)
-
-
-def _folded(title: str, body: str) -> str:
-    return f"<details><summary>{escape(title)}</summary>{body}</details>"

@@ -53,6 +53,11 @@ def bullets(notes: Sequence[str]) -> str:
     return "<ul>\n" + "\n".join(f"<li>{escape(note)}</li>" for note in notes) + "\n</ul>"
 
 
+def folded(title: str, body: str) -> str:
+    """A part that opens when it is asked for; `body` is HTML."""
+    return f"<details><summary>{escape(title)}</summary>\n{body}</details>"
+
+
 def remarked(remarks: Sequence[str]) -> tuple[str, ...]:
     """The section on what was wrong with the files that a page is built from, if anything was."""
     return (section("What is wrong with the files", bullets(remarks)),) if remarks else ()

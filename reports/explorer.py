@@ -25,8 +25,8 @@ SKELETON = """<div id="explorer" class="explorer" hidden>
 <div class="panel">
 <div id="controls"></div>
 <fieldset id="worth"><legend>What is it worth?</legend></fieldset>
-<div id="detail" aria-live="polite"></div>
 </div>
+<div id="detail" aria-live="polite"></div>
 </div>"""
 WITHOUT = (
     "The front cannot be looked into here: plotly is not installed "

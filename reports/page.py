@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from html import escape
 from typing import Any
 
@@ -13,14 +14,16 @@ from ..records import Bars, RunResult
 from .bars import bars_figure
 from .choices import choice_sections
 from .convergence import RATIO, convergence_figure, known
-from .document import bullets, document, picture, remarked, section
+from .document import bullets, document, folded, picture, remarked, section
 from .drawing import flags
-from .explorer import WITHOUT, explorer, interactive, scripts
+from .explorer import WITHOUT, explorer, interactive, scripts, thinned
 from .figure import front_figure
 from .scripts import plotly
 from .summary import summary_table
 from .tables import chosen, table
 
+DRAWN = 500
+"""Points of the front in its still picture at most; front.svg has all."""
 LISTED = 60
 """Points of the front in the table at most."""
 ASSUMPTION_COLUMNS = ("name", "value", "unit", "reason", "set_by")
@@ -57,13 +60,20 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         *(section("Sensitivity", _bars(result.bars)) for _ in result.bars[:1]),
         section("Assumptions", _assumptions(result.summary)),
         section("Summary", summary_table(result.summary)),
-        section("Configuration", f"<pre>{escape(result.configuration)}</pre>"),
+        section("Configuration", folded("config.toml", _verbatim(result.configuration))),
     )
     return document(result.title, "\n".join(sections), scripts() if scripted else ())
 
 
+def _verbatim(text: str) -> str:
+    return f"<pre>{escape(text)}</pre>"
+
+
 def _front(result: RunResult, scripted: bool) -> str:
-    still = picture("front", front_figure(result), _front_caption(result))
+    names = [axis.name for axis in result.objectives]
+    rows = thinned(result.front, names, [], DRAWN) if len(result.front) else []
+    some = replace(result, front=result.front.loc[rows]) if len(rows) else result
+    still = picture("front", front_figure(some), _front_caption(result))
     if scripted:
         return f"{explorer(result)}\n<noscript>{still}</noscript>"
     return still if result.front.empty or plotly() else f"{still}\n<p>{escape(WITHOUT)}</p>"

@@ -11,6 +11,7 @@ STYLE = """
 }
 body { color: var(--ink); background: var(--paper); font: 16px/1.5 system-ui, sans-serif;
   max-width: 84rem; margin: 0 auto; padding: 1rem; }
+h1, h2, h3, p, li, summary { overflow-wrap: anywhere; }
 h2 { border-bottom: 1px solid var(--line); margin-top: 2rem; }
 figure { margin: 0; }
 figure svg { max-width: 100%; height: auto; }
@@ -31,7 +32,8 @@ tr.mark { background: var(--mark); }
 .panel fieldset { border: 1px solid var(--line); margin: 0.8rem 0; }
 .panel :focus-visible, .scroll:focus-visible { outline: 3px solid var(--front);
   outline-offset: 2px; }
-td.bars { min-width: 8rem; white-space: nowrap; }
+#detail .scroll { max-height: none; }
+td.bars { min-width: 10rem; white-space: nowrap; }
 .bar { display: block; height: 0.5rem; margin: 1px 0; }
 .bar span { display: block; height: 100%; box-sizing: border-box; border: 1px solid var(--ink); }
 .bar .own { background: var(--front); }
@@ -39,8 +41,7 @@ td.bars { min-width: 8rem; white-space: nowrap; }
 tbody th { font-weight: normal; }
 @media (min-width: 1000px) {
   .explorer { grid-template-columns: minmax(0, 3fr) minmax(0, 2fr); }
-  .explorer > .hint { grid-column: 1 / -1; }
-  #plots { position: sticky; top: 0.5rem; align-self: start; }
+  .explorer > .hint, #detail { grid-column: 1 / -1; }
 }
 pre { overflow: auto; border: 1px solid var(--line); padding: 0.6rem; }
 """

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Mapping
 from dataclasses import fields
 from importlib.metadata import version
 from typing import Any, TypeVar, get_type_hints
 
+import numpy as np
 import pandas as pd
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
@@ -21,7 +21,7 @@ _CONFIG = ConfigDict(arbitrary_types_allowed=True, ser_json_inf_nan="constants")
 def dumped(result: Any) -> str:
     """A result record (a dataclass whose tables are frames) as JSON."""
     tables = {
-        one.name: value.to_json(orient="split", double_precision=15)
+        one.name: _table(value)
         for one in fields(result)
         if isinstance(value := getattr(result, one.name), pd.DataFrame)
     }
@@ -32,7 +32,7 @@ def dumped(result: Any) -> str:
         if one.name not in tables
     }
     head = {"kind": type(result).__name__, "format": FORMAT, "version": version("tolevo")}
-    return json.dumps(head | {"fields": plain, "tables": tables}) + "\n"
+    return json.dumps(head | {"fields": plain, "tables": tables}, default=_plain) + "\n"
 
 
 def loaded(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list[str]]:
@@ -56,6 +56,11 @@ def loaded(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list
     return kind(**values), bad
 
 
+def _plain(value: Any) -> Any:
+    """A scalar of numpy as Python's own."""
+    return value.item() if isinstance(value, np.generic) else str(value)
+
+
 def _object(content: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     found = content.get(name)
     return found if isinstance(found, Mapping) else {}
@@ -65,8 +70,22 @@ def _hints(kind: type[Any]) -> dict[str, Any]:
     return get_type_hints(kind, localns={"pd": pd})
 
 
-def _frame(text: str) -> pd.DataFrame:
-    return pd.read_json(io.StringIO(text), orient="split", convert_dates=False, precise_float=True)
+def _table(frame: pd.DataFrame) -> dict[str, Any]:
+    """A frame by columns, with the names of their types."""
+    return {
+        "index": frame.index.tolist(),
+        "columns": [str(name) for name in frame.columns],
+        "types": [str(kind) for kind in frame.dtypes],
+        "values": [frame[name].tolist() for name in frame.columns],
+    }
+
+
+def _frame(table: Mapping[str, Any]) -> pd.DataFrame:
+    columns = zip(table["columns"], table["values"], table["types"], strict=True)
+    return pd.DataFrame(
+        {name: pd.Series(values, index=table["index"], dtype=kind)
+         for name, values, kind in columns}, index=table["index"],
+    )  # fmt: skip
 
 
 def _empty(hint: Any) -> Any:

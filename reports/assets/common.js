@@ -42,22 +42,24 @@ function narrow() {
   return window.innerWidth < NARROW;
 }
 
-function layout(x, y, entries) {
+// `names` are those of the legend: long ones take a line each.
+function layout(x, y, names) {
+  const one = narrow() || names.some((name) => name.length > 42);
   const ink = tone("--ink");
   const line = tone("--line");
   const axis = (text) => ({
     title: { text: plain(text), standoff: 8 }, gridcolor: line, zeroline: false, linecolor: ink,
     automargin: true, ticks: "outside", tickcolor: line,
   });
-  const below = 20 * (narrow() ? entries : Math.ceil(entries / 2));
+  const below = 20 * (one ? names.length : Math.ceil(names.length / 2));
   return {
     height: 410 + below,
     margin: { l: 55, r: 12, t: 12, b: 70 + below },
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
     font: { color: ink, size: 13, family: "system-ui, sans-serif" },
-    hovermode: "closest", hoverlabel: { align: "left" },
+    showlegend: names.length > 0, hovermode: "closest", hoverlabel: { align: "left" },
     legend: { orientation: "h", x: 0, xanchor: "left", y: -0.24, yanchor: "top", font: { size: 12 },
-              entrywidth: narrow() ? 0.95 : 0.48, entrywidthmode: "fraction" },
+              entrywidth: one ? 0.95 : 0.48, entrywidthmode: "fraction" },
     xaxis: axis(x), yaxis: axis(y), dragmode: narrow() ? false : "zoom",
   };
 }

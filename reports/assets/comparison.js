@@ -22,5 +22,5 @@
 
   drawn(() => planes.forEach(({ pair: [a, b], div }) => Plotly.react(
     div, found.runs.map((run, at) => trace(run, at, a, b)),
-    layout(title(found.objectives[a]), title(found.objectives[b]), found.runs.length), CONFIG)));
+    layout(title(found.objectives[a]), title(found.objectives[b]), found.runs.map((run) => run.label)), CONFIG)));
 })();

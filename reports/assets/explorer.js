@@ -117,18 +117,24 @@
 
   // ---- drawing
 
+  function shaped(x, y, traces) {
+    return layout(x, y, traces.map((trace) => trace.name));
+  }
+
   function draw() {
-    planes.forEach(({ pair: [a, b], div }) => {
+    planes.forEach(({ pair: [a, b], div }, at) => {
       const end = "<extra>click to see it</extra>";
-      const traces = [frontTrace(a, b, end), ...lineTraces(a, b), ...referenceTraces(a, b), ...choiceTraces(a, b, end),
+      const traces = [frontTrace(a, b, end), ...lineTraces(a, b), ...choiceTraces(a, b, end), ...referenceTraces(a, b),
                       ...idealTrace(a, b), selected(a, b)];
-      Plotly.react(div, traces, layout(title(found.objectives[a]), title(found.objectives[b]), traces.length), CONFIG);
+      const shown = at ? [] : traces; // one legend for all planes
+      Plotly.react(div, traces, shaped(title(found.objectives[a]), title(found.objectives[b]), shown), CONFIG);
     });
     if (parallel.isConnected) {
       const traces = parallelTraces();
-      const shape = layout("", "share of the range on the front", traces.length);
+      const shape = shaped("", "share of the range on the front", traces);
       shape.xaxis.tickvals = found.objectives.map((_, at) => at);
-      shape.xaxis.ticktext = found.objectives.map((axis) => plain(title(axis)));
+      shape.xaxis.ticktext = found.objectives.map((axis) => plain(title(axis)).replace(/ /g, "<br>"));
+      shape.xaxis.range = [-0.3, found.objectives.length - 0.7];
       Plotly.react(parallel, traces, shape, CONFIG);
     }
     show();

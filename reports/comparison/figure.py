@@ -12,7 +12,7 @@ DASHES = ("-", "--", ":", "-.")
 
 
 def comparison_figure(result: Comparison) -> Figure:
-    """The fronts in the plane of the first two objectives, each with a marker and a line of its own.
+    """The fronts in the plane of the first two objectives, each with its own marker and line.
 
     With one objective, the best of each run on a line.
     """

@@ -39,7 +39,8 @@ def allocation(
                 {"choice": label, "point": point, "rounding": said.get(variable.name, "fixed")}
                 | _row(problem, variable, own, new, name)
             )
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    found = pd.DataFrame(rows, columns=list(COLUMNS))
+    return found.astype(dict.fromkeys(("nominal", "mid", "lower_limit", "upper_limit"), float))
 
 
 def _row(

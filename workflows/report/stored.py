@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+TEXT = ("violated_limits", "rounded_violated_limits", "grade", "unit", "meaning")
+"""Columns of text that may be empty."""
 SHOWN = 3
 """Bad cells of a column that are named; the rest is counted."""
 
@@ -67,7 +69,9 @@ class Stored:
         except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
             self.remark(name, f"is no table ({str(error).strip()}): was it edited by hand?")
             return None
-        return self.numbered(found, name, numeric)
+        blank = {column: found[column].astype(object).fillna("") for column in TEXT
+                 if column in found}  # fmt: skip
+        return self.numbered(found.assign(**blank), name, numeric)
 
     def numbered(self, found: pd.DataFrame, name: str, numeric: Iterable[str]) -> pd.DataFrame:
         """The table without rows that lack a number where there must be one."""

@@ -80,7 +80,7 @@ def _with(
     if missing:
         stored.remark(name, f"has no column {', '.join(missing)}; left out")
         return pd.DataFrame()
-    return table.fillna({"violated_limits": ""}) if "violated_limits" in table else table
+    return table
 
 
 def _front(stored: Stored, names: list[str]) -> pd.DataFrame:
