@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
 
 import typer
 
+from .arguments import choice_faults, directory_faults, file_faults, page_faults
 from .errors import Fault, InputError, TolevoError, raise_all
 from .files import unwritable
 
@@ -33,8 +34,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-TABLES = (".csv", ".txt", ".parquet", ".pq", "")
-"""Endings of tables that can be written."""
 Result = TypeVar("Result")
 Config = Annotated[Path, typer.Argument(help="Configuration (TOML).", show_default=False)]
 Out = Annotated[Path, typer.Option("--out", help="Where the results go.", show_default=False)]
@@ -75,8 +74,8 @@ def run(
 ) -> None:
     """Run one optimisation: from a configuration to a Pareto front."""
     with _exit_status():
-        faults = _directory_faults(out, overwrite or resume)
-        faults += _choice_faults(workers, resume, overwrite)
+        faults = directory_faults(out, overwrite or resume)
+        faults += choice_faults(workers, resume, overwrite)
         configuration = _collected(lambda: _problem_of(config, set_), faults)
         raise_all(faults)
         status = _run(configuration, out, workers, quiet, resume)
@@ -96,8 +95,8 @@ def gap(
 ) -> None:
     """Find where model and measurement disagree, name the missing effect, correct the model."""
     with _exit_status():
-        faults = _directory_faults(out, overwrite or resume)
-        faults += _choice_faults(workers, resume, overwrite)
+        faults = directory_faults(out, overwrite or resume)
+        faults += choice_faults(workers, resume, overwrite)
         if not data.exists():
             faults.append(Fault(str(data), "does not exist"))
         plan = _collected(lambda: _gap_plan(config, set_), faults)
@@ -167,8 +166,8 @@ def study(
     with _exit_status():
         from .configuration.study import read_study
 
-        faults = _directory_faults(out, overwrite or resume)
-        faults += _choice_faults(workers, resume, overwrite)
+        faults = directory_faults(out, overwrite or resume)
+        faults += choice_faults(workers, resume, overwrite)
         if dask and workers is not None:
             faults.append(Fault("--dask", "has workers of its own; leave out --workers"))
         plan = _collected(lambda: read_study(config, set_), faults)
@@ -205,7 +204,7 @@ def evaluate(
 ) -> None:
     """Evaluate a configuration's problem at given designs."""
     with _exit_status():
-        faults = _file_faults(out, designs)
+        faults = file_faults(out, designs)
         configuration = _collected(lambda: _problem_of(config, set_), faults)
         raise_all(faults)
         from .workflows.evaluate import evaluate
@@ -227,7 +226,7 @@ def simulate(
 ) -> None:
     """Predict a configuration's model at given operating points."""
     with _exit_status():
-        faults = _file_faults(out, inputs)
+        faults = file_faults(out, inputs)
         configuration = _collected(lambda: _read(config, set_), faults)
         raise_all(faults)
         from .configuration.simulated import build_model
@@ -249,14 +248,19 @@ def report(
     out: Annotated[
         Path | None, typer.Option("--out", help="The page.", show_default="DIR/report.html")
     ] = None,
+    figures: Annotated[
+        Path | None, typer.Option("--figures", help="A folder for figures, as PNG and SVG.")
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Build the page of a result again, or compare several runs."""
     with _exit_status():
-        raise_all(_page_faults(folders, out))
+        raise_all(
+            [*page_faults(folders, out), *(unwritable(figures, "--figures") if figures else ())]
+        )
         from .workflows.report import report as built
 
-        found = built(folders, out)
+        found = built(folders, out, figures)
         for remark in () if quiet else found.remarks:
             typer.echo(f"warning: {remark}", err=True)
         typer.echo(f"page: {found.path}")
@@ -329,62 +333,6 @@ def _collected(read: Callable[[], Result], faults: list[Fault]) -> Result:
         return read()
     except InputError as error:
         raise InputError([*error.faults, *faults]) from None
-
-
-def _directory_faults(out: Path, replace: bool) -> list[Fault]:
-    """A directory that cannot be written, or that holds something and is not to be used."""
-    faults = unwritable(out, "--out")
-    if not faults and not replace and out.is_dir() and any(out.iterdir()):
-        text = f"{out} is not empty; name another directory, or add --overwrite or --resume"
-        faults.append(Fault("--out", text))
-    return faults
-
-
-def _choice_faults(workers: int | None, resume: bool, overwrite: bool) -> list[Fault]:
-    """Options that make no sense."""
-    faults = []
-    if workers is not None and workers < 1:
-        faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
-    if resume and overwrite:
-        text = "goes on with what --overwrite would replace; give one of them"
-        faults.append(Fault("--resume", text))
-    return faults
-
-
-def _file_faults(out: Path, source: Path) -> list[Fault]:
-    """An output file that cannot be written, or an input file that is not there."""
-    faults = []
-    if out.is_dir():
-        faults.append(Fault("--out", f"{out} is a directory; name a file"))
-    elif not out.parent.is_dir():
-        faults.append(Fault("--out", f"the directory {out.parent} does not exist"))
-    else:
-        faults += unwritable(out.parent, "--out")
-        if out.suffix.lower() not in TABLES:
-            text = f"{out.name} is neither .csv nor .parquet; no other table can be written"
-            faults.append(Fault("--out", text))
-    if not source.exists():
-        faults.append(Fault(str(source), "does not exist"))
-    elif out.exists() and out.samefile(source):
-        faults.append(Fault("--out", f"would replace its own input {source}; name another file"))
-    return faults
-
-
-def _page_faults(folders: list[Path], out: Path | None) -> list[Fault]:
-    """Directories that are not there, or a page that cannot be written."""
-    faults = [Fault(str(one), "is not a directory" if one.exists() else "does not exist")
-              for one in folders if not one.is_dir()]  # fmt: skip
-    if len(folders) > 1 and len(faults) < len(folders):
-        faults = []  # what is there is compared, and the rest is said
-    if out is None:
-        return faults or unwritable(folders[0] if len(folders) == 1 else Path(), "--out")
-    if out.is_dir():
-        return [*faults, Fault("--out", f"{out} is a directory; name a file")]
-    if out.suffix.lower() not in (".html", ".htm"):
-        faults.append(Fault("--out", f"{out.name} must end with .html: it is a page"))
-    if not out.parent.is_dir():
-        return [*faults, Fault("--out", f"the directory {out.parent} does not exist")]
-    return faults + unwritable(out.parent, "--out")
 
 
 def _warned(message: Warning | str, *_: object, **__: object) -> None:

@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+from matplotlib.figure import Figure
 
 from ...errors import Fault, raise_all
-from ...files import write_text
+from ...files import write_bytes, write_text
 from ...gap_records import GapResult
 from ...records import RunResult, StudyResult
 from ...reports.comparison import comparison_page
+from ...reports.comparison.figure import comparison_figure
+from ...reports.drawing import as_png, as_svg
+from ...reports.figures import figures as run_figures
 from ...reports.page import page
 from .. import page_data
 from .comparison import compared
@@ -37,16 +42,26 @@ class Report:
     remarks: tuple[str, ...]
 
 
-def report(folders: Sequence[Path], out: Path | None = None) -> Report:
+def report(folders: Sequence[Path], out: Path | None = None, figures: Path | None = None) -> Report:
     """Build the page of one directory (by default its `report.html`), or compare several runs
     (by default `comparison.html` here).
+
+    With `figures` those of the page are written there too, as PNG and SVG.
 
     What is missing or wrong in a directory is said in the remarks, and the rest is built. Raises
     InputError where nothing can be built.
     """
     if len(folders) == 1:
-        return _single(folders[0], out or folders[0] / PAGE)
-    return _several(folders, out or Path(COMPARISON))
+        return _single(folders[0], out or folders[0] / PAGE, figures)
+    return _several(folders, out or Path(COMPARISON), figures)
+
+
+def _draw(drawn: Mapping[str, Figure], folder: Path | None) -> None:
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, figure in drawn.items():
+            write_bytes(folder / f"{name}.png", as_png(figure))
+            write_bytes(folder / f"{name}.svg", as_svg(figure))
 
 
 def kind_of(folder: Path) -> str:
@@ -55,22 +70,19 @@ def kind_of(folder: Path) -> str:
     return next(held, "")
 
 
-def _single(folder: Path, out: Path) -> Report:
+def _single(folder: Path, out: Path, figures: Path | None) -> Report:
     stored, kind = Stored(folder), kind_of(folder)
-    if kind == "run":
-        result = stored_run(stored)
-        text = None if result is None else page(result, tuple(stored.remarks))
-    else:
-        text = _from_page_data(stored, kind)
-    if text is None:
+    result = stored_run(stored) if kind == "run" else _from_page_data(stored, kind)
+    if result is None:
         raise_all(_faults(folder, kind, stored.remarks))
-    assert text is not None
-    write_text(out, text)
+    _, build, draw = _pages()[kind]
+    write_text(out, build(result, tuple(stored.remarks)))
+    _draw(draw(result), figures)
     return Report(out, tuple(stored.remarks))
 
 
-def _from_page_data(stored: Stored, kind: str) -> str | None:
-    """The page of a directory that stores what its page is made of."""
+def _from_page_data(stored: Stored, kind: str) -> Any:
+    """The result of a directory that stores what its page is made of; None where it does not."""
     pages = _pages()
     if kind not in pages:
         return None
@@ -79,19 +91,34 @@ def _from_page_data(stored: Stored, kind: str) -> str | None:
         return None
     versions = {"tolevo": content.get("version")}
     stored.newer(page_data.NAME, versions, content.get("format"), page_data.FORMAT)
-    record, build = pages[kind]
-    result, bad = page_data.loaded(record, content)
+    result, bad = page_data.loaded(pages[kind].record, content)
     if bad:
         stored.remark(page_data.NAME, f"{', '.join(bad)} missing or not what was written: left out")
-    return build(result)
+    return result
 
 
-def _pages() -> Mapping[str, tuple[type[Any], Callable[[Any], str]]]:
-    """By kind the record that is stored and what builds its page."""
-    from ...reports.gap.page import gap_page
-    from ...reports.study import study_page
+class Page(NamedTuple):
+    """What a kind of result is made of: its record, its page and its figures."""
 
-    return {"gap": (GapResult, gap_page), "study": (StudyResult, study_page)}
+    record: type[Any]
+    build: Callable[[Any, tuple[str, ...]], str]
+    draw: Callable[[Any], Mapping[str, Figure]]
+
+
+def _pages() -> Mapping[str, Page]:
+    """By kind of result what builds its page."""
+    from ...reports.gap import page as gap
+    from ...reports.study import figures, study_page
+
+    return {
+        "run": Page(RunResult, page, run_figures),
+        "gap": Page(GapResult, lambda result, _: gap.gap_page(result), gap.figures),
+        "study": Page(
+            StudyResult,
+            lambda result, _: study_page(result),
+            lambda result: {one.name: one.figure for one in figures(result)},
+        ),
+    }
 
 
 def _faults(folder: Path, kind: str, remarks: Sequence[str]) -> list[Fault]:
@@ -109,7 +136,7 @@ def _faults(folder: Path, kind: str, remarks: Sequence[str]) -> list[Fault]:
     ]
 
 
-def _several(folders: Sequence[Path], out: Path) -> Report:
+def _several(folders: Sequence[Path], out: Path, figures: Path | None) -> Report:
     runs: dict[str, RunResult] = {}
     remarks: list[str] = []
     for label, folder in zip(_labels(folders), folders, strict=True):
@@ -129,6 +156,7 @@ def _several(folders: Sequence[Path], out: Path) -> Report:
         raise_all([*(Fault(place, why) for place, why in split), Fault("report", text)])
     assert found is not None
     write_text(out, comparison_page(found, tuple(remarks)))
+    _draw({"fronts": comparison_figure(found)}, figures)
     return Report(out, (*remarks, *said))
 
 
