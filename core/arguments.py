@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from .errors import Fault
@@ -48,3 +49,20 @@ def file_faults(out: Path, source: Path) -> list[Fault]:
     elif out.exists() and out.samefile(source):
         faults.append(Fault("--out", f"would replace its own input {source}; name another file"))
     return faults
+
+
+def page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
+    """Directories that are not there, or a page that cannot be written."""
+    faults = [Fault(str(one), "is not a directory" if one.exists() else "does not exist")
+              for one in folders if not one.is_dir()]  # fmt: skip
+    if len(folders) > 1 and len(faults) < len(folders):
+        faults = []  # what is there is compared, and the rest is said
+    if out is None:
+        return faults or unwritable(folders[0] if len(folders) == 1 else Path(), "--out")
+    if out.is_dir():
+        return [*faults, Fault("--out", f"{out} is a directory; name a file")]
+    if out.suffix.lower() not in (".html", ".htm"):
+        faults.append(Fault("--out", f"{out.name} must end with .html: it is a page"))
+    if not out.parent.is_dir():
+        return [*faults, Fault("--out", f"the directory {out.parent} does not exist")]
+    return faults + unwritable(out.parent, "--out")

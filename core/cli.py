@@ -1,4 +1,4 @@
-"""The command line: `tolevo run | study | gap | reproduce | evaluate | simulate | check | list`."""
+"""The command line: `tolevo run | study | gap | reproduce | evaluate | simulate | report | ...`."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
 
 import typer
 
-from .arguments import choice_faults, directory_faults, file_faults
+from .arguments import choice_faults, directory_faults, file_faults, page_faults
 from .errors import Fault, InputError, TolevoError, raise_all
+from .files import unwritable
 
 if TYPE_CHECKING:
     from .configuration import Configuration
@@ -153,6 +154,7 @@ def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, res
         configuration=configuration.toml(),
         title=configuration.problem_name,
         engine=configuration.engine,
+        choice=configuration.choice,
     )
     if not quiet:
         for warning in configuration.problem.warnings():
@@ -296,6 +298,32 @@ def simulate(
         for note in () if quiet else notes:
             typer.echo(f"note: {note}", err=True)
         typer.echo(f"written: {out}")
+
+
+@app.command()
+def report(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Results of run, study, gap.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="The page.", show_default="DIR/report.html")
+    ] = None,
+    figures: Annotated[
+        Path | None, typer.Option("--figures", help="A folder for figures, as PNG and SVG.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Build the page of a result again, or compare several runs."""
+    with _exit_status():
+        raise_all(
+            [*page_faults(folders, out), *(unwritable(figures, "--figures") if figures else ())]
+        )
+        from .workflows.report import report as built
+
+        found = built(folders, out, figures)
+        for remark in () if quiet else found.remarks:
+            typer.echo(f"warning: {remark}", err=True)
+        typer.echo(f"page: {found.path}")
 
 
 @app.command()

@@ -39,6 +39,8 @@ class RunResult:
     `summary.json`; `objectives` are the axes of the front, `variables` the design variables,
     `bars` charts of the problem itself, and `configuration` is the resolved TOML. Where effects act
     in the model, `before` is the front without them and `moved` how the allocation moves.
+    `choices`, `choice_sensitivity`, `allocation`, `contributions` and `exact_front` are the tables
+    of the files of these names, None where there is none.
     """
 
     title: str
@@ -53,6 +55,11 @@ class RunResult:
     configuration: str = field(default="", repr=False)
     before: pd.DataFrame | None = None
     moved: pd.DataFrame | None = None
+    choices: pd.DataFrame | None = None
+    choice_sensitivity: pd.DataFrame | None = None
+    allocation: pd.DataFrame | None = None
+    contributions: pd.DataFrame | None = None
+    exact_front: pd.DataFrame | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,3 +179,28 @@ class ClaimsResult:
     table: pd.DataFrame
     counts: pd.DataFrame
     tables: Mapping[str, ComputedTable]
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A run among others: what it is called, its front and its references."""
+
+    label: str
+    front: pd.DataFrame
+    references: pd.DataFrame
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Several runs with the same objectives.
+
+    `table` has one row per run, `equal` the cost of each at levels of the other objective (empty
+    where there is no one other objective, or no common level).
+    """
+
+    title: str
+    objectives: tuple[Axis, ...]
+    runs: tuple[Compared, ...]
+    table: pd.DataFrame
+    equal: pd.DataFrame
+    notes: tuple[str, ...] = ()
