@@ -2,36 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
 
-from .. import registry
-from ..errors import InputError, nearest
+from ..errors import nearest
 from ..models.expressions import Formula, FormulaError
-from ..section import POSITIVE, Range, Section
-from ..units import converted
-from ..workflows.reproduce.recipes import (
-    STATISTICS,
-    ByCalculation,
-    ByFormula,
-    ByModel,
-    ByProblem,
-    Constant,
-    Derivative,
-    Recipe,
-    Statistic,
-)
-from .configuration import Configuration
+from ..section import POSITIVE, Section
+from ..workflows.reproduce.recipes import ByCalculation, ByFormula, Constant, Derivative, Recipe
+from .claim_models import by_model, by_problem
+from .claim_parts import convertible, names_of, tried
 from .parameters import read_parameters
 from .plugins import load_named
-from .reader import read_table
-from .simulated import arguments_of
 
 KINDS = ("calculation", "model", "problem", "formula")
 STUDY = "study"
 """Parameter of a calculation that may read the result of a study."""
-LEVEL = Range(0.0, 1.0, open_low=True, open_high=True)
 
 
 def read_recipe(section: Section, count: int, unit: str, study: str) -> Recipe | None:
@@ -39,7 +23,7 @@ def read_recipe(section: Section, count: int, unit: str, study: str) -> Recipe |
     found = _recipe(section, count, study, unit)
     derived = _derived(section, found)
     if derived is not None and unit:
-        _convertible(section, derived, unit)
+        convertible(section, derived, unit)
     return derived
 
 
@@ -55,28 +39,11 @@ def _recipe(section: Section, count: int, study: str, unit: str = "") -> Recipe 
         case "calculation":
             return _by_calculation(section, count, study)
         case "model":
-            return _by_model(section, count)
+            return by_model(section, count)
         case "problem":
-            return _by_problem(section, count)
+            return by_problem(section, count)
         case _:
             return _by_formula(section, count, unit, study)
-
-
-def _names(section: Section, key: str, count: int, known: Mapping[str, Any]) -> tuple[str, ...]:
-    """One name, or a list of as many as the claim prints; each of `known` where that is told."""
-    value = section.take(key)
-    names = [value] if isinstance(value, str) else section.names(key)
-    if names is None:
-        if value is None:
-            section.fault(key, "is missing: name what is to be compared with the printed value")
-        return ()
-    if count and len(names) != count:
-        section.fault(key, f"must name {count} as `printed` does, got {len(names)}")
-    for name in names:
-        if known and name not in known:
-            text = f'"{name}" is not computed{nearest(name, known)}; known: {", ".join(known)}'
-            section.fault(key, text)
-    return tuple(names)
 
 
 def _by_calculation(section: Section, count: int, study: str) -> Recipe | None:
@@ -85,113 +52,13 @@ def _by_calculation(section: Section, count: int, study: str) -> Recipe | None:
         section.known(["quantity", "parameters", "derivative"])
         return None
     known = {one.name: one.unit for one in kind.outputs}
-    names = _names(section, "quantity", count, known)
+    names = names_of(section, "quantity", count, known)
     parameters = read_parameters(section.section("parameters"), kind.parameters)
     if study and any(one.name == STUDY for one in kind.parameters):
         parameters.setdefault(STUDY, study)
+    for fault in kind().faults(kind().completed(parameters)):
+        section.fault(f"parameters.{fault.place}", fault.message)
     return ByCalculation(kind, tuple(parameters.items()), names, section.place("quantity"))
-
-
-def _configured(section: Section, keys: tuple[str, ...]) -> Configuration | None:
-    """The configuration that some keys of a reading are; its faults are placed in the reading."""
-    table = {key: section.take(key) for key in keys if key in section}
-    try:
-        return read_table(table, [])
-    except InputError as error:
-        for fault in error.faults:
-            section.fault(fault.place, fault.message)
-        return None
-
-
-MODEL_KEYS = ("model", "parameters", "variables", "effect")
-PROBLEM_KEYS = (
-    "problem", "parameters", "variables", "costs", "propagation", "limits", "grouping", "effect",
-)  # fmt: skip
-
-
-def _by_model(section: Section, count: int) -> Recipe | None:
-    found = _configured(section, MODEL_KEYS)
-    section.known(["at", "output", "statistic", "level", "threshold", "units", "derivative"])
-    if found is None:
-        return None
-    kind = registry.load("models", found.model_name)
-    at = _points(section.section("at"), kind)
-    drawn = section.integer("units", Range(low=2)) or 0
-    statistic = _statistic(section, drawn, max((len(one) for one in at.values()), default=1))
-    if kind.population and not drawn:
-        section.fault("units", f"is missing: {found.model_name} draws units; say how many")
-    names = _names(section, "output", count, {one.name: one.unit for one in kind.outputs})
-    recipe = ByModel(
-        found.model_name, kind, **arguments_of(found), effects=found.settings.effects, at=at,
-        outputs=names, statistic=statistic, drawn=drawn,
-    )  # fmt: skip
-    _tried(section, recipe.model)
-    return recipe
-
-
-def _points(section: Section, kind: Any) -> dict[str, tuple[float, ...]]:
-    """The operating points: one value for all, or lists of one length."""
-    found = {}
-    for column in kind.columns:
-        if column.text:
-            continue
-        if isinstance(section.take(column.name), list):
-            values = section.numbers(column.name)
-        else:
-            value = section.quantity(column.name, column.unit)
-            values = None if value is None else (value,)
-        if values:
-            found[column.name] = values
-        elif column.needed and column.name not in section:
-            section.fault(column.name, f"is missing: {column.meaning}")
-    section.finish()
-    lengths = {len(values) for values in found.values()} - {1}
-    if len(lengths) > 1:
-        section.fault("", f"has lists of different lengths: {sorted(lengths)}")
-    return found
-
-
-def _statistic(section: Section, drawn: int, rows: int) -> Statistic:
-    name = section.text("statistic", STATISTICS) or "value"
-    level = section.number("level", within=LEVEL)
-    threshold = section.number("threshold")
-    if name == "quantile" and "level" not in section:
-        section.fault("level", "is missing: the share of rows below the quantile")
-    if name.startswith("fraction") and "threshold" not in section:
-        section.fault("threshold", "is missing: the value, in the unit of the output")
-    if name == "value" and (drawn or rows > 1):
-        section.fault("statistic", f"is missing: there are {drawn or rows} rows; choose one of "
-                      f"{', '.join(STATISTICS[1:])}")  # fmt: skip
-    return Statistic(name, (level if name == "quantile" else threshold) or 0.0)
-
-
-def _by_problem(section: Section, count: int) -> Recipe | None:
-    found = _configured(section, PROBLEM_KEYS)
-    section.known(["reference", "design", "output", "derivative"])
-    if found is None or found.problem is None:
-        return None
-    problem = found.problem
-    known = {one.name: one.unit for one in problem.outputs}
-    names = _names(section, "output", count, known)
-    printed = problem.references()
-    label = section.text("reference", printed)
-    own = {v.name: v.document for v in problem.variables if v.document is not None} | problem.fixed
-    if label is not None and label in printed:
-        own |= dict(zip(problem.names, printed[label].tolist(), strict=True))
-    design = section.section("design")
-    for variable in problem.variables:
-        within = Range(variable.valid_low, variable.valid_high)
-        value = design.number(variable.name, variable.unit, within)
-        if value is not None:
-            own[variable.name] = value
-        elif variable.name not in own and variable.name not in design:
-            design.fault(variable.name, "is missing: no document prints it")
-    design.finish()
-    if len(own) < len(problem.variables):
-        return None
-    return ByProblem(
-        found.problem_name, problem, tuple(float(own[name]) for name in problem.names), names
-    )
 
 
 def _by_formula(section: Section, count: int, unit: str, study: str) -> Recipe | None:
@@ -231,7 +98,7 @@ def _terms(section: Section, study: str) -> dict[str, tuple[Recipe, str]]:
         recipe = _constant(own, unit or "1") if "value" in own else _term(own, study)
         own.finish()
         if recipe is not None and unit:
-            _convertible(own, recipe, unit)
+            convertible(own, recipe, unit)
             found[name] = (recipe, unit)
     return found
 
@@ -264,47 +131,5 @@ def _derived(section: Section, recipe: Recipe | None) -> Recipe | None:
         return None
     derived = Derivative(recipe, name, step)
     for sign in (-1.0, 1.0):
-        _tried(own, partial(recipe.shifted, name, sign * step))
+        tried(own, partial(recipe.shifted, name, sign * step))
     return derived
-
-
-def _tried(section: Section, build: Callable[[], object]) -> None:
-    """Report what is wrong with something that can only be told by building it."""
-    try:
-        build()
-    except InputError as error:
-        for fault in error.faults:
-            section.fault(fault.place, fault.message)
-
-
-def _convertible(section: Section, recipe: Recipe, unit: str) -> None:
-    """Report values whose unit, as far as it is known, cannot be stated in that of the claim."""
-    for own in _units(recipe):
-        try:
-            converted(1.0, "" if own == "1" else own, "" if unit == "1" else unit)
-        except ValueError as error:
-            section.fault("", f"{recipe.by}: {error}")
-
-
-def _units(recipe: Recipe) -> tuple[str, ...]:
-    """Units of the values of a recipe, those that are known before it computes."""
-    match recipe:
-        case Derivative():
-            per = recipe.recipe.unit_of(recipe.name) or "1"
-            return tuple(one if per == "1" else f"({one})/({per})" for one in _units(recipe.recipe))
-        case Constant():
-            return (recipe.unit,)
-        case ByCalculation():
-            known = {one.name: one.unit for one in recipe.kind.outputs}
-            return tuple(known[name] or "1" for name in recipe.quantities if name in known)
-        case ByModel():
-            outputs = {one.name: one.unit for one in recipe.kind.outputs}
-            return tuple(
-                recipe.statistic.unit(outputs[name]) or "1" for name in recipe.outputs
-                if name in outputs
-            )  # fmt: skip
-        case ByProblem():
-            units = {one.name: one.unit for one in recipe.problem.outputs}
-            return tuple(units[name] or "1" for name in recipe.outputs if name in units)
-        case _:
-            return ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from html import escape
 
 import pandas as pd
@@ -64,7 +64,7 @@ def _document(one: Document, claims: pd.DataFrame) -> str:
     return section(f"Document {one.name}: {one.title}", about + table(frame, marks))
 
 
-def _printed(row: dict[object, object]) -> str:
+def _printed(row: Mapping[Hashable, object]) -> str:
     values = row["printed"]
     assert isinstance(values, list)
     if row["printed_as"]:

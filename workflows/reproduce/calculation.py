@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...declarations import Output, Parameter, Value
+from ...errors import Fault
 from ...records import Chart, ComputedTable
 
 __all__ = ["Calculation", "Chart", "Computed", "ComputedTable", "Quantity"]
@@ -53,6 +54,13 @@ class Calculation(ABC):
     def completed(self, values: Mapping[str, Value]) -> dict[str, Value]:
         """All parameters by name; those left out have their defaults."""
         return {one.name: one.default for one in self.parameters} | dict(values)
+
+    def faults(self, values: Mapping[str, Value]) -> list[Fault]:
+        """What is wrong with all parameters together, before anything is computed.
+
+        The place of a fault is the name of a parameter.
+        """
+        return []
 
     @abstractmethod
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:

@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterable
 from importlib.metadata import version
 from pathlib import Path
 
-from ...errors import RunError
+from ...errors import RunError, refuse
 from ..study.execution import Executor
 from ..study.execution.executor import Lost
 from .plan import ClaimsProgress, ReproduceOutcome, ReproducePlan
 from .result import assembled, lines
-from .storage import clear, keep, kept
+from .storage import clear, holds_another, keep, kept
 from .task import Checked, ClaimTask, check
 from .write import remove, write
 
@@ -32,11 +32,13 @@ def reproduce(
     """Check every claim of `plan` that `out` does not have, then write the files.
 
     The files do not depend on the executor or on breaks. An interrupt leaves what has been checked.
-    Raises RunError or ModelError where a claim cannot be computed.
+    Raises RunError or ModelError where a claim cannot be computed, InputError where `out` holds
+    something else that --resume cannot go on with.
     """
     tasks = tuple(tasks_of(plan))
-    if not resume:
-        clear(out)
+    if resume and holds_another(out):
+        raise refuse("--resume", f"{out} holds no claims: name the directory of a reproduction")
+    clear(out, tasks if resume else ())
     remove(out)
     known = {task.key: found for task in tasks if (found := kept(out, task)) is not None}
     begin = len(known)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -43,10 +43,17 @@ def kept(folder: Path, task: ClaimTask) -> Checked | None:
     return Checked(_read_verdict(found["verdict"]), tables)
 
 
-def clear(folder: Path) -> None:
-    """Remove every checked claim."""
+def clear(folder: Path, tasks: Iterable[ClaimTask] = ()) -> None:
+    """Remove every checked claim but those of `tasks`."""
+    kept_ = {_path(folder, task) for task in tasks}
     for path in (folder / FOLDER).glob("*.json"):
-        path.unlink()
+        if path not in kept_:
+            path.unlink()
+
+
+def holds_another(folder: Path) -> bool:
+    """Whether a directory holds something, and that is no reproduction."""
+    return folder.is_dir() and any(folder.iterdir()) and not (folder / FOLDER).is_dir()
 
 
 def _path(folder: Path, task: ClaimTask) -> Path:

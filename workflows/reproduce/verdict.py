@@ -73,7 +73,8 @@ def outcome(claim: Claim, reading: Reading, quantities: Sequence[Quantity]) -> O
 def verdict(claim: Claim, outcomes: Sequence[Outcome]) -> Verdict:
     """The verdict: the first reading that holds decides; one that states nothing is the literal."""
     if not outcomes:
-        return Verdict(Word.CANNOT_BE_CHECKED, f"{claim.lost}; nothing can be recomputed")
+        parts = [claim.lost, "nothing can be recomputed", *filter(None, [claim.why])]
+        return Verdict(Word.CANNOT_BE_CHECKED, "; ".join(parts))
     shown = next((at for at, one in enumerate(outcomes) if one.holds), None)
     if shown is None:
         word, shown = Word.NOT_REPRODUCED, 0

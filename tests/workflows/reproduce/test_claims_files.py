@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -20,6 +21,14 @@ printed = "0.8125"
 unit = "1"
 [[claim.reading]]
 formula = "1.3 * 40 / 64"
+"""
+
+
+STUDY = """algorithm.population,replicate,status,gap_percent,evaluations_to_99
+80,0,done,0.1,100
+80,1,done,0.2,100
+20,0,done,0.3,100
+20,1,done,0.4,100
 """
 
 
@@ -144,6 +153,11 @@ FAULTS = {
                 "parameters = { crank_bearing_um = -1.0 }", unit="arcmin"),
         "reading[0].parameters.crank_bearing_um: must lie in [0, 1000], got -1",
     ),
+    "setting out of range": (
+        reading('calculation = "ga_settings"\nquantity = "seeds"\n'
+                'parameters = { setting = "mutation", a = 1.5, b = 0.1 }'),
+        "reading[0].parameters.a: a probability must lie in [0, 1], got 1.5",
+    ),
     "units missing": (
         reading('model = "rv_batch"\noutput = "backlash_arcmin"\nstatistic = "mean"', "arcmin"),
         "reading[0].units: is missing: rv_batch draws units; say how many",
@@ -219,10 +233,13 @@ def test_all_faults_of_all_files_at_once(tmp_path: Path) -> None:
 
 def test_seed_and_study_may_be_set(tmp_path: Path) -> None:
     text = reading('calculation = "ga_settings"\nquantity = "seeds"')
-    plan = read_claims([file(tmp_path, text)], ["seed=7", "study=runs/x"])
+    (tmp_path / "study.csv").write_text(STUDY, encoding="utf-8")
+    plan = read_claims([file(tmp_path, text)], ["seed=7", f"study={tmp_path}"])
     assert plan.sources[0].file.seed == 7
     recipe = plan.sources[0].file.claims[0].readings[0].recipe
-    assert dict(getattr(recipe, "parameters")) == {"study": "runs/x"}  # noqa: B009
+    assert recipe.found(np.random.default_rng(0)).quantities[0].value == 2.0
+    with pytest.raises(InputError, match=r"parameters.study: .* does not exist: name the dir"):
+        read_claims([file(tmp_path, text)], ["study=nowhere"])
     with pytest.raises(InputError, match="sead: is not a known key"):
         read_claims([file(tmp_path, text)], ["sead=7"])
 

@@ -221,6 +221,15 @@ def test_only_what_has_not_changed_is_kept(
     assert len(everything.names) == 5
 
 
+def test_another_directory_is_not_gone_on_with(paper: Path, tmp_path: Path) -> None:
+    (tmp_path / "g").mkdir()
+    (tmp_path / "g" / "front.csv").write_text("cost\n", encoding="utf-8")
+    found = tolevo("reproduce", paper, "--out", tmp_path / "g", "--resume", "--workers", 1)
+    assert found.exit_code == 2
+    assert "holds no claims" in found.stderr
+    assert [path.name for path in (tmp_path / "g").iterdir()] == ["front.csv"]
+
+
 def test_a_model_that_fails_names_its_claim(paper: Path) -> None:
     paper.write_text(PAPER.replace("1.3 * 40 / 64", "1 / 0"), encoding="utf-8")
     found = tolevo("reproduce", paper, "--out", paper.parent / "f", "--workers", 1)

@@ -97,10 +97,10 @@ def test_chance_is_told_where_it_may_turn_the_verdict(error: float, told: bool) 
 
 
 def test_lost_data_cannot_be_checked() -> None:
-    claim = replace(PLAIN, lost="the table is cut off")
+    claim = replace(PLAIN, lost="the table is cut off", why="a copy")
     found = check(ClaimTask("k", 0, 0, claim, 0)).verdict
     assert (found.word, found.outcome) == (Word.CANNOT_BE_CHECKED, None)
-    assert "the table is cut off" in found.reason
+    assert found.reason == "the table is cut off; nothing can be recomputed; a copy"
 
 
 def test_values_are_brought_to_the_unit_of_the_claim() -> None:

@@ -15,7 +15,7 @@ from ....algorithms.nsga2 import NSGA2
 from ....algorithms.settings import Budget, Crossover, Mutation
 from ....algorithms.watched import watch
 from ....declarations import Output, Parameter, Value, number
-from ....errors import refuse
+from ....errors import Fault, InputError, raise_all, refuse
 from ....problems.pose_accuracy import PoseAccuracy
 from ....problems.settings import Settings
 from ....records import Axis
@@ -63,8 +63,20 @@ class GaSettings(Calculation):
         Output("seeds", "1", "number of seeds"),
     )  # fmt: skip
 
+    def faults(self, values: Mapping[str, Value]) -> list[Fault]:
+        found = [] if values["study"] else [
+            fault for name in "ab" for fault in _misplaced(str(values["setting"]), name, values)
+        ]  # fmt: skip
+        try:
+            if values["study"]:
+                _of_study(values)
+        except InputError as error:
+            found += error.faults
+        return found
+
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         own = self.completed(values)
+        raise_all(self.faults(own))
         a, b = _of_study(own) if own["study"] else _own_runs(own, rng)
         return Computed(_quantities(a, b), (_table(own, a, b),))
 
@@ -109,13 +121,19 @@ def _own_runs(own: Mapping[str, Value], rng: np.random.Generator) -> tuple[Array
     return a, b
 
 
+def _misplaced(setting: str, name: str, values: Mapping[str, Value]) -> list[Fault]:
+    """What is wrong with the value `name` of a setting."""
+    value = number(values[name])
+    if setting == "population" and (value < 2 or value != int(value)):
+        return [Fault(name, f"a population must be a whole number from 2, got {value:g}")]
+    if setting != "population" and value > 1.0:
+        return [Fault(name, f"a probability must lie in [0, 1], got {value:g}")]
+    return []
+
+
 def _settings(setting: str, value: float) -> NSGA2:
     if setting == "population":
-        if value < 2 or value != int(value):
-            raise refuse("parameters", f"a population must be a whole number from 2, got {value:g}")
         return replace(BASE, population=int(value))
-    if not 0.0 <= value <= 1.0:
-        raise refuse("parameters", f"a probability must lie in [0, 1], got {value:g}")
     if setting == "crossover":
         return replace(BASE, crossover=Crossover(probability=value))
     return replace(BASE, mutation=Mutation(probability=value))
@@ -132,24 +150,29 @@ def _run(
     return (np.inf if np.isnan(gap) else gap), (np.inf if np.isnan(reached) else reached)
 
 
-def _of_study(own: Mapping[str, Value]) -> tuple[Array, Array]:
-    """Runs (seeds, responses) of both settings in a study, paired by all else that it varies."""
+def _study_table(own: Mapping[str, Value]) -> pd.DataFrame:
+    """The finished runs of a study. Raises InputError where it has not what is asked for."""
     path = Path(str(own["study"])) / "study.csv"
     if not path.is_file():
         raise refuse("study", f"{path} does not exist: name the directory of a finished study")
     table = pd.read_csv(path)
-    key = KEYS[str(own["setting"])]
-    missing = [name for name in (key, *RESPONSES) if name not in table]
+    missing = [name for name in (KEYS[str(own["setting"])], *RESPONSES) if name not in table]
     if missing:
         raise refuse("study", f"{path} has no {', '.join(missing)}: vary and measure it there")
+    return table[table["status"] == "done"]
+
+
+def _of_study(own: Mapping[str, Value]) -> tuple[Array, Array]:
+    """Runs (seeds, responses) of both settings in a study, paired by all else that it varies."""
+    table, key = _study_table(own), KEYS[str(own["setting"])]
     others = [name for name in KEYS.values() if name in table and name != key]
-    done = table[table["status"] == "done"]
-    sides = [done[np.isclose(done[key], number(own[name]))] for name in "ab"]
+    table = table.drop_duplicates([key, *others, "replicate"])  # one setting may be run twice
+    sides = [table[np.isclose(table[key], number(own[name]))] for name in "ab"]
     both = sides[0].merge(sides[1], on=[*others, "replicate"], suffixes=("_a", "_b"))
     if len(both) < 2:
         levels = ", ".join(f"{one:g}" for one in sorted(table[key].unique()))
-        raise refuse("study", f"{path} has no two runs of {key} = {own['a']} and {own['b']} alike "
-                     f"in all else; it has {levels}")  # fmt: skip
+        raise refuse("study", f"{own['study']} has no two runs of {key} = {own['a']} and "
+                     f"{own['b']} alike in all else; it has {levels}")  # fmt: skip
     a, b = (both[[f"{name}_{side}" for name in RESPONSES]].fillna(np.inf).to_numpy(dtype=float)
             for side in "ab")  # fmt: skip
     return a, b

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ....declarations import Output, Value
 from ....models.manipulator import declared
 from ....models.manipulator.indices import INDICES, grid, sensitivity
-from ....models.manipulator.maps import first_order
+from ....models.manipulator.maps import Maps, first_order
 from ....models.manipulator.sources import NAMES, matrix, orientation_combinations, position_sources
 from ....problems.pose_accuracy.grouping import NINE
 from ....records import Axis
 from ....units import MM, MRAD
 from ..calculation import Calculation, Computed, ComputedTable, Quantity
 
+Array = NDArray[np.float64]
 POSES = 9
 """Poses per axis at which the maps are looked at."""
 NOTHING = 1e-9
@@ -59,47 +61,55 @@ class ManipulatorSources(Calculation):
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         own = self.completed(values)
         machine, ring = declared.manipulator(own), declared.task_ring(own)
-        turning, moving = orientation_combinations(), position_sources()
-        maps = first_order(machine, *grid(ring, POSES))
-        turn = maps.orientation @ matrix(turning)
-        size = np.abs(turn).max(axis=(0, 1))
-        moved = np.abs(maps.position[:, :, [NAMES.index(name) for name in moving]])
-        rank = np.linalg.matrix_rank(turn.reshape(-1, len(turning)))
+        turning = orientation_combinations()
         names = list(turning)
-        squareness = np.hypot(turn[:, 0], turn[:, 1]).max(axis=0)
-        third = [at for at, name in enumerate(names) if "_3" in name]
+        maps = first_order(machine, *grid(ring, POSES))
         index = str(own["index"])
         mean = index if index in INDICES else INDICES[0]
         weight = sensitivity(machine, ring, mean, turning)
-        slopes = {name: (weight.squareness[at], weight.yaw[at]) for at, name in enumerate(names)}
-        at = names.index("joint_distance_1"), names.index("joint_distance_3")
-        found = {
-            "orientation_sources": len(turning),
-            "orientation_acting": np.sum(size > NOTHING * size.max()),
-            "orientation_rank": rank,
-            "position_sources": len(moving),
-            "position_acting": np.sum(moved.max(axis=(0, 1)) > NOTHING * moved.max()),
-            "kinds": len(NINE),
-            "chain_3_squareness": squareness[third].max() / squareness.max(),
-            "joint_distance_3": size[at[1]] / size[at[0]],
-        }
-        quantities = {name: Quantity(float(one), "1") for name, one in found.items()}
-        for name, chain, part in (
-            ("rod_length_1_squareness", 1, 0), ("rod_length_1_yaw", 1, 1),
-            ("rod_length_3_yaw", 3, 1),
-        ):  # fmt: skip
-            per = float(slopes[f"rod_length_{chain}"][part]) * MM / MRAD
-            quantities[name] = Quantity(per, "mrad/mm")
-        effect = np.array([slopes[name] for name in names]) * _steps(names)[:, None] / MRAD
-        quantities |= _ranking(names, effect)
-        return Computed(quantities, (_table(names, effect),))
+        slopes = np.stack([weight.squareness, weight.yaw], axis=1)  # per metre or radian
+        effect = slopes * _steps(names)[:, None] / MRAD
+        found = _counts(maps, names) | _slopes(names, slopes) | _ranking(names, effect)
+        return Computed(found, (_table(names, effect),))
 
 
-def _steps(names: list[str]) -> np.ndarray:
+def _counts(maps: Maps, names: list[str]) -> dict[str, Quantity]:
+    """How many sources there are, how many act, and what chain 3 does not do."""
+    moving = position_sources()
+    turn = maps.orientation @ matrix(orientation_combinations())
+    size = np.abs(turn).max(axis=(0, 1))
+    moved = np.abs(maps.position[:, :, [NAMES.index(name) for name in moving]]).max(axis=(0, 1))
+    squareness = np.hypot(turn[:, 0], turn[:, 1]).max(axis=0)
+    third = [at for at, name in enumerate(names) if "_3" in name]
+    first, last = (names.index(f"joint_distance_{chain}") for chain in (1, 3))
+    found = {
+        "orientation_sources": len(names),
+        "orientation_acting": np.sum(size > NOTHING * size.max()),
+        "orientation_rank": np.linalg.matrix_rank(turn.reshape(-1, len(names))),
+        "position_sources": len(moving),
+        "position_acting": np.sum(moved > NOTHING * moved.max()),
+        "kinds": len(NINE),
+        "chain_3_squareness": squareness[third].max() / squareness.max(),
+        "joint_distance_3": size[last] / size[first],
+    }
+    return {name: Quantity(float(one), "1") for name, one in found.items()}
+
+
+def _slopes(names: list[str], slopes: Array) -> dict[str, Quantity]:
+    """Squareness and yaw per relative rod length."""
+    places = {"rod_length_1_squareness": (1, 0), "rod_length_1_yaw": (1, 1),
+              "rod_length_3_yaw": (3, 1)}  # fmt: skip
+    return {
+        name: Quantity(float(slopes[names.index(f"rod_length_{chain}"), at]) * MM / MRAD, "mrad/mm")
+        for name, (chain, at) in places.items()
+    }
+
+
+def _steps(names: list[str]) -> Array:
     return np.array([ANGLE if name.startswith("joint_line") else LENGTH for name in names])
 
 
-def _ranking(names: list[str], effect: np.ndarray) -> dict[str, Quantity]:
+def _ranking(names: list[str], effect: Array) -> dict[str, Quantity]:
     """Place and lead of the relative rod length, each kind by its largest source."""
     found = {}
     for column, output in enumerate(("squareness", "yaw")):
@@ -112,7 +122,7 @@ def _ranking(names: list[str], effect: np.ndarray) -> dict[str, Quantity]:
     return found
 
 
-def _table(names: list[str], effect: np.ndarray) -> ComputedTable:
+def _table(names: list[str], effect: Array) -> ComputedTable:
     return ComputedTable(
         "effects",
         "Effect of 10 um or 0.1 mrad of each orientation source, mean over the task ring",
