@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ...declarations import Kind, Output, Parameter, Value, Variable, number
+from ...models.costs import CostCurve
 from ...models.rv_reducer import declared as reducer
 from ...models.rv_reducer.contact import declared as contact
 from ...models.rv_reducer.contact.contact import LoadedContact
@@ -56,6 +57,8 @@ OUTPUTS: tuple[Output, ...] = (
            larger_is_better=True),
 )  # fmt: skip
 
+COSTS: Mapping[str, CostCurve] = {}
+"""Nothing costs: both modifications are ground in one pass."""
 DEFAULT_LIMITS = {
     "dr_rp_mm": Bound(high=0.0),
     "dr_p_mm": Bound(high=0.0),

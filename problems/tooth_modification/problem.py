@@ -38,7 +38,7 @@ class ToothModification(ToleranceProblem):
     parameters = declared.PARAMETERS
     variables = declared.VARIABLES
     outputs = declared.OUTPUTS
-    default_costs = {}  # noqa: RUF012 - nothing costs: both modifications are ground in one pass
+    default_costs = declared.COSTS
     default_limits = declared.DEFAULT_LIMITS
     default_objectives = declared.DEFAULT_OBJECTIVES
     default_model = "rv_transmission"
@@ -117,12 +117,17 @@ class ToothModification(ToleranceProblem):
         return ideal, np.maximum(values.max(axis=1), ideal + 1e-12)
 
     def _corners(self) -> Array:
-        """Ends of the line of least radial gap: no backlash by the formula, and no equidistance."""
+        """Ends of the line of least radial gap: no backlash by the formula, and no equidistance.
+
+        Without a gap both are the unmodified profile: then those of the largest shift as well.
+        """
         gap = max(0.0, float(self.settings.limits["radial_gap_mm"].low))
-        gap = gap if np.isfinite(gap) else 0.0
-        tight = np.array(modification.zero_backlash_pair(self.geometry, gap * MM)) / MM
-        rows = np.stack([tight, [0.0, -gap]])
         ends = np.array([super(ToothModification, self).interval(name) for name in self.names])
+        largest = -ends[1, 0]
+        gaps = [gap] if gap > 0.0 else [0.0, largest * (1.0 - self.geometry.flank)]
+        pairs = [modification.zero_backlash_pair(self.geometry, one * MM) for one in gaps]
+        tight = np.array(pairs) / MM
+        rows = np.vstack([tight, [[0.0, -one] for one in gaps]])
         return np.asarray(np.clip(rows, ends[:, 0], ends[:, 1]))
 
     # ---------------------------------------------------------------- faults

@@ -20,7 +20,9 @@ from tolevo.models.rv_reducer.zone_optimum import (
 from tolevo.units import ARCMIN
 
 UNIT = 2.0 / 0.0507
-BOUNDS = {error: (-(1.0 + at) * 1e-6, (2.0 + 0.5 * at) * 1e-6) for at, error in enumerate(ERRORS)}
+BOUNDS: dict[str, tuple[float, float]] = {
+    error: (-(1.0 + at) * 1e-6, (2.0 + 0.5 * at) * 1e-6) for at, error in enumerate(ERRORS)
+}
 
 
 def by_the_model(errors: dict[str, float]) -> float:
@@ -78,7 +80,7 @@ def test_no_point_of_the_box_is_below_the_bound(quadratic: float) -> None:
 
 def test_the_eccentricity_law_is_not_even() -> None:
     """-0.055 d falls with d: of equal ends the upper one adds less; -9 um adds -0.53 um."""
-    even = dict.fromkeys(ERRORS, (-4e-6, 4e-6))
+    even: dict[str, tuple[float, float]] = dict.fromkeys(ERRORS, (-4e-6, 4e-6))
     assert least(stage(), even).errors["eccentricity"] == 4e-6
     assert least(stage(), even | {"eccentricity": (-9e-6, 4e-6)}).errors["eccentricity"] == -9e-6
 

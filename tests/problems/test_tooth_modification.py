@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.errors import PartErrors
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
 from tolevo.models.rv_reducer.contact.performance import backlash, loading, rigidity
-from tolevo.problems.settings import Settings
+from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.tooth_modification import ToothModification
 from tolevo.testing import ProblemContract
 from tolevo.units import ARCMIN
@@ -29,7 +28,7 @@ def outputs(*pairs: tuple[float, float], **parameters: Value) -> dict[str, Array
 
 
 class TestToothModification(ProblemContract):
-    problem_type: ClassVar[type[ToothModification]] = ToothModification
+    problem_type = ToothModification
 
 
 def test_printed_optimum_is_that_of_section_4() -> None:
@@ -105,6 +104,15 @@ def test_front_lies_where_the_radial_gap_is_least() -> None:
     assert kept.sum() > 15
     line = np.argsort(f[kept, 0])
     assert np.all(np.diff(f[kept][line, 1]) < 0.0)
+
+
+@pytest.mark.parametrize("gap", [0.0, -np.inf])
+def test_box_without_a_radial_gap(gap: float) -> None:
+    """The unmodified profile is best in both; the worst ends have the largest shift."""
+    ideal, nadir = ToothModification(Settings(limits={"radial_gap_mm": Bound(low=gap)})).box()
+    best = outputs((0.0, 0.0))
+    assert ideal == pytest.approx([0.0, best["peak_mesh_force_N"][0]], abs=1e-6)
+    assert np.all(nadir > [3.0, 1300.0])
 
 
 def test_references_are_the_printed_optimum_and_the_pair_without_backlash() -> None:
