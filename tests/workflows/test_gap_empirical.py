@@ -44,8 +44,10 @@ def test_bump_is_found_where_it_is() -> None:
                          made(4.0 * np.exp(-(((x - 200.0) / 60.0) ** 2)), x))  # fmt: skip
     assert found is not None
     level, height, middle, width = map(float, found.groups())
-    assert (level, height) == (pytest.approx(0.0, abs=0.2), pytest.approx(4.0, abs=0.7))
-    assert (middle, width) == (pytest.approx(200.0, abs=20.0), pytest.approx(60.0, abs=20.0))
+    assert level == pytest.approx(0.0, abs=0.2)
+    assert height == pytest.approx(4.0, abs=0.7)
+    assert middle == pytest.approx(200.0, abs=20.0)
+    assert width == pytest.approx(60.0, abs=20.0)
 
 
 def test_saturation_is_odd() -> None:
