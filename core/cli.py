@@ -19,6 +19,7 @@ from .errors import Fault, InputError, TolevoError, raise_all
 if TYPE_CHECKING:
     from .configuration import Configuration
     from .workflows.gap import GapPlan
+    from .workflows.gap.data import GapData
     from .workflows.reproduce.plan import ReproducePlan
     from .workflows.study import StudyPlan
 
@@ -97,26 +98,44 @@ def gap(
     with _exit_status():
         faults = directory_faults(out, overwrite or resume)
         faults += choice_faults(workers, resume, overwrite)
-        if not data.exists():
-            faults.append(Fault(str(data), "does not exist"))
-        plan = _collected(lambda: _gap_plan(config, set_), faults)
-        raise_all(faults)
-        from .workflows.gap.gap import gap as analysed
-
-        say = None if quiet else (lambda text: typer.echo(text, err=True))
-        outcome = analysed(plan, data, out, workers, say, resume)
-        for line in outcome.lines:
-            typer.echo(line)
+        plan, readings = _gap_input(config, data, set_, faults)
+        status = _gap(plan, readings, out, workers, quiet, resume)
+    raise typer.Exit(status)
 
 
-def _gap_plan(config: Path, settings: list[str]) -> GapPlan:
-    """A gap analysis; its extra packages are asked for first."""
+def _gap_input(
+    config: Path, data: Path, settings: list[str], faults: list[Fault]
+) -> tuple[GapPlan, GapData]:
+    """The analysis and its data; the faults of both, and those found before, are raised at once.
+
+    Its extra packages are asked for first.
+    """
     from .registry import needed
 
     raise_all(needed("gap"))
-    from .configuration.gap import read_gap
+    from .configuration.gap import gap_plan
+    from .workflows.gap.read import checked
 
-    return read_gap(config, settings)
+    plan, found = gap_plan(config, settings)
+    readings, more = checked(plan, data)
+    raise_all([*found, *faults, *more])
+    assert plan is not None
+    assert readings is not None
+    return plan, readings
+
+
+def _gap(plan: GapPlan, data: GapData, out: Path, workers: int, quiet: bool, resume: bool) -> int:
+    from .progress import shown_gap
+    from .workflows.gap.gap import gap
+
+    with shown_gap(quiet) as progress:
+        outcome = gap(plan, data, out, workers, progress, resume)
+    for line in outcome.lines:
+        typer.echo(line, err=outcome.status != "done")
+    page = out / "report.html"
+    if outcome.status == "done" and page.is_file():
+        typer.echo(f"page: {page}")
+    return STATUS[outcome.status]
 
 
 def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, resume: bool) -> int:
@@ -272,7 +291,8 @@ def simulate(
 
         name, effects = configuration.model_name, configuration.settings.effects
         model, seed = build_model(configuration), configuration.seed
-        _, notes = simulate(model, inputs, out, seed, name, effects)
+        zero = configuration.settings.zero
+        _, notes = simulate(model, inputs, out, seed, name, effects, zero)
         for note in () if quiet else notes:
             typer.echo(f"note: {note}", err=True)
         typer.echo(f"written: {out}")
