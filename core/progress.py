@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 if TYPE_CHECKING:
     from .algorithms.search import Progress
     from .workflows.gap.progress import GapProgress
+    from .workflows.reproduce.plan import ClaimsProgress
     from .workflows.study.plan import StudyProgress
 
 State = TypeVar("State")
@@ -72,6 +73,17 @@ def gap_fraction(progress: GapProgress) -> float | None:
     return progress.done / progress.total if progress.total else None
 
 
+def describe_claims(progress: ClaimsProgress) -> str:
+    """Claims checked, and which one was the last."""
+    told = f"claims {progress.done}/{progress.total} checked, {progress.seconds:.0f} s"
+    return f"{told}, {progress.note}" if progress.note else told
+
+
+def claims_fraction(progress: ClaimsProgress) -> float | None:
+    """Share of the claims that have been checked."""
+    return progress.done / progress.total if progress.total else None
+
+
 @contextmanager
 def shown(quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
     """A function to call with every `Progress`, or None where nothing is to be shown."""
@@ -90,6 +102,13 @@ def shown_study(quiet: bool) -> Iterator[Callable[[StudyProgress], None] | None]
 def shown_gap(quiet: bool) -> Iterator[Callable[[GapProgress], None] | None]:
     """A function to call with every `GapProgress`, or None where nothing is to be shown."""
     with _shown(quiet, describe_gap, gap_fraction, lambda progress: progress.phase) as update:
+        yield update
+
+
+@contextmanager
+def shown_claims(quiet: bool) -> Iterator[Callable[[ClaimsProgress], None] | None]:
+    """A function to call with every `ClaimsProgress`, or None where nothing is to be shown."""
+    with _shown(quiet, describe_claims, claims_fraction) as update:
         yield update
 
 

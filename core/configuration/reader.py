@@ -11,6 +11,8 @@ from ..declarations import Value
 from ..errors import Fault, InputError, raise_all
 from ..problems.settings import Settings, VariableSetting
 from ..section import Range, Section
+from ..workflows.choice.steps import rounding_faults
+from .choice import read_choice, resolved_choice
 from .configuration import Configuration
 from .costs import check_ends, read_costs
 from .effects import read_effects, resolved_effects
@@ -26,7 +28,8 @@ from .variables import mid_parameter, read_variable
 from .zero import read_zero, resolved_zero
 
 REFERENCES = ("documents", "none")
-PROBLEM_ONLY = ("references", "costs", "propagation", "objectives", "limits", "algorithm")
+PROBLEM_ONLY = ("references", "costs", "propagation", "objectives", "limits", "algorithm", "choice",
+                "rounding")  # fmt: skip
 
 
 def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
@@ -75,10 +78,11 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     budget = read_budget(section)
     name, algorithm = read_algorithm(section, len(objectives))
     engine = read_engine(section, name, algorithm)
+    choice = read_choice(top, objectives, kind.outputs, kind.variables)
     top.finish()
     raise_all(faults)
     problem = kind(settings)
-    raise_all(problem.faults())
+    raise_all([*problem.faults(), *rounding_faults(problem, choice)])
     assert algorithm is not None
     resolved = {
         "problem": top.take("problem"),
@@ -89,6 +93,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         "algorithm": resolved_algorithm(name, algorithm, budget, engine),
         **resolved_zero(zero),
         **resolved_effects(settings.effects),
+        **resolved_choice(choice),
     }
     return Configuration(
         model_name=model_name,
@@ -100,6 +105,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         algorithm=algorithm,
         engine=engine,
         budget=budget,
+        choice=choice,
         resolved=resolved,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 
@@ -26,6 +27,7 @@ from tolevo.gap_records import (
 from tolevo.records import Axis
 from tolevo.reports.drawing import as_png, as_svg
 from tolevo.reports.gap import figures, gap_page
+from tolevo.workflows.page_data import dumped, loaded
 
 EVIL = '<script>alert("x")</script>'
 
@@ -233,3 +235,18 @@ def test_same_bytes_every_time(result: GapResult) -> None:
     for figure, again in zip(figures(result).values(), figures(result).values(), strict=True):
         assert as_svg(figure) == as_svg(again)
         assert as_png(figure)[:4] == b"\x89PNG"
+
+
+def test_the_page_is_built_again_from_what_is_stored(result: GapResult) -> None:
+    again, bad = loaded(GapResult, json.loads(dumped(result)))
+    assert bad == []
+    assert gap_page(again) == gap_page(result)
+
+
+def test_what_is_missing_in_the_stored_page_is_named(result: GapResult) -> None:
+    content = json.loads(dumped(result))
+    del content["fields"]["notes"]
+    content["fields"]["title"] = 3
+    again, bad = loaded(GapResult, content)
+    assert sorted(bad) == ["notes", "title"]
+    assert again.notes == ()

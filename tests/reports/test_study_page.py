@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +13,7 @@ from tests.reports.html import parsed
 from tolevo.records import Recommendation, Response, StudyResult, Varied, Verdict
 from tolevo.reports.drawing import as_png, as_svg
 from tolevo.reports.study import figures, study_page
+from tolevo.workflows.page_data import dumped, loaded
 
 EVIL = '<script>alert("x")</script>'
 NAN = float("nan")
@@ -134,3 +136,18 @@ def test_sensitivities_stand_with_their_intervals(result: StudyResult) -> None:
     np.testing.assert_allclose(share.lines[0].get_xdata().tolist(), [0.8, 0.0])
     ends = [one[:, 0].tolist() for one in share.lines[2][0].get_segments()]
     np.testing.assert_allclose(ends, [[0.6, 0.9], [-0.1, 0.1]])
+
+
+def test_the_page_is_built_again_from_what_is_stored(result: StudyResult) -> None:
+    again, bad = loaded(StudyResult, json.loads(dumped(result)))
+    assert bad == []
+    assert study_page(again) == study_page(result)
+
+
+def test_what_is_missing_in_the_stored_page_is_named(result: StudyResult) -> None:
+    content = json.loads(dumped(result))
+    del content["fields"]["notes"]
+    content["fields"]["title"] = 3
+    again, bad = loaded(StudyResult, content)
+    assert sorted(bad) == ["notes", "title"]
+    assert again.notes == ()

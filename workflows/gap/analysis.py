@@ -196,7 +196,7 @@ def _beside_scatter(
     """The names once more beside what changes the scatter: a mixture moves the mean itself."""
     ground, before = bare, found
     batch = bare.batch
-    wider = scatter(batch, found.fit)
+    wider = _beside_any(bare, found.fit)
     for _ in range(ROUNDS if wider else 0):
         ground = bare.with_scatter(wider[0])
         names, found = found.fit.names, select(ground.search)
@@ -212,6 +212,24 @@ def _beside_scatter(
         found = beside(ground.search, before, found, best.candidate.name, best.gain, best.threshold,
                        best.held_out)  # fmt: skip
     return ground, found, wider
+
+
+def _beside_any(bare: Ground, fit: Fit) -> tuple[Scatter, ...]:
+    """What changes the scatter beside all names, all but one, or none: where that is likeliest.
+
+    A name that took the mean of a mixture for its own hides the mixture.
+    """
+    if not bare.setup.laws:
+        return ()
+    fewer = [fit.without(at) for at in range(len(fit.members))]
+    tried = [fit, *(bare.search.fitter.fit(one) for one in fewer)]
+    tried += [bare.empty] if len(fewer) > 1 else []
+    best: tuple[float, tuple[Scatter, ...]] = (bare.batch.plain(fit), ())
+    for one in tried:
+        found = scatter(bare.batch, one)
+        score = found[0].score + bare.batch.price(one) if found else np.inf
+        best = min(best, (score, found), key=lambda pair: pair[0])
+    return best[1]
 
 
 def searching(

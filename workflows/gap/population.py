@@ -115,6 +115,19 @@ class Batch:
                  if not one.candidate.unread and _same(book.raw.of(at))]  # fmt: skip
         return tuple(one.name for one in sorted(found, key=lambda e: e.family == INSTRUMENT))
 
+    def price(self, fit: Fit) -> float:
+        """Of the numbers of what moves single units."""
+        moving = [one.candidate for one in fit.members if one.name not in self.levels]
+        return sum(one.price(self.search.fitter.penalty) for one in moving)
+
+    def plain(self, fit: Fit) -> float:
+        """The score of a fit without an effect on the scatter."""
+        units = self.units(fit)
+        moved = any(name in self.levels for name in fit.names)
+        x = units.centred if moved else units.x
+        level = float(np.log(len(x))) if moved else 0.0
+        return self.price(fit) + level - 2.0 * float(units.law(x).sum())
+
     def units(self, fit: Fit) -> Units:
         """The units that count beside what moves each of them by its own amount."""
         setup = self.setup

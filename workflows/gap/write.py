@@ -12,6 +12,7 @@ from ...files import write_bytes, write_text, write_with
 from ...gap_records import FoundEffect, GapResult, Region, Rival
 from ...reports.drawing import as_png, as_svg
 from ...reports.gap.page import figures, gap_page
+from .. import page_data
 from ..run.write import as_json
 
 SUMMARY = "summary.txt"
@@ -34,6 +35,7 @@ def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
             old.unlink()  # of another analysis that was here
     write_text(folder / "report.html", gap_page(result))
     write_text(folder / SUMMARY, "".join(f"{line}\n" for line in lines))
+    write_text(folder / page_data.NAME, page_data.dumped(result))
     write_text(folder / "gap.json", as_json(record(result)))
 
 
