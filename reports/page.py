@@ -71,8 +71,9 @@ def _verbatim(text: str) -> str:
 
 def _front(result: RunResult, scripted: bool) -> str:
     names = [axis.name for axis in result.objectives]
-    rows = thinned(result.front, names, [], DRAWN) if len(result.front) else []
-    some = replace(result, front=result.front.loc[rows]) if len(rows) else result
+    some = result
+    if len(result.front):
+        some = replace(result, front=result.front.loc[thinned(result.front, names, [], DRAWN)])
     still = picture("front", front_figure(some), _front_caption(result))
     if scripted:
         return f"{explorer(result)}\n<noscript>{still}</noscript>"
