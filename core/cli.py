@@ -1,4 +1,4 @@
-"""The command line: `tolevo run | study | gap | evaluate | simulate | check | list`."""
+"""The command line: `tolevo run | study | gap | reproduce | evaluate | simulate | report | ...`."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
 
 import typer
 
+from .arguments import choice_faults, directory_faults, file_faults, page_faults
 from .errors import Fault, InputError, TolevoError, raise_all
 from .files import unwritable
 
 if TYPE_CHECKING:
     from .configuration import Configuration
     from .workflows.gap import GapPlan
+    from .workflows.gap.data import GapData
+    from .workflows.reproduce.plan import ReproducePlan
     from .workflows.study import StudyPlan
 
 INTERRUPTED = 130
@@ -33,8 +36,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-TABLES = (".csv", ".txt", ".parquet", ".pq", "")
-"""Endings of tables that can be written."""
 Result = TypeVar("Result")
 Config = Annotated[Path, typer.Argument(help="Configuration (TOML).", show_default=False)]
 Out = Annotated[Path, typer.Option("--out", help="Where the results go.", show_default=False)]
@@ -75,8 +76,8 @@ def run(
 ) -> None:
     """Run one optimisation: from a configuration to a Pareto front."""
     with _exit_status():
-        faults = _directory_faults(out, overwrite or resume)
-        faults += _choice_faults(workers, resume, overwrite)
+        faults = directory_faults(out, overwrite or resume)
+        faults += choice_faults(workers, resume, overwrite)
         configuration = _collected(lambda: _problem_of(config, set_), faults)
         raise_all(faults)
         status = _run(configuration, out, workers, quiet, resume)
@@ -96,28 +97,46 @@ def gap(
 ) -> None:
     """Find where model and measurement disagree, name the missing effect, correct the model."""
     with _exit_status():
-        faults = _directory_faults(out, overwrite or resume)
-        faults += _choice_faults(workers, resume, overwrite)
-        if not data.exists():
-            faults.append(Fault(str(data), "does not exist"))
-        plan = _collected(lambda: _gap_plan(config, set_), faults)
-        raise_all(faults)
-        from .workflows.gap.gap import gap as analysed
-
-        say = None if quiet else (lambda text: typer.echo(text, err=True))
-        outcome = analysed(plan, data, out, workers, say, resume)
-        for line in outcome.lines:
-            typer.echo(line)
+        faults = directory_faults(out, overwrite or resume)
+        faults += choice_faults(workers, resume, overwrite)
+        plan, readings = _gap_input(config, data, set_, faults)
+        status = _gap(plan, readings, out, workers, quiet, resume)
+    raise typer.Exit(status)
 
 
-def _gap_plan(config: Path, settings: list[str]) -> GapPlan:
-    """A gap analysis; its extra packages are asked for first."""
+def _gap_input(
+    config: Path, data: Path, settings: list[str], faults: list[Fault]
+) -> tuple[GapPlan, GapData]:
+    """The analysis and its data; the faults of both, and those found before, are raised at once.
+
+    Its extra packages are asked for first.
+    """
     from .registry import needed
 
     raise_all(needed("gap"))
-    from .configuration.gap import read_gap
+    from .configuration.gap import gap_plan
+    from .workflows.gap.read import checked
 
-    return read_gap(config, settings)
+    plan, found = gap_plan(config, settings)
+    readings, more = checked(plan, data)
+    raise_all([*found, *faults, *more])
+    assert plan is not None
+    assert readings is not None
+    return plan, readings
+
+
+def _gap(plan: GapPlan, data: GapData, out: Path, workers: int, quiet: bool, resume: bool) -> int:
+    from .progress import shown_gap
+    from .workflows.gap.gap import gap
+
+    with shown_gap(quiet) as progress:
+        outcome = gap(plan, data, out, workers, progress, resume)
+    for line in outcome.lines:
+        typer.echo(line, err=outcome.status != "done")
+    page = out / "report.html"
+    if outcome.status == "done" and page.is_file():
+        typer.echo(f"page: {page}")
+    return STATUS[outcome.status]
 
 
 def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, resume: bool) -> int:
@@ -135,6 +154,7 @@ def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, res
         configuration=configuration.toml(),
         title=configuration.problem_name,
         engine=configuration.engine,
+        choice=configuration.choice,
     )
     if not quiet:
         for warning in configuration.problem.warnings():
@@ -166,8 +186,8 @@ def study(
     with _exit_status():
         from .configuration.study import read_study
 
-        faults = _directory_faults(out, overwrite or resume)
-        faults += _choice_faults(workers, resume, overwrite)
+        faults = directory_faults(out, overwrite or resume)
+        faults += choice_faults(workers, resume, overwrite)
         if dask and workers is not None:
             faults.append(Fault("--dask", "has workers of its own; leave out --workers"))
         plan = _collected(lambda: read_study(config, set_), faults)
@@ -195,6 +215,45 @@ def _study(plan: StudyPlan, out: Path, workers: int, dask: str, quiet: bool, res
 
 
 @app.command()
+def reproduce(
+    out: Out,
+    claims: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Files of claims (TOML).", show_default="those of the documents"),
+    ] = None,
+    workers: Annotated[int, typer.Option(help="Processes; no result depends on it.")] = WORKERS,
+    resume: Annotated[bool, typer.Option("--resume", help="Check what is missing.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
+    set_: Set = [],  # noqa: B006
+    quiet: Quiet = False,
+) -> None:
+    """Recompute every figure that documents print, and say which of them hold."""
+    with _exit_status():
+        from .configuration.claims import read_claims
+
+        faults = directory_faults(out, overwrite or resume)
+        faults += choice_faults(workers, resume, overwrite)
+        plan = _collected(lambda: read_claims(claims or (), set_), faults)
+        raise_all(faults)
+        status = _reproduce(plan, out, workers, quiet, resume)
+    raise typer.Exit(status)
+
+
+def _reproduce(plan: ReproducePlan, out: Path, workers: int, quiet: bool, resume: bool) -> int:
+    from .progress import shown_claims
+    from .workflows.reproduce.reproduce import reproduce
+    from .workflows.study.execution import executor_of
+
+    with shown_claims(quiet) as progress:
+        outcome = reproduce(plan, out, executor_of(workers), progress, resume)
+    for line in outcome.lines:
+        typer.echo(line, err=outcome.status != "done")
+    if outcome.status == "done":
+        typer.echo(f"page: {out / 'report.html'}")
+    return STATUS[outcome.status]
+
+
+@app.command()
 def evaluate(
     config: Config,
     designs: Annotated[Path, typer.Argument(help="Designs, one per row (CSV).")],
@@ -204,7 +263,7 @@ def evaluate(
 ) -> None:
     """Evaluate a configuration's problem at given designs."""
     with _exit_status():
-        faults = _file_faults(out, designs)
+        faults = file_faults(out, designs)
         configuration = _collected(lambda: _problem_of(config, set_), faults)
         raise_all(faults)
         from .workflows.evaluate import evaluate
@@ -226,7 +285,7 @@ def simulate(
 ) -> None:
     """Predict a configuration's model at given operating points."""
     with _exit_status():
-        faults = _file_faults(out, inputs)
+        faults = file_faults(out, inputs)
         configuration = _collected(lambda: _read(config, set_), faults)
         raise_all(faults)
         from .configuration.simulated import build_model
@@ -234,10 +293,37 @@ def simulate(
 
         name, effects = configuration.model_name, configuration.settings.effects
         model, seed = build_model(configuration), configuration.seed
-        _, notes = simulate(model, inputs, out, seed, name, effects)
+        zero = configuration.settings.zero
+        _, notes = simulate(model, inputs, out, seed, name, effects, zero)
         for note in () if quiet else notes:
             typer.echo(f"note: {note}", err=True)
         typer.echo(f"written: {out}")
+
+
+@app.command()
+def report(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Results of run, study, gap.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="The page.", show_default="DIR/report.html")
+    ] = None,
+    figures: Annotated[
+        Path | None, typer.Option("--figures", help="A folder for figures, as PNG and SVG.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Build the page of a result again, or compare several runs."""
+    with _exit_status():
+        raise_all(
+            [*page_faults(folders, out), *(unwritable(figures, "--figures") if figures else ())]
+        )
+        from .workflows.report import report as built
+
+        found = built(folders, out, figures)
+        for remark in () if quiet else found.remarks:
+            typer.echo(f"warning: {remark}", err=True)
+        typer.echo(f"page: {found.path}")
 
 
 @app.command()
@@ -262,7 +348,7 @@ def check(config: Config, set_: Set = [], quiet: Quiet = False) -> None:  # noqa
 
 @app.command("list")
 def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
-    """List models, problems, algorithms and effects, plugins included."""
+    """List models, problems, algorithms, effects and calculations, plugins included."""
     from . import registry
 
     with _exit_status():
@@ -307,45 +393,6 @@ def _collected(read: Callable[[], Result], faults: list[Fault]) -> Result:
         return read()
     except InputError as error:
         raise InputError([*error.faults, *faults]) from None
-
-
-def _directory_faults(out: Path, replace: bool) -> list[Fault]:
-    """A directory that cannot be written, or that holds something and is not to be used."""
-    faults = unwritable(out, "--out")
-    if not faults and not replace and out.is_dir() and any(out.iterdir()):
-        text = f"{out} is not empty; name another directory, or add --overwrite or --resume"
-        faults.append(Fault("--out", text))
-    return faults
-
-
-def _choice_faults(workers: int | None, resume: bool, overwrite: bool) -> list[Fault]:
-    """Options that make no sense."""
-    faults = []
-    if workers is not None and workers < 1:
-        faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
-    if resume and overwrite:
-        text = "goes on with what --overwrite would replace; give one of them"
-        faults.append(Fault("--resume", text))
-    return faults
-
-
-def _file_faults(out: Path, source: Path) -> list[Fault]:
-    """An output file that cannot be written, or an input file that is not there."""
-    faults = []
-    if out.is_dir():
-        faults.append(Fault("--out", f"{out} is a directory; name a file"))
-    elif not out.parent.is_dir():
-        faults.append(Fault("--out", f"the directory {out.parent} does not exist"))
-    else:
-        faults += unwritable(out.parent, "--out")
-        if out.suffix.lower() not in TABLES:
-            text = f"{out.name} is neither .csv nor .parquet; no other table can be written"
-            faults.append(Fault("--out", text))
-    if not source.exists():
-        faults.append(Fault(str(source), "does not exist"))
-    elif out.exists() and out.samefile(source):
-        faults.append(Fault("--out", f"would replace its own input {source}; name another file"))
-    return faults
 
 
 def _warned(message: Warning | str, *_: object, **__: object) -> None:

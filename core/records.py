@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
+    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,8 @@ class RunResult:
     `summary.json`; `objectives` are the axes of the front, `variables` the design variables,
     `bars` charts of the problem itself, and `configuration` is the resolved TOML. Where effects act
     in the model, `before` is the front without them and `moved` how the allocation moves.
+    `choices`, `choice_sensitivity`, `allocation`, `contributions` and `exact_front` are the tables
+    of the files of these names, None where there is none.
     """
 
     title: str
@@ -51,6 +55,11 @@ class RunResult:
     configuration: str = field(default="", repr=False)
     before: pd.DataFrame | None = None
     moved: pd.DataFrame | None = None
+    choices: pd.DataFrame | None = None
+    choice_sensitivity: pd.DataFrame | None = None
+    allocation: pd.DataFrame | None = None
+    contributions: pd.DataFrame | None = None
+    exact_front: pd.DataFrame | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,3 +131,76 @@ class StudyResult:
     verdicts: tuple[Verdict, ...] = ()
     notes: tuple[str, ...] = ()
     configuration: str = field(default="", repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Chart:
+    """How a table is drawn: columns `y` over column `x`, as "lines", "points" or "histogram".
+
+    A histogram has the lower edges of its bins in `x` and the last upper edge in a last row of
+    height 0. `marks` are lines across the drawing at a value of `x`, by what they mean.
+    """
+
+    kind: str
+    x: str
+    y: tuple[str, ...]
+    marks: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class ComputedTable:
+    """A table of a calculation: one array (n,) of numbers or of text per column."""
+
+    name: str
+    meaning: str
+    columns: tuple[Axis, ...]
+    values: tuple[NDArray[np.generic], ...]
+    chart: Chart | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A document whose claims are recomputed: its short name, title and where it is published."""
+
+    name: str
+    title: str
+    reference: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ClaimsResult:
+    """Claims of documents with their verdicts.
+
+    `table` is `claims.csv`, `counts` the number of claims by document and verdict, `tables` those
+    of the calculations by the stem of their file.
+    """
+
+    documents: tuple[Document, ...]
+    table: pd.DataFrame
+    counts: pd.DataFrame
+    tables: Mapping[str, ComputedTable]
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A run among others: what it is called, its front and its references."""
+
+    label: str
+    front: pd.DataFrame
+    references: pd.DataFrame
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Several runs with the same objectives.
+
+    `table` has one row per run, `equal` the cost of each at levels of the other objective (empty
+    where there is no one other objective, or no common level).
+    """
+
+    title: str
+    objectives: tuple[Axis, ...]
+    runs: tuple[Compared, ...]
+    table: pd.DataFrame
+    equal: pd.DataFrame
+    notes: tuple[str, ...] = ()

@@ -46,6 +46,8 @@ class ToleranceProblem(Problem):
     reference_ga: ClassVar[Mapping[str, float]] = {}
     """Settings of the single-objective GA beside a run, where the documents name them: population,
     generations, crossover and mutation probability."""
+    explained: ClassVar[Mapping[str, str]] = {}
+    """By output without a derivative, the one whose derivative tells what contributes to it."""
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
@@ -172,10 +174,13 @@ class ToleranceProblem(Problem):
         """A sentence for each active effect, those without a counterpart included."""
         missing = "has no counterpart in this problem: it changes nothing here"
         pairs = zip(self.settings.effects, self.counterparts(), strict=True)
-        return tuple(
+        told = tuple(
             f"effect {one.effect.name}: {does}" if does else f"effect {one.effect.name} {missing}"
             for one, does in pairs
         )
+        zeros = ", ".join(self.settings.zero)
+        why = "belongs to its instrument: it changes nothing in this problem"
+        return (*told, f"the zero of {zeros} {why}") if zeros else told
 
     def without_effects(self) -> ToleranceProblem:
         """The same problem with no effect in its model."""
@@ -346,6 +351,22 @@ class ToleranceProblem(Problem):
 
     def cost_of(self, designs: Array) -> Array:
         """Sum of the cost curves (n,) at full designs."""
+        return np.asarray(np.sum(list(self.costs_of(designs).values()), axis=0))
+
+    def costs_of(self, designs: Array) -> dict[str, Array]:
+        """What each cost curve (n,) gives at full designs."""
         with np.errstate(divide="ignore"):
-            each = [c.cost(self.column(designs, name)) for name, c in self.settings.costs.items()]
-        return np.asarray(np.sum(each, axis=0))
+            return {n: c.cost(self.column(designs, n)) for n, c in self.settings.costs.items()}
+
+    # ---------------------------------------------------------------- drawings
+
+    def room(self, name: str, design: Array) -> Interval:
+        """The range of a variable in which the rest of a full design (all variables,) leaves it."""
+        at = [variable.name for variable in self.free].index(name)
+        return float(self.xl[at]), float(self.xu[at])
+
+    def zone(self, name: str) -> tuple[float | None, float]:
+        """Nominal size of what a variable tolerates, None where it is not known, and the middle of
+        its zone as a deviation from it, both in the unit of the variable.
+        """
+        return None, self.settings.variables[name].mid or 0.0

@@ -7,15 +7,20 @@ from matplotlib.figure import Figure
 
 from .drawing import new_figure, plain
 
+RATIO = "hypervolume_ratio"
+"""Hypervolume over that of the exact front."""
+
 
 def convergence_figure(table: pd.DataFrame) -> Figure:
     """Hypervolume (its ratio to the exact front where known) and feasible share, by evaluations."""
     figure = new_figure(height=3.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
-    name = _known(table)
+    name = known(table)
     if not table.empty:
         upper.plot(table["evaluations"], table[name], color="#1f5fa8", linewidth=1.2)
         lower.plot(table["evaluations"], table["feasible_fraction"], color="#c4501b", linewidth=1.2)
+        if name == RATIO:
+            upper.axhline(1.0, color="black", linestyle="--", linewidth=1.0)
     upper.set_ylabel(name.replace("_", " "))
     lower.set_ylabel("feasible share")
     lower.set_ylim(-0.05, 1.05)
@@ -25,6 +30,6 @@ def convergence_figure(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def _known(table: pd.DataFrame) -> str:
-    ratio = "hypervolume_ratio"
-    return ratio if ratio in table and bool(table[ratio].notna().any()) else "hypervolume"
+def known(table: pd.DataFrame) -> str:
+    """Name of the column that is drawn."""
+    return RATIO if RATIO in table and bool(table[RATIO].notna().any()) else "hypervolume"

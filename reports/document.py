@@ -9,19 +9,23 @@ from html import escape
 from matplotlib.figure import Figure
 
 from .drawing import as_svg
+from .scripts import Script
 from .style import STYLE
 
 
-def document(title: str, body: str) -> str:
-    """The whole page of that title."""
+def document(title: str, body: str, scripts: Sequence[Script] = ()) -> str:
+    """The whole page of that title; `scripts` run at its end, and nothing else can."""
     name = escape(title)
-    policy = "default-src 'none'; style-src 'unsafe-inline'"
+    policy = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+    if scripts:
+        policy += f"; img-src data:; script-src {' '.join(one.hash for one in scripts)}"
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{name}</title>\n<style>{STYLE}</style>\n</head>\n"
-        f"<body>\n<h1>{name}</h1>\n{body}\n</body>\n</html>\n"
+        f"<body>\n<h1>{name}</h1>\n{body}\n"
+        f"{''.join(one.html for one in scripts)}\n</body>\n</html>\n"
     )
 
 
@@ -47,3 +51,13 @@ def bullets(notes: Sequence[str]) -> str:
     if not notes:
         return "<p>None.</p>"
     return "<ul>\n" + "\n".join(f"<li>{escape(note)}</li>" for note in notes) + "\n</ul>"
+
+
+def folded(title: str, body: str) -> str:
+    """A part that opens when it is asked for; `body` is HTML."""
+    return f"<details><summary>{escape(title)}</summary>\n{body}</details>"
+
+
+def remarked(remarks: Sequence[str]) -> tuple[str, ...]:
+    """The section on what was wrong with the files that a page is built from, if anything was."""
+    return (section("What is wrong with the files", bullets(remarks)),) if remarks else ()

@@ -18,6 +18,8 @@ from ..units import split_unit
 SIZE = (7.0, 4.6)
 """Width and height [inch]: a text column and a half."""
 DOTS_PER_INCH = 200
+COLOURS = ("#1f5fa8", "#c4501b", "#2b7a3d", "#7b3fa0", "#8a6d00", "#b0245f")
+"""Colours of lines; what they mean is told by markers and dashes too."""
 FIXED: dict[Any, Any] = {"svg.hashsalt": "tolevo", "svg.fonttype": "path"}
 """The same identifiers in every process; letters as outlines, so that no font is needed."""
 NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}

@@ -49,6 +49,10 @@ def _draw_plane(axes: Axes, result: RunResult) -> None:
         axes.set_title("projection: there are further objectives", fontsize="small")
     if result.before is not None and not result.before.empty:
         _draw_before(axes, result.before.sort_values([x.name, y.name]), x.name, y.name)
+    exact = result.exact_front
+    if exact is not None and len(result.objectives) == 2 and {x.name, y.name} <= set(exact):
+        axes.plot(exact[x.name], exact[y.name], linestyle="-.", linewidth=2.5, color="#999999",
+                  zorder=1.5, label="exact front")  # fmt: skip
     if not result.front.empty:
         _draw_front(axes, result, x.name, y.name)
     for at, (_, row) in enumerate(result.references.iterrows()):

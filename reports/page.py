@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from html import escape
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from ..records import Bars, RunResult
 from .bars import bars_figure
-from .convergence import convergence_figure
-from .document import bullets, document, picture, section
+from .choices import choice_sections
+from .convergence import RATIO, convergence_figure, known
+from .document import bullets, document, folded, picture, remarked, section
 from .drawing import flags
+from .explorer import WITHOUT, explorer, interactive, scripts, thinned
 from .figure import front_figure
+from .scripts import plotly
 from .summary import summary_table
 from .tables import chosen, table
 
+DRAWN = 500
+"""Points of the front in its still picture at most; front.svg has all."""
+LISTED = 60
+"""Points of the front in the table at most."""
 ASSUMPTION_COLUMNS = ("name", "value", "unit", "reason", "set_by")
 GAINS = (
-    "Each reference against the front. cost_saving_percent: how much less the front costs where "
+    "Each reference against the front. distance_to_front: to its nearest point, in sides of the "
+    "problem's box from ideal to nadir; cost_saving_percent: how much less the front costs where "
     "every other objective is at least as good; ..._gain_percent: how much better the front is at "
     "no more cost. relaxed_...: the same against a front whose broken limits are relaxed to the "
     "reference's own value; empty where nothing is broken."
@@ -33,11 +43,17 @@ MOVED = (
 )
 
 
-def page(result: RunResult) -> str:
-    """The whole page; every text that comes from outside is escaped."""
+def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
+    """The whole page; every text that comes from outside is escaped.
+
+    `remarks` are what was wrong with the files that it is built from.
+    """
+    scripted = interactive(result)
     sections = (
-        section("Front", picture("front", front_figure(result), _front_caption(result))),
+        *remarked(remarks),
+        section("Front", _front(result, scripted)),
         section("In words", bullets(result.notes)),
+        *choice_sections(result),
         *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),
         section("References", _references(result)),
         section("Points of the front", _points(result)),
@@ -45,9 +61,25 @@ def page(result: RunResult) -> str:
         *(section("Sensitivity", _bars(result.bars)) for _ in result.bars[:1]),
         section("Assumptions", _assumptions(result.summary)),
         section("Summary", summary_table(result.summary)),
-        section("Configuration", f"<pre>{escape(result.configuration)}</pre>"),
+        section("Configuration", folded("config.toml", _verbatim(result.configuration))),
     )
-    return document(result.title, "\n".join(sections))
+    return document(result.title, "\n".join(sections), scripts() if scripted else ())
+
+
+def _verbatim(text: str) -> str:
+    return f"<pre>{escape(text)}</pre>"
+
+
+def _front(result: RunResult, scripted: bool) -> str:
+    names = [axis.name for axis in result.objectives]
+    some = result
+    if len(result.front):
+        rows = thinned(result.front, names, [], DRAWN)
+        some = replace(result, front=result.front.loc[rows])
+    still = picture("front", front_figure(some), _front_caption(result))
+    if scripted:
+        return f"{explorer(result)}\n<noscript>{still}</noscript>"
+    return still if result.front.empty or plotly() else f"{still}\n<p>{escape(WITHOUT)}</p>"
 
 
 def _bars(bars: Sequence[Bars]) -> str:
@@ -83,19 +115,27 @@ def _moved(found: pd.DataFrame) -> str:
 
 
 def _is_gain(name: str) -> bool:
-    return name.endswith(("_saving_percent", "_gain_percent"))
+    return name.endswith(("_saving_percent", "_gain_percent", "distance_to_front"))
 
 
 def _points(result: RunResult) -> str:
     first = [axis.name for axis in (*result.objectives, *result.variables)]
     ordered = chosen(result.front, [*first, *map(str, result.front.columns)])
-    return table(ordered, flags(ordered, "knee"), "Rounded; front.csv has all digits.")
+    caption = "Rounded; front.csv has all digits."
+    if len(ordered) > LISTED:
+        some = np.linspace(0, len(ordered) - 1, LISTED).astype(int)
+        kept = np.isin(np.arange(len(ordered)), some) | flags(ordered, "knee")
+        ordered = ordered[kept]
+        caption = f"{len(ordered)} of {len(result.front)} points, rounded; front.csv has all."
+    return table(ordered, flags(ordered, "knee"), caption)
 
 
 def _convergence(found: pd.DataFrame) -> str:
     if found.empty:
         return "<p>None.</p>"
     caption = "Hypervolume in the fixed box of the problem, and share of feasible designs."
+    if known(found) == RATIO:
+        caption += " Dashed: the exact front."
     return picture("convergence", convergence_figure(found), caption)
 
 

@@ -9,10 +9,13 @@ import pandas as pd
 
 from .tables import shown, table
 
+ELSEWHERE = frozenset({"assumptions", "notes", "choices", "rounding", "axes", "bars", "files"})
+"""What the page shows in other places, or needs for itself."""
+
 
 def summary_table(summary: Mapping[str, Any]) -> str:
-    """`summary.json` by name and value, its assumptions aside."""
-    rows = [(name, _flat(value)) for name, value in summary.items() if name != "assumptions"]
+    """`summary.json` by name and value, what is shown elsewhere aside."""
+    rows = [(name, _flat(value)) for name, value in summary.items() if name not in ELSEWHERE]
     return table(pd.DataFrame(rows, columns=["name", "value"], dtype=object))
 
 

@@ -12,6 +12,7 @@ import tomli_w
 
 from ..algorithms.settings import AlgorithmSettings, Budget
 from ..problems.settings import Settings
+from ..workflows.choice.settings import ChoiceSettings
 
 if TYPE_CHECKING:
     from ..problems.tolerance_problem import ToleranceProblem
@@ -34,6 +35,7 @@ class Configuration:
     algorithm: AlgorithmSettings | None = None
     engine: str = "pymoo"
     budget: Budget = field(default_factory=Budget)
+    choice: ChoiceSettings = field(default_factory=ChoiceSettings)
     resolved: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     @property

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +46,11 @@ class RvBacklash(ToleranceProblem):
     default_limits = DEFAULT_LIMITS
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
+    explained: ClassVar[Mapping[str, str]] = {
+        "backlash_arcmin": "backlash_geometric_arcmin",
+        "backlash_mean_arcmin": "backlash_geometric_mean_arcmin",
+        "backlash_std_arcmin": "backlash_geometric_std_arcmin",
+    }
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)

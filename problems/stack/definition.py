@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...models.costs import CostCurve
 from ...models.inputs import Distribution
 from ...models.stack import Mechanism
@@ -72,6 +75,17 @@ class Part:
     def high(self) -> float:
         """Loosest half-width of any process."""
         return max(process.high for process in self.processes)
+
+    @property
+    def ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Tightest and loosest half-width of each process."""
+        return (np.array([p.low for p in self.processes]),
+                np.array([p.high for p in self.processes]))  # fmt: skip
+
+    @property
+    def free_of_charge(self) -> bool:
+        """Whether no process of it has a cost curve."""
+        return all(process.curve is None for process in self.processes)
 
     @property
     def pieces(self) -> tuple[str, ...]:

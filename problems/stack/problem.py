@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from ...declarations import Assumption, Output, Parameter, Variable
 from ...errors import Fault, ModelError
 from ...models.costs import CostCurve
-from ...models.inputs import Normal
 from ...models.stack import Linear, Sample, half_width, linearised, yield_percent
 from ...section import Section
 from ..forms import Form
@@ -23,10 +22,11 @@ from ..tolerance_problem import Interval, ToleranceProblem
 from .assumptions import assumptions_of
 from .convex import form_of
 from .costs import PartCosts
-from .definition import Definition, Part, Process
+from .definition import Definition, Part
 from .linearity import linearity_warnings
 from .outputs import OBJECTIVES, outputs_of, variables_of
 from .reading import read_definition
+from .stand_in import stand_in
 from .writing import tables_of
 
 Array = NDArray[np.float64]
@@ -84,7 +84,7 @@ class Stack(ToleranceProblem):
         for fault in faults:
             top.fault(fault.place, fault.message)
         known = [
-            part or _stand_in(table, at)
+            part or stand_in(table, at)
             for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
         ]
         return StackKind(definition, variables_of(known), outputs_of(requirement, known))
@@ -124,7 +124,7 @@ class Stack(ToleranceProblem):
         for part in self._parts:
             if part.alternatives:
                 at, chosen = self.names.index(f"{part.name}_t"), self._chosen(designs, part)
-                low, high = _ends(part)
+                low, high = part.ends
                 designs[:, at] = np.clip(designs[:, at], low[chosen], high[chosen])
         return designs
 
@@ -216,6 +216,21 @@ class Stack(ToleranceProblem):
     def cost_of(self, designs: Array) -> Array:
         """Sum over parts of count times the cost of the chosen process (n,)."""
         return np.asarray(self._by_part(designs).sum(axis=1))
+
+    def costs_of(self, designs: Array) -> dict[str, Array]:
+        each = zip(self._parts, self._by_part(designs).T, strict=True)
+        return {f"{part.name}_t": cost for part, cost in each if not part.free_of_charge}
+
+    def room(self, name: str, design: Array) -> Interval:
+        low, high = super().room(name, design)
+        for part in self._parts:
+            if name == f"{part.name}_t":
+                process = part.processes[self._chosen(design[None], part)[0]]
+                low, high = max(low, process.low), min(high, process.high)
+        return low, high
+
+    def zone(self, name: str) -> tuple[float | None, float]:
+        return {f"{p.name}_t": (p.nominal, p.mid) for p in self._parts}.get(name, (None, 0.0))
 
     @cached_property
     def _costs(self) -> PartCosts:
@@ -380,16 +395,3 @@ class Stack(ToleranceProblem):
             return high, "at the loosest tolerances"
         rows = np.flatnonzero(kept)
         return line[rows[-1]], f"at a variation of {values['rss'][rows[-1]]:.4g} (rss)"
-
-
-def _stand_in(table: Mapping[str, Any], at: int) -> Part:
-    """A part with the names of a faulty one, so that the other tables can be judged."""
-    name = table.get("name")
-    processes = (Process(0.0, 1.0), Process(0.0, 1.0))
-    return Part(name if isinstance(name, str) else f"part_{at}", "", processes, Normal(),
-                alternatives="process" in table)  # fmt: skip
-
-
-def _ends(part: Part) -> tuple[Array, Array]:
-    """Tightest and loosest half-width of each process."""
-    return (np.array([p.low for p in part.processes]), np.array([p.high for p in part.processes]))

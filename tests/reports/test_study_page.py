@@ -1,7 +1,7 @@
 from __future__ import annotations
 
+import json
 from dataclasses import replace
-from html.parser import HTMLParser
 from typing import Any
 
 import numpy as np
@@ -9,9 +9,11 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from tests.reports.html import parsed
 from tolevo.records import Recommendation, Response, StudyResult, Varied, Verdict
 from tolevo.reports.drawing import as_png, as_svg
 from tolevo.reports.study import figures, study_page
+from tolevo.workflows.page_data import dumped, loaded
 
 EVIL = '<script>alert("x")</script>'
 NAN = float("nan")
@@ -66,31 +68,9 @@ def result() -> StudyResult:
     )  # fmt: skip
 
 
-class Tags(HTMLParser):
-    """Tags with their attributes; every one that is opened is closed."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.seen: list[tuple[str, dict[str, str | None]]] = []
-        self.open: list[str] = []
-        self.feed(text)
-        assert self.open == ["html"] or self.open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.seen.append((tag, dict(attrs)))
-        if tag not in {"meta", "wbr"}:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.seen.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-
 def test_page_is_whole_escaped_and_loads_nothing(result: StudyResult) -> None:
     text = study_page(result)
-    tags = Tags(text)
+    tags = parsed(text)
     assert "script" not in {tag for tag, _ in tags.seen}
     assert text.count("&lt;script&gt;") >= 6  # title, note, reading, recommendation, test, failure
     assert not any({"src", "href"} & attrs.keys() for tag, attrs in tags.seen if tag != "use")
@@ -156,3 +136,18 @@ def test_sensitivities_stand_with_their_intervals(result: StudyResult) -> None:
     np.testing.assert_allclose(share.lines[0].get_xdata().tolist(), [0.8, 0.0])
     ends = [one[:, 0].tolist() for one in share.lines[2][0].get_segments()]
     np.testing.assert_allclose(ends, [[0.6, 0.9], [-0.1, 0.1]])
+
+
+def test_the_page_is_built_again_from_what_is_stored(result: StudyResult) -> None:
+    again, bad = loaded(StudyResult, json.loads(dumped(result)))
+    assert bad == []
+    assert study_page(again) == study_page(result)
+
+
+def test_what_is_missing_in_the_stored_page_is_named(result: StudyResult) -> None:
+    content = json.loads(dumped(result))
+    del content["fields"]["notes"]
+    content["fields"]["title"] = 3
+    again, bad = loaded(StudyResult, content)
+    assert sorted(bad) == ["notes", "title"]
+    assert again.notes == ()

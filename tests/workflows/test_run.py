@@ -21,7 +21,8 @@ from tolevo.workflows.run.references import gains, relaxed_bounds
 FILES = {
     "front.csv", "front.parquet", "front.json", "references.csv", "convergence.csv",
     "summary.json", "config.toml", "report.html", "front.png", "front.svg",
-    "checkpoint.npz",
+    "checkpoint.npz", "choices.csv", "choice_sensitivity.csv", "allocation.csv", "allocation.xlsx",
+    "contributions.csv",
 }  # fmt: skip
 NEAR = {
     "dr_rp_mm": VariableSetting(low=-0.05, high=-0.03),

@@ -13,7 +13,8 @@ from ...models.inputs.distribution import Array
 from .data import GapData
 from .fit import Fit, Member
 from .plan import GapPlan
-from .setup import Setup, nominal, predictor
+from .predictor import predictor
+from .setup import Setup, nominal
 from .space import Space
 
 

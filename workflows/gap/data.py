@@ -25,7 +25,8 @@ class GapData:
 
     `measured` holds each output (n,) in its unit, `predicted` the prediction that the table itself
     carries, `std` the noise that it states; `rows` are the line numbers in the file, `blocks` the
-    labels of the column that the configuration validates by, `repeats` the label of equal inputs.
+    labels of the column that the configuration validates by, `repeats` the label of equal inputs,
+    `digest` the SHA-256 of the file.
     """
 
     target: Target
@@ -38,6 +39,7 @@ class GapData:
     repeats: NDArray[Any] | None = None
     zeros: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    digest: str = ""
 
     def __len__(self) -> int:
         return len(self.rows)

@@ -62,7 +62,8 @@ class GapPlan:
     may be recalibrated to its half-width, `library` are the effects considered. `noise` holds a
     known standard deviation by output, `blocks` is "auto" or a column. `run` are the raw tables of
     the configuration whose allocation the corrected model is to repeat (empty for none), `tables`
-    the resolved ones of the model, `active` the effects that are in it already. `counterparts` says
+    the resolved ones of the model, `active` the effects that are in it already, `zero` what is
+    added to outputs that have a zero. `counterparts` says
     what each effect of a corrected configuration does in the problem of `run`; None without it.
     """
 
@@ -80,6 +81,7 @@ class GapPlan:
     settings: GapSettings = field(default_factory=GapSettings)
     run: Mapping[str, Any] = field(default_factory=dict)
     active: tuple[Active, ...] = ()
+    zero: Mapping[str, float] = field(default_factory=dict)
     rebuild: Callable[[Mapping[str, Any]], MeasurableModel] | None = None
     counterparts: Callable[[str], Mapping[str, str]] | None = None
     tables: Mapping[str, Any] = field(default_factory=dict)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import optimize
 
 from ...errors import raise_all
-from ...models.effects.compose import acting, added, changes_of
 from ...models.inputs.distribution import Array
-from ...models.measurable import NO_CHANGES, MeasurableModel, Role
+from ...models.measurable import NO_CHANGES, Role
 from .data import GapData
 from .fit import Fit
 from .generic import Form, generic
@@ -20,13 +20,12 @@ from .library import (
     ON_SCATTER,
     Candidate,
     Columns,
-    Predict,
     candidates,
     with_lots,
 )
 from .linear import basis, beside
-from .mean_unit import both, of_mean_unit
 from .plan import GapPlan
+from .predictor import predictor
 from .read import finite_faults
 
 STEP = 0.02
@@ -40,9 +39,8 @@ SAME_UNIT = 0.05
 @dataclass(frozen=True)
 class Setup:
     """Residual (N,) of the model at parameters `at`, where it fits best alone; the columns (N, p)
-    of its free parameters, each for
-    its whole tolerance, and of the zeros of outputs; `prior` is the count of the former. `laws`
-    are those of a population's outputs.
+    of its free parameters, each for its whole tolerance, and of the zeros of outputs; `prior` is
+    the count of the former. `laws` are those of a population's outputs.
     """
 
     plan: GapPlan
@@ -73,38 +71,15 @@ class Setup:
         return np.array(found, dtype=float)
 
 
-def predictor(plan: GapPlan, data: GapData, model: MeasurableModel | None = None) -> Predict:
-    """The model at the rows of the data, as a function of changes inside of it."""
-    actions = acting(plan.active, data.readings, data.target)
-    if plan.model is None:
-        rng = np.random.default_rng(plan.seed)
-        whole = added(data.predicted, actions, {}, rng)
-        return lambda changes: whole
-    of = plan.model if model is None else model
-    if of.population:
-        return of_mean_unit(plan, data, of)
-
-    def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
-        rng = np.random.default_rng(plan.seed)
-        whole = both(changes_of(actions), changes)
-        return added(of.predict(data.readings.table, rng, whole or NO_CHANGES), actions, {}, rng)
-
-    return predict
-
-
 def prepared(plan: GapPlan, full: GapData) -> Setup:
     """The setup for the rows that are used. Raises InputError where the model has no prediction."""
     data, notes = thinned(plan, full)
     predicted = predictor(plan, data)({})
     raise_all(finite_faults({o.name: predicted[o.name] for o in data.outputs}, data.rows))
     at = recalibrated(plan, data, predicted)
-    predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
-    predicted = predict({})
-    residual = data.whole(data.measured) - data.whole(predicted)
-    free, gradient = _gradient(plan, data, at)
-    base = np.column_stack([gradient, _zeros(data)])
-    forms, columns = generic(data, predicted)
-    library, few = with_lots(candidates(plan.library, data), data, residual)
+    parts = _parts(plan, data, at)
+    forms, columns = generic(data, parts["predicted"])
+    library, few = with_lots(candidates(plan.library, data), data, parts["residual"])
     laws = {o.name: law_of(plan, o.name) for o in data.outputs} if data.target.population else {}
     if why := nameless(data, laws):
         plan = replace(plan, settings=replace(plan.settings, effects_at_most=0))
@@ -112,20 +87,15 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
     return Setup(
         plan=plan,
         data=data,
-        predicted=predicted,
-        at=at,
-        residual=residual,
-        base=base,
-        free=free,
         library=tuple(one for one in library if one.name not in ON_SCATTER),
         on_scatter=tuple(one for one in library if one.name in ON_SCATTER)
         if plan.settings.effects_at_most
         else (),
-        columns=Columns(data, predict),
         forms=tuple(forms),
         generic=columns,
         laws=laws,
         notes=(*notes, *few),
+        **parts,
     )
 
 
@@ -156,20 +126,27 @@ def nameless(data: GapData, laws: Mapping[str, Law]) -> str:
 
 def moved_to(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]) -> Setup:
     """The setup with the model at other parameters, its columns taken beside changes inside."""
-    plan, data = setup.plan, setup.data
+    return replace(setup, **_parts(setup.plan, setup.data, at, changes))
+
+
+def _parts(
+    plan: GapPlan,
+    data: GapData,
+    at: Mapping[str, float],
+    changes: Mapping[str, Array] = NO_CHANGES,
+) -> dict[str, Any]:
+    """What of a setup depends on the parameters that the model is at."""
     predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
     predicted = predict({})
-    residual = data.whole(data.measured) - data.whole(predicted)
     free, gradient = _gradient(plan, data, at, changes)
-    return replace(
-        setup,
-        predicted=predicted,
-        at=at,
-        residual=residual,
-        base=np.column_stack([gradient, _zeros(data)]),
-        free=free,
-        columns=Columns(data, predict),
-    )
+    return {
+        "predicted": predicted,
+        "at": at,
+        "residual": data.whole(data.measured) - data.whole(predicted),
+        "base": np.column_stack([gradient, _zeros(data)]),
+        "free": free,
+        "columns": Columns(data, predict),
+    }
 
 
 def thinned(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...algorithms.settings import AlgorithmSettings, Budget
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
+from ..choice import ChoiceSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +26,7 @@ class RunPlan:
     configuration: str
     title: str
     engine: str = "pymoo"
+    choice: ChoiceSettings = field(default_factory=ChoiceSettings)
 
 
 @dataclass(frozen=True, slots=True)

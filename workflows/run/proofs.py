@@ -19,6 +19,8 @@ POINTS = 4000
 """Points of the exact front that a hypervolume is measured by."""
 SOLVED = 256
 """Points that are solved where each takes a programme of its own; the others lie between them."""
+DRAWN = 400
+"""Points of the exact front that are drawn."""
 CHECKED = 50
 """Points of the exact front whose bounds are looked at."""
 CLOSED = 1e-7
@@ -78,6 +80,16 @@ def exact_front(problem: ToleranceProblem) -> Exact | None:
     if not alone:
         x = _between(problem, x)
     return Exact(problem.complete(x), hypervolume(_objectives(problem, x), *problem.box()))
+
+
+def exact_table(problem: ToleranceProblem, exact: Exact | None) -> pd.DataFrame | None:
+    """Objectives of at most `DRAWN` points of the exact front; None where it is not known."""
+    if exact is None or problem.n_obj < 2:
+        return None
+    some = np.unique(np.linspace(0, len(exact.designs) - 1, DRAWN).astype(int))
+    values = problem.objective_values(problem.outputs_of(exact.designs[some], searching=True))
+    found = pd.DataFrame(values, columns=list(problem.objectives))
+    return found.sort_values(list(problem.objectives), kind="stable", ignore_index=True)
 
 
 def _objectives(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:

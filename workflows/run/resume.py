@@ -16,6 +16,8 @@ from .plan import RunPlan
 CHECKPOINT = "checkpoint.npz"
 BUDGET = frozenset(f"algorithm.{name}" for name in ("generations", "evaluations", "time_limit_s"))
 """The keys that may differ between a run and what goes on with it."""
+AFTERWARDS = ("choice.", "rounding.")
+"""Tables that say what is done with the front, not how it is searched."""
 
 
 def opened(plan: RunPlan, out: Path, resume: bool) -> Checkpoint:
@@ -54,7 +56,7 @@ def _faults(found: Checkpoint, plan: RunPlan) -> list[Fault]:
         Fault(key, f"is {_shown(new, key)}, but the run to resume has {_shown(old, key)}: only the "
               "budget may differ; undo the change, or start again with --overwrite")
         for key in dict.fromkeys([*new, *old])
-        if key not in BUDGET and new.get(key) != old.get(key)
+        if not key.startswith(AFTERWARDS) and key not in BUDGET and new.get(key) != old.get(key)
     ]  # fmt: skip
     return other + (_shrunk(found, plan.budget) if found.saved() else _smaller(old, new))
 

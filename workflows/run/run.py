@@ -17,7 +17,9 @@ from ...errors import refuse
 from ...files import write_text
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult
+from ..choice import decide
 from . import effects
+from .choices import with_choices
 from .front import inside, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
 from .proofs import Exact, exact_front, measures, proof_notes, with_bounds
@@ -71,7 +73,7 @@ def run(
     relaxed = {side.label: other for side, other in fronts.items() if side.relaxed}
     if len(references):
         references, _ = with_bounds(references, plan.problem, inside(references, plan.problem))
-        references = compare(references, searched, relaxed, plan.problem.objectives)
+        references = compare(references, searched, relaxed, plan.problem)
     cut = found.interrupted or any(other is None for other in fronts.values())
     status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
     told = (*plan.problem.effect_notes(), *plan.problem.warnings())
@@ -79,7 +81,9 @@ def run(
     proven = (*proof_notes(front, statement), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
     summary |= measures(found, front, statement, exact)
+    decisions = decide(plan.problem, front, plan.choice)
     result = _result(plan, found, front, references, summary, proven, exact)
+    result = with_choices(result, decisions, plan, exact)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     write(result, out)

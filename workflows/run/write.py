@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -13,32 +14,56 @@ from ...files import write_bytes, write_text, write_with
 from ...records import RunResult
 from ...reports.figure import png, svg
 from ...reports.page import page
+from ...reports.sheet import allocation_sheet
+
+OPTIONAL = ("front_without_effects.csv", "allocation_moved.csv", "choices.csv",
+            "choice_sensitivity.csv", "allocation.csv", "contributions.csv", "exact_front.csv",
+            "allocation.xlsx")  # fmt: skip
+"""Files that a run need not have; what an older one left is removed."""
 
 
 def write(result: RunResult, folder: Path) -> None:
     """Write everything that the contract lists into `folder`, the summary last."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / "config.toml", result.configuration)
-    write_text(folder / "front.csv", result.front.to_csv(index=False))
+    texts = _texts(result)
+    sheet = allocation_sheet(result)
+    for name in OPTIONAL:
+        if name not in texts and not (name == "allocation.xlsx" and sheet is not None):
+            (folder / name).unlink(missing_ok=True)
+    for name, text in texts.items():
+        write_text(folder / name, text)
     write_with(folder / "front.parquet", lambda path: result.front.to_parquet(path, index=False))
     write_text(folder / "front.json", as_json(_records(result.front)))
-    _write_before(result, folder)
-    write_text(folder / "references.csv", result.references.to_csv(index=False))
-    write_text(folder / "convergence.csv", result.convergence.to_csv(index=False))
+    if sheet is not None:
+        write_bytes(folder / "allocation.xlsx", sheet)
     write_bytes(folder / "front.png", png(result))
     write_bytes(folder / "front.svg", svg(result))
     write_text(folder / "report.html", page(result))
-    write_text(folder / "summary.json", as_json(dict(result.summary)))
+    summary = dict(result.summary) | {"files": {n: digest(t) for n, t in texts.items()}}
+    write_text(folder / "summary.json", as_json(summary))
 
 
-def _write_before(result: RunResult, folder: Path) -> None:
-    """The front without the effects, where there are any; what an older run left is removed."""
-    tables = {"front_without_effects.csv": result.before, "allocation_moved.csv": result.moved}
-    for name, frame in tables.items():
-        if frame is None:
-            (folder / name).unlink(missing_ok=True)
-        else:
-            write_text(folder / name, frame.to_csv(index=False))
+def digest(text: str) -> str:
+    """SHA-256 of a text file, by which it is told whether it was edited."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _texts(result: RunResult) -> dict[str, str]:
+    """The files that the page can be built from again, by name."""
+    tables = {
+        "front.csv": result.front,
+        "references.csv": result.references,
+        "convergence.csv": result.convergence,
+        "front_without_effects.csv": result.before,
+        "allocation_moved.csv": result.moved,
+        "choices.csv": result.choices,
+        "choice_sensitivity.csv": result.choice_sensitivity,
+        "allocation.csv": result.allocation,
+        "contributions.csv": result.contributions,
+        "exact_front.csv": result.exact_front,
+    }
+    texts = {n: frame.to_csv(index=False) for n, frame in tables.items() if frame is not None}
+    return {"config.toml": result.configuration} | texts
 
 
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:

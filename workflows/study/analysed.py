@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from ...files import write_text
+from .. import page_data
 from .records import StudyData, StudySettings
 
 STREAM = (0, 1)
 """Spawn key of the generator of the resampling."""
 SAID = "study.json"
-FILES = (SAID, "sensitivity.csv", "tests.csv", "medians.csv", "report.html")
+FILES = (SAID, "sensitivity.csv", "tests.csv", "medians.csv", "report.html", page_data.NAME)
 
 
 def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from ...files import write_bytes, write_text
 from ...records import StudyResult
 from ...reports.drawing import as_png, as_svg
 from ...reports.study import figures, study_page
+from .. import page_data
 from ..run.write import as_json
 
 
@@ -22,6 +23,7 @@ def write(result: StudyResult, folder: Path) -> None:
         write_bytes(folder / f"{one.name}.png", as_png(one.figure))
         write_bytes(folder / f"{one.name}.svg", as_svg(one.figure))
     write_text(folder / "report.html", study_page(result))
+    write_text(folder / page_data.NAME, page_data.dumped(result))
 
 
 def said(result: StudyResult, more: Mapping[str, Any]) -> str:

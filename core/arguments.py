@@ -1,0 +1,68 @@
+"""Faults of the command line's own arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from .errors import Fault
+from .files import unwritable
+
+TABLES = (".csv", ".txt", ".parquet", ".pq", "")
+"""Endings of tables that can be written."""
+
+
+def directory_faults(out: Path, replace: bool) -> list[Fault]:
+    """A directory that cannot be written, or that holds something and is not to be used."""
+    faults = unwritable(out, "--out")
+    if not faults and not replace and out.is_dir() and any(out.iterdir()):
+        text = f"{out} is not empty; name another directory, or add --overwrite or --resume"
+        faults.append(Fault("--out", text))
+    return faults
+
+
+def choice_faults(workers: int | None, resume: bool, overwrite: bool) -> list[Fault]:
+    """Options that make no sense."""
+    faults = []
+    if workers is not None and workers < 1:
+        faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
+    if resume and overwrite:
+        text = "goes on with what --overwrite would replace; give one of them"
+        faults.append(Fault("--resume", text))
+    return faults
+
+
+def file_faults(out: Path, source: Path) -> list[Fault]:
+    """An output file that cannot be written, or an input file that is not there."""
+    faults = []
+    if out.is_dir():
+        faults.append(Fault("--out", f"{out} is a directory; name a file"))
+    elif not out.parent.is_dir():
+        faults.append(Fault("--out", f"the directory {out.parent} does not exist"))
+    else:
+        faults += unwritable(out.parent, "--out")
+        if out.suffix.lower() not in TABLES:
+            text = f"{out.name} is neither .csv nor .parquet; no other table can be written"
+            faults.append(Fault("--out", text))
+    if not source.exists():
+        faults.append(Fault(str(source), "does not exist"))
+    elif out.exists() and out.samefile(source):
+        faults.append(Fault("--out", f"would replace its own input {source}; name another file"))
+    return faults
+
+
+def page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
+    """Directories that are not there, or a page that cannot be written."""
+    faults = [Fault(str(one), "is not a directory" if one.exists() else "does not exist")
+              for one in folders if not one.is_dir()]  # fmt: skip
+    if len(folders) > 1 and len(faults) < len(folders):
+        faults = []  # what is there is compared, and the rest is said
+    if out is None:
+        return faults or unwritable(folders[0] if len(folders) == 1 else Path(), "--out")
+    if out.is_dir():
+        return [*faults, Fault("--out", f"{out} is a directory; name a file")]
+    if out.suffix.lower() not in (".html", ".htm"):
+        faults.append(Fault("--out", f"{out.name} must end with .html: it is a page"))
+    if not out.parent.is_dir():
+        return [*faults, Fault("--out", f"the directory {out.parent} does not exist")]
+    return faults + unwritable(out.parent, "--out")

@@ -1,0 +1,91 @@
+"""`[choice]` and `[rounding]`: how a point of the front is chosen, and what can be ordered."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..declarations import Kind, Output, Variable
+from ..section import POSITIVE, Range, Section
+from ..workflows.choice.settings import RULES, ChoiceSettings, Step
+from .costs import unknown
+from .goals import read_limits
+
+
+def read_choice(
+    top: Section,
+    objectives: Sequence[str],
+    outputs: Sequence[Output],
+    variables: Sequence[Variable],
+) -> ChoiceSettings:
+    """The settings of both tables; every fault is reported."""
+    section = top.section("choice")
+    weights = _weights(section.section("weights"), objectives)
+    limits = read_limits(section.section("limits"), outputs, variables)
+    budget = section.number("budget", within=POSITIVE)
+    section.finish()
+    return ChoiceSettings(weights, limits, budget, _steps(top.section("rounding"), variables))
+
+
+def _weights(section: Section, objectives: Sequence[str]) -> dict[str, float]:
+    found = {name: section.number(name, within=Range(low=0.0)) for name in objectives}
+    for name in section.given():
+        if name not in found:
+            section.take(name)
+            section.fault(name, unknown(name, list(objectives), "an objective of this run"))
+    section.finish()
+    weights = {name: value for name, value in found.items() if value is not None}
+    if weights and not sum(weights.values()) > 0.0:
+        section.fault("", "must not all be zero")
+    return weights
+
+
+def _steps(section: Section, variables: Sequence[Variable]) -> dict[str, Step]:
+    found = {
+        v.name: _step(section, v) for v in variables if v.kind is not Kind.CHOICE and not v.integer
+    }
+    for v in variables:
+        if v.name not in found and v.name in section:
+            section.take(v.name)
+            section.fault(v.name, f"is a {v.kind}: it is not rounded")
+    section.finish()
+    return {name: step for name, step in found.items() if step is not None}
+
+
+def _step(section: Section, variable: Variable) -> Step | None:
+    value = section.take(variable.name)
+    if isinstance(value, str) and value in RULES:
+        if variable.tolerance:
+            return value
+        section.fault(variable.name, "is no tolerance: give a step or a list of values")
+        return None
+    if isinstance(value, list):
+        numbers = section.numbers(variable.name)
+        if numbers is not None and not numbers:
+            section.fault(variable.name, "must hold at least one value")
+        elif numbers and variable.tolerance and min(numbers) <= 0.0:
+            section.fault(variable.name, f"must hold values above 0, got {min(numbers):g}")
+        else:
+            return numbers
+        return None
+    if isinstance(value, str) and not any(letter.isdigit() for letter in value):
+        section.fault(variable.name, f'must be one of {", ".join(RULES)}, a step or a list of '
+                      f'values, got "{value}"')  # fmt: skip
+        return None
+    return section.number(variable.name, variable.unit, POSITIVE)
+
+
+def resolved_choice(settings: ChoiceSettings) -> dict[str, Any]:
+    """The tables that say this; what was not given is left out."""
+    limits = {name: _limit(bound.low, bound.high) for name, bound in settings.limits.items()}
+    budget = {} if settings.budget is None else {"budget": settings.budget}
+    parts: Mapping[str, Any] = {"weights": dict(settings.weights), "limits": limits}
+    choice = {name: table for name, table in parts.items() if table} | budget
+    steps = {name: list(step) if isinstance(step, tuple) else step
+             for name, step in settings.steps.items()}  # fmt: skip
+    return {name: table for name, table in (("choice", choice), ("rounding", steps)) if table}
+
+
+def _limit(low: float, high: float) -> dict[str, float]:
+    return {key: end for key, end in (("min", low), ("max", high)) if math.isfinite(end)}

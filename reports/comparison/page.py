@@ -1,0 +1,64 @@
+"""The page of several runs: a single HTML file that needs no network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from typing import Any
+
+from ...records import Axis, Comparison
+from ...units import split_unit
+from ..document import bullets, document, picture, remarked, section
+from ..explorer import MOST, thinned
+from ..scripts import data, own, plotly
+from ..tables import table
+from .figure import comparison_figure
+
+EQUAL = (
+    "Cost of the cheapest point of each run at the same level of the other objective, over the "
+    "levels that all runs reach."
+)
+
+
+def comparison_page(result: Comparison, remarks: Sequence[str] = ()) -> str:
+    """The whole page; every text that comes from outside is escaped.
+
+    `remarks` are what was wrong with the files that it is built from.
+    """
+    library = plotly()
+    sections = (
+        *remarked(remarks),
+        section("Fronts", _fronts(result, library is not None)),
+        section("Hypervolume", table(result.table)),
+        section("Cost at equal value", f"<p>{escape(EQUAL)}</p>\n{table(result.equal)}"),
+        section("Notes", bullets(result.notes)),
+    )
+    scripts = () if library is None else (library, own("common.js", "comparison.js"))
+    return document(result.title, "\n".join(sections), scripts)
+
+
+def _fronts(result: Comparison, scripted: bool) -> str:
+    caption = "The fronts in the plane of the first two objectives."
+    still = picture("fronts", comparison_figure(result), caption)
+    if not scripted:
+        return still
+    each = MOST // len(result.runs)
+    rule = f'<p class="hint">At most {each} points of each run, evenly along its front.</p>'
+    plots = f'<div id="plots"></div>\n{data(_content(result, each))}'
+    return f"{rule}{plots}\n<noscript>{still}</noscript>"
+
+
+def _content(result: Comparison, each: int) -> dict[str, Any]:
+    names = [axis.name for axis in result.objectives]
+    return {"objectives": [_axis(axis) for axis in result.objectives], "runs": [
+        {"label": run.label, "aims": [
+            run.front.reset_index(drop=True).iloc[thinned(run.front, names, [], each)][n].tolist()
+            for n in names
+        ]}
+        for run in result.runs
+    ]}  # fmt: skip
+
+
+def _axis(axis: Axis) -> dict[str, str]:
+    return {"name": axis.name, "label": split_unit(axis.name)[0].replace("_", " "),
+            "unit": axis.unit}  # fmt: skip

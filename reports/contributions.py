@@ -1,0 +1,37 @@
+"""The figure of what contributes to an objective at a chosen point."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from ..records import RunResult
+from .drawing import COLOURS, new_figure, plain
+from .tolerances import bar_places, first_choice, words
+
+HEIGHT = 0.24
+"""Height [inch] of a bar with its distance from the next."""
+
+
+def contributions_figure(result: RunResult) -> Figure | None:
+    """Shares of every free tolerance at the first choice, one panel per objective but the cost.
+
+    Bars that reach to the left are tolerances that are better when wider. None where nothing is
+    known.
+    """
+    point, found = first_choice(result), result.contributions
+    if point is None or found is None or found.empty:
+        return None
+    names = [str(n) for n in found.columns if n not in ("point", "output", "explained")]
+    nearest = (found["point"] - point).abs()
+    own = found[nearest == nearest.min()]
+    figure = new_figure(height=1.0 + len(own) * (0.6 + HEIGHT * len(names)))
+    panels = figure.subplots(len(own), 1, squeeze=False)
+    for axes, row in zip(panels.flat, own.to_dict("records"), strict=True):
+        shares = [float(row[name]) for name in names]
+        axes.barh(range(len(names)), shares, color=COLOURS[0], height=0.7)
+        bar_places(axes, [words(name) for name in names])
+        by = "" if row["explained"] == row["output"] else f", by {words(row['explained'])}"
+        axes.set_xlabel(f"share in {words(row['output'])}{by} [%]")
+        axes.axvline(0.0, color="black", linewidth=0.8)
+        plain(axes)
+    return figure

@@ -1,0 +1,22 @@
+"""Every figure of a run for a paper, in one style."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from ..records import RunResult
+from .contributions import contributions_figure
+from .convergence import convergence_figure
+from .figure import front_figure
+from .tolerances import tolerances_figure
+
+
+def figures(result: RunResult) -> dict[str, Figure]:
+    """Figures by the stem of their files; those that there is nothing to draw of are left out."""
+    found = {
+        "front": front_figure(result) if result.objectives else None,
+        "convergence": None if result.convergence.empty else convergence_figure(result.convergence),
+        "contributions": contributions_figure(result),
+        "tolerances": tolerances_figure(result),
+    }
+    return {name: figure for name, figure in found.items() if figure is not None}

@@ -1,0 +1,8 @@
+"""Which point of a front to build: named rules, how sure they are, and what can be ordered."""
+
+from __future__ import annotations
+
+from .decide import Decisions, decide
+from .settings import ChoiceSettings
+
+__all__ = ["ChoiceSettings", "Decisions", "decide"]

@@ -1,0 +1,86 @@
+"""The chosen allocations as a drawing needs them: zones, limits and grades, before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...declarations import Kind, Variable
+from ...problems.tolerance_problem import ToleranceProblem
+
+Array = NDArray[np.float64]
+COLUMNS = ("choice", "point", "variable", "meaning", "kind", "unit", "nominal", "mid", "unrounded",
+           "rounded", "lower_limit", "upper_limit", "grade", "rounding")  # fmt: skip
+
+
+def allocation(
+    problem: ToleranceProblem,
+    choices: Mapping[int, str],
+    designs: Mapping[int, tuple[Array, Array]],
+    grades: Mapping[str, Mapping[float, str]],
+    said: Mapping[str, str],
+) -> pd.DataFrame:
+    """One row per chosen point and variable.
+
+    `choices` names the rules that choose a row of the front, `designs` its unrounded and rounded
+    full design, `grades` what a value of a variable is called, and `said` how it is rounded.
+    Limits are those of the zone around nominal and mid, deviations where no nominal is known.
+    """
+    rows = []
+    for point, label in choices.items():
+        for at, variable in enumerate(problem.variables):
+            own, new = (float(design[at]) for design in designs[point])
+            name = grades.get(variable.name, {}).get(new, "")
+            rows.append(
+                {"choice": label, "point": point, "rounding": said.get(variable.name, "fixed")}
+                | _row(problem, variable, own, new, name)
+            )
+    found = pd.DataFrame(rows, columns=list(COLUMNS))
+    return found.astype(dict.fromkeys(("nominal", "mid", "lower_limit", "upper_limit"), float))
+
+
+def _row(
+    problem: ToleranceProblem, variable: Variable, own: float, new: float, grade: str
+) -> dict[str, Any]:
+    nominal, mid = problem.zone(variable.name)
+    lower, upper = _limits(variable, nominal, mid, new)
+    half = variable.kind is Kind.HALF_WIDTH
+    if variable.kind is Kind.GRADE:
+        grade = f"grade {new:g}"
+    return {
+        "variable": variable.name,
+        "meaning": variable.meaning,
+        "kind": str(variable.kind),
+        "unit": variable.unit,
+        "nominal": nominal,
+        "mid": mid if half else None,
+        "unrounded": _shown(variable, own),
+        "rounded": _shown(variable, new),
+        "lower_limit": lower,
+        "upper_limit": upper,
+        "grade": grade,
+    }
+
+
+def _limits(
+    variable: Variable, nominal: float | None, mid: float, t: float
+) -> tuple[float | None, float | None]:
+    if variable.kind is Kind.HALF_WIDTH:
+        centre = (nominal or 0.0) + mid
+        return _plain(centre - t), _plain(centre + t)
+    return (0.0, t) if variable.kind is Kind.FULL_CLEARANCE else (None, None)
+
+
+def _plain(value: float) -> float:
+    """Without the last digits of a sum: 55.280500000000004 is 55.2805."""
+    return float(f"{value:.12g}")
+
+
+def _shown(variable: Variable, value: float) -> float | int | str:
+    if variable.labels:
+        return variable.labels[int(value)]
+    return int(value) if variable.integer else value

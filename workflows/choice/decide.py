@@ -1,0 +1,130 @@
+"""Every choice of a front: by which rule, how sure, what it is made of, and rounded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...problems.settings import Bound
+from ...problems.tolerance_problem import ToleranceProblem
+from .allocation import allocation
+from .contributions import contributions
+from .rounding import rounded
+from .rules import COST, MEANINGS, Points, chosen
+from .sensitivity import sensitivity
+from .settings import ChoiceSettings
+from .steps import said, step_of, values_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decisions:
+    """The tables `choices`, `sensitivity`, `allocation` and `contributions`, and `rounding`:
+    by variable how it is rounded.
+    """
+
+    choices: pd.DataFrame = field(default_factory=pd.DataFrame)
+    sensitivity: pd.DataFrame = field(default_factory=pd.DataFrame)
+    allocation: pd.DataFrame = field(default_factory=pd.DataFrame)
+    contributions: pd.DataFrame = field(default_factory=pd.DataFrame)
+    rounding: dict[str, str] = field(default_factory=dict)
+
+
+def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSettings) -> Decisions:
+    """The choices of a front as `problem` reports it; empty tables where it is empty."""
+    if front.empty:
+        return Decisions()
+    designs = problem.designs_of(front)
+    points = points_of(problem, front, settings)
+    found = chosen(points)
+    spread = sensitivity(points, problem.costs_of(designs))
+    rows = list(dict.fromkeys(found.values()))
+    steps = {v.name: step_of(problem, v, settings) for v in problem.free}
+    grades = {
+        v.name: values_of(problem, v, step)
+        for v in problem.free
+        if (step := steps[v.name]) is not None
+    }
+    values = {name: np.array(sorted(each)) for name, each in grades.items()}
+    new = {at: rounded(problem, designs[at], values, _asked(settings, found, at)) for at in rows}
+    rules = {v.name: said(problem, v, steps[v.name]) for v in problem.free}
+    by_point = {at: " ".join(n for n, own in found.items() if own == at) for at in rows}
+    both = {at: (designs[at], new[at]) for at in rows}
+    return Decisions(
+        _table(problem, front, found, new, spread),
+        spread,
+        allocation(problem, by_point, both, grades, rules),
+        contributions(problem, designs),
+        rules,
+    )
+
+
+def _asked(settings: ChoiceSettings, found: Mapping[str, int], at: int) -> dict[str, Bound]:
+    """What the rules that choose a row ask of it, and so of the rounded point too."""
+    asked = dict(settings.limits) if found.get("cheapest_within_limits") == at else {}
+    if found.get("best_for_budget") == at and settings.budget is not None:
+        asked[COST] = Bound(high=settings.budget)
+    return asked
+
+
+def points_of(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSettings) -> Points:
+    """The front as the rules see it."""
+    names = problem.objectives
+    given = np.array([settings.weights.get(name, 0.0) for name in names])
+    weights = given if given.sum() > 0.0 else np.ones(len(names))
+    cost = front[COST].to_numpy(dtype=float) if COST in front else None
+    return Points(
+        front[list(names)].to_numpy(dtype=float),
+        names,
+        cost,
+        weights / weights.sum(),
+        _kept(front, settings.limits) if settings.limits else None,
+        settings.budget,
+    )
+
+
+def _kept(front: pd.DataFrame, limits: Mapping[str, Bound]) -> NDArray[np.bool_]:
+    each = [front[name].between(bound.low, bound.high) for name, bound in limits.items()]
+    return np.asarray(np.all(each, axis=0))
+
+
+def _table(
+    problem: ToleranceProblem,
+    front: pd.DataFrame,
+    found: dict[str, int],
+    new: dict[int, Array],
+    spread: pd.DataFrame,
+) -> pd.DataFrame:
+    """`choices.csv`: the chosen points, unrounded and rounded, and how sure each choice is."""
+    whole = problem.reported()
+    after = whole.frame(np.stack([new[at] for at in found.values()]))
+    broken = [
+        " ".join(name for name in _limit_names(problem) if row[f"margin_{name}"] < 0.0)
+        for row in after.to_dict("records")
+    ]
+    own = front.iloc[list(found.values())].reset_index(drop=True)
+    kept = ["bound", "gap_percent", *problem.objectives, *problem.names]
+    table = own[[name for name in kept if name in own]]
+    table.insert(0, "choice", list(found))
+    table.insert(1, "meaning", [MEANINGS[name] for name in found])
+    table.insert(2, "point", list(found.values()))
+    for name in problem.objectives:
+        before = own[name].to_numpy(dtype=float)
+        table[f"rounded_{name}"] = after[name]
+        loss = after[name].to_numpy(dtype=float) - before
+        share = np.divide(loss, np.abs(before), out=np.full_like(loss, np.nan), where=before != 0.0)
+        table[f"rounding_loss_{name}_percent"] = 100.0 * share
+    table["rounded_feasible"] = after["feasible"]
+    table["rounded_violated_limits"] = broken
+    same = spread.groupby("choice")["same"].mean() if len(spread) else pd.Series(dtype=float)
+    table["unchanged_percent"] = [100.0 * same.get(name, np.nan) for name in found]
+    return table
+
+
+def _limit_names(problem: ToleranceProblem) -> list[str]:
+    return [limit.name for limit in problem.limits if limit.count]

@@ -1,0 +1,98 @@
+"""What a page is made of, stored beside it so that it can be built again: `page.json`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from importlib.metadata import version
+from typing import Any, TypeVar, get_type_hints
+
+import numpy as np
+import pandas as pd
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+NAME = "page.json"
+FORMAT = 1
+Result = TypeVar("Result")
+_CONFIG = ConfigDict(arbitrary_types_allowed=True, ser_json_inf_nan="constants")
+
+
+def dumped(result: Any) -> str:
+    """A result record (a dataclass whose tables are frames) as JSON."""
+    tables = {
+        one.name: _table(value)
+        for one in fields(result)
+        if isinstance(value := getattr(result, one.name), pd.DataFrame)
+    }
+    hints = _hints(type(result))
+    plain = {
+        one.name: TypeAdapter(hints[one.name]).dump_python(getattr(result, one.name), mode="json")
+        for one in fields(result)
+        if one.name not in tables
+    }
+    head = {"kind": type(result).__name__, "format": FORMAT, "version": version("tolevo")}
+    return json.dumps(head | {"fields": plain, "tables": tables}, default=_plain) + "\n"
+
+
+def loaded(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list[str]]:
+    """The record that `dumped` wrote, and the names of what is missing or wrong in it.
+
+    Those are empty in the record.
+    """
+    hints, bad, values = _hints(kind), [], {}
+    plain, tables = (_object(content, name) for name in ("fields", "tables"))
+    for one in fields(kind):  # type: ignore[arg-type]
+        hint = hints[one.name]
+        try:
+            if hint is pd.DataFrame:
+                values[one.name] = _frame(tables[one.name])
+            else:
+                adapter = TypeAdapter(hint)
+                values[one.name] = adapter.validate_python(plain[one.name])
+        except (KeyError, TypeError, ValueError, ValidationError):
+            bad.append(one.name)
+            values[one.name] = _empty(hint)
+    return kind(**values), bad
+
+
+def _plain(value: Any) -> Any:
+    """A scalar of numpy as Python's own."""
+    return value.item() if isinstance(value, np.generic) else str(value)
+
+
+def _object(content: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    found = content.get(name)
+    return found if isinstance(found, Mapping) else {}
+
+
+def _hints(kind: type[Any]) -> dict[str, Any]:
+    return get_type_hints(kind, localns={"pd": pd})
+
+
+def _table(frame: pd.DataFrame) -> dict[str, Any]:
+    """A frame by columns, with the names of their types."""
+    return {
+        "index": frame.index.tolist(),
+        "columns": [str(name) for name in frame.columns],
+        "types": [str(kind) for kind in frame.dtypes],
+        "values": [frame[name].tolist() for name in frame.columns],
+    }
+
+
+def _frame(table: Mapping[str, Any]) -> pd.DataFrame:
+    columns = zip(table["columns"], table["values"], table["types"], strict=True)
+    return pd.DataFrame(
+        {name: pd.Series(values, index=table["index"], dtype=kind)
+         for name, values, kind in columns}, index=table["index"],
+    )  # fmt: skip
+
+
+def _empty(hint: Any) -> Any:
+    """The empty value of a type."""
+    if hint is pd.DataFrame:
+        return pd.DataFrame()
+    if hint is str:
+        return ""
+    name = str(hint)
+    return {} if "Mapping" in name else () if "tuple" in name else None

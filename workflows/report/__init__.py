@@ -1,0 +1,7 @@
+"""`tolevo report`: pages built again from what directories hold."""
+
+from __future__ import annotations
+
+from .report import Report, report
+
+__all__ = ["Report", "report"]

@@ -1,0 +1,170 @@
+"""`tolevo report`: the page of one directory, or of several runs side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from matplotlib.figure import Figure
+
+from ...errors import Fault, raise_all
+from ...files import write_bytes, write_text
+from ...gap_records import GapResult
+from ...records import RunResult, StudyResult
+from ...reports.comparison import comparison_page
+from ...reports.comparison.figure import comparison_figure
+from ...reports.drawing import as_png, as_svg
+from ...reports.figures import figures as run_figures
+from ...reports.page import page
+from .. import page_data
+from .comparison import compared
+from .stored import Stored
+from .stored_run import stored_run
+
+PAGE = "report.html"
+COMPARISON = "comparison.html"
+MARKS: Mapping[str, tuple[str, ...]] = {
+    "gap": ("gap.json", "residuals.parquet", "corrected.toml"),
+    "study": ("study.json", "study.csv", "study.sqlite", "medians.csv"),
+    "reproduce": ("claims.csv", "claims.json"),
+    "run": ("summary.json", "front.csv", "front.parquet", "convergence.csv"),
+}
+"""Files that tell what a directory holds, the most telling kinds first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """A page that was written, and what was found wrong on the way."""
+
+    path: Path
+    remarks: tuple[str, ...]
+
+
+def report(folders: Sequence[Path], out: Path | None = None, figures: Path | None = None) -> Report:
+    """Build the page of one directory (by default its `report.html`), or compare several runs
+    (by default `comparison.html` here).
+
+    With `figures` those of the page are written there too, as PNG and SVG.
+
+    What is missing or wrong in a directory is said in the remarks, and the rest is built. Raises
+    InputError where nothing can be built.
+    """
+    if len(folders) == 1:
+        return _single(folders[0], out or folders[0] / PAGE, figures)
+    return _several(folders, out or Path(COMPARISON), figures)
+
+
+def _draw(drawn: Mapping[str, Figure], folder: Path | None) -> None:
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, figure in drawn.items():
+            write_bytes(folder / f"{name}.png", as_png(figure))
+            write_bytes(folder / f"{name}.svg", as_svg(figure))
+
+
+def kind_of(folder: Path) -> str:
+    """What a directory holds: one of `MARKS`, empty where it is none."""
+    held = (kind for kind, names in MARKS.items() if any((folder / n).is_file() for n in names))
+    return next(held, "")
+
+
+def _single(folder: Path, out: Path, figures: Path | None) -> Report:
+    stored, kind = Stored(folder), kind_of(folder)
+    result = stored_run(stored) if kind == "run" else _from_page_data(stored, kind)
+    if result is None:
+        raise_all(_faults(folder, kind, stored.remarks))
+    _, build, draw = _pages()[kind]
+    write_text(out, build(result, tuple(stored.remarks)))
+    _draw(draw(result), figures)
+    return Report(out, tuple(stored.remarks))
+
+
+def _from_page_data(stored: Stored, kind: str) -> Any:
+    """The result of a directory that stores what its page is made of; None where it does not."""
+    pages = _pages()
+    if kind not in pages:
+        return None
+    content = stored.record(page_data.NAME)
+    if not content:
+        return None
+    versions = {"tolevo": content.get("version")}
+    stored.newer(page_data.NAME, versions, content.get("format"), page_data.FORMAT)
+    result, bad = page_data.loaded(pages[kind].record, content)
+    if bad:
+        stored.remark(page_data.NAME, f"{', '.join(bad)} missing or not what was written: left out")
+    return result
+
+
+class Page(NamedTuple):
+    """What a kind of result is made of: its record, its page and its figures."""
+
+    record: type[Any]
+    build: Callable[[Any, tuple[str, ...]], str]
+    draw: Callable[[Any], Mapping[str, Figure]]
+
+
+def _pages() -> Mapping[str, Page]:
+    """By kind of result what builds its page."""
+    from ...reports.gap import page as gap
+    from ...reports.study import figures, study_page
+
+    return {
+        "run": Page(RunResult, page, run_figures),
+        "gap": Page(GapResult, lambda result, _: gap.gap_page(result), gap.figures),
+        "study": Page(
+            StudyResult,
+            lambda result, _: study_page(result),
+            lambda result: {one.name: one.figure for one in figures(result)},
+        ),
+    }
+
+
+def _faults(folder: Path, kind: str, remarks: Sequence[str]) -> list[Fault]:
+    """Why nothing can be built of a directory."""
+    if not folder.is_dir():
+        return [Fault(str(folder), "is not a directory" if folder.exists() else "does not exist")]
+    if not kind:
+        text = "holds no result of run, study, gap or reproduce"
+        return [Fault(str(folder), text)]
+    more = "nothing can be shown of it"
+    if kind != "run":
+        more += f"; run `tolevo {kind}` on it again, with --resume"
+    return [Fault(f"{folder}/{one.split(': ')[0]}", one.split(": ", 1)[1]) for one in remarks] + [
+        Fault(str(folder), more)
+    ]
+
+
+def _several(folders: Sequence[Path], out: Path, figures: Path | None) -> Report:
+    runs: dict[str, RunResult] = {}
+    remarks: list[str] = []
+    for label, folder in zip(_labels(folders), folders, strict=True):
+        stored, kind = Stored(folder), kind_of(folder)
+        result = stored_run(stored) if kind == "run" else None
+        remarks += [f"{folder}/{one}" for one in stored.remarks]
+        if result is not None:
+            runs[label] = result
+        elif kind not in ("", "run"):
+            remarks.append(f"{folder}: holds a {kind}; only runs are compared")
+        else:
+            remarks += [str(fault) for fault in _faults(folder, kind, [])]
+    found, said = compared(runs)
+    if found is None:
+        text = "fewer than two runs that can be compared are left"
+        split = [one.split(": ", 1) for one in (*remarks, *said)]
+        raise_all([*(Fault(place, why) for place, why in split), Fault("report", text)])
+    assert found is not None
+    write_text(out, comparison_page(found, tuple(remarks)))
+    _draw({"fronts": comparison_figure(found)}, figures)
+    return Report(out, (*remarks, *said))
+
+
+def _labels(folders: Sequence[Path]) -> list[str]:
+    """Names that tell the directories apart: the last parts of their paths, as many as needed."""
+    parts = [folder.resolve().parts for folder in folders]
+    for count in range(1, max(map(len, parts)) + 1):
+        labels = ["/".join(one[-count:]) for one in parts]
+        if len(set(labels)) == len(labels):
+            return labels
+    return [f"{'/'.join(one[-1:])} ({at})" for at, one in enumerate(parts, start=1)]

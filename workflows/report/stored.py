@@ -1,0 +1,118 @@
+"""The files of a result directory, read with a remark for everything that is wrong with them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+TEXT = ("violated_limits", "rounded_violated_limits", "grade", "unit", "meaning")
+"""Columns of text that may be empty."""
+SHOWN = 3
+"""Bad cells of a column that are named; the rest is counted."""
+
+
+class Stored:
+    """A directory; what is missing or wrong is handed out as None and said in `remarks`."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.remarks: list[str] = []
+
+    def remark(self, name: str, text: str) -> None:
+        """Say something of a file."""
+        self.remarks.append(f"{name}: {text}")
+
+    def text(self, name: str, needed: bool = True) -> str | None:
+        """The text of a file."""
+        try:
+            return (self.folder / name).read_text(encoding="utf-8")
+        except FileNotFoundError:
+            if needed:
+                self.remark(name, "is missing")
+        except UnicodeDecodeError:
+            self.remark(name, "is not UTF-8 text")
+        except OSError as error:
+            self.remark(name, f"cannot be read ({error.strerror})")
+        return None
+
+    def record(self, name: str) -> dict[str, Any]:
+        """The object in a JSON file, empty where there is none."""
+        text = self.text(name)
+        if text is None:
+            return {}
+        try:
+            found = json.loads(text)
+        except ValueError as error:
+            self.remark(name, f"is not JSON ({error}): was it edited by hand?")
+            return {}
+        if not isinstance(found, dict):
+            self.remark(name, "holds no object: was it edited by hand?")
+            return {}
+        return found
+
+    def table(
+        self, name: str, numeric: Iterable[str] = (), needed: bool = True
+    ) -> pd.DataFrame | None:
+        """A CSV table; rows without a finite number in a column of `numeric` are left out."""
+        if self.text(name, needed) is None:
+            return None
+        try:
+            found = pd.read_csv(self.folder / name, keep_default_na=True)
+        except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
+            self.remark(name, f"is no table ({str(error).strip()}): was it edited by hand?")
+            return None
+        blank = {column: found[column].astype(object).fillna("") for column in TEXT
+                 if column in found}  # fmt: skip
+        return self.numbered(found.assign(**blank), name, numeric)
+
+    def numbered(self, found: pd.DataFrame, name: str, numeric: Iterable[str]) -> pd.DataFrame:
+        """The table without rows that lack a number where there must be one."""
+        kept = np.ones(len(found), dtype=bool)
+        typed = found.copy()
+        for column in numeric:
+            if column not in found:
+                continue
+            values = pd.to_numeric(found[column], errors="coerce")
+            good = np.isfinite(values.to_numpy(dtype=float))
+            self._bad_cells(name, column, np.flatnonzero(~good))
+            typed[column] = values
+            kept &= good
+        return typed[kept].reset_index(drop=True)
+
+    def _bad_cells(self, name: str, column: str, rows: np.ndarray) -> None:
+        if len(rows):
+            named = ", ".join(str(row + 2) for row in rows[:SHOWN])
+            more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
+            self.remark(name, f"line {named}{more}, column {column}: no finite number; left out")
+
+    def edited(self, hashes: Mapping[str, Any]) -> None:
+        """Say which files are not as they were written, by their SHA-256."""
+        for name, known in hashes.items():
+            path = self.folder / Path(str(name)).name
+            if not path.is_file():
+                continue  # said where it is read
+            if hashlib.sha256(path.read_bytes()).hexdigest() != known:
+                self.remark(path.name, "was changed after it was written; shown as it is now")
+
+    def newer(self, name: str, versions: Any, format_: Any, known: int) -> None:
+        """Say whether a newer version wrote this."""
+        written = str(versions.get("tolevo", "")) if isinstance(versions, Mapping) else ""
+        of_format = isinstance(format_, int) and format_ > known
+        if of_format or _parts(written) > _parts(version("tolevo")):
+            self.remark(name, f"was written by a newer version ({written or 'unknown'}, format "
+                        f"{format_}; this is {version('tolevo')}, format {known}): what it has "
+                        "beyond that is not shown; update tolevo")  # fmt: skip
+
+
+def _parts(text: str) -> tuple[int, ...]:
+    """The numbers of a version: "0.10.1" is after "0.9"."""
+    match = re.match(r"\d+(\.\d+)*", text)
+    return tuple(int(part) for part in match[0].split(".")) if match else ()

@@ -1,0 +1,167 @@
+"""The result of a run from its directory."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from ...records import Axis, Bars, RunResult
+from ...units import split_unit
+from ..run.choices import FORMAT
+from .stored import Stored
+
+SUMMARY = "summary.json"
+OPTIONAL = {
+    "before": "front_without_effects.csv",
+    "moved": "allocation_moved.csv",
+    "choices": "choices.csv",
+    "choice_sensitivity": "choice_sensitivity.csv",
+    "allocation": "allocation.csv",
+    "contributions": "contributions.csv",
+    "exact_front": "exact_front.csv",
+}
+NEEDED = {
+    "choices": ("choice", "meaning", "point"),
+    "choice_sensitivity": ("choice", "same"),
+    "allocation": ("point", "variable", "rounded"),
+    "contributions": ("point", "output", "explained"),
+}
+"""Columns that the page reads of them."""
+
+
+def stored_run(stored: Stored) -> RunResult | None:
+    """The result as far as it is there; None where nothing of it can be shown."""
+    summary = _typed(stored.record(SUMMARY), stored)
+    stored.newer(SUMMARY, summary.get("versions"), summary.get("format"), FORMAT)
+    stored.edited(summary.get("files") or {})
+    configuration = stored.text("config.toml") or ""
+    objectives, variables = _axes(summary, configuration)
+    names = [axis.name for axis in objectives]
+    front = _front(stored, names)
+    missing = [name for name in names if name not in front]
+    if len(front) and missing:
+        stored.remark("front.csv", f"has no column {', '.join(missing)}")
+    objectives = tuple(axis for axis in objectives if axis.name in front or front.empty)
+    references = stored.table("references.csv", [axis.name for axis in objectives])
+    convergence = stored.table("convergence.csv", ("evaluations", "hypervolume"))
+    if front.empty and _nothing(references) and _nothing(convergence):
+        return None
+    return RunResult(
+        title=str(summary.get("title") or stored.folder.resolve().name),
+        front=front,
+        references=_with(references, ("label", "feasible", "violated_limits"), "references.csv",
+                         stored),
+        convergence=_with(convergence, ("evaluations", "hypervolume", "feasible_fraction"),
+                          "convergence.csv", stored),
+        summary=summary,
+        objectives=objectives,
+        variables=tuple(axis for axis in variables if axis.name in front),
+        notes=tuple(map(str, summary.get("notes") or ())),
+        bars=_bars(summary),
+        configuration=configuration,
+        **_optional(stored, len(front)),
+    )  # fmt: skip
+
+
+def _nothing(table: pd.DataFrame | None) -> bool:
+    return table is None or table.empty
+
+
+def _with(
+    table: pd.DataFrame | None, needed: tuple[str, ...], name: str, stored: Stored
+) -> pd.DataFrame:
+    """The table, empty where there is none or a column is missing that the page reads."""
+    if table is None:
+        return pd.DataFrame()
+    missing = [column for column in needed if column not in table]
+    if missing:
+        stored.remark(name, f"has no column {', '.join(missing)}; left out")
+        return pd.DataFrame()
+    return table
+
+
+def _front(stored: Stored, names: list[str]) -> pd.DataFrame:
+    """`front.csv`, or where it cannot be read `front.parquet`."""
+    found = stored.table("front.csv", names)
+    path = stored.folder / "front.parquet"
+    if found is None and path.is_file():
+        try:
+            table = pd.read_parquet(path)
+        except (OSError, ValueError) as error:
+            stored.remark(path.name, f"is no Parquet file ({error})")
+        else:
+            stored.remark(path.name, "is shown in place of front.csv")
+            return stored.numbered(table, path.name, names)
+    return pd.DataFrame() if found is None else found
+
+
+def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
+    found: dict[str, pd.DataFrame | None] = {}
+    for field, name in OPTIONAL.items():
+        table = stored.table(name, needed=False)
+        missing = [column for column in NEEDED.get(field, ()) if table is not None
+                   and column not in table]  # fmt: skip
+        if table is not None and missing:
+            stored.remark(name, f"has no column {', '.join(missing)}; left out")
+            table = None
+        if table is not None and "point" in table:
+            rows = pd.to_numeric(table["point"], errors="coerce")
+            inside = rows.between(0, points - 1)
+            if not inside.all():
+                stored.remark(name, f"names points that front.csv has not ({points} rows): "
+                              "these are left out")  # fmt: skip
+            table = table[inside].assign(point=rows[inside].astype("int64"))
+        found[field] = table
+    return found
+
+
+def _typed(summary: dict[str, Any], stored: Stored) -> dict[str, Any]:
+    """The summary without values of a type that a run does not write."""
+    kinds: dict[str, type | tuple[type, ...]] = {
+        "versions": dict, "ideal": dict, "nadir": dict, "axes": dict, "files": dict,
+        "choices": dict, "notes": list, "assumptions": list, "bars": list, "rounding": list,
+        "title": str, "format": int,
+    }  # fmt: skip
+    for name, kind in kinds.items():
+        if name in summary and not isinstance(summary[name], kind):
+            stored.remark(SUMMARY, f"{name} is not what a run writes: was it edited by hand?")
+    return {name: value for name, value in summary.items()
+            if isinstance(value, kinds.get(name, object))}  # fmt: skip
+
+
+def _axes(
+    summary: Mapping[str, Any], configuration: str
+) -> tuple[tuple[Axis, ...], tuple[Axis, ...]]:
+    """Objectives and variables; of an older run the objectives by its configuration."""
+    axes = summary.get("axes") or {}
+    found = [
+        tuple(
+            Axis(str(one["name"]), str(one.get("unit", "")), str(one.get("meaning", "")))
+            for one in (axes.get(kind) or ())
+            if isinstance(one, dict) and "name" in one
+        )
+        for kind in ("objectives", "variables")
+    ]
+    return found[0] or _by_configuration(configuration), found[1]
+
+
+def _by_configuration(configuration: str) -> tuple[Axis, ...]:
+    try:
+        names = tomllib.loads(configuration)["objectives"]["minimise"]
+    except (tomllib.TOMLDecodeError, KeyError, TypeError):
+        return ()
+    return tuple(Axis(str(name), split_unit(str(name))[1]) for name in names)
+
+
+def _bars(summary: Mapping[str, Any]) -> tuple[Bars, ...]:
+    """Charts of the problem; those that are not whole are left out."""
+    found = []
+    for one in summary.get("bars") or ():
+        whole = isinstance(one, dict) and {"title", "unit", "labels", "values"} <= one.keys()
+        if whole and len(one["labels"]) == len(one["values"]):
+            found.append(Bars(one["title"], one["unit"], tuple(one["labels"]),
+                              tuple(one["values"])))  # fmt: skip
+    return tuple(found)

@@ -1,0 +1,65 @@
+"""The choices of a front, as parts of the result of a run."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+
+import pandas as pd
+
+from ...problems.tolerance_problem import ToleranceProblem
+from ...records import Axis, RunResult
+from ..choice import Decisions
+from .plan import RunPlan
+from .proofs import Exact, exact_table
+
+FORMAT = 1
+"""Version of the files of a run: `summary.json` names it; a reader refuses what is newer."""
+
+
+def with_choices(
+    result: RunResult, decisions: Decisions, plan: RunPlan, exact: Exact | None
+) -> RunResult:
+    """The result with its choices, and with all that the page needs in the summary."""
+    summary = dict(result.summary) | {
+        "choices": _short(decisions.choices, plan.problem),
+        "rounding": _rounding(decisions, plan),
+        "format": FORMAT,
+        "title": result.title,
+        "axes": {"objectives": _axes(result.objectives), "variables": _axes(result.variables)},
+        "bars": [asdict(one) for one in result.bars],
+    }
+    return replace(
+        result,
+        summary=summary,
+        choices=_none_if_empty(decisions.choices),
+        choice_sensitivity=_none_if_empty(decisions.sensitivity),
+        allocation=_none_if_empty(decisions.allocation),
+        contributions=_none_if_empty(decisions.contributions),
+        exact_front=exact_table(plan.problem, exact),
+    )
+
+
+def _short(choices: pd.DataFrame, problem: ToleranceProblem) -> dict[str, object]:
+    """By rule: the row of the front, its objectives, and what rounding does to them."""
+    kept = ["point", "meaning", *problem.objectives, "rounded_feasible", "unchanged_percent"]
+    kept += [f"rounded_{name}" for name in problem.objectives]
+    return {
+        str(row["choice"]): {name: row[name] for name in kept} for row in choices.to_dict("records")
+    }
+
+
+def _rounding(decisions: Decisions, plan: RunPlan) -> list[dict[str, str]]:
+    """How each variable is rounded, and whether the configuration says so."""
+    return [
+        {"variable": name, "rule": rule,
+         "set_by": "configuration" if name in plan.choice.steps else "default"}
+        for name, rule in decisions.rounding.items()
+    ]  # fmt: skip
+
+
+def _axes(axes: tuple[Axis, ...]) -> list[dict[str, str]]:
+    return [asdict(axis) for axis in axes]
+
+
+def _none_if_empty(frame: pd.DataFrame) -> pd.DataFrame | None:
+    return None if frame.empty else frame
