@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup run test lint coverage bench lock clean
+.PHONY: help setup run test lint coverage bench lock figures clean
 
 PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
 	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$python" && break; done)
@@ -69,6 +69,9 @@ lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --upgrade \
 		--generate-hashes --no-annotate --custom-compile-command "make lock" \
 		--constraint requirements.lock --group peers --output-file benchmarks/requirements.lock pyproject.toml
+
+figures: $(READY)  ## draws the figures of the README anew
+	$(BIN)/python tools/readme_figures.py
 
 clean:  ## removes what make made, environments included, but no results
 	rm -rf .venv .venv-bench .links build dist htmlcov *.egg-info .coverage .coverage.* .hypothesis .mypy_cache .pytest_cache .ruff_cache

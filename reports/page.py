@@ -74,8 +74,7 @@ def _front(result: RunResult, scripted: bool) -> str:
     names = [axis.name for axis in result.objectives]
     some = result
     if len(result.front):
-        rows = thinned(result.front, names, [], DRAWN)
-        some = replace(result, front=result.front.loc[rows])
+        some = replace(result, front=result.front.loc[thinned(result.front, names, [], DRAWN)])
     still = picture("front", front_figure(some), _front_caption(result))
     if scripted:
         return f"{explorer(result)}\n<noscript>{still}</noscript>"

@@ -9,7 +9,7 @@ from ..models.measurable import MeasurableModel
 
 def belongs(problem: str, kind: Any, model: str, measured: type[MeasurableModel]) -> bool:
     """Whether what is learnt of the model named `model` corrects `problem`, of the class `kind`."""
-    return problem in measured.corrects or kind.default_model == model
+    return kind.default_model == model or problem in measured.corrects
 
 
 def stranger(problem: str, model: str, measured: type[MeasurableModel]) -> str:

@@ -9,6 +9,7 @@
   host.hidden = false;
   const state = { at: place(found.choices.length ? found.choices[0].row : found.rows[0]), against: 0 };
   const two = found.objectives.length === 2;
+  const MARKED = 1200; // markers in a plane at most
   const LINES = 300; // parallel coordinates at most
   const planes = pairs(found.objectives.length).map((pair) => ({ pair, div: element("div", "", { class: "plot" }) }));
   const parallel = element("div", "", { class: "plot" });
@@ -34,10 +35,17 @@
     return { type: "scatter", mode: "markers", name: plain(name), x, y, marker, ...more };
   }
 
+  // Thousands of markers take seconds to draw: a long front is a line alone (its points can be
+  // clicked all the same), a cloud shows every so manieth point.
   function frontTrace(a, b, end) {
-    return { type: "scatter", mode: two ? "lines+markers" : "markers", x: found.aims[a], y: found.aims[b],
-             name: `front, ${count} points`, marker: { size: count > 1000 ? 4 : 6, color: tone("--front") },
-             line: { width: 1, color: tone("--front") }, customdata: found.rows.map((_, at) => at),
+    const step = two ? 1 : Math.ceil(count / MARKED);
+    const shown = found.rows.map((_, at) => at).filter((at) => at % step === 0);
+    const lined = two && count > MARKED;
+    return { type: "scatter", mode: lined ? "lines" : two ? "lines+markers" : "markers",
+             x: shown.map((at) => found.aims[a][at]), y: shown.map((at) => found.aims[b][at]),
+             name: step > 1 ? `front, every ${step}. of ${count} points` : `front, ${count} points`,
+             marker: { size: 6, color: tone("--front") },
+             line: { width: lined ? 3 : 1, color: tone("--front") }, customdata: shown,
              hovertemplate: hover(a, b) + end };
   }
 

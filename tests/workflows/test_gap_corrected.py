@@ -15,7 +15,10 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.configuration import read
 from tolevo.configuration.gap import read_gap
+from tolevo.configuration.pairs import belongs, stranger
 from tolevo.errors import InputError
+from tolevo.models.rv_reducer.batch import RvBatch
+from tolevo.problems.rv_backlash import RvBacklash
 
 ZERO = 7.0
 """[arcsec or arcmin] What the instrument reads at rest."""
@@ -190,3 +193,22 @@ def test_a_table_has_no_run(tmp_path: Path) -> None:
     (tmp_path / "gap.toml").write_text(TABLE.replace("[columns]", 'run = "run.toml"\n[columns]'))
     with pytest.raises(InputError, match=r"run: .*corrects no problem"):
         read_gap(tmp_path / "gap.toml")
+
+
+class Mine(RvBatch):
+    """A model of a plugin, that says which problem it corrects."""
+
+    corrects = ("my_problem",)
+
+
+class MyProblem(RvBacklash):
+    """A problem of a plugin, that says which model it is of."""
+
+    default_model = "my_model"
+
+
+def test_either_side_of_a_plugin_may_say_that_they_belong() -> None:
+    assert belongs("my_problem", RvBacklash, "mine", Mine)
+    assert belongs("other", MyProblem, "my_model", RvBatch)
+    assert not belongs("other", RvBacklash, "mine", Mine)
+    assert 'corrects "my_problem"' in stranger("other", "mine", Mine)

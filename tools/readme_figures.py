@@ -1,0 +1,77 @@
+"""Draws every figure of the README: `make figures`, or with `--draw` from the stored data alone.
+
+The front is that of the main job. What is drawn is kept in `docs/figures`, so that a test can draw
+it again and see whether figure, configuration and model still belong together.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import pandas as pd
+
+from tolevo.configuration import Configuration, read
+from tolevo.records import Axis, RunResult
+from tolevo.reports.drawing import as_png
+from tolevo.reports.figure import front_figure
+from tolevo.workflows.run import RunPlan, run
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA = ROOT / "docs" / "figures"
+FIGURES: Mapping[str, str] = MappingProxyType({"docs/front.png": "rv40e_backlash"})
+"""Figures of the README by their path, and the configuration whose front they show."""
+DIGITS = "%.7g"
+
+
+def configuration(name: str) -> Configuration:
+    """A ready configuration by name."""
+    return read(ROOT / "configs" / f"{name}.toml")
+
+
+def drawn(name: str) -> bytes:
+    """The figure of the stored front of a configuration, as PNG."""
+    problem = configuration(name).problem
+    assert problem is not None
+    outputs = {output.name: output for output in problem.outputs}
+    axes = tuple(Axis(one, outputs[one].unit) for one in problem.objectives)
+    front, references = (pd.read_csv(DATA / f"{name}_{kind}.csv") for kind in KINDS)
+    return as_png(front_figure(RunResult(name, front, references, pd.DataFrame(), {}, axes)))
+
+
+KINDS = ("front", "references")
+
+
+def computed(name: str) -> None:
+    """Run a configuration and store what is drawn of it."""
+    found = configuration(name)
+    assert found.problem is not None
+    assert found.algorithm is not None
+    plan = RunPlan(found.problem, found.algorithm, found.budget, found.seed, True, found.toml(),
+                   name, found.engine)  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        result = run(plan, Path(folder)).result
+    names = [*found.problem.names, *found.problem.objectives]
+    DATA.mkdir(exist_ok=True)
+    for kind, more in zip(KINDS, (["knee"], ["label", "feasible"]), strict=True):
+        table = getattr(result, kind)[[*more, *names]]
+        table.to_csv(DATA / f"{name}_{kind}.csv", index=False, float_format=DIGITS)
+    (DATA / f"{name}.sha256").write_text(f"{found.hash}\n", encoding="utf-8")
+
+
+def main() -> None:
+    """Draw all figures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--draw", action="store_true", help="draw the stored data, run nothing")
+    options = parser.parse_args()
+    for path, name in FIGURES.items():
+        if not options.draw:
+            computed(name)
+        (ROOT / path).write_bytes(drawn(name))
+
+
+if __name__ == "__main__":
+    main()
