@@ -54,6 +54,7 @@ $(PEERS): .venv-bench/locked pyproject.toml
 bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are promised; QUICK=1 for a look
 	$(BENCH)/python -m benchmarks.compare $(if $(QUICK),--quick)
 	$(BENCH)/python benchmarks/propagation.py
+	$(BENCH)/python benchmarks/reducer.py
 	$(BENCH)/python benchmarks/engine.py
 	$(BENCH)/python benchmarks/manipulator.py
 	$(BENCH)/python benchmarks/dynamics.py

@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 from .configuration import read
+from .configuration.claims import read_claims
 from .configuration.study import read_study
 from .workflows.evaluate import evaluate
+from .workflows.reproduce.reproduce import reproduce
 from .workflows.run import run
 from .workflows.simulate import simulate
 from .workflows.study import study
 
-__all__ = ["evaluate", "read", "read_study", "run", "simulate", "study"]
+__all__ = [
+    "evaluate",
+    "read",
+    "read_claims",
+    "read_study",
+    "reproduce",
+    "run",
+    "simulate",
+    "study",
+]

@@ -1,4 +1,4 @@
-"""The command line: `tolevo run | study | gap | evaluate | simulate | report | check | list`."""
+"""The command line: `tolevo run | study | gap | reproduce | evaluate | simulate | report | ...`."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from .files import unwritable
 if TYPE_CHECKING:
     from .configuration import Configuration
     from .workflows.gap import GapPlan
+    from .workflows.gap.data import GapData
+    from .workflows.reproduce.plan import ReproducePlan
     from .workflows.study import StudyPlan
 
 INTERRUPTED = 130
@@ -97,26 +99,44 @@ def gap(
     with _exit_status():
         faults = directory_faults(out, overwrite or resume)
         faults += choice_faults(workers, resume, overwrite)
-        if not data.exists():
-            faults.append(Fault(str(data), "does not exist"))
-        plan = _collected(lambda: _gap_plan(config, set_), faults)
-        raise_all(faults)
-        from .workflows.gap.gap import gap as analysed
-
-        say = None if quiet else (lambda text: typer.echo(text, err=True))
-        outcome = analysed(plan, data, out, workers, say, resume)
-        for line in outcome.lines:
-            typer.echo(line)
+        plan, readings = _gap_input(config, data, set_, faults)
+        status = _gap(plan, readings, out, workers, quiet, resume)
+    raise typer.Exit(status)
 
 
-def _gap_plan(config: Path, settings: list[str]) -> GapPlan:
-    """A gap analysis; its extra packages are asked for first."""
+def _gap_input(
+    config: Path, data: Path, settings: list[str], faults: list[Fault]
+) -> tuple[GapPlan, GapData]:
+    """The analysis and its data; the faults of both, and those found before, are raised at once.
+
+    Its extra packages are asked for first.
+    """
     from .registry import needed
 
     raise_all(needed("gap"))
-    from .configuration.gap import read_gap
+    from .configuration.gap import gap_plan
+    from .workflows.gap.read import checked
 
-    return read_gap(config, settings)
+    plan, found = gap_plan(config, settings)
+    readings, more = checked(plan, data)
+    raise_all([*found, *faults, *more])
+    assert plan is not None
+    assert readings is not None
+    return plan, readings
+
+
+def _gap(plan: GapPlan, data: GapData, out: Path, workers: int, quiet: bool, resume: bool) -> int:
+    from .progress import shown_gap
+    from .workflows.gap.gap import gap
+
+    with shown_gap(quiet) as progress:
+        outcome = gap(plan, data, out, workers, progress, resume)
+    for line in outcome.lines:
+        typer.echo(line, err=outcome.status != "done")
+    page = out / "report.html"
+    if outcome.status == "done" and page.is_file():
+        typer.echo(f"page: {page}")
+    return STATUS[outcome.status]
 
 
 def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, resume: bool) -> int:
@@ -195,6 +215,45 @@ def _study(plan: StudyPlan, out: Path, workers: int, dask: str, quiet: bool, res
 
 
 @app.command()
+def reproduce(
+    out: Out,
+    claims: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Files of claims (TOML).", show_default="those of the documents"),
+    ] = None,
+    workers: Annotated[int, typer.Option(help="Processes; no result depends on it.")] = WORKERS,
+    resume: Annotated[bool, typer.Option("--resume", help="Check what is missing.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
+    set_: Set = [],  # noqa: B006
+    quiet: Quiet = False,
+) -> None:
+    """Recompute every figure that documents print, and say which of them hold."""
+    with _exit_status():
+        from .configuration.claims import read_claims
+
+        faults = directory_faults(out, overwrite or resume)
+        faults += choice_faults(workers, resume, overwrite)
+        plan = _collected(lambda: read_claims(claims or (), set_), faults)
+        raise_all(faults)
+        status = _reproduce(plan, out, workers, quiet, resume)
+    raise typer.Exit(status)
+
+
+def _reproduce(plan: ReproducePlan, out: Path, workers: int, quiet: bool, resume: bool) -> int:
+    from .progress import shown_claims
+    from .workflows.reproduce.reproduce import reproduce
+    from .workflows.study.execution import executor_of
+
+    with shown_claims(quiet) as progress:
+        outcome = reproduce(plan, out, executor_of(workers), progress, resume)
+    for line in outcome.lines:
+        typer.echo(line, err=outcome.status != "done")
+    if outcome.status == "done":
+        typer.echo(f"page: {out / 'report.html'}")
+    return STATUS[outcome.status]
+
+
+@app.command()
 def evaluate(
     config: Config,
     designs: Annotated[Path, typer.Argument(help="Designs, one per row (CSV).")],
@@ -234,7 +293,8 @@ def simulate(
 
         name, effects = configuration.model_name, configuration.settings.effects
         model, seed = build_model(configuration), configuration.seed
-        _, notes = simulate(model, inputs, out, seed, name, effects)
+        zero = configuration.settings.zero
+        _, notes = simulate(model, inputs, out, seed, name, effects, zero)
         for note in () if quiet else notes:
             typer.echo(f"note: {note}", err=True)
         typer.echo(f"written: {out}")
@@ -288,7 +348,7 @@ def check(config: Config, set_: Set = [], quiet: Quiet = False) -> None:  # noqa
 
 @app.command("list")
 def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
-    """List models, problems, algorithms and effects, plugins included."""
+    """List models, problems, algorithms, effects and calculations, plugins included."""
     from . import registry
 
     with _exit_status():

@@ -288,12 +288,15 @@ class GapResult:
     """Everything that `tolevo gap` found.
 
     `verdict` is "no_gap", "named", "ambiguous" or "unnamed". `residuals` has one row per reading in
-    the order of measuring: the inputs; `block`; `outlier`; and for each output O its measured value
-    `O`, the recalibrated model `O_predicted` and with the effects `O_corrected`, the residuals
-    (measured less predicted) `O_before` and `O_after`, both on rows the fit never saw
-    (`O_before_held_out`, `O_after_held_out`), and the noise `O_noise`. `spectrum` has the columns
-    output, order, before, after, threshold (amplitudes in the unit of the output). `gap_before`,
-    `gap_after` and `noise_floor` hold one number per output, and `total` in noise units.
+    the order of measuring: the inputs; `block`; and for each output O its measured value `O`,
+    whether it is an outlier (`O_outlier`), the recalibrated model `O_predicted` and with the
+    effects `O_corrected`, the residuals (measured less predicted) `O_before` and `O_after`, both on
+    rows the fit never saw (`O_before_held_out`, `O_after_held_out`), and the noise `O_noise`.
+    `spectrum` has the columns output, order, before, after, threshold (amplitudes in the unit of
+    the output). `units` holds the distributions of a batch: output, share, and the value that this
+    share of the units stays below, measured, and drawn from the model before and after.
+    `gap_before`, `gap_after` and `noise_floor` hold one number per output, and `total` in noise
+    units.
     """
 
     title: str
@@ -313,6 +316,7 @@ class GapResult:
     residuals: pd.DataFrame
     spectrum: pd.DataFrame
     summary: Mapping[str, Any]
+    units: pd.DataFrame | None = None
     notes: tuple[str, ...] = ()
     configuration: str = field(default="", repr=False)
     corrected: str = field(default="", repr=False)

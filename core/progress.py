@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from .algorithms.search import Progress
+    from .workflows.gap.progress import GapProgress
+    from .workflows.reproduce.plan import ClaimsProgress
     from .workflows.study.plan import StudyProgress
 
 State = TypeVar("State")
@@ -59,6 +61,29 @@ def study_fraction(progress: StudyProgress) -> float | None:
     return (progress.done + progress.failed) / progress.total if progress.total else None
 
 
+def describe_gap(progress: GapProgress) -> str:
+    """What is being done, replicates that have ended, and the time left in one line."""
+    counted = f" {progress.done}/{progress.total}" if progress.total else ""
+    left = "" if progress.remaining is None else f", {progress.remaining:.0f} s left"
+    return f"{progress.phase}{counted}{left}"
+
+
+def gap_fraction(progress: GapProgress) -> float | None:
+    """Share of the replicates that have ended; None where none are made."""
+    return progress.done / progress.total if progress.total else None
+
+
+def describe_claims(progress: ClaimsProgress) -> str:
+    """Claims checked, and which one was the last."""
+    told = f"claims {progress.done}/{progress.total} checked, {progress.seconds:.0f} s"
+    return f"{told}, {progress.note}" if progress.note else told
+
+
+def claims_fraction(progress: ClaimsProgress) -> float | None:
+    """Share of the claims that have been checked."""
+    return progress.done / progress.total if progress.total else None
+
+
 @contextmanager
 def shown(quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
     """A function to call with every `Progress`, or None where nothing is to be shown."""
@@ -74,8 +99,25 @@ def shown_study(quiet: bool) -> Iterator[Callable[[StudyProgress], None] | None]
 
 
 @contextmanager
+def shown_gap(quiet: bool) -> Iterator[Callable[[GapProgress], None] | None]:
+    """A function to call with every `GapProgress`, or None where nothing is to be shown."""
+    with _shown(quiet, describe_gap, gap_fraction, lambda progress: progress.phase) as update:
+        yield update
+
+
+@contextmanager
+def shown_claims(quiet: bool) -> Iterator[Callable[[ClaimsProgress], None] | None]:
+    """A function to call with every `ClaimsProgress`, or None where nothing is to be shown."""
+    with _shown(quiet, describe_claims, claims_fraction) as update:
+        yield update
+
+
+@contextmanager
 def _shown(
-    quiet: bool, text: Callable[[State], str], share: Callable[[State], float | None]
+    quiet: bool,
+    text: Callable[[State], str],
+    share: Callable[[State], float | None],
+    phase: Callable[[State], str] = lambda progress: "",
 ) -> Iterator[Callable[[State], None] | None]:
     if quiet:
         yield None
@@ -83,21 +125,21 @@ def _shown(
         with _bar(text, share) as update:
             yield update
     else:
-        yield _lines(text)
+        yield _lines(text, phase)
 
 
 def _of(done: int, total: int | None) -> str:
     return f"{done}" if total is None else f"{done}/{total}"
 
 
-def _lines(text: Callable[[State], str]) -> Callable[[State], None]:
-    """Prints the first report, and then one every `LINE_EVERY` seconds."""
-    due = 0.0
+def _lines(text: Callable[[State], str], phase: Callable[[State], str]) -> Callable[[State], None]:
+    """Prints the first report of each phase, and then one every `LINE_EVERY` seconds."""
+    due, shown_last = 0.0, None
 
     def update(progress: State) -> None:
-        nonlocal due
-        if time.monotonic() >= due:
-            due = time.monotonic() + LINE_EVERY
+        nonlocal due, shown_last
+        if time.monotonic() >= due or phase(progress) != shown_last:
+            due, shown_last = time.monotonic() + LINE_EVERY, phase(progress)
             print(text(progress), file=sys.stderr, flush=True)
 
     return update

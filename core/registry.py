@@ -23,7 +23,7 @@ from typing import Any
 
 from .errors import Fault, nearest, refuse
 
-GROUPS = ("models", "problems", "algorithms", "effects")
+GROUPS = ("models", "problems", "algorithms", "effects", "calculations")
 PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError,
                  RuntimeError, SyntaxError, TypeError, ValueError)  # fmt: skip
 """What importing a plugin that is broken may raise; it is the user's to mend, with a name."""

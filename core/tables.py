@@ -12,19 +12,40 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
-from .errors import Fault, nearest, raise_all, refuse
+from .errors import Fault, InputError, nearest, raise_all, refuse
 from .files import write_text, write_with
 
 SHOWN = 100
 """Bad cells of one column that are named; the rest is counted."""
 PARQUET = (".parquet", ".pq")
+EMPTY = "is empty; it needs a line of column names and one row or more below it"
 
 
 def read(path: Path, place: str) -> pd.DataFrame:
-    """A table from CSV or, by its suffix, Parquet. Raises InputError."""
-    return _read_parquet(path, place) if path.suffix.lower() in PARQUET else read_csv(path, place)
+    """A table from CSV or, by its suffix, Parquet. Raises InputError with faults of its form."""
+    frame, faults = formed(path, place)
+    raise_all(faults)
+    assert frame is not None
+    return frame
+
+
+def formed(path: Path, place: str) -> tuple[pd.DataFrame | None, list[Fault]]:
+    """`read` that hands back the faults, with what can be read all the same.
+
+    Rows of another length are left out then, and of columns of one name all but the first; None
+    where not even the column names are known.
+    """
+    try:
+        content = _content(path, place)
+        if path.suffix.lower() in PARQUET:
+            return _from_parquet(content, place)
+        return _from_csv(_text(content, place), place)
+    except InputError as error:
+        return None, list(error.faults)
 
 
 def write(frame: pd.DataFrame, path: Path) -> None:
@@ -45,30 +66,32 @@ def _content(path: Path, place: str) -> bytes:
     except OSError as error:
         raise refuse(place, f"cannot be read: {error.strerror}") from error
     if not content.strip():
-        raise refuse(
-            place, "is empty; it needs a line of column names and one row or more below it"
-        )
+        raise refuse(place, EMPTY)
     return content
 
 
-def _read_parquet(path: Path, place: str) -> pd.DataFrame:
-    content = _content(path, place)
+def _from_parquet(content: bytes, place: str) -> tuple[pd.DataFrame, list[Fault]]:
     try:
         frame = pd.read_parquet(io.BytesIO(content))
     except (OSError, ValueError) as error:
         raise refuse(place, f"is not a Parquet file ({error})") from error
-    if frame.empty:
-        raise refuse(place, "has no rows")
-    return frame.set_axis(pd.RangeIndex(1, len(frame) + 1)).rename(columns=str)
+    faults = [Fault(place, "has no rows")] if frame.empty else []
+    return frame.set_axis(pd.RangeIndex(1, len(frame) + 1)).rename(columns=str), faults
 
 
-def read_csv(path: Path, place: str) -> pd.DataFrame:
-    """Every cell of a CSV file as stripped text. Raises InputError with all faults of its form."""
+def _text(content: bytes, place: str) -> str:
     try:
-        text = _content(path, place).decode("utf-8-sig")
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         text = f"is not UTF-8 (byte {error.start}); save it as CSV in UTF-8"
         raise refuse(place, text) from error
+    if "\0" in text:
+        raise refuse(place, "is not text (it holds zero bytes); save it as CSV in UTF-8")
+    return text
+
+
+def _from_csv(text: str, place: str) -> tuple[pd.DataFrame | None, list[Fault]]:
+    """Every cell as stripped text."""
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     try:
         numbered = ((reader.line_num, [cell.strip() for cell in row]) for row in reader)
@@ -76,19 +99,19 @@ def read_csv(path: Path, place: str) -> pd.DataFrame:
     except csv.Error as error:
         raise refuse(f"{place}: row {reader.line_num}", f"is not CSV ({error})") from error
     if not lines:
-        raise refuse(
-            place, "is empty; it needs a line of column names and one row or more below it"
-        )
+        raise refuse(place, EMPTY)
     header = lines.pop(min(lines))
-    raise_all(_form_faults(header, lines, place))
-    return pd.DataFrame(list(lines.values()), index=list(lines), columns=header, dtype=object)
+    if len(header) == 1 and (";" in header[0] or "\t" in header[0]):
+        raise refuse(place, "columns must be separated by commas")
+    faults = _form_faults(header, lines, place)
+    whole = {at: row for at, row in lines.items() if len(row) == len(header)} if faults else lines
+    frame = pd.DataFrame(list(whole.values()), index=list(whole), columns=header, dtype=object)
+    return frame.loc[:, ~frame.columns.duplicated()] if faults else frame, faults
 
 
 def _form_faults(header: list[str], lines: dict[int, list[str]], place: str) -> list[Fault]:
     """Faults of column names and of rows of the wrong length."""
     found = []
-    if len(header) == 1 and (";" in header[0] or "\t" in header[0]):
-        found.append(Fault(place, "columns must be separated by commas"))
     for name in dict.fromkeys(header):
         if not name:
             found.append(Fault(place, f"column {header.index(name) + 1} has no name"))
@@ -138,13 +161,9 @@ def parsed(
               for name in extra]  # fmt: skip
     typed = {}
     for name in (name for name in frame.columns if name in known):
-        cells = frame[name].tolist()
-        faults = {at: _label_fault(cell) for at, cell in zip(frame.index, cells, strict=True)}
-        if name not in text:
-            typed[name], faults = _numeric(frame.index, cells)
-        else:
-            typed[name] = cells
-        found += cell_faults(place, name, {at: why for at, why in faults.items() if why})
+        read = _labels if name in text else _numeric
+        typed[name], bad = read(frame[name])
+        found += cell_faults(place, name, bad)
     return pd.DataFrame(typed, index=frame.index), found
 
 
@@ -157,20 +176,38 @@ def cell_faults(place: str, column: str, bad: dict[Any, str]) -> list[Fault]:
     return found
 
 
-def _label_fault(cell: Any) -> str:
-    empty = cell is None or cell == "" or (isinstance(cell, float) and math.isnan(cell))
-    return "is empty" if empty else ""
+def _labels(column: pd.Series[Any]) -> tuple[NDArray[Any], dict[Any, str]]:
+    """The cells as they are, and which of them are empty, by row."""
+    cells = column.to_numpy()
+    empty = np.flatnonzero(pd.isna(cells) | (cells == ""))
+    return cells, dict.fromkeys(column.index[empty], "is empty")
 
 
-def _numeric(rows: pd.Index[Any], cells: list[Any]) -> tuple[list[float], dict[Any, str]]:
-    """The cells as numbers, NaN where a message says why not."""
-    values, bad = [], {}
-    for at, cell in zip(rows, cells, strict=True):
-        value, why = _number(cell)
-        values.append(value)
+def _numeric(column: pd.Series[Any]) -> tuple[NDArray[np.float64], dict[Any, str]]:
+    """The cells as numbers, NaN where a message says why not, by row."""
+    cells = column.to_numpy()
+    values = _whole(cells)
+    bad = {}
+    doubted = np.arange(len(cells)) if values is None else np.flatnonzero(~np.isfinite(values))
+    for at in doubted.tolist():
+        why = _number(cells[at])[1]
         if why:
-            bad[at] = why
-    return values, bad
+            bad[column.index[at]] = why
+    if values is None:
+        values = np.array([_number(cell)[0] for cell in cells], dtype=float)
+    return np.where(np.isfinite(values), values, math.nan), bad
+
+
+def _whole(cells: NDArray[Any]) -> NDArray[np.float64] | None:
+    """A column of numbers at once; None where its cells must be looked at singly."""
+    if cells.dtype.kind in "fiu":
+        return cells.astype(float)
+    if {type(cell) for cell in cells} != {str} or any("_" in cell for cell in cells):
+        return None
+    try:
+        return cells.astype(float)
+    except ValueError:
+        return None
 
 
 def _number(cell: Any) -> tuple[float, str]:

@@ -60,6 +60,8 @@ class Changeable:
 
 
 NO_CHANGES: Mapping[str, Any] = MappingProxyType({})
+Outside = Mapping[str, tuple[NDArray[np.bool_], str]]
+"""Cells beyond a model's range, by column: which rows (n,), and what they must be."""
 
 
 class MeasurableModel(ABC):
@@ -68,8 +70,10 @@ class MeasurableModel(ABC):
     `columns` are its inputs, `free` the parameters that a recalibration may move, each with its
     tolerance (half-width, in the parameter's unit), `changeable` what effects may change in it. A
     model of a `population` draws a unit for each row: it is compared with data as a distribution,
-    not row by row. It is set up from `parameters` and `designs` (variables by name, in their units;
-    what is left out keeps its default) and the distributions `inputs` of the variables by name.
+    not row by row. `corrects` names the problems whose allocation can be repeated with what was
+    learnt of it; a problem whose `default_model` it is belongs to it as well. It is set up from
+    `parameters` and `designs` (variables by name, in their units; what is left out keeps its
+    default) and the distributions `inputs` of the variables by name.
     """
 
     columns: ClassVar[tuple[Column, ...]]
@@ -79,6 +83,7 @@ class MeasurableModel(ABC):
     free: ClassVar[Mapping[str, float]]
     changeable: ClassVar[tuple[Changeable, ...]] = ()
     population: ClassVar[bool] = False
+    corrects: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def __init__(
@@ -99,6 +104,10 @@ class MeasurableModel(ABC):
 
         `changes` holds, by name, what is added to a changeable quantity: a number, or one per row.
         """
+
+    def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
+        """Cells of a table of columns (n,) that are beyond the range of the model."""
+        return {}
 
     def means(self, changes: Mapping[str, Array] = NO_CHANGES) -> Mapping[str, float]:
         """Mean of every output over the units of a population, by name, at the mean change."""

@@ -49,7 +49,8 @@ class Settings:
 
     Names that a mapping leaves out keep the problem's default; `objectives` empty means the
     problem's own. `definition` is what a problem that is written in the configuration (`stack`)
-    was read from; `effects` are active in the model.
+    was read from; `effects` are active in the model; `zero` is what an instrument adds to outputs
+    of the model.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -61,3 +62,4 @@ class Settings:
     seed: int = 0
     definition: Any = None
     effects: tuple[Active, ...] = ()
+    zero: Mapping[str, float] = field(default_factory=dict)

@@ -174,10 +174,13 @@ class ToleranceProblem(Problem):
         """A sentence for each active effect, those without a counterpart included."""
         missing = "has no counterpart in this problem: it changes nothing here"
         pairs = zip(self.settings.effects, self.counterparts(), strict=True)
-        return tuple(
+        told = tuple(
             f"effect {one.effect.name}: {does}" if does else f"effect {one.effect.name} {missing}"
             for one, does in pairs
         )
+        zeros = ", ".join(self.settings.zero)
+        why = "belongs to its instrument: it changes nothing in this problem"
+        return (*told, f"the zero of {zeros} {why}") if zeros else told
 
     def without_effects(self) -> ToleranceProblem:
         """The same problem with no effect in its model."""

@@ -28,7 +28,8 @@ LISTED = 60
 """Points of the front in the table at most."""
 ASSUMPTION_COLUMNS = ("name", "value", "unit", "reason", "set_by")
 GAINS = (
-    "Each reference against the front. cost_saving_percent: how much less the front costs where "
+    "Each reference against the front. distance_to_front: to its nearest point, in sides of the "
+    "problem's box from ideal to nadir; cost_saving_percent: how much less the front costs where "
     "every other objective is at least as good; ..._gain_percent: how much better the front is at "
     "no more cost. relaxed_...: the same against a front whose broken limits are relaxed to the "
     "reference's own value; empty where nothing is broken."
@@ -113,7 +114,7 @@ def _moved(found: pd.DataFrame) -> str:
 
 
 def _is_gain(name: str) -> bool:
-    return name.endswith(("_saving_percent", "_gain_percent"))
+    return name.endswith(("_saving_percent", "_gain_percent", "distance_to_front"))
 
 
 def _points(result: RunResult) -> str:

@@ -3,12 +3,18 @@ from pathlib import Path
 
 import pytest
 
+from tolevo.configuration.claims import read_claims
 from tolevo.models.inputs import DISTRIBUTIONS
 from tolevo.models.manipulator.pose import ManipulatorPose
 from tolevo.models.manipulator.sources import ROWS
 from tolevo.models.rv_reducer.contact import declared as contact
 from tolevo.models.rv_reducer.transmission import RvTransmission
 from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.registry import names as names_of
+from tolevo.workflows.reproduce.claims import RELATIONS
+from tolevo.workflows.reproduce.recipes import STATISTICS
+from tolevo.workflows.reproduce.task import ClaimTask, check
+from tolevo.workflows.reproduce.verdict import Word
 from tolevo.workflows.study.designs import DESIGNS
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -72,3 +78,25 @@ def test_every_design_is_documented_with_its_keys(kind: str) -> None:
     row = next(line for line in text.splitlines() if line.startswith(f"| `{kind}` | "))
     keys = [one.name for one in fields(DESIGNS[kind])]  # type: ignore[arg-type]
     assert [one for one in keys if f"`{one}`" not in row] == []
+
+
+@pytest.mark.source_tree
+def test_every_calculation_relation_and_statistic_is_documented() -> None:
+    text = (DOCS / "reproduce.md").read_text(encoding="utf-8")
+    names = [*names_of("calculations"), *RELATIONS, *STATISTICS, *map(str, Word)]
+    assert [name for name in names if f"`{name}`" not in text] == []
+
+
+@pytest.mark.source_tree
+def test_example_of_a_claims_file_runs(tmp_path: Path) -> None:
+    text = (DOCS / "reproduce.md").read_text(encoding="utf-8")
+    path = tmp_path / "paper.toml"
+    path.write_text(text.split("```toml")[1].split("```")[0], encoding="utf-8")
+    (source,) = read_claims([path]).sources
+    found = [
+        check(ClaimTask(one.id, 0, at, one, source.file.seed)).verdict.word
+        for at, one in enumerate(source.file.claims)
+    ]
+    assert found == [
+        Word.REPRODUCED, Word.REPRODUCED, Word.UNDER_READING, Word.CANNOT_BE_CHECKED,
+    ]  # fmt: skip

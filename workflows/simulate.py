@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,12 @@ from .. import tables
 from ..errors import Fault, raise_all
 from ..models.effects.compose import Active, predicted
 from ..models.effects.readings import target_of
-from ..models.measurable import MeasurableModel
+from ..models.measurable import NO_CHANGES, MeasurableModel
 from ..models.table import MeasuredTable
 
-ALWAYS_ALLOWED = ("time_s", "repeat")
+ALWAYS_ALLOWED = ("time_s", "repeat", "session")
+LABELS = ("session",)
+"""Those that are no numbers."""
 
 
 def simulate(
@@ -26,28 +29,33 @@ def simulate(
     seed: int = 0,
     name: str = "",
     effects: tuple[Active, ...] = (),
+    zero: Mapping[str, float] = NO_CHANGES,
 ) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """The inputs in `path` with the predicted outputs beside them, written to `out`.
 
-    `effects` are active in the model `name`.
+    `effects` are active in the model `name`, `zero` is added to its outputs. Measured outputs in
+    the table are left out.
 
-    Also returns what the user should know: optional columns that are missing. Raises InputError
-    with every fault of the table; nothing is written then.
+    Also returns what the user should know: optional columns that are missing, and columns that were
+    left out. Raises InputError with every fault of the table; nothing is written then.
     """
     place = path.name
-    frame, faults = _inputs(model, tables.read(path, place), place)
+    given = tables.read(path, place)
+    frame, faults = _inputs(model, given, place)
     raise_all(faults)
     table = {str(name): frame[name].to_numpy() for name in frame}
     raise_all(_without_columns(model, name, table, effects, place))
-    found = frame.assign(**predicted(model, name, table, effects, np.random.default_rng(seed)))
+    rng = np.random.default_rng(seed)
+    found = frame.assign(**predicted(model, name, table, effects, rng, zero))
     tables.write(found, out)
     notes = tuple(
         f"{place}: no column {c.name} (optional: {c.meaning}); the model's nominal value is taken"
         for c in model.columns
         if c.name not in frame
     )
-    if isinstance(model, MeasuredTable):
-        named = ", ".join(output.name for output in model.outputs)
+    measured = ", ".join(o.name for o in model.outputs if o.name in given)
+    if measured or isinstance(model, MeasuredTable):
+        named = measured or ", ".join(o.name for o in model.outputs)
         notes += (f"{place}: {named} as written are predictions with the effects in them, not the "
                   "measurements",)  # fmt: skip
     return found, notes
@@ -76,19 +84,14 @@ def _inputs(
 ) -> tuple[pd.DataFrame, list[Fault]]:
     """The typed inputs and every fault of the table."""
     outputs = [output.name for output in model.outputs]
-    if isinstance(model, MeasuredTable):  # the measured columns stand beside the predictions
-        given = given.drop(columns=[*outputs, *model.ignored], errors="ignore")
-    taken = [name for name in outputs if name in given]
-    text = "is an output of the model; remove the column, or rename it"
-    faults = [Fault(place, f"column {name} {text}") for name in taken]
-    frame, found = tables.parsed(
-        given.drop(columns=taken),
+    ignored = model.ignored if isinstance(model, MeasuredTable) else ()
+    return tables.parsed(
+        given.drop(columns=[*outputs, *ignored], errors="ignore"),
         place,
         needed=[c.name for c in model.columns if c.needed],
         optional=[c.name for c in model.columns] + _extras(outputs),
-        text=[c.name for c in model.columns if c.text],
+        text=[*(c.name for c in model.columns if c.text), *LABELS],
     )
-    return frame, faults + found
 
 
 def _extras(outputs: list[str]) -> list[str]:

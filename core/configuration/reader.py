@@ -17,13 +17,15 @@ from .configuration import Configuration
 from .costs import check_ends, read_costs
 from .effects import read_effects, resolved_effects
 from .goals import read_limits, read_objectives, read_propagation
+from .pairs import belongs, stranger
 from .parameters import read_parameters
 from .plugins import load_named
 from .resolved import resolved_problem, resolved_variables
 from .search import read_algorithm, read_budget, read_engine, resolved_algorithm
-from .source import Table, load, override
+from .source import Table, overridden
 from .table import TABLE, read_table_model
 from .variables import mid_parameter, read_variable
+from .zero import read_zero, resolved_zero
 
 REFERENCES = ("documents", "none")
 PROBLEM_ONLY = ("references", "costs", "propagation", "objectives", "limits", "algorithm", "choice",
@@ -36,12 +38,7 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
     Raises InputError with every fault found.
     """
     faults: list[Fault] = []
-    table = load(path, faults)
-    if table is None:
-        raise_all(faults)
-    assert table is not None
-    override(table, overrides, faults)
-    return read_table(table, faults)
+    return read_table(overridden(path, overrides, faults), faults)
 
 
 def read_table(table: Table, faults: list[Fault]) -> Configuration:
@@ -68,11 +65,14 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     references = top.text("references", REFERENCES) or "documents"
     seed = _seed(top)
     effects = read_effects(top, model, model_name)
+    zero = read_zero(top, model.outputs if model else ())
+    if named and model and not belongs(top.take("problem"), named, model_name, model):
+        top.fault("model", stranger(top.take("problem"), model_name, model))
     if kind is None:  # its sections cannot be judged
         top.known(("parameters", "variables", *PROBLEM_ONLY))
         top.finish()
         raise InputError(faults)
-    settings = replace(_settings(top, kind, model), seed=seed, effects=effects)
+    settings = replace(_settings(top, kind, model), seed=seed, effects=effects, zero=zero)
     section = top.section("algorithm")
     objectives = settings.objectives or kind.default_objectives
     budget = read_budget(section)
@@ -91,6 +91,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         "references": references,
         **resolved_problem(problem),
         "algorithm": resolved_algorithm(name, algorithm, budget, engine),
+        **resolved_zero(zero),
         **resolved_effects(settings.effects),
         **resolved_choice(choice),
     }
@@ -156,6 +157,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         if top.take(key) is not None:
             top.fault(key, "needs a problem: a model alone takes seed, parameters and variables")
     effects = read_effects(top, kind, top.take("model"))
+    zero = read_zero(top, kind.outputs if kind else ())
     if kind is None:
         top.known(("parameters", "variables"))
         top.finish()
@@ -175,6 +177,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         variables=complete,
         seed=seed,
         effects=effects,
+        zero=zero,
     )
     name = top.take("model")
     resolved = {
@@ -182,6 +185,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         "seed": seed,
         "parameters": dict(settings.parameters),
         "variables": resolved_variables(complete, kind.variables),
+        **resolved_zero(zero),
         **resolved_effects(effects),
     }
     return Configuration(model_name=name, settings=settings, resolved=resolved)

@@ -18,6 +18,11 @@ def build_model(configuration: Configuration) -> Any:
         raise refuse("model", 'is missing: name a model (see `tolevo list`), model = "..."')
     if configuration.model_name == TABLE:
         return table_model(configuration.settings.definition)
+    return registry.load("models", configuration.model_name)(**arguments_of(configuration))
+
+
+def arguments_of(configuration: Configuration) -> dict[str, Any]:
+    """What the registered model of a configuration is set up from: parameters, designs, inputs."""
     kind = registry.load("models", configuration.model_name)
     given = configuration.settings
     settings = {v.name: (v, given.variables[v.name]) for v in kind.variables
@@ -32,11 +37,11 @@ def build_model(configuration: Configuration) -> Any:
         mid = f"{name.removesuffix('_um')}_mid_um"
         if setting.mid is not None and mid in known:
             parameters[mid] = setting.mid
-    return kind(
-        parameters=parameters,
-        designs={name: value for name, value in designs.items() if value is not None},
-        inputs={name: s.distribution for name, (_, s) in settings.items() if s.distribution},
-    )
+    return {
+        "parameters": parameters,
+        "designs": {name: value for name, value in designs.items() if value is not None},
+        "inputs": {name: s.distribution for name, (_, s) in settings.items() if s.distribution},
+    }
 
 
 def rebuilt(configuration: Configuration, parameters: Mapping[str, Any]) -> Any:

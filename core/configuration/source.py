@@ -7,9 +7,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import Fault
+from ..errors import Fault, InputError
 
 Table = dict[str, Any]
+
+
+def overridden(path: Path, overrides: Sequence[str], faults: list[Fault]) -> Table:
+    """The tables of a TOML file with `key=value` overrides; a bad override is added to `faults`.
+
+    Raises InputError where the file cannot be read.
+    """
+    table = load(path, faults)
+    if table is None:
+        raise InputError(faults)
+    override(table, overrides, faults)
+    return table
 
 
 def load(path: Path, faults: list[Fault]) -> Table | None:

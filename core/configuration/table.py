@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..declarations import Output
-from ..errors import Fault, raise_all
+from ..errors import Fault, InputError, raise_all
 from ..models.measurable import Column, Role
 from ..models.table import MeasuredTable
 from ..problems.settings import Settings
@@ -15,6 +15,7 @@ from ..workflows.gap.plan import ColumnRole, output_of
 from .configuration import Configuration
 from .effects import read_effects, resolved_effects
 from .gap_columns import read_columns
+from .zero import ZERO, read_zero, resolved_zero
 
 TABLE = "table"
 LABELS = ("unit", "lot")
@@ -22,19 +23,28 @@ LABELS = ("unit", "lot")
 
 def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configuration:
     """The configuration of a table, as `simulate` takes it. Raises InputError with every fault."""
-    top.known(("model",))
+    top.known(("model", "effect", ZERO))
+    for key in ("parameters", "variables"):
+        if top.take(key) is not None:
+            top.fault(key, 'belongs to a model; model = "table" has none')
+    before = len(faults)
     columns = read_columns(top, table=True)
-    raise_all(faults)  # without its columns nothing can be said of its effects
-    effects = read_effects(top, table_model(columns), TABLE)
+    if len(faults) > before:  # without its columns nothing can be said of its effects
+        top.finish()
+        raise InputError(faults)
+    model = table_model(columns)
+    effects = read_effects(top, model, TABLE)
+    zero = read_zero(top, model.outputs)
     top.finish()
     raise_all(faults)
     resolved = {
         "model": TABLE,
         "seed": seed,
         "columns": {name: _written(one) for name, one in columns.items()},
+        **resolved_zero(zero),
         **resolved_effects(effects),
     }
-    settings = Settings(seed=seed, effects=effects, definition=columns)
+    settings = Settings(seed=seed, effects=effects, definition=columns, zero=zero)
     return Configuration(model_name=TABLE, settings=settings, resolved=resolved)
 
 

@@ -12,7 +12,7 @@ from ...declarations import Output, Value
 from ...errors import refuse
 from ...units import MRAD
 from ..inputs.distribution import Array, Distribution
-from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
+from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Outside, Role
 from . import declared
 from .assemble import Departures, assemble
 from .process import plane_process
@@ -51,6 +51,7 @@ class Assembly(MeasurableModel):
     )
     parameters = (*declared.PARAMETERS, declared.PART_STD)
     free: ClassVar[Mapping[str, float]] = {}
+    corrects = ("rv_transmission_error",)
     changeable = (
         Changeable("adjustment_gain_error", "", "achieved over commanded adjustment, less one"),
         Changeable("adjustment_backlash_mrad", "mrad", "dead band of every adjustment"),
@@ -80,6 +81,10 @@ class Assembly(MeasurableModel):
             raise refuse("precision_weight", text)
         each, row = np.unique(precision, return_inverse=True)
         return gains(self.process, terminal_weight(self.process, each, self.reading))[row]
+
+    def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
+        weight = np.asarray(table["precision_weight"], dtype=float)
+        return {"precision_weight": (weight < 0.0, "must be at least 0 (0: no adjustment)")}
 
     def predict(
         self,

@@ -32,17 +32,28 @@ def predicted(
     table: Table,
     effects: Iterable[Active],
     rng: np.random.Generator,
+    zero: Mapping[str, float] = NO_CHANGES,
 ) -> dict[str, Array]:
-    """Every output (n,) of the model `name` at the rows of a table, with the effects in it."""
+    """Every output (n,) of the model `name` at the rows of a table, with the effects in it.
+
+    `zero` is added to what the model predicts, by output.
+    """
     active = tuple(effects)
     if not active:
-        return model.predict(table, rng)
+        return with_zero(model.predict(table, rng), zero)
     target = target_of(model, name, table)
     actions = acting(active, readings_of(target.columns, table), target)
     changes = changes_of(actions) or NO_CHANGES
-    outputs = model.predict(table, rng, changes)
+    outputs = with_zero(model.predict(table, rng, changes), zero)
     means = model.means(changes) if any(one.population for one in actions) else {}
     return added(outputs, actions, means, rng)
+
+
+def with_zero(outputs: Mapping[str, Array], zero: Mapping[str, float]) -> dict[str, Array]:
+    """Outputs (n,) with what the instrument adds to each of them."""
+    return {
+        name: values + zero[name] if name in zero else values for name, values in outputs.items()
+    }
 
 
 def acting(effects: Sequence[Active], readings: Readings, target: Target) -> list[Action]:

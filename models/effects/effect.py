@@ -47,6 +47,11 @@ class EffectParameter:
     choices: tuple[float, ...] = ()
 
     @property
+    def phase(self) -> bool:
+        """Whether it goes once around a circle; the step of a reading in degrees does not."""
+        return self.unit == "deg" and self.high - self.low == 360.0
+
+    @property
     def stem(self) -> str:
         """The name without its unit."""
         return self.name.removesuffix(f"_{unit_key(self.unit)}") if self.unit else self.name

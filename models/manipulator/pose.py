@@ -12,12 +12,13 @@ from ...declarations import Output, Value
 from ...errors import raise_all
 from ...units import MM, MRAD
 from ..inputs.distribution import Array, Distribution
-from ..measurable import NO_CHANGES, Column, MeasurableModel, Role
+from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from . import declared
 from .changes import CHANGEABLE, base_tilt, changed_errors
 from .compensation import compensated
 from .faults import faults
 from .forward import exact_pose
+from .inverse import reach
 from .machine import about_up
 from .sources import SOURCES
 from .vectors import rotation_vector, turned, vector
@@ -51,6 +52,7 @@ class ManipulatorPose(MeasurableModel):
     )
     parameters = (*declared.PARAMETERS, declared.ERRORS, declared.COMPENSATION)
     changeable = CHANGEABLE
+    corrects = ("pose_accuracy",)
     free: ClassVar[Mapping[str, float]] = {
         f"{declared.DOTTED}{source.name}": 0.5 if source.unit == "mrad" else 100.0
         for source in SOURCES
@@ -68,6 +70,12 @@ class ManipulatorPose(MeasurableModel):
         self.errors = declared.elementary_errors(given)
         self.correct = given.get(declared.COMPENSATION.name) == "position"
         raise_all(faults(self.machine, declared.task_ring(given)))
+
+    def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
+        r, z = (np.asarray(table[name], dtype=float) * MM for name in ("r_mm", "z_mm"))
+        cosine = reach(self.machine, r, z)
+        wrong = np.isfinite(r + z) & ~(np.abs(cosine) <= 1.0).all(axis=-1)
+        return {"r_mm": (wrong, "is out of reach at this z_mm")}
 
     def predict(
         self,

@@ -11,12 +11,16 @@ from numpy.typing import NDArray
 from ...declarations import Output, Value
 from ...errors import refuse
 from ...units import ARCMIN, UM
+from ..inputs import Uniform
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
 from ..propagation import Convolution, Term
 from . import declared
 from .cycloid import LINEAR_ERRORS, coefficients, pin_circle_growth
 from .geometry import RvGeometry
+
+PART = 16384
+"""Units worked on at once: 128 kB per array."""
 
 
 class RvBatch(MeasurableModel):
@@ -45,6 +49,7 @@ class RvBatch(MeasurableModel):
         Changeable("housing_temperature_K", "K", "temperature of the housing above 20 degC"),
     )
     population = True
+    corrects = ("rv_backlash",)
     free: ClassVar[Mapping[str, float]] = {
         f"{v.name.removesuffix('_um')}_mid_um": float(v.document)
         for v in declared.VARIABLES
@@ -107,10 +112,29 @@ def _units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
 
 
 def drawn(terms: tuple[Term, ...], count: int, rng: np.random.Generator) -> Array:
-    """The sum of `terms` (of one design) in `count` units, (count,)."""
-    total = np.zeros(count)
-    for term in terms:
-        z = term.distribution.quantile(rng.random(count))
-        bent = 0.0 if term.quadratic is None else term.quadratic * z * z
-        total += term.constant + term.linear * z + bent
+    """The sum of `terms` (of one design) in `count` units, (count,), by parts that fit a cache."""
+    total = np.empty(count)
+    for start in range(0, count, PART):
+        part = total[start : start + PART]
+        part[:] = summed(terms, rng.random((len(terms), len(part))))
     return total
+
+
+def summed(terms: tuple[Term, ...], drawn: Array) -> Array:
+    """The sum (n,) of `terms` (of one design) at probabilities (terms, n), which it overwrites."""
+    linear = np.array([np.squeeze(term.linear) for term in terms])
+    constant = sum(float(np.squeeze(term.constant)) for term in terms)
+    for at, (row, term) in enumerate(zip(drawn, terms, strict=True)):
+        if term.quadratic is None and isinstance(term.distribution, Uniform):
+            constant -= linear[at]  # z = 2 p - 1 without a pass over p
+            linear[at] *= 2.0
+        else:
+            row[:] = term.distribution.quantile(row)
+    total = linear @ drawn
+    total += constant
+    for row, term in zip(drawn, terms, strict=True):
+        if term.quadratic is not None:
+            row *= row
+            row *= np.squeeze(term.quadratic)
+            total += row
+    return np.asarray(total)

@@ -12,11 +12,11 @@ from ...declarations import Output, Value
 from ...errors import raise_all
 from ...units import ARCMIN
 from ..inputs.distribution import Array, Distribution
-from ..measurable import NO_CHANGES, Column, MeasurableModel, Role
+from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from . import loaded_unit
 from .changes import CHANGEABLE, Answers
 from .order_table import LEFT_OUT, OrderTable
-from .readings import Rows, warn_of_overload
+from .readings import Rows, outside, warn_of_overload
 
 SAMPLES_PER_PIN = 50
 """Enough for 0.01 arcmin: what the mesh of one tooth does (order 1560, 0.006') is not resolved."""
@@ -45,6 +45,7 @@ class RvLostMotion(MeasurableModel):
     parameters = loaded_unit.PARAMETERS
     free: ClassVar[Mapping[str, float]] = {}
     changeable = CHANGEABLE
+    corrects = ("rv_backlash",)
 
     def __init__(
         self,
@@ -60,6 +61,9 @@ class RvLostMotion(MeasurableModel):
         most = REACH * self.momentary
         self.static = OrderTable.of(self.unit.mesh(samples), most, LEFT_OUT)
         self.answers = Answers(self.unit, samples, most)
+
+    def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
+        return outside(table, self.momentary)
 
     def predict(
         self,

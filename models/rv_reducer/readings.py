@@ -11,9 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import Fault, raise_all
+from ..measurable import Outside
 from .contact.contact import OverloadWarning
 
 Array = NDArray[np.float64]
+SPEED = (
+    "must be above 0 (leave the column out for quasi-static readings; the sense of turning is "
+    "`direction`)"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +61,25 @@ def _faults(columns: Mapping[str, Array]) -> list[Fault]:
         wrong = ~np.isfinite(column)
         text = "must be finite"
         if name == "output_speed_rpm":
-            wrong, text = wrong | (column <= 0.0), "must be above 0 (leave the column out for " \
-                "quasi-static readings; the sense of turning is `direction`)"  # fmt: skip
+            wrong, text = wrong | (column <= 0.0), SPEED
         if name == "direction":
             wrong, text = wrong | (np.abs(column) != 1.0), "must be 1 or -1"
         if wrong.any():
             row = int(np.argmax(wrong))
             found.append(Fault(f"{name}, row {row + 1}", f"{text}, got {column[row]:g}"))
+    return found
+
+
+def outside(table: Mapping[str, NDArray[Any]], momentary: float) -> Outside:
+    """Torques [N m] beyond the momentary one, and speeds that are none."""
+    found: dict[str, tuple[NDArray[np.bool_], str]] = {}
+    if "torque_Nm" in table:
+        wrong = np.abs(np.asarray(table["torque_Nm"], dtype=float)) > momentary
+        text = f"is beyond the momentary torque of the reducer, {momentary:g} N m"
+        found["torque_Nm"] = wrong, text
+    if "output_speed_rpm" in table:
+        wrong = np.asarray(table["output_speed_rpm"], dtype=float) <= 0.0
+        found["output_speed_rpm"] = wrong, SPEED
     return found
 
 

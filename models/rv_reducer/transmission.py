@@ -13,7 +13,7 @@ from ...declarations import Output, Parameter, Value, number
 from ...errors import raise_all
 from ...units import ARCMIN, ARCSEC, MM, UM
 from ..inputs.distribution import Array, Distribution
-from ..measurable import NO_CHANGES, Column, MeasurableModel, Role
+from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from . import declared, loaded_unit
 from .changes import CHANGEABLE, Answers
 from .dynamics.contact_mesh import tabulated
@@ -22,7 +22,7 @@ from .dynamics.full import FullDynamics
 from .dynamics.steady import Oscillator, transfer
 from .dynamics.train import Train
 from .order_table import LEFT_OUT, ComplexArray, OrderTable
-from .readings import Rows, warn_of_overload
+from .readings import Rows, outside, warn_of_overload
 
 SAMPLES_PER_PIN = 100
 REACH = 1.25
@@ -85,6 +85,7 @@ class RvTransmission(MeasurableModel):
     parameters = (*loaded_unit.PARAMETERS, *OWN)
     free: ClassVar[Mapping[str, float]] = {}
     changeable = CHANGEABLE
+    corrects = ("rv_transmission_error",)
 
     def __init__(
         self,
@@ -115,6 +116,9 @@ class RvTransmission(MeasurableModel):
             moved = sum((size * np.exp(1j * k * angle) for k, size in excitation.items()), 0j)
             displacement = np.real(moved) * np.ones(self.samples)
             self.full = FullDynamics(DisplacedMesh(tabulated(mesh, most), displacement), self.train)
+
+    def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
+        return outside(table, self.momentary)
 
     def predict(
         self,

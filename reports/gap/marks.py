@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ...units import split_unit
 
@@ -34,7 +37,20 @@ def words(name: str, unit: str = "") -> str:
     return f"{text} [{kind}]" if kind else text
 
 
-def shade(axes: Axes, low: float, high: float, label: str | None = "located") -> None:
+def shade(axes: Axes, low: float, high: float, label: str = "located here") -> None:
     """Marks the part of an axis where the gap was located: coloured and hatched."""
     axes.axvspan(low, high, facecolor=REGION, edgecolor="#8a6d00", hatch="//", alpha=0.45,
                  linewidth=0.0, zorder=0, label=label)  # fmt: skip
+
+
+def legend(figure: Figure, panels: Iterable[Axes]) -> None:
+    """One legend below all panels, before and after first."""
+    found: dict[str, Artist] = {}
+    for axes in panels:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    states = [one.word for one in (BEFORE, AFTER)]
+    labels = sorted(found, key=lambda one: (one not in states, states.index(one) if one in states
+                                            else 0))  # fmt: skip
+    figure.legend([found[one] for one in labels], labels, loc="outside lower center",
+                  frameon=False, fontsize="small", ncols=min(len(found), 3))  # fmt: skip

@@ -25,13 +25,16 @@ VERDICTS = {
     "its rivals.",
     "unnamed": "Unnamed: model and measurement disagree, and no effect of the library explains it.",
 }
+RMSE = "RMSE on rows that the fit never saw"
 UNSEEN = "Cannot be seen at all, because what is free does the same"
 CAPTIONS = {
     "residuals": "{0}: measured less predicted against every input, before on the left (circles), "
-    "after on the right (crosses). Hatched: where the gap was located. At most 600 readings are "
-    "drawn.",
+    "after on the right (crosses), both on one scale. Black line: the mean of neighbouring "
+    "readings; dotted: twice the noise. Hatched: where the gap was located. At most 600 readings "
+    "are drawn.",
     "spectrum": "{0}: amplitude of every order of the residual, before above and after below. "
-    "Dotted: what noise alone reaches; peaks above it bear their order.",
+    "Dotted: what noise alone reaches; peaks above it bear their order. Hatched: orders where the "
+    "gap was located, waves that grow with the torque included, which hardly show here.",
     "distribution": "{0}: share of units below a value; measured (solid), model before (dashed) "
     "and after (dash-dotted).",
     "path": "Held-out error of every step over the noise: 1 is the noise floor (dotted). Accepted "
@@ -72,9 +75,8 @@ def _drawn(result: GapResult) -> Iterator[tuple[str, Figure, str]]:
     kinds = (("residuals", residuals_figure), ("spectrum", spectrum_figure),
              ("distribution", distribution_figure))  # fmt: skip
     for output in result.outputs:
-        rows = f"{output.name}_before" in result.residuals
         for kind, draw in kinds:
-            figure = None if kind == "distribution" and rows else draw(result, output)
+            figure = draw(result, output)
             if figure is not None:
                 yield (
                     f"{kind}_{_file_part(output.name)}",
@@ -109,7 +111,7 @@ def _gaps(result: GapResult) -> str:
          "after": result.gap_after.get(name), "noise floor": result.noise_floor.get(name)}
         for name, before in result.gap_before.items()
     ]  # fmt: skip
-    return table(pd.DataFrame(rows), caption="RMSE on rows that the fit never saw.")
+    return table(pd.DataFrame(rows), caption=f"{result.summary.get('gap_is', RMSE)}.")
 
 
 def _where(result: GapResult) -> str:

@@ -14,12 +14,18 @@ from numpy.typing import NDArray
 from ...gap_records import GapResult, Region
 from ...records import Axis
 from ..drawing import flags, new_figure, plain
-from .marks import AFTER, BEFORE, Mark, shade, words
+from .marks import AFTER, BEFORE, Mark, legend, shade, words
 
 DRAWN = 600
 """Readings drawn per panel: every k-th, so that a page of a million rows stays small."""
-ROW, MARGIN = 1.75, 0.6
+ROW, MARGIN = 1.75, 0.9
 """Height [inch] of a row of panels, and of what is above and below them."""
+MEANS, LEAST = 16, 4
+"""Stretches of an input that means are drawn of, and readings in each of them at least."""
+FEW = 3
+"""Values up to which an input is drawn as labels."""
+MEAN = "mean of neighbours"
+GOLDEN = 0.618033988749895
 
 
 def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
@@ -38,7 +44,9 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
         for axes, mark in zip(row, (BEFORE, AFTER), strict=True):
             _panel(axes, frame, axis, output, mark, found)
         row[0].set_ylabel(f"residual [{output.unit}]" if output.unit else "residual")
+    _frame(panels[0][0], frame, output)
     _titles(panels[0], result, output)
+    legend(figure, panels.ravel())
     for axes in panels.ravel():
         plain(axes)
     return figure
@@ -59,37 +67,95 @@ def _regions(where: Sequence[Region], output: str, variable: str) -> list[Region
 def _panel(
     axes: Axes, frame: pd.DataFrame, axis: Axis, output: Axis, mark: Mark, found: list[Region]
 ) -> None:
-    for at, one in enumerate(found):
-        shade(axes, one.low, one.high, None if at else "located here")
+    for one in found:
+        shade(axes, one.low, one.high)
     places, ticks = _places(frame[axis.name])
-    wrong = np.array(flags(frame, "outlier"), dtype=bool)
+    wrong = _outliers(frame, output)
     rest = frame[f"{output.name}_{mark.word}"].to_numpy(dtype=float)
+    limit = _limit(frame, output)
     axes.axhline(0.0, color="black", linewidth=0.8)
     axes.plot(places[~wrong], rest[~wrong], linestyle="none", marker=mark.marker, markersize=3.0,
-              color=mark.colour, markerfacecolor=mark.face, markeredgewidth=0.7)  # fmt: skip
+              color=mark.colour, markerfacecolor=mark.face, markeredgewidth=0.7,
+              label=mark.word)  # fmt: skip
     if wrong.any():
-        axes.plot(places[wrong], rest[wrong], linestyle="none", marker="+", markersize=7.0,
-                  color="black", label="outlier")  # fmt: skip
+        axes.plot(places[wrong], np.clip(rest[wrong], -limit, limit), linestyle="none", marker="+",
+                  markersize=7.0, color="black",
+                  label="outlier (at the edge: beyond it)")  # fmt: skip
+    if ticks:
+        _means_of_labels(axes, np.rint(places[~wrong]), rest[~wrong])
+    else:
+        _means(axes, places[~wrong], rest[~wrong])
+    _noise(axes, frame, output)
     if ticks:
         axes.set_xticks(range(len(ticks)), ticks, fontsize="small")
+        axes.set_xlim(-0.5, len(ticks) - 0.5)
     axes.set_xlabel(words(axis.name, axis.unit))
-    if found or wrong.any():
-        axes.legend(frameon=False, fontsize="x-small", loc="upper left")
+
+
+def _outliers(frame: pd.DataFrame, output: Axis) -> NDArray[np.bool_]:
+    return np.array(flags(frame, f"{output.name}_outlier"), dtype=bool)
+
+
+def _limit(frame: pd.DataFrame, output: Axis) -> float:
+    """How far the panels reach: every reading but the outliers."""
+    good = frame[~_outliers(frame, output)]
+    both = good[[f"{output.name}_{mark.word}" for mark in (BEFORE, AFTER)]].to_numpy(dtype=float)
+    return 1.1 * float(np.nanmax(np.abs(both), initial=0.0)) or 1.0
+
+
+def _frame(axes: Axes, frame: pd.DataFrame, output: Axis) -> None:
+    limit = _limit(frame, output)
+    axes.set_ylim(-limit, limit)
+
+
+def _means(axes: Axes, places: NDArray[np.float64], rest: NDArray[np.float64]) -> None:
+    """Means of readings that lie beside each other: what is left shows in them before the eye."""
+    order = np.argsort(places, kind="stable")
+    groups = [one for one in np.array_split(order, MEANS) if len(one) >= LEAST]
+    if len(groups) == MEANS and len(np.unique(places)) > MEANS:
+        axes.plot([places[one].mean() for one in groups], [rest[one].mean() for one in groups],
+                  color="black", linewidth=1.6, label=MEAN)  # fmt: skip
+
+
+def _means_of_labels(axes: Axes, codes: NDArray[np.float64], rest: NDArray[np.float64]) -> None:
+    """The mean of the readings of each label."""
+    levels = np.unique(codes)
+    means = [float(rest[codes == one].mean()) for one in levels]
+    axes.hlines(means, levels - 0.3, levels + 0.3, color="black", linewidth=1.6, label=MEAN)
+
+
+def _noise(axes: Axes, frame: pd.DataFrame, output: Axis) -> None:
+    """Twice the noise on either side."""
+    column = f"{output.name}_noise"
+    level = float(np.nanmedian(frame[column])) if column in frame else np.nan
+    for sign, label in ((1.0, "twice the noise"), (-1.0, None)) if isfinite(level) else ():
+        axes.axhline(2.0 * sign * level, color="#555555", linestyle=":", linewidth=1.1, label=label)
 
 
 def _places(column: pd.Series) -> tuple[NDArray[np.float64], list[str]]:
     """Where readings stand along an input; labels one beside the other in order of appearance."""
     if pd.api.types.is_numeric_dtype(column):
-        return column.to_numpy(dtype=float), []
+        values = column.to_numpy(dtype=float)
+        levels = np.unique(values)
+        if len(levels) > FEW:
+            return values, []
+        return _beside(np.searchsorted(levels, values)), [f"{one:g}" for one in levels]
     codes, labels = pd.factorize(column.astype(str))
     shown = [str(one) for one in labels] if len(labels) <= 12 else []
-    return codes.astype(float), shown
+    return _beside(codes) if shown else codes.astype(float), shown
+
+
+def _beside(codes: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Readings of one label beside each other instead of on one line."""
+    shift = (np.arange(len(codes)) * GOLDEN) % 1.0
+    return np.asarray(codes + 0.6 * (shift - 0.5))
 
 
 def _titles(row: Sequence[Axes], result: GapResult, output: Axis) -> None:
-    """Each column's RMSE on rows that the fit never saw."""
+    """Each column's RMSE on rows that the fit never saw; of a population its distributions tell."""
+    units = result.units is not None and len(result.units) > 0
     for axes, mark, gaps in zip(row, (BEFORE, AFTER), (result.gap_before, result.gap_after),
                                 strict=True):  # fmt: skip
-        error = gaps.get(output.name)
+        error = None if units else gaps.get(output.name)
         text = "" if error is None else f": held-out RMSE {error:.3g} {output.unit}"
-        axes.set_title(f"{mark.word} ({mark.marker}){text}", fontsize="small")
+        axes.set_title(f"{mark.word}{text}", fontsize="small")

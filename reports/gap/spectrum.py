@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...gap_records import GapResult
 from ...records import Axis
 from ..drawing import new_figure, plain
-from .marks import AFTER, BEFORE
+from .marks import AFTER, BEFORE, legend, shade
 
 HIGHEST = 5
 """Peaks that are labelled with their order."""
+WIDE = 0.75
+"""Half-width of the mark at an order that was located."""
 
 
 def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
@@ -21,9 +25,13 @@ def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
     rows = result.spectrum[result.spectrum["output"] == output.name].sort_values("order")
     if rows.empty:
         return None
-    figure = new_figure(height=4.2)
+    figure = new_figure(height=4.4)
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    located = [one.order for one in result.where
+               if one.output == output.name and isfinite(one.order)]  # fmt: skip
     for axes, mark in zip(panels, (BEFORE, AFTER), strict=True):
+        for order in located:
+            shade(axes, order - WIDE, order + WIDE)
         axes.vlines(rows["order"], 0.0, rows[mark.word], color=mark.colour, linewidth=1.0)
         if rows["threshold"].notna().any():
             axes.plot(rows["order"], rows["threshold"], color="black", linestyle=":", linewidth=1.2,
@@ -31,8 +39,8 @@ def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
         _label_peaks(axes, rows["order"].tolist(), rows[mark.word].tolist(),
                      rows["threshold"].tolist())  # fmt: skip
         axes.set_ylabel(f"{mark.word} [{output.unit}]" if output.unit else mark.word)
-    panels[0].legend(frameon=False, fontsize="small", loc="upper right")
     panels[1].set_xlabel("order [waves per turn]")
+    legend(figure, panels)
     for axes in panels:
         plain(axes)
     return figure

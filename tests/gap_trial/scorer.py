@@ -8,7 +8,7 @@ from math import isfinite, log, nan, sqrt
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 from tests.gap_trial.records import Hidden, Truth
 from tests.gap_trial.rivals import RIVALS, coefficients, first_parameter, least_left, without
@@ -171,10 +171,8 @@ class Figure:
 
 def clopper_pearson(hits: int, count: int, level: float = 0.95) -> tuple[float, float]:
     """Exact two-sided interval of a proportion."""
-    tail = (1.0 - level) / 2.0
-    low = 0.0 if hits == 0 else float(beta.ppf(tail, hits, count - hits + 1))
-    high = 1.0 if hits == count else float(beta.ppf(1.0 - tail, hits + 1, count - hits))
-    return low, high
+    found = binomtest(hits, count).proportion_ci(level, method="exact")
+    return float(found.low), float(found.high)
 
 
 def share(

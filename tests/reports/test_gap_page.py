@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from tests.reports.html import parsed
 from tolevo.gap_records import (
     FoundEffect,
     FoundParameter,
@@ -43,7 +43,7 @@ def readings(n: int = 150) -> pd.DataFrame:
             "output_angle_deg": rng.uniform(0.0, 360.0, n),
             "direction": rng.choice([-1.0, 1.0], n),
             "lot": rng.choice(["A", "$B$"], n),
-            "outlier": np.arange(n) % 100 == 0,
+            "te_arcsec_outlier": np.arange(n) % 100 == 0,
             "te_arcsec": before,
             "te_arcsec_predicted": 0.0 * noise,
             "te_arcsec_corrected": before - noise,
@@ -96,33 +96,6 @@ def result() -> GapResult:
         configuration='model = "rv_transmission"\n',
         corrected="[[effect]]\n",
     )  # fmt: skip
-
-
-class Tree(HTMLParser):
-    """Checks that tags close, and collects them."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.seen: list[tuple[str, dict[str, str | None]]] = []
-        self.open: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.seen.append((tag, dict(attrs)))
-        if tag not in {"meta", "wbr"}:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.seen.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-
-def parsed(text: str) -> Tree:
-    tree = Tree()
-    tree.feed(text)
-    assert tree.open == []
-    return tree
 
 
 def test_page_says_what_was_found(result: GapResult) -> None:
@@ -207,15 +180,49 @@ def test_peaks_above_the_noise_bear_their_order(result: GapResult) -> None:
     assert [text.get_text() for text in after.texts] == []
 
 
+def test_outliers_are_marked_and_do_not_set_the_scale(result: GapResult) -> None:
+    wild = result.residuals.copy()
+    wild.loc[[0, 100], "te_arcsec_before"] = [5000.0, -5000.0]
+    drawn = figures(replace(result, residuals=wild))["residuals_te_arcsec"]
+    left = drawn.axes[0]
+    assert left.get_ylim()[1] < 20.0
+    marked = next(line for line in left.lines if str(line.get_label()).startswith("outlier"))
+    np.testing.assert_allclose(np.asarray(marked.get_ydata()), np.array(left.get_ylim())[::-1])
+    named = {text.get_text() for text in drawn.legends[0].get_texts()}
+    assert {"before", "after", "located here", "mean of neighbours"} <= named
+
+
+def test_means_of_neighbours_show_what_is_left(result: GapResult) -> None:
+    """The saturated spring of the record before, nothing after."""
+    panels = figures(result)["residuals_te_arcsec"].axes[:2]
+    ends = []
+    for axes in panels:
+        line = next(one for one in axes.lines if one.get_label() == "mean of neighbours")
+        ends.append(np.asarray(line.get_ydata(), dtype=float)[[0, -1]])
+    np.testing.assert_allclose(ends[0], [-4.0, 4.0], atol=1.2)
+    np.testing.assert_allclose(ends[1], [0.0, 0.0], atol=1.2)
+
+
 def test_a_population_is_drawn_as_distributions(result: GapResult) -> None:
-    names = ["te_arcsec_before", "te_arcsec_after"]
-    units = replace(result, residuals=result.residuals.drop(columns=names))
-    drawn = figures(units)
+    share = (np.arange(50) + 0.5) / 50
+    spread = pd.DataFrame({"output": "te_arcsec", "share": share, "measured": share**2,
+                           "before": share, "after": share**2 + 0.01})  # fmt: skip
+    drawn = figures(replace(result, units=spread))
     assert "distribution_te_arcsec" in drawn
     lines = drawn["distribution_te_arcsec"].axes[0].lines
     assert len({line.get_linestyle() for line in lines}) == 3
-    measured = np.asarray(lines[0].get_xdata(), dtype=float)
-    assert (np.diff(measured) >= 0.0).all()
+    np.testing.assert_array_equal(np.asarray(lines[0].get_xdata()), share**2)
+    assert drawn["residuals_te_arcsec"].axes[0].get_title() == "before"
+    assert "distribution_te_arcsec" not in figures(result)
+
+
+def test_a_located_order_is_hatched(result: GapResult) -> None:
+    wave = Region("te_arcsec", "output_angle_deg", "order", "", order=33.5, share=0.5)
+    for axes in figures(replace(result, where=(wave,)))["spectrum_te_arcsec"].axes:
+        (patch,) = axes.patches
+        assert patch.get_hatch()
+        left, right = patch.get_extents().transformed(axes.transData.inverted()).intervalx
+        assert left < 33.5 < right
 
 
 def test_a_long_record_is_thinned(result: GapResult) -> None:

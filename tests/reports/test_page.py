@@ -4,12 +4,12 @@ import sys
 from base64 import b64encode
 from dataclasses import replace
 from hashlib import sha256
-from html.parser import HTMLParser
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from tests.reports.html import parsed
 from tolevo.records import Axis, RunResult
 from tolevo.reports import page
 from tolevo.reports.explorer import thinned
@@ -61,34 +61,6 @@ def result() -> RunResult:
         notes=("No reference dominates a point.",),
         configuration='problem = "rv_backlash"\n',
     )
-
-
-class Tree(HTMLParser):
-    """Collects tags, and checks that those with an end have one."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.seen: list[tuple[str, dict[str, str | None]]] = []
-        self.open: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.seen.append((tag, dict(attrs)))
-        if tag not in {"meta", "wbr"}:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.seen.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-
-def parsed(text: str) -> Tree:
-    tree = Tree()
-    tree.feed(text)
-    tree.close()
-    assert tree.open == []
-    return tree
 
 
 def test_every_text_is_escaped(result: RunResult) -> None:

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from html.parser import HTMLParser
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from tests.reports.html import parsed
 from tolevo.records import Recommendation, Response, StudyResult, Varied, Verdict
 from tolevo.reports.drawing import as_png, as_svg
 from tolevo.reports.study import figures, study_page
@@ -68,31 +68,9 @@ def result() -> StudyResult:
     )  # fmt: skip
 
 
-class Tags(HTMLParser):
-    """Tags with their attributes; every one that is opened is closed."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.seen: list[tuple[str, dict[str, str | None]]] = []
-        self.open: list[str] = []
-        self.feed(text)
-        assert self.open == ["html"] or self.open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.seen.append((tag, dict(attrs)))
-        if tag not in {"meta", "wbr"}:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.seen.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-
 def test_page_is_whole_escaped_and_loads_nothing(result: StudyResult) -> None:
     text = study_page(result)
-    tags = Tags(text)
+    tags = parsed(text)
     assert "script" not in {tag for tag, _ in tags.seen}
     assert text.count("&lt;script&gt;") >= 6  # title, note, reading, recommendation, test, failure
     assert not any({"src", "href"} & attrs.keys() for tag, attrs in tags.seen if tag != "use")

@@ -21,8 +21,8 @@ SHIFT = 0.4
 @pytest.mark.parametrize(
     ("never", "name", "does"),
     [
-        ("", "gauge_bias", ""),
-        ('[effects]\nnever = ["gauge_bias"]\n', "process_mean_shift", "every unit's backlash"),
+        ("", "process_mean_shift", "every unit's backlash"),
+        ('[effects]\nnever = ["process_mean_shift"]\n', "gauge_bias", ""),
     ],
 )
 def test_a_shifted_batch(tmp_path: Path, never: str, name: str, does: str) -> None:

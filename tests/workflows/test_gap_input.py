@@ -115,8 +115,9 @@ def test_duplicated_column_names(tmp_path: Path) -> None:
 
 def test_copies_cannot_be_told_apart(tmp_path: Path) -> None:
     frame = bench()
-    result = found(tmp_path, frame.assign(warmth=frame["torque"]))
-    assert any("warmth is a copy of torque" in n or "torque is a copy of warmth" in n
+    text = HEAD + '"third" = { role = "input", unit = "mm" }\n'
+    result = found(tmp_path, frame.assign(third=frame["torque"]), text)
+    assert any("third is a copy of torque" in n or "torque is a copy of third" in n
                for n in result.notes)  # fmt: skip
 
 
@@ -203,14 +204,95 @@ def test_direction_that_is_none(tmp_path: Path) -> None:
     assert "row 2, column way: a direction is +1 or -1" in said
 
 
-def test_outside_of_a_models_range(tmp_path: Path) -> None:
-    (tmp_path / "gap.toml").write_text('model = "manipulator_pose"\n', encoding="utf-8")
-    table = pd.DataFrame({"r_mm": 5000.0, "z_mm": 200.0, "phi_deg": np.linspace(0, 350, 120)})
-    table["dr_mm"] = np.linspace(0.0, 1.0, 120)
-    table.to_csv(tmp_path / "bench.csv", index=False)
-    plan = read_gap(tmp_path / "gap.toml")
-    with pytest.raises(InputError, match="reach"):
-        gap.found(plan, read_data(plan, tmp_path / "bench.csv"))
+OUTSIDE = {
+    "manipulator_pose": ("r_mm,z_mm,phi_deg,dr_mm", "5000,200,0,{}", "r_mm: is out of reach"),
+    "rv_transmission": ("output_angle_deg,torque_Nm,output_speed_rpm,te_arcsec", "0,9999,5,{}",
+                        "torque_Nm: is beyond the momentary torque"),
+    "rv_lost_motion": ("torque_Nm,direction,twist_arcmin", "-9999,1,{}",
+                       "torque_Nm: is beyond the momentary torque"),
+    "assembly": ("unit,dtheta_1_mrad,dtheta_2_mrad,dtheta_3_mrad,dtheta_4_mrad,precision_weight,"
+                 "delta_1_mrad", "a,0,0,0,0,-1,{}", "precision_weight: must be at least 0"),
+    "rv_batch": ("unit,temperature_C,backlash_arcmin", "{0},-300,{0}",
+                 "temperature_C: is below absolute zero"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("model", OUTSIDE)
+def test_outside_of_a_models_range(tmp_path: Path, model: str) -> None:
+    """Every row is named by its line, and nothing by an effect."""
+    head, row, said = OUTSIDE[model]
+    (tmp_path / "gap.toml").write_text(f'model = "{model}"\n', encoding="utf-8")
+    lines = [head, *(row.format(0.01 * at) for at in range(60))]
+    (tmp_path / "bench.csv").write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_data(read_gap(tmp_path / "gap.toml"), tmp_path / "bench.csv")
+    named = [str(one) for one in caught.value.faults]
+    assert named[0].startswith(f"bench.csv: row 2, column {said}")
+    assert named[-1].startswith("bench.csv: row 61, column")
+
+
+def test_colder_than_cold_in_the_unit_of_the_column(tmp_path: Path) -> None:
+    frame = bench().assign(warmth=300.0 + np.arange(240))
+    frame.loc[5, "warmth"] = -1.0
+    said = refused(tmp_path, frame, HEAD.replace('"degC"', '"K"'))
+    assert said == "bench.csv: row 7, column warmth: is below absolute zero"
+
+
+def test_faults_of_configuration_and_data_in_one_report(tmp_path: Path) -> None:
+    """Those of the form of the table, of its cells, and of every section."""
+    frame = bench().drop(columns="warmth").astype(object)
+    frame.loc[3, "te"] = "x"
+    text = HEAD + '[noise]\ntee = 1.0\n[validation]\nblocks = "clok"\n[settings]\nfoo = 1\n'
+    (tmp_path / "gap.toml").write_text(text, encoding="utf-8")
+    content = frame.to_csv(index=False) + "1,2,3\n"
+    (tmp_path / "bench.csv").write_text(content, encoding="utf-8")
+    words = ["gap", str(tmp_path / "gap.toml"), str(tmp_path / "bench.csv"), "--out"]
+    ended = CliRunner().invoke(app, [*words, str(tmp_path / "out"), "--workers", "0"])
+    assert ended.exit_code == 2
+    for part in (
+        "noise.tee: is not a measured output (did you mean `te`?)",
+        "settings.foo: is not a known key",
+        "--workers: must be at least 1",
+        "bench.csv: row 242: 4 cells expected",
+        "bench.csv: column warmth is missing",
+        "bench.csv: row 5, column te: must be a number",
+        'validation.blocks: bench.csv has no column "clok" (did you mean `clock`?)',
+    ):
+        assert part in ended.output, part
+    assert not (tmp_path / "out").exists()
+
+
+def test_blocks_that_hold_nothing_out(tmp_path: Path) -> None:
+    frame = bench().assign(warmth=20.0)
+    said = refused(tmp_path, frame, HEAD + '[validation]\nblocks = "warmth"\n')
+    assert "validation.blocks: warmth is the same in every row" in said
+
+
+def test_a_session_may_stand_beside(tmp_path: Path) -> None:
+    """A column that the contract names; it is said what it would be good for."""
+    (tmp_path / "gap.toml").write_text('model = "rv_batch"\n', encoding="utf-8")
+    table = pd.DataFrame({"unit": range(30), "session": ["a", "b"] * 15})
+    table.assign(backlash_arcmin=np.linspace(0.0, 1.0, 30)).to_csv(tmp_path / "b.csv", index=False)
+    data = read_data(read_gap(tmp_path / "gap.toml"), tmp_path / "b.csv")
+    assert any("session is not used" in note for note in data.notes)
+    data = read_data(
+        read_gap(tmp_path / "gap.toml", ["validation.blocks=session"]), tmp_path / "b.csv"
+    )
+    assert data.blocks is not None
+    assert data.blocks.tolist() == ["a", "b"] * 15
+    assert "session" not in " ".join(data.notes)
+
+
+@pytest.mark.parametrize(
+    "content", [b"PK\x03\x04\xff\xfe", b"a\0b,c\n", "größe\n1".encode("latin-1")]
+)
+def test_what_is_no_text(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "gap.toml").write_text(HEAD, encoding="utf-8")
+    (tmp_path / "bench.csv").write_bytes(content)
+    with pytest.raises(
+        InputError, match=r"bench\.csv: is not (UTF-8|text) .*save it as CSV in UTF-8"
+    ):
+        read_data(read_gap(tmp_path / "gap.toml"), tmp_path / "bench.csv")
 
 
 def test_noise_of_something_that_is_not_measured(tmp_path: Path) -> None:

@@ -55,8 +55,22 @@ def test_every_fault_at_once_and_nothing_written(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         simulate(RvBatch(), path, tmp_path / "out.csv")
     said = str(caught.value)
-    assert "units.csv: column backlash_arcmin is an output of the model" in said
     assert "units.csv: column unit is missing" in said
     assert "temperatur_C is not known (did you mean `temperature_C`?)" in said
     assert 'units.csv: row 2, column time_s: must be a number, got "x"' in said
     assert [file.name for file in tmp_path.iterdir()] == ["units.csv"]
+
+
+def test_a_measurement_table_is_taken(tmp_path: Path) -> None:
+    """Its measured output gives way to the prediction, its other columns stay."""
+    content = "unit,session,repeat,time_s,backlash_arcmin,backlash_arcmin_std\n7,monday,1,0,99,1\n"
+    found, notes = simulate(RvBatch(), table(tmp_path, content), tmp_path / "out.csv")
+    assert found.columns.tolist() == [
+        "unit", "session", "repeat", "time_s", "backlash_arcmin_std", "backlash_arcmin",
+    ]  # fmt: skip
+    assert found["session"].tolist() == ["monday"]
+    assert found["backlash_arcmin"][2] < 10.0
+    assert any("backlash_arcmin as written are predictions" in note for note in notes)
+    bare, notes = simulate(RvBatch(), table(tmp_path, "unit\n7\n"), tmp_path / "out.csv")
+    assert bare["backlash_arcmin"].tolist() == found["backlash_arcmin"].tolist()
+    assert not any("predictions" in note for note in notes)

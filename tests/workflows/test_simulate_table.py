@@ -75,7 +75,7 @@ def test_faults_of_the_columns_and_of_the_effects(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='"windage" has no place in the model table'):
         read(path)
     path.write_text(CONFIG + "[parameters]\nx = 1\n")
-    with pytest.raises(InputError, match="parameters: is not a known key"):
+    with pytest.raises(InputError, match="parameters: belongs to a model"):
         read(path)
 
 

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .fit import Fit
 from .generic import PREDICTED, Form
-from .linear import Groups, basis, beside
-from .scan import Left, left_over
+from .linear import basis, beside
+from .scan import Left, Remaining, left_over
 from .select import Search
 
 PRICE = {1: 5.0, 2: -6.0}
@@ -35,19 +33,9 @@ class Judged:
     reason: str = ""
 
 
-@dataclass(frozen=True)
-class Remaining:
-    """Generic forms in whitened space: columns, what they are, and of which output."""
-
-    white: Groups
-    forms: tuple[Form, ...]
-    outputs: NDArray[np.int64]
-    roles: dict[str, Role]
-
-
 def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
     """Names that a freer form in the same variable displaces, or leaves much beside, are lost."""
-    left = left_over(fit, search.fitter, generic.white, generic.forms, generic.outputs)
+    left = left_over(fit, search.fitter, generic)
     explained = max(empty.rss - fit.rss, 0.0)
     limit = search.thresholds.generic
     matters = search.fitter.space.count * search.settings.practical_limit**2
@@ -70,7 +58,7 @@ def _displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
     for gone in sets:
         others = tuple(one for k, one in enumerate(fit.members) if k not in gone)
         less = search.fitter.fit(others)
-        gains = _gains(search, less, generic)
+        gains = generic.gains(search.fitter, less)
         numbers = generic.white.sizes + np.array([_more(form) for form in generic.forms])
         score = less.score - gains + search.fitter.penalty * numbers + PRICE[len(gone)]
         score[[form.variable.startswith(PREDICTED) for form in generic.forms]] = np.inf
@@ -83,12 +71,6 @@ def _displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
 def _more(form: Form) -> int:
     """Numbers in a form beside its coefficients: an exponent, an order, a place."""
     return 1 if form.kind in ("power", "order") or form.detail.startswith("step") else 0
-
-
-def _gains(search: Search, fit: Fit, generic: Remaining) -> Array:
-    parts = [search.fitter.white(one) for one in fit.members]
-    q = basis(np.hstack([search.fitter.base, *parts]))
-    return generic.white.orthonormal(q).gains(fit.residual)
 
 
 def _touched(search: Search, fit: Fit, generic: Remaining, at: int) -> set[int]:

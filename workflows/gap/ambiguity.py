@@ -47,15 +47,18 @@ def _near(search: Search, others: Sequence[Member], fit: Fit) -> list[Fit]:
     return search.refined(others, scan(search.fitter, search.white, search.book, others))
 
 
-def instrument_first(search: Search, fit: Fit, found: Sequence[Other]) -> Fit | None:
-    """The fit with the instrument's name where it has the same columns as an effect's.
+def first_of_twins(fit: Fit, found: Sequence[Other], population: bool) -> Fit | None:
+    """The fit with the name that goes first where another one has the same columns.
 
-    What may be the instrument is not called physics.
+    What may be the instrument is not called physics. Of a batch that is off by the same in every
+    unit the process goes first: an allocation can answer it, a gauge it cannot.
     """
     for one in found:
         new, old = one.fit.members[-1].candidate, one.instead_of
         mine = next(m.candidate for m in fit.members if m.name == old[0])
-        same = abs(one.distance) < TWIN and len(old) == 1
-        if same and new.effect.family == INSTRUMENT and mine.effect.family != INSTRUMENT:
+        if abs(one.distance) >= TWIN or len(old) > 1 or new.unread:
+            continue
+        of_instrument = [c.effect.family == INSTRUMENT for c in (new, mine)]
+        if of_instrument == ([False, True] if population else [True, False]):
             return one.fit
     return None

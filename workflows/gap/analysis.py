@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,8 @@ from numpy.typing import NDArray
 from ...models.effects.compose import Active, acting, changes_of
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
-from .abstain import Judged, Remaining, judged
-from .ambiguity import Other, instrument_first, rivals
+from .abstain import Judged, judged
+from .ambiguity import Other, first_of_twins, rivals
 from .blocks import block_labels
 from .close import corrected
 from .estimate import estimated, remainders
@@ -20,9 +21,9 @@ from .fit import Fit, Fitter
 from .generic import stacked
 from .linear import Groups, joined
 from .noise import Noise
-from .population import Scatter, scatter
-from .scan import Dictionary, Thresholds, dictionary, left_over, thresholds
-from .select import Search, Selection, select
+from .population import Batch, Misfit, Scatter, carrying, misfit, scatter
+from .scan import Dictionary, Left, Remaining, Thresholds, dictionary, left_over, thresholds
+from .select import Search, Selection, beside, select
 from .setup import Setup, moved_to, values_of
 from .space import Space
 
@@ -33,24 +34,70 @@ ROUNDS = 2
 
 
 @dataclass(frozen=True)
-class Analysis:
-    """What the loop found, before it is put into records."""
+class Ground:
+    """What is searched, in the space of its noise; `empty` is the fit without a name, `left` what
+    generic forms find beside it.
+    """
 
     setup: Setup
     noises: tuple[Noise, ...]
     search: Search
     generic: Remaining
-    empty: Fit
+
+    @cached_property
+    def empty(self) -> Fit:
+        """The fit of the model alone."""
+        return self.search.fitter.fit(())
+
+    @cached_property
+    def left(self) -> Left:
+        """What generic forms find beside the model alone."""
+        return left_over(self.empty, self.search.fitter, self.generic)
+
+    @cached_property
+    def batch(self) -> Batch:
+        """As a population."""
+        return Batch(self.setup, self.search)
+
+    def with_scatter(self, one: Scatter) -> Ground:
+        """The same about a model with an effect on the scatter in it."""
+        setup, fitter = carrying(self.setup, one), self.search.fitter
+        moved = fitter.space.whiten(self.setup.residual - setup.residual)
+        search = replace(self.search, fitter=fitter.of_record(fitter.y - moved))
+        return replace(self, setup=setup, search=search)
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """What the loop found, before it is put into records.
+
+    `bare` is the ground that it began on, `ground` the one that it ended on: the same, but for an
+    effect on the scatter of a population, which is in the model of the latter.
+    """
+
+    bare: Ground
+    ground: Ground
     selection: Selection
     judged: Judged
     others: tuple[Other, ...]
     significant: bool
     scatter: tuple[Scatter, ...] = ()
+    misfit: Misfit | None = None
 
     @property
     def fit(self) -> Fit:
         """The fit with every name that was accepted, those that were lost included."""
         return self.selection.fit
+
+    @property
+    def setup(self) -> Setup:
+        """Of the ground that the loop ended on."""
+        return self.ground.setup
+
+    @property
+    def search(self) -> Search:
+        """Of the ground that the loop ended on."""
+        return self.ground.search
 
 
 def analysed(setup: Setup) -> Analysis:
@@ -126,20 +173,63 @@ def _minus_log(fit: Fit, search: Search) -> float:
 def concluded(
     setup: Setup, noises: Sequence[Noise], search: Search, generic: Remaining, found: Selection
 ) -> Analysis:
-    """Rivals, forms that displace names, and what is left."""
-    empty = search.fitter.fit(())
-    verdict = judged(search, found.fit, generic, empty)
+    """What changes the scatter, rivals, forms that displace names, and what is left."""
+    bare = Ground(setup, tuple(noises), search, generic)
+    ground, found, wider = _beside_scatter(bare, found)
+    search = ground.search
+    verdict = judged(search, found.fit, generic, ground.empty)
     others = rivals(search, found.fit, verdict.kept)
-    first = instrument_first(search, found.fit, others)
+    first = first_of_twins(found.fit, others, setup.data.target.population)
     if first is not None:
-        found = Selection(first, found.steps, found.rejected, found.improvements)
-        verdict = judged(search, first, generic, empty)
+        found = replace(found, fit=first)
+        verdict = judged(search, first, generic, ground.empty)
         others = rivals(search, first, verdict.kept)
-    left = left_over(empty, search.fitter, generic.white, generic.forms, generic.outputs)
-    seen = bool(left.evidence.max(initial=0.0) > search.thresholds.generic)
-    wider = scatter(setup, found.fit, setup.on_scatter)
-    return Analysis(setup, tuple(noises), search, generic, empty, found, verdict, tuple(others),
-                    bool(found.fit.members or wider) or seen, wider)  # fmt: skip
+    seen = bool(bare.left.evidence.max(initial=0.0) > search.thresholds.generic)
+    odd = None if wider else misfit(bare.batch, found.fit)
+    return Analysis(bare, ground, found, verdict, tuple(others),
+                    bool(found.fit.members or wider or odd) or seen, wider, odd)  # fmt: skip
+
+
+def _beside_scatter(
+    bare: Ground, found: Selection
+) -> tuple[Ground, Selection, tuple[Scatter, ...]]:
+    """The names once more beside what changes the scatter: a mixture moves the mean itself."""
+    ground, before = bare, found
+    batch = bare.batch
+    wider = _beside_any(bare, found.fit)
+    for _ in range(ROUNDS if wider else 0):
+        ground = bare.with_scatter(wider[0])
+        names, found = found.fit.names, select(ground.search)
+        again = scatter(batch, found.fit)
+        if not again:  # what widened the units was a name that is no longer there
+            return bare, before, wider[:0]
+        wider = again
+        if found.fit.names == names:
+            break
+    if wider:
+        ground, best = bare.with_scatter(wider[0]), wider[0]
+        found = replace(found, fit=ground.search.fitter.refined(found.fit.members))
+        found = beside(ground.search, before, found, best.candidate.name, best.gain, best.threshold,
+                       best.held_out)  # fmt: skip
+    return ground, found, wider
+
+
+def _beside_any(bare: Ground, fit: Fit) -> tuple[Scatter, ...]:
+    """What changes the scatter beside all names, all but one, or none: where that is likeliest.
+
+    A name that took the mean of a mixture for its own hides the mixture.
+    """
+    if not bare.setup.laws:
+        return ()
+    fewer = [fit.without(at) for at in range(len(fit.members))]
+    tried = [fit, *(bare.search.fitter.fit(one) for one in fewer)]
+    tried += [bare.empty] if len(fewer) > 1 else []
+    best: tuple[float, tuple[Scatter, ...]] = (bare.batch.plain(fit), ())
+    for one in tried:
+        found = scatter(bare.batch, one)
+        score = found[0].score + bare.batch.price(one) if found else np.inf
+        best = min(best, (score, found), key=lambda pair: pair[0])
+    return best[1]
 
 
 def searching(
@@ -181,6 +271,7 @@ def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
         [c.name for c in setup.data.inputs if c.role is Role.TIME],
         setup.data.repeats,
         [_known(setup, output.name) for output in outputs],
+        [setup.laws[o.name].std if setup.laws else 0.0 for o in outputs],
     )
     return tuple(estimated(one) for one in of)
 

@@ -13,7 +13,8 @@ from ...models.inputs.distribution import Array
 from .data import GapData
 from .fit import Fit, Member
 from .plan import GapPlan
-from .setup import Setup, nominal, predictor
+from .predictor import predictor
+from .setup import Setup, nominal
 from .space import Space
 
 
@@ -113,16 +114,14 @@ def _residual(
     setup: Setup, space: Space, model: Corrected, scale: Array
 ) -> Callable[[Array], Array]:
     """Whitened residual (N,) and distance from the tolerances, of numbers (k,) in their scale."""
-    measured = np.concatenate([setup.data.measured[o.name] for o in setup.data.outputs])
+    measured = setup.data.whole(setup.data.measured)
     free = np.array([one.kind == "free" for one in model.numbers], dtype=bool)
     middle = np.array([nominal(setup.plan, one.name) if one.kind == "free" else 0.0
                        for one in model.numbers])  # fmt: skip
 
     def residual(x: Array) -> Array:
         predicted = model.predicted(setup.data, x * scale)
-        white = space.whiten(
-            measured - np.concatenate([predicted[o.name] for o in setup.data.outputs])
-        )
+        white = space.whiten(measured - setup.data.whole(predicted))
         white[len(white) - space.prior :] = ((middle - x * scale) / scale)[free]
         return white
 

@@ -17,13 +17,13 @@ from .population import Scatter
 
 
 def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...] = ()) -> str:
-    """The run configuration (where there is one) with model, parameters and effects."""
+    """The run configuration (where there is one) with model, parameters, zeros and effects."""
     found: dict[str, Any] = deepcopy(dict(plan.run))
     if not found:
         found = {k: deepcopy(v) for k, v in plan.tables.items() if k != "effect"}
     found["model"] = plan.model_name
     found.setdefault("seed", plan.seed)
-    parameters = dict(found.get("parameters", {})) | _given(plan)
+    parameters = dict(found.get("parameters", {})) | dict(plan.given)
     for name, value in model.free().items():
         table, dot, key = name.partition(".")
         if dot:
@@ -31,10 +31,13 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
         else:
             parameters[name] = value
     if parameters:
-        found["parameters"] = _plain(parameters)
+        found["parameters"] = parameters
+    if zero := _zero(plan, model):
+        found["zero"] = zero
     more = [{"name": one.name, "parameters": model.effect(one.name)} for one in model.members]
-    more += [{"name": one.candidate.name, "parameters": one.numbers} for one in scatter]
-    effects = [*found.get("effect", []), *plan.tables.get("effect", []), *more]
+    # first: what moves units is not stretched with their scatter
+    first = [{"name": one.candidate.name, "parameters": one.numbers} for one in scatter]
+    effects = [*first, *found.get("effect", []), *plan.tables.get("effect", []), *more]
     if effects:
         found["effect"] = effects
     if plan.model is None:
@@ -63,9 +66,12 @@ def in_problem(
     )
 
 
-def _given(plan: GapPlan) -> dict[str, Any]:
-    """Parameters of the model that the configuration set."""
-    return dict(plan.given)
+def _zero(plan: GapPlan, model: Corrected) -> dict[str, float]:
+    """What the instrument adds to each output: known before, and fitted."""
+    fitted = {one.name: float(value) for one, value in zip(model.numbers, model.values, strict=True)
+              if one.kind == "zero"}  # fmt: skip
+    names = dict.fromkeys([*plan.zero, *fitted])
+    return {name: plan.zero.get(name, 0.0) + fitted.get(name, 0.0) for name in names}
 
 
 def _column(one: Any) -> dict[str, str]:

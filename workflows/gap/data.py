@@ -25,7 +25,8 @@ class GapData:
 
     `measured` holds each output (n,) in its unit, `predicted` the prediction that the table itself
     carries, `std` the noise that it states; `rows` are the line numbers in the file, `blocks` the
-    labels of the column that the configuration validates by, `repeats` the label of equal inputs.
+    labels of the column that the configuration validates by, `repeats` the label of equal inputs,
+    `digest` the SHA-256 of the file.
     """
 
     target: Target
@@ -38,6 +39,7 @@ class GapData:
     repeats: NDArray[Any] | None = None
     zeros: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    digest: str = ""
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -54,6 +56,10 @@ class GapData:
         return tuple(
             c for c in self.target.columns if not c.text and np.ptp(np.asarray(table[c.name])) > 0
         )
+
+    def whole(self, by_output: Mapping[str, Array]) -> Array:
+        """Values (n,) by output, one output below the other (N,)."""
+        return np.concatenate([by_output[o.name] for o in self.outputs])
 
     def some(self, rows: NDArray[np.int64]) -> GapData:
         """The same data at some of the rows."""

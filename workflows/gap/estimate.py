@@ -16,13 +16,16 @@ from .scan import evidence
 
 CERTAIN = 14.0
 """Evidence from which a generic form is taken out before the noise is estimated."""
+FEW = 0.03
+"""Share of the units of a batch up to which those far out are outliers."""
 PASSES = 2
 
 
 @dataclass(frozen=True)
 class Remainder:
     """One output: its residual (n,), the columns (n, k) that may explain it and are kept, generic
-    forms, the inputs by name, labels of repeats, and the noise where it is known.
+    forms, the inputs by name, labels of repeats, and the noise where it is known. `law` is the
+    standard deviation that the units of a population have in the model, 0 for readings.
     """
 
     residual: Array
@@ -34,6 +37,16 @@ class Remainder:
     repeats: NDArray[np.int64] | None = None
     known: Array | None = None
     source: str = "estimated"
+    law: float = 0.0
+
+    def least(self, sigma: Array) -> float:
+        """What noise of these sizes (n,) is at least, as a share of them."""
+        return max(self.law / float(np.median(sigma)), 1e-12)
+
+    def good(self, left: Array, sigma: Array) -> NDArray[np.bool_]:
+        """False (n,) where a reading is an outlier; many units far out are a group of their own."""
+        found = outliers(left, sigma, self.least(sigma))
+        return np.ones_like(found) if self.law and np.mean(~found) > FEW else found
 
 
 def estimated(of: Remainder) -> Noise:
@@ -56,7 +69,7 @@ def _slow(n: int) -> Array:
 
 def _first_scale(of: Remainder, kept: Array, sigma: Array) -> float:
     q = basis(kept / sigma[:, None])
-    return max(robust_scale(beside(of.residual / sigma, q)), 1e-300)
+    return max(robust_scale(beside(of.residual / sigma, q)), of.law, 1e-300)
 
 
 def _improved(of: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
@@ -72,8 +85,8 @@ def _improved(of: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
 
 def _one(of: Remainder, chosen: Array, noise: Noise) -> Noise:
     white = replace(noise, rho=0.0, good=None)
-    left = of.residual - _fitted(of.residual, chosen, white)
-    good = outliers(left, noise.sigma)
+    left = of.residual - _fitted(of, chosen, white)
+    good = of.good(left, noise.sigma)
     found = replace(white, good=None if good.all() else good)
     if of.known is None:
         follows = size_follows(left, of.inputs, good)
@@ -85,15 +98,15 @@ def _one(of: Remainder, chosen: Array, noise: Noise) -> Noise:
     return replace(found, rho=autocorrelation(of.residual, chosen, found))
 
 
-def _fitted(residual: Array, chosen: Array, noise: Noise) -> Array:
+def _fitted(of: Remainder, chosen: Array, noise: Noise) -> Array:
     """A fit that outliers do not pull: they are clipped, and it is fitted again."""
     x = noise.whiten(chosen)
-    y = noise.whiten(residual)
+    y = whole = noise.whiten(of.residual)
     q = basis(x)
     for _ in range(4):
         fit = q @ (q.T @ y)
-        limit = 2.5 * max(robust_scale(noise.whiten(residual) - fit), 1e-12)
-        y = fit + np.clip(noise.whiten(residual) - fit, -limit, limit)
+        limit = 2.5 * max(robust_scale(whole - fit), of.least(noise.sigma))
+        y = fit + np.clip(whole - fit, -limit, limit)
     return np.asarray(q @ (q.T @ y) * noise.sigma)
 
 
@@ -160,12 +173,14 @@ def remainders(
     residuals: Sequence[Array], kept: Sequence[Array], forms: tuple[Form, ...],
     generic: list[Array], inputs: Mapping[str, Array], trends: Sequence[str],
     repeats: NDArray[np.int64] | None, known: Sequence[tuple[Array, str] | None],
+    laws: Sequence[float],
 ) -> list[Remainder]:  # fmt: skip
     """One record per output."""
     groups = groups_of(generic)
     slow = tuple(form.variable in trends for form in forms)
     return [
         Remainder(residual, columns, forms, groups, inputs, slow, repeats,
-                  None if given is None else given[0], "estimated" if given is None else given[1])
-        for residual, columns, given in zip(residuals, kept, known, strict=True)
+                  None if given is None else given[0],
+                  "estimated" if given is None else given[1], law)
+        for residual, columns, given, law in zip(residuals, kept, known, laws, strict=True)
     ]  # fmt: skip

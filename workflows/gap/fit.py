@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import optimize
 
+from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
 from .library import Candidate, Columns
 from .linear import basis, beside
@@ -79,6 +80,11 @@ class Fitter:
         """ln n, what a further parameter must gain."""
         return float(np.log(self.space.count))
 
+    def spanned(self, members: Sequence[Member]) -> Array:
+        """An orthonormal basis (N, r) of what is free and these members."""
+        parts = [self.white(one) for one in members]
+        return basis(np.hstack([self.base, *parts])) if parts else self.q
+
     def white(self, member: Member) -> Array:
         """Whitened columns (N, m) of a member."""
         key = (member.name, tuple(member.shape.values()))
@@ -125,8 +131,7 @@ class Fitter:
 
     def shaped(self, members: Sequence[Member], at: int) -> Member:
         """A member with its nonlinear parameters fitted, the others' held."""
-        others = [self.white(one) for k, one in enumerate(members) if k != at]
-        q = basis(np.hstack([self.base, *others])) if others else self.q
+        q = self.spanned([one for k, one in enumerate(members) if k != at])
         left = beside(self.y, q)
         candidate = members[at].candidate
         free = [one for one in candidate.shape if not one.choices]
@@ -159,10 +164,9 @@ def _simplex(dimensions: int) -> Array:
     return np.vstack([np.zeros(dimensions), 0.5 * np.eye(dimensions)])
 
 
-def _width(parameter: object, value: float) -> float:
+def _width(parameter: EffectParameter, value: float) -> float:
     """About one cell of the grid."""
-    unit = getattr(parameter, "unit", "")
-    if unit == "deg":
+    if parameter.phase:
         return 15.0
     return 0.3 * abs(value) if value else 1.0
 

@@ -2,97 +2,125 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
 import pandas as pd
 
-from ...errors import raise_all
 from ...gap_records import GapResult
 from ...records import Axis
 from .analysis import Analysis, analysed
 from .correct import corrected_toml, in_problem
 from .data import GapData
+from .gaps import OF_UNITS, gaps
 from .locate import regions
 from .plan import GapPlan
-from .read import read_data
+from .progress import GapProgress, Tell, silent
+from .quantiles import spread_of_units
+from .replicates import Replicates, identity_of, is_whole, opened
 from .result import (
     Ending,
     effects,
     ended,
-    gaps,
     gate,
     residual_table,
     rival_records,
     scores,
-    shape_records,
 )
 from .select import renumbered
 from .setup import prepared
+from .shapes import shape_records
 from .spectrum import spectrum
 from .uncertainty import Spread, bootstrap
 from .where import of_inside
-from .write import other_run, write
+from .write import summary_of, write
 
-Say = Callable[[str], None]
-"""Called with what is being done."""
+RMSE = "{}: rmse {:.4g} -> {:.4g} {} on rows the fit never saw; noise {:.4g}"
+FAR = "{}: batch from population {:.4g} -> {:.4g} {} on units the fit never saw; chance {:.4g}"
 
 
 @dataclass(frozen=True, slots=True)
 class GapOutcome:
-    """How an analysis ended, and its summary in lines."""
+    """How an analysis ended ("done" or "interrupted"), and its summary in lines.
 
+    `result` is None where it did not end, or where it had ended before.
+    """
+
+    status: str
     folder: Path
     lines: tuple[str, ...]
-    result: GapResult
+    result: GapResult | None = None
 
 
 def gap(
     plan: GapPlan,
-    path: Path,
+    data: GapData,
     out: Path,
     workers: int = 1,
-    say: Say | None = None,
+    progress: Tell | None = None,
     resume: bool = False,
 ) -> GapOutcome:
-    """Find, name and close the gap between `plan`'s model and the data in `path`, into `out`.
+    """Find, name and close the gap between `plan`'s model and `data`, into `out`.
 
-    The result does not depend on `workers`; with `resume`, `out` may hold the same analysis, and no
-    other. Raises InputError with every fault of the data; nothing
-    is written then.
+    The result does not depend on `workers`. With `resume`, `out` may hold the same analysis: the
+    replicates of its bootstrap that have ended are not made again; one that has ended is only read.
+    Raises InputError where the data are outside of the model's range; nothing is written then.
     """
-    if resume:
-        raise_all(other_run(plan, out))
-    result = found(plan, read_data(plan, path), workers, say)
-    write(result, out)
-    return GapOutcome(out, _lines(result), result)
+    identity = identity_of(plan, data)
+    if resume and is_whole(out, identity):
+        return GapOutcome("done", out, (*summary_of(out), f"{out} was whole already"))
+    kept = opened(out, identity, resume)
+    try:
+        result = found(plan, data, workers, progress, kept)
+        lines = _lines(result)
+        write(result, out, lines)
+    except KeyboardInterrupt:
+        return GapOutcome("interrupted", out, (_saved(kept, plan),))
+    return GapOutcome("done", out, lines, result)
 
 
-def found(plan: GapPlan, data: GapData, workers: int = 1, say: Say | None = None) -> GapResult:
-    """The whole analysis of data that were read, without its files."""
-    tell = say or (lambda text: None)
-    tell("columns of the library")
+def _saved(kept: Replicates, plan: GapPlan) -> str:
+    """What an interrupt leaves, and how to go on."""
+    if kept.path is None or not kept.path.is_file():
+        return "interrupted: nothing was written"
+    done = f"{len(kept.found)} of {plan.settings.bootstrap} replicates are kept in {kept.path}; "
+    done = done if plan.settings.bootstrap else ""
+    return f"interrupted: {done}run the same command with --resume to go on"
+
+
+def found(
+    plan: GapPlan,
+    data: GapData,
+    workers: int = 1,
+    progress: Tell | None = None,
+    kept: Replicates | None = None,
+) -> GapResult:
+    """The whole analysis of data that were read, without its files but that of its replicates."""
+    tell, mine = progress or silent, kept or Replicates()
+    tell(GapProgress("columns of the library"))
     setup = prepared(plan, data)
-    tell("search")
+    mine.begin()
+    tell(GapProgress("search"))
     end = ended(analysed(setup))
     spread = None
     if plan.settings.bootstrap and end.fit.members:
-        tell(f"bootstrap of {plan.settings.bootstrap} records")
-        spread = bootstrap(end.analysis, end.fit, workers)
-    tell("result")
+        spread = bootstrap(end.analysis, end.fit, mine, workers, tell)
+    tell(GapProgress("result"))
     return _result(plan, data, end, spread)
 
 
 def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -> GapResult:
     analysis, setup = end.analysis, end.setup
-    search, generic = analysis.search, analysis.generic
+    bare = analysis.bare
+    limit = bare.search.thresholds.generic
     table = residual_table(end, data)
     outputs = data.outputs
-    noise = {o.name: n.level for o, n in zip(outputs, analysis.noises, strict=True)}
+    noise = {o.name: n.level for o, n in zip(outputs, bare.noises, strict=True)}
     which = {side: {o.name: table[f"{o.name}_{side}"].to_numpy() for o in outputs}
              for side in ("before", "after")}  # fmt: skip
+    gap = gaps(end)
     text = corrected_toml(plan, end.model, analysis.scatter[:1])
     named = in_problem(plan, text, effects(end, spread))
     return GapResult(
@@ -102,19 +130,19 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
         gate=gate(end),
         where=of_inside(setup, end.fit, table)
-        + regions(setup, search.fitter, generic, analysis.empty, search.thresholds.generic),
+        + regions(bare.setup, bare.search.fitter, bare.generic, bare.empty, limit),
         scores=scores(end),
         steps=renumbered(analysis.selection.steps),
         effects=named,
         rivals=rival_records(end),
         shapes=shape_records(end),
-        noise_floor=noise | {"total": 1.0},
-        gap_before=gaps(end, end.before),
-        gap_after=gaps(end, end.after),
+        noise_floor=gap.floor,
+        gap_before=gap.before,
+        gap_after=gap.after,
         residuals=table,
-        spectrum=spectrum(data, which["before"], which["after"], noise,
-                          search.thresholds.generic),
-        summary=_summary(plan, data, end, spread),
+        spectrum=spectrum(data, which["before"], which["after"], noise, limit),
+        units=spread_of_units(plan, data, end),
+        summary=_summary(plan, data, end, spread) | {"gap_is": gap.meaning},
         notes=_notes(analysis, data, end),
         configuration=plan.configuration,
         corrected=text,
@@ -127,6 +155,8 @@ def _summary(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -
     return {
         "model": plan.model_name,
         "seed": plan.seed,
+        "configuration_hash": hashlib.sha256(plan.configuration.encode()).hexdigest(),
+        "data_hash": data.digest,
         "rows": len(data),
         "rows_used": len(end.setup.data),
         "library": [one.name for one in end.setup.library],
@@ -149,7 +179,7 @@ def _region(data: GapData) -> dict[str, list[float]]:
 
 def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
     found = [*data.notes, *end.setup.notes]
-    for output, noise in zip(data.outputs, analysis.noises, strict=True):
+    for output, noise in zip(data.outputs, analysis.bare.noises, strict=True):
         if noise.outliers:
             found.append(f"{output.name}: {noise.outliers} outliers do not count")
         if noise.varies_with:
@@ -167,10 +197,11 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
 def _lines(result: GapResult) -> tuple[str, ...]:
     """A short summary for the terminal."""
     lines = [f"{result.verdict}: {result.summary['rows']} rows"]
+    words = FAR if result.summary["gap_is"] == OF_UNITS else RMSE
     for output in result.outputs:
         before, after = result.gap_before[output.name], result.gap_after[output.name]
-        lines.append(f"{output.name}: rmse {before:.4g} -> {after:.4g} {output.unit} on rows the "
-                     f"fit never saw; noise {result.noise_floor[output.name]:.4g}")  # fmt: skip
+        floor = result.noise_floor[output.name]
+        lines.append(words.format(output.name, before, after, output.unit, floor))
     lines += [f"effect {one}" for one in result.effects]
     lines += [f"in the problem: {one.name}: {one.counterpart}"
               for one in result.effects if one.counterpart]  # fmt: skip

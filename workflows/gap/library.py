@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from ... import registry
-from ...models.effects import Effect, EffectParameter
+from ...models.effects import Effect, EffectParameter, Target
+from ...models.effects.compose import Active
+from ...models.effects.population.units import OfUnits
+from ...models.effects.readings import labels_of
 from ...models.inputs.distribution import Array
+from ...models.measurable import Role
 from .data import GapData
 
 ON_SCATTER = ("spread_inflation", "lot_mixture")
@@ -23,15 +27,22 @@ BEND = 2.5
 """What the first nonlinear parameter of an effect must gain."""
 MOST = 400
 """Points of the grid of an effect's nonlinear parameters."""
+LEAST_UNITS = 3
+"""Units of a lot from which on an offset of its own can be told."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect of the library for these data: its parameters, linear and nonlinear ones apart."""
+    """An effect of the library for these data: its parameters, linear and nonlinear ones apart.
+
+    What it would show in is `unread` where that was not measured, or never changed: it moves all
+    units of a population alike then, as other causes do, and is never more than a rival of them.
+    """
 
     effect: Effect
     linear: tuple[EffectParameter, ...]
     shape: tuple[EffectParameter, ...]
+    unread: bool = False
 
     @property
     def name(self) -> str:
@@ -103,11 +114,12 @@ class Columns:
         data = self.data
         action = candidate.effect.act(data.readings, values, data.target)
         if action.changes:
-            changed = self._predict(action.changes)
-            return np.concatenate([changed[o.name] - self._base[o.name] for o in data.outputs])
+            return data.whole(self._predict(action.changes)) - data.whole(self._base)
         zero = np.zeros(len(data))
         if action.population is not None:
             return self._of_units(action.population)
+        if action.reading and data.target.population:
+            return zero  # rounding moves no mean of units that differ by more
         if action.reading:
             return np.concatenate([
                 action.reading[o.name](self._base[o.name]) - self._base[o.name]
@@ -138,8 +150,53 @@ def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
         if effect.applies(data.target):
             numbers = effect.parameters(data.target)
             linear = tuple(one for one in numbers if one.linear)
-            found.append(Candidate(effect, linear, tuple(o for o in numbers if not o.linear)))
+            shape = tuple(one for one in numbers if not one.linear)
+            found.append(Candidate(effect, linear, shape, _unread(effect, data)))
     return found
+
+
+def _unread(effect: Effect, data: GapData) -> bool:
+    """Whether an effect on units needs a reading that was not taken, or is always the same."""
+    there = {c.role for c in data.inputs} | {c.role for c in data.target.columns if c.text}
+    return data.target.population and not set(effect.needs) - {Role.DIRECTION} <= there
+
+
+def with_lots(
+    found: Iterable[Candidate], data: GapData, residual: Array
+) -> tuple[list[Candidate], list[str]]:
+    """The candidates with the offsets of lots that these units can tell, and what to say.
+
+    An offset of every lot is one of all units as well: the lot that is off least has none. Nor have
+    lots that hold too few units.
+    """
+    if Role.LOT not in data.readings:
+        return list(found), []
+    labels, of_lot = labels_of(data.readings[Role.LOT])
+    counts = np.bincount(of_lot)
+    off = np.abs(np.bincount(of_lot, residual[: len(of_lot)])) / np.sqrt(counts)
+    few = labels[counts < LEAST_UNITS]
+    told = [str(lot) for lot in labels[np.sort(np.argsort(off)[1:])] if lot not in few]
+    kept = []
+    for one in found:
+        if Role.LOT in one.effect.needs:
+            one = replace(one, linear=_of_lots(one, told, data.target))
+        if one.linear or one.shape:
+            kept.append(one)
+    text = f"cannot tell by how much lots of fewer than {LEAST_UNITS} units are off"
+    return kept, [f"{text}: {', '.join(few[:10])}"] if len(few) else []
+
+
+def _of_lots(one: Candidate, lots: Iterable[str], target: Target) -> tuple[EffectParameter, ...]:
+    """The offsets of these lots."""
+    unit = one.linear[0].name.removeprefix(one.linear[0].stem) if one.linear else ""
+    found = (one.effect.parameter(f"offset_{lot}{unit}", target) for lot in lots)
+    return tuple(parameter for parameter in found if parameter is not None)
+
+
+def carried(active: Iterable[Active], target: Target) -> float:
+    """By how much effects on the scatter move the mean of a population."""
+    return sum(one.effect.carried(one.values, target) for one in active
+               if isinstance(one.effect, OfUnits))  # fmt: skip
 
 
 def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:
@@ -159,9 +216,8 @@ def _axis(parameter: EffectParameter, spread: float, dimensions: int) -> list[fl
     if parameter.choices:
         return list(parameter.choices)
     low, high = parameter.low, parameter.high
-    phase = parameter.unit == "deg" and high - low == 360.0  # not the step of a reading in degrees
-    count = 15 if dimensions == 1 else 24 if phase or parameter.unit == "Hz" else 6
-    if phase:
+    count = 15 if dimensions == 1 else 24 if parameter.phase or parameter.unit == "Hz" else 6
+    if parameter.phase:
         return [float(x) for x in np.linspace(low, high, count, endpoint=False)]
     if not np.isfinite(high):
         high = max(low, 0.0) + 10.0 * spread

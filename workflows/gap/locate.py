@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from ...gap_records import Region
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
-from .abstain import Remaining
 from .fit import Fit, Fitter
 from .generic import PREDICTED, Form
 from .linear import basis, beside
-from .scan import evidence
+from .scan import Remaining, evidence
 from .setup import Setup
 from .where import along, curve_of, densest
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import signal, stats
 from statsmodels.regression.linear_model import OLS
 from statsmodels.stats.diagnostic import acorr_ljungbox
 
@@ -73,13 +73,15 @@ class Noise:
 
 def robust_scale(residual: Array) -> float:
     """Standard deviation from the median of the magnitudes."""
-    return float(1.4826 * np.median(np.abs(residual - np.median(residual))))
+    return float(stats.median_abs_deviation(residual, scale="normal"))
 
 
-def outliers(residual: Array, sigma: Array) -> NDArray[np.bool_]:
-    """False (n,) where a reading lies further out than noise ever does."""
+def outliers(residual: Array, sigma: Array, least: float = 1e-12) -> NDArray[np.bool_]:
+    """False (n,) where a reading lies further out than noise ever does, which is at least `least`
+    times sigma.
+    """
     scaled = residual / sigma
-    return np.abs(scaled - np.median(scaled)) < OUTLYING * max(robust_scale(scaled), 1e-12)
+    return np.abs(scaled - np.median(scaled)) < OUTLYING * max(robust_scale(scaled), least)
 
 
 def autocorrelation(residual: Array, columns: Array, noise: Noise) -> float:

@@ -39,7 +39,7 @@ class GapSettings:
     are reported together: likelihood, and the price of further numbers. `practical_limit` ends the
     loop: the rms of what a further name explains, as a share of the noise. `bootstrap` replicates
     give the intervals, 0 for none. Records of more than `rows_used` rows are thinned to every k-th
-    row while effects are searched.
+    row while effects are searched. `empirical` looks for a formula where nothing has a name.
     """
 
     false_rate: float = 0.01
@@ -50,6 +50,7 @@ class GapSettings:
     interval: float = 0.9
     rows_used: int = 6000
     effects_at_most: int = 6
+    empirical: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,8 @@ class GapPlan:
     may be recalibrated to its half-width, `library` are the effects considered. `noise` holds a
     known standard deviation by output, `blocks` is "auto" or a column. `run` are the raw tables of
     the configuration whose allocation the corrected model is to repeat (empty for none), `tables`
-    the resolved ones of the model, `active` the effects that are in it already. `counterparts` says
+    the resolved ones of the model, `active` the effects that are in it already, `zero` what is
+    added to outputs that have a zero. `counterparts` says
     what each effect of a corrected configuration does in the problem of `run`; None without it.
     """
 
@@ -79,6 +81,7 @@ class GapPlan:
     settings: GapSettings = field(default_factory=GapSettings)
     run: Mapping[str, Any] = field(default_factory=dict)
     active: tuple[Active, ...] = ()
+    zero: Mapping[str, float] = field(default_factory=dict)
     rebuild: Callable[[Mapping[str, Any]], MeasurableModel] | None = None
     counterparts: Callable[[str], Mapping[str, str]] | None = None
     tables: Mapping[str, Any] = field(default_factory=dict)

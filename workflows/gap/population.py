@@ -1,183 +1,261 @@
 """Batches: whether units scatter as the model's population does, or as a wider or a mixed one.
 
-The population itself is the noise. Its density is that of units drawn from the model; effects that
-move single units are found as columns, those that change the scatter here, by likelihood.
+The population itself is the noise. Effects that move single units are found as columns, those that
+change the scatter here, by likelihood. A mixture moves the mean too: whether the mean needs another
+name beside it is asked of the likelihood of both together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, optimize
+from scipy import stats
 
+from ...models.effects import Target
+from ...models.effects.compose import Active
 from ...models.inputs.distribution import Array
+from ...models.measurable import Role
+from .ambiguity import INSTRUMENT
+from .blocks import Improvement
+from .distance import distance, floor
 from .fit import Fit
-from .library import ON_SCATTER, Candidate
-from .plan import GapPlan
-from .setup import Setup
+from .law import Law
+from .library import Candidate, carried
+from .likelihood import Kind, half_widths, kind_of, threshold
+from .select import Search
+from .setup import Setup, left_of
 
-DRAWN = 200_000
-"""Units that the density is read from."""
-CELLS = 400
-LEAST = 1e-12
-GROWTHS = np.geomspace(1.03, 4.0, 24) - 1.0
-STEPS = np.concatenate([-np.linspace(0.75, 5.0, 12), np.linspace(0.75, 5.0, 12)])
-SHARES = (0.06, 0.12, 0.25, 0.5)
-MOST = 400
-"""Units of a simulated batch; a likelihood ratio does not depend on their number."""
-
-
-@dataclass(frozen=True)
-class Density:
-    """Log density of a population about its mean, on a lattice of `low` + k `step`."""
-
-    low: float
-    step: float
-    log: Array
-    std: float
-    sample: Array
-
-    def __call__(self, x: Array) -> Array:
-        """Log density at deviations x from the mean; beyond the lattice it falls as a normal's."""
-        at = (np.asarray(x) - self.low) / self.step
-        inside = np.clip(at, 0.0, len(self.log) - 1.0)
-        first = np.minimum(inside.astype(np.int64), len(self.log) - 2)
-        share = inside - first
-        found = (1.0 - share) * self.log[first] + share * self.log[first + 1]
-        beyond = (at - inside) * self.step / self.std
-        return np.asarray(found - 0.5 * beyond**2 - 3.0 * np.abs(beyond))
-
-
-def density(plan: GapPlan, name: str) -> Density:
-    """Of the model's units, smoothed by a tenth of a standard deviation."""
-    assert plan.model is not None
-    table = {c.name: _constant(c.text) for c in plan.model.columns if c.needed}
-    rng = np.random.default_rng([plan.seed, 5])
-    drawn = np.asarray(plan.model.predict(table, rng)[name], dtype=float)
-    drawn = drawn - drawn.mean()
-    std = float(drawn.std())
-    low, high = float(drawn.min()) - 0.5 * std, float(drawn.max()) + 0.5 * std
-    counts, edges = np.histogram(drawn, CELLS, (low, high))
-    step = float(edges[1] - edges[0])
-    smooth = ndimage.gaussian_filter1d(counts.astype(float), 0.1 * std / step, mode="constant")
-    chance = np.maximum(smooth / (DRAWN * step), LEAST / std)
-    return Density(low + 0.5 * step, step, np.log(chance), std, drawn)
-
-
-def _constant(text: bool) -> NDArray[Any]:
-    labels = np.arange(DRAWN)
-    found: NDArray[Any] = labels.astype(str) if text else labels * 0.0
-    return found
+CERTAIN = 1e-9
+"""Shares so close to 0 and 1 are not told from them."""
+LEVEL = 1e-9
+"""Relative range of a column below which it is the same for every unit."""
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """An effect on the scatter: its numbers, intervals, and twice its log likelihood ratio."""
+    """An effect on the scatter: its numbers, intervals, and twice its log likelihood ratio.
+
+    `distance` is how much worse it explains the batch than the best one. `beside` is the name that
+    the mean of the units needs beside it, empty where it needs none.
+    """
 
     candidate: Candidate
     numbers: dict[str, float]
     intervals: dict[str, tuple[float, float]]
     gain: float
     threshold: float
+    held_out: Improvement
+    score: float
     distance: float = 0.0
+    beside: str = ""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effect, and what moves the mean beside it."""
+        return (self.beside, self.candidate.name) if self.beside else (self.candidate.name,)
+
+    @property
+    def active(self) -> Active:
+        """The effect in a model."""
+        return Active(self.candidate.effect, self.numbers)
+
+    def moves(self, target: Target) -> float:
+        """By how much it moves the mean of the units."""
+        return carried([self.active], target)
+
+    @property
+    def fitted(self) -> Array:
+        """Its numbers (k,) that were fitted."""
+        kind = (*self.candidate.linear, *self.candidate.shape)
+        return np.array([self.numbers[one.name] for one in kind])
 
 
-def scatter(setup: Setup, fit: Fit, library: tuple[Candidate, ...]) -> tuple[Scatter, ...]:
+@dataclass(frozen=True)
+class Units:
+    """Deviations (n,) of the units from what moves each of them, their blocks, and their law.
+
+    `x` is taken from the model's mean, whatever moves all units alike left in it.
+    """
+
+    law: Law
+    x: Array
+    labels: NDArray[np.int64]
+
+    @property
+    def centred(self) -> Array:
+        """About their own mean."""
+        return np.asarray(self.x - self.x.mean())
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A batch before anything is named: the setup and the search of its names."""
+
+    setup: Setup
+    search: Search
+
+    @property
+    def law(self) -> Law:
+        """Of the model's units."""
+        return self.setup.laws[self.setup.data.outputs[0].name]
+
+    @cached_property
+    def limit(self) -> float:
+        """What twice a log likelihood ratio reaches by chance."""
+        return threshold(self.law, len(self.setup.data), self.setup.plan)
+
+    @cached_property
+    def levels(self) -> tuple[str, ...]:
+        """The names that move every unit alike, the process before the instrument."""
+        book = self.search.book
+        found = [one.candidate.effect for at, one in enumerate(book.members)
+                 if not one.candidate.unread and _same(book.raw.of(at))]  # fmt: skip
+        return tuple(one.name for one in sorted(found, key=lambda e: e.family == INSTRUMENT))
+
+    def price(self, fit: Fit) -> float:
+        """Of the numbers of what moves single units."""
+        moving = [one.candidate for one in fit.members if one.name not in self.levels]
+        return sum(one.price(self.search.fitter.penalty) for one in moving)
+
+    def plain(self, fit: Fit) -> float:
+        """The score of a fit without an effect on the scatter."""
+        units = self.units(fit)
+        moved = any(name in self.levels for name in fit.names)
+        x = units.centred if moved else units.x
+        level = float(np.log(len(x))) if moved else 0.0
+        return self.price(fit) + level - 2.0 * float(units.law(x).sum())
+
+    def units(self, fit: Fit) -> Units:
+        """The units that count beside what moves each of them by its own amount."""
+        setup = self.setup
+        left = left_of(setup, fit, self.levels)
+        good = self.search.fitter.space.noises[0].good
+        kept = np.arange(len(left)) if good is None else np.flatnonzero(good)
+        return Units(self.law, left[kept], self.search.labels[kept])
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """Units that scatter about their mean unlike the population: how far from it, and how far
+    chance gets; `ratio` of the standard deviations, measured over simulated.
+    """
+
+    distance: float
+    limit: float
+    ratio: float
+
+
+def misfit(batch: Batch, fit: Fit) -> Misfit | None:
+    """Whether the units beside `fit` scatter unlike the model's, in whatever way."""
+    if not batch.setup.data.target.population:
+        return None
+    units, plan = batch.units(fit), batch.setup.plan
+    rng = np.random.default_rng([plan.seed, 9])
+    far = distance(batch.law, units.centred)
+    limit = floor(batch.law, len(units.x), rng, 1.0 - plan.settings.false_rate, centred=True)
+    return Misfit(far, limit, float(units.x.std()) / batch.law.std) if far > limit else None
+
+
+def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
     """Effects on the scatter that the units beside `fit` show, the best first; none as a rule."""
-    plan, output = setup.plan, setup.data.outputs[0]
-    mine = {one.name: one for one in library if one.name in ON_SCATTER}
-    if not mine or not setup.data.target.population:
+    setup = batch.setup
+    if not setup.on_scatter or not setup.data.target.population:
         return ()
-    law = density(plan, output.name)
-    left = _left(setup, fit)
-    limit = threshold(law, len(left), plan)
-    found = [_fitted(law, left, one, limit) for one in mine.values()]
-    price = np.log(len(left))
-    scores = [-one.gain + price * one.candidate.count for one in found]
-    best = min((s for s, one in zip(scores, found, strict=True) if one.gain > limit), default=None)
-    if best is None:
+    units = batch.units(fit)
+    level = next((name for name in (*fit.names, *batch.levels) if name in batch.levels), "")
+    tried = [_tried(batch, units, one, level) for one in setup.on_scatter]
+    least = stats.chi2.ppf(
+        1.0 - setup.plan.settings.false_rate, 1
+    )  # of one number, not of the best
+    tried = [one for one in tried if one.gain > 0.5 * least]
+    if max((one.gain for one in tried), default=0.0) < least:
         return ()
+    limit = batch.limit
+    sure = [one for one in tried if one.gain > limit and one.held_out.real]
+    if not sure:
+        return ()
+    best = min(one.score for one in sure)
     near = [
-        Scatter(one.candidate, one.numbers, one.intervals, one.gain, limit, score - best)
-        for score, one in zip(scores, found, strict=True)
-        if score - best <= plan.settings.set_distance and one.gain > 0.5 * limit
+        replace(one, threshold=limit, distance=max(one.score - best, 0.0))
+        for one in tried
+        if one.score - best <= setup.plan.settings.set_distance and one.gain > 0.5 * limit
     ]
     return tuple(sorted(near, key=lambda one: one.distance))
 
 
-def _left(setup: Setup, fit: Fit) -> Array:
-    """Deviations (n,) of the units from what moves each of them, in the output's unit."""
-    moved = setup.base @ fit.free
-    for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
-        moved = moved + setup.columns.of(member.candidate, member.shape) @ coefficients
-    left = setup.residual - moved
-    return np.asarray(left - left.mean())
+def carrying(setup: Setup, one: Scatter) -> Setup:
+    """The setup of the model with an effect on the scatter in it, which may move the mean."""
+    plan = replace(setup.plan, active=(*setup.plan.active, one.active))
+    by = one.moves(setup.data.target)
+    moved = {name: values + by for name, values in setup.predicted.items()}
+    return replace(setup, plan=plan, predicted=moved, residual=setup.residual - by)
 
 
-def threshold(law: Density, count: int, plan: GapPlan) -> float:
-    """What the better of both reaches on batches that are drawn from the model."""
-    rng = np.random.default_rng([plan.seed, 6])
-    n = min(count, MOST)
-    x = rng.choice(law.sample, (plan.settings.simulations, n))
-    x -= x.mean(axis=1, keepdims=True)
-    none = law(x).sum(axis=1)
-    best = np.zeros(len(x))
-    for growth in GROWTHS[::2]:
-        best = np.maximum(best, _wider(law, x, growth).sum(axis=1) - none)
-    for step in STEPS[::3] * law.std:
-        for share in SHARES[::2]:
-            best = np.maximum(best, _mixed(law, x, step, share).sum(axis=1) - none)
-    return float(np.quantile(2.0 * best, 1.0 - plan.settings.false_rate))
+def _same(columns: Array) -> bool:
+    """Whether a column (N, 1) moves every unit alike."""
+    size = float(np.abs(columns).max(initial=0.0))
+    return columns.shape[1] == 1 and size > 0.0 and bool(np.ptp(columns) <= LEVEL * size)
 
 
-def _wider(law: Density, x: Array, growth: float) -> Array:
-    return np.asarray(law(x / (1.0 + growth)) - np.log1p(growth))
-
-
-def _mixed(law: Density, x: Array, step: float, share: float) -> Array:
-    """Log density of a mixture about its own mean."""
-    first, second = law(x + share * step), law(x - (1.0 - share) * step)
-    return np.asarray(np.logaddexp(np.log1p(-share) + first, np.log(share) + second))
-
-
-def _fitted(law: Density, x: Array, candidate: Candidate, limit: float) -> Scatter:
-    none = float(law(x).sum())
-    if candidate.name == "spread_inflation":
-        starts = [np.array([growth]) for growth in GROWTHS]
-        bounds = [(0.0, 20.0)]
-
-        def worse(p: Array) -> float:
-            return -float(_wider(law, x, float(p[0])).sum())
-    else:
-        starts = [np.array([s, share]) for s in STEPS for share in SHARES]
-        bounds = [(-20.0, 20.0), (0.02, 0.98)]
-
-        def worse(p: Array) -> float:
-            return -float(_mixed(law, x, float(p[0]) * law.std, float(p[1])).sum())
-
-    start = min(starts, key=worse)
-    best = optimize.minimize(worse, start, method="Nelder-Mead", bounds=bounds)
-    scale = np.array([1.0] if candidate.name == "spread_inflation" else [law.std, 1.0])
-    half = _half_widths(worse, best.x)
-    names = [*(one.name for one in candidate.linear), *(one.name for one in candidate.shape)]
-    values = dict(zip(names, (best.x * scale).tolist(), strict=True))
+def _tried(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scatter:
+    """One effect: with the mean where the effect has it, or wherever it fits where that is far
+    likelier.
+    """
+    kind = kind_of(candidate.name, units.law)
+    centred = replace(kind, likelihood=kind.about_mean)
+    free, fixed = centred.best(units.centred), kind.best(units.x)
+    without = float(units.law(units.centred).sum())
+    gain = 2.0 * (kind.about_mean(units.centred, free) - without)
+    better = 2.0 * (kind.about_mean(units.centred, free) - kind.likelihood(units.x, fixed))
+    apart = bool(level) and better > batch.search.thresholds.library
+    at, used, x = (free, centred, units.centred) if apart else (fixed, kind, units.x)
+    price = float(np.log(len(x))) * (candidate.count + apart)
+    names = [one.name for one in (*candidate.linear, *candidate.shape)]
+    half = half_widths(used, x, at, batch.setup.plan.settings.interval)
+    values = dict(zip(names, (at * kind.scale).tolist(), strict=True))
     ends = {
         name: (float((value - width) * by), float((value + width) * by))
-        for name, value, width, by in zip(names, best.x, half, scale, strict=True)
+        for name, value, width, by in zip(names, at, half, kind.scale, strict=True)
     }
-    return Scatter(candidate, values, ends, -2.0 * (float(best.fun) + none), limit)
+    if candidate.name == "lot_mixture" and Role.LOT in batch.setup.data.readings:
+        values["within_lots"] = 1.0  # the units scatter so beside what moves whole lots
+    return Scatter(
+        candidate, values, ends, gain, np.nan, _held_out(units, centred, free),
+        price - 2.0 * used.likelihood(x, at), beside=level if apart else "",
+    )  # fmt: skip
 
 
-def _half_widths(worse: Callable[[Array], float], at: Array) -> Array:
-    """Half-widths of 90 % intervals from the curvature of the likelihood."""
-    found = []
-    for k, value in enumerate(at):
-        step = np.zeros(len(at))
-        step[k] = 0.05 * max(abs(float(value)), 0.1)
-        bend = (worse(at + step) - 2.0 * worse(at) + worse(at - step)) / step[k] ** 2
-        found.append(1.645 / np.sqrt(max(float(bend), 1e-12)))
-    return np.array(found)
+def _held_out(units: Units, centred: Kind, start: Array) -> Improvement:
+    """Twice the rise of the log likelihood of units that the fit never saw."""
+    x, falls = units.centred, []
+    for block in np.unique(units.labels):
+        out = units.labels == block
+        p = centred.best(x[~out], start)
+        falls.append(2.0 * (centred.likelihood(x[out], p) - float(units.law(x[out]).sum())))
+    error = float(np.std(falls, ddof=1) * np.sqrt(len(falls))) if len(falls) > 1 else np.inf
+    return Improvement(float(np.sum(falls)), error)
+
+
+def held_out_units(units: Units, one: Scatter, x: Array) -> Array:
+    """Deviations x (n,) of units that the fit never saw, as they stand in the population of the
+    final fit: at the rank that they have in that of a fit without their block.
+    """
+    kind = kind_of(one.candidate.name, units.law)
+    start, found = one.fitted / kind.scale, np.empty_like(x)
+    whole = law_with(units.law, one).histogram
+    used = replace(kind, likelihood=kind.about_mean) if one.beside else kind
+    for block in np.unique(units.labels):
+        out = units.labels == block
+        seen = x[~out] - x[~out].mean() if one.beside else x[~out]
+        law = kind.law(used.best(seen, start)).histogram
+        found[out] = whole.ppf(np.clip(law.cdf(x[out]), CERTAIN, 1.0 - CERTAIN))
+    return found
+
+
+def law_with(law: Law, one: Scatter) -> Law:
+    """The law of units with an effect on their scatter."""
+    kind = kind_of(one.candidate.name, law)
+    return kind.law(one.fitted / kind.scale)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,48 +15,92 @@ from ... import tables
 from ...declarations import Output
 from ...errors import Fault, nearest, raise_all
 from ...models.measurable import Column, Role
+from ...units import converted
 from .columns import alike, told_apart
 from .data import GapData, assembled
 from .plan import GapPlan, output_of
+from .units import LEAST, one_per_unit
 
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
+SAME = 1e-12
+"""Relative range of readings that are all the same."""
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
-LEAST = 12
-"""Rows below which nothing can be told from noise."""
+SESSION = "session"
+ABSOLUTE_ZERO = -273.15
+"""[degC]"""
 
 
 def read_data(plan: GapPlan, path: Path) -> GapData:
     """The data in `path`. Raises InputError with every fault; rows are named by line number."""
+    data, faults = checked(plan, path)
+    raise_all(faults)
+    assert data is not None
+    return data
+
+
+def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Fault]]:
+    """The data in `path`, or every fault of them: of their form alone where there is no plan."""
     place = path.name
-    given = tables.read(path, place)
+    given, faults = tables.formed(path, place)
+    if plan is None or given is None:
+        return None, faults
     columns, outputs, predictions, stds = _layout(plan, given)
-    faults = _missing_outputs(plan, given, outputs, place)
+    faults += _missing_outputs(plan, given, outputs, place)
     wanted = [*(c.name for c in columns), *(o.name for o in outputs)]
     wanted += [*predictions.values(), *stds.values()]
-    extra = [] if plan.blocks == "auto" or plan.blocks in wanted else [plan.blocks]
-    text = {c.name for c in columns if c.text} | set(extra)
-    kept = given.drop(columns=_ignored(plan, given))
+    extra = [] if plan.blocks in ("auto", *wanted) or plan.blocks not in given else [plan.blocks]
+    spare = [SESSION] if plan.model is not None and SESSION not in extra else []
     frame, found = tables.parsed(
-        kept,
+        given.drop(columns=_ignored(plan, given)),
         place,
-        needed=_needed(plan, columns, predictions) + extra,
-        optional=wanted,
-        text=text,
+        needed=_needed(plan, columns, predictions),
+        optional=[*wanted, *extra, *spare],
+        text={c.name for c in columns if c.text} | set(extra) | set(spare),
     )
     notes: list[str] = []
     frame, found = _dropped(plan, frame, found, notes)
-    faults += found
-    if not faults:
+    faults += found + _block_faults(plan, given, frame, place)
+    if not faults and plan.model is not None and plan.model.population:
+        frame, found = one_per_unit(frame, columns, place, notes)
+        faults += found
+    if len(given):
         faults += _content_faults(plan, frame, columns, outputs, predictions, stds, place)
-    raise_all(faults)
+    if faults:
+        return None, faults
     there = tuple(c for c in columns if c.name in frame)
     notes += [
         f"no column {c.name} ({c.meaning}): what depends on it cannot be seen"
         for c in columns
         if c.name not in frame and c not in (TIME, REPEAT)
     ]
+    if SESSION in spare and SESSION in frame:
+        notes.append(f'{SESSION} is not used; [validation] blocks = "{SESSION}" would hold out one '
+                     "after the other")  # fmt: skip
     notes += told_apart(frame, there)
-    return assembled(plan, frame, there, outputs, predictions, stds, notes)
+    data = assembled(plan, frame, there, outputs, predictions, stds, notes)
+    return replace(data, digest=_digest(path)), []
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _block_faults(
+    plan: GapPlan, given: pd.DataFrame, frame: pd.DataFrame, place: str
+) -> list[Fault]:
+    """A column to validate by that is not there, or that holds one label only."""
+    name, key = plan.blocks, "validation.blocks"
+    if name == "auto":
+        return []
+    if name not in given:
+        close = nearest(name, map(str, given.columns))
+        return [Fault(key, f'{place} has no column "{name}"{close}; name one, or "auto"')]
+    if name in frame and len(frame) and len(set(frame[name])) == 1:
+        return [Fault(key, f'{name} is the same in every row of {place}: there is nothing to hold '
+                      'out; name another column, or "auto"')]  # fmt: skip
+    return []
 
 
 def _layout(
@@ -93,19 +139,14 @@ def _ignored(plan: GapPlan, given: pd.DataFrame) -> list[str]:
 def _missing_outputs(
     plan: GapPlan, given: pd.DataFrame, outputs: tuple[Output, ...], place: str
 ) -> list[Fault]:
-    """Measured columns that are not there, and names of `[noise]` that are no output."""
-    names = [o.name for o in (plan.model.outputs if plan.model else outputs)]
+    """Measured columns that are not there."""
     found = []
     if plan.model is not None and not outputs:
-        found.append(Fault(place, f"holds none of the measured outputs: {', '.join(names)}"))
+        names = ", ".join(o.name for o in plan.model.outputs)
+        found.append(Fault(place, f"holds none of the measured outputs: {names}"))
     if plan.model is None:
         found += [Fault(place, f"column {o.name} is missing") for o in outputs
                   if o.name not in given]  # fmt: skip
-    found += [
-        Fault(f"noise.{name}", f"is not a measured output{nearest(name, names)}")
-        for name in plan.noise
-        if name not in names
-    ]
     return found
 
 
@@ -141,17 +182,38 @@ def _content_faults(
     found = []
     count = 1 + len(plan.free) + len(outputs)
     if len(frame) < max(LEAST, 2 * count):
-        found.append(Fault(place, f"has {len(frame)} rows; {count - 1} numbers of the model and a "
-                           f"noise need at least {max(LEAST, 2 * count)}"))  # fmt: skip
+        found.append(Fault(place, f"has {len(frame)} rows; {count - 1} free numbers of the model "
+                           f"and the noise need at least {max(LEAST, 2 * count)}"))  # fmt: skip
     for column in columns:
         if column.role is Role.DIRECTION and column.name in frame:
-            bad = ~frame[column.name].isin([-1.0, 1.0])
+            bad = ~frame[column.name].isin([-1.0, 1.0]) & frame[column.name].notna()
             found += _cells(frame, column.name, bad, place, "a direction is +1 or -1")
     for name in stds.values():
         text = "must be above 0; leave the column out where the noise is not known"
-        found += _cells(frame, name, frame[name] <= 0.0, place, text)
+        if name in frame:
+            found += _cells(frame, name, frame[name] <= 0.0, place, text)
+    found += _range_faults(plan, frame, columns, place)
     for output in outputs:
-        found += _measured_faults(frame, output.name, predictions.get(output.name), place)
+        if output.name in frame:
+            found += _measured_faults(frame, output.name, predictions.get(output.name), place)
+    return found
+
+
+def _range_faults(
+    plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...], place: str
+) -> list[Fault]:
+    """Cells beyond what is physical, or beyond the range of the model."""
+    found = []
+    for column in columns:
+        if column.role is Role.TEMPERATURE and column.name in frame:
+            cold = frame[column.name] < converted(ABSOLUTE_ZERO, "degC", column.unit)
+            found += _cells(frame, column.name, cold, place, "is below absolute zero")
+    if plan.model is None or any(c.needed and c.name not in frame for c in columns):
+        return found
+    table = {c.name: frame[c.name].to_numpy() for c in columns if c.name in frame}
+    for name, (wrong, text) in plan.model.outside(table).items():
+        said = f"{text}: the model does not reach there; remove the row"
+        found += _cells(frame, name, pd.Series(wrong, index=frame.index), place, said)
     return found
 
 
@@ -167,12 +229,15 @@ def _measured_faults(
 ) -> list[Fault]:
     """A measurement that never changes, or that the prediction is a copy of."""
     found = []
-    if len(frame) > 1 and np.ptp(frame[name].to_numpy()) == 0.0:
+    values = frame[name].dropna().to_numpy()
+    if len(values) > 1 and np.ptp(values) <= SAME * np.abs(values).max():
         text = "is the same in every row: nothing was measured"
         found.append(Fault(f"{place}: column {name}", text))
-    if prediction is not None and alike(frame[name], frame[prediction]):
-        text = f"is a copy of {name}: a prediction comes from the simulation, not from the data"
-        found.append(Fault(f"{place}: column {prediction}", text))
+    if prediction in frame:
+        both = frame[[name, prediction]].dropna()
+        if len(both) and alike(both[name], both[prediction]):
+            text = f"is a copy of {name}: a prediction comes from the simulation, not from the data"
+            found.append(Fault(f"{place}: column {prediction}", text))
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +19,8 @@ from ...gap_records import (
     Recalibrated,
     Rival,
     Score,
-    Shape,
 )
+from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
 from .analysis import Analysis
 from .blocks import HeldOut, improvement
@@ -29,11 +30,10 @@ from .fit import Fit
 from .linear import beside
 from .noise import outliers, whiteness
 from .population import Scatter
-from .scan import left_over, scan
+from .scan import scan
 from .separate import separating
 from .setup import Setup, nominal
 from .uncertainty import Spread
-from .where import shapes
 
 SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same in all of its lots"
 MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
@@ -79,27 +79,26 @@ def ended(analysis: Analysis) -> Ending:
     """The final fit of what keeps its name, in the full model."""
     search = analysis.search
     kept = [analysis.fit.members[at] for at in analysis.judged.kept]
-    fit = search.fitter.refined(kept) if kept else analysis.empty
+    fit = search.fitter.refined(kept) if kept else analysis.ground.empty
     model = corrected(analysis.setup, search.fitter.space, fit)
-    return Ending(analysis, fit, model, search.tested(analysis.empty), search.tested(fit))
+    bare = analysis.bare
+    return Ending(analysis, fit, model, bare.search.tested(bare.empty), search.tested(fit))
 
 
 def gate(end: Ending) -> Gate:
     """Stage 1 as a record."""
-    analysis, setup = end.analysis, end.setup
-    fitter, count = analysis.search.fitter, len(setup.data)
-    left = left_over(analysis.empty, fitter, analysis.generic.white, analysis.generic.forms,
-                     analysis.generic.outputs)  # fmt: skip
+    analysis, bare = end.analysis, end.analysis.bare
+    setup, count = bare.setup, len(bare.setup.data)
     found = []
-    for at, (output, noise) in enumerate(zip(setup.data.outputs, analysis.noises, strict=True)):
-        level = left.evidence[left.outputs == at].max(initial=0.0)
+    for at, (output, noise) in enumerate(zip(setup.data.outputs, bare.noises, strict=True)):
+        level = bare.left.evidence[bare.generic.outputs == at].max(initial=0.0)
         rows = slice(at * count, (at + 1) * count)
         raw = setup.residual[rows] - end.before.fitted[rows]
         limit = analysis.search.thresholds.generic
         found.append(OutputGate(
             output=output.name, unit=output.unit, noise=noise.level, noise_source=noise.source,
             rmse=rmse(raw, noise.good), statistic=float(level), threshold=limit,
-            significant=bool(level > limit) or (analysis.significant and len(analysis.noises) == 1),
+            significant=bool(level > limit) or (analysis.significant and len(bare.noises) == 1),
             autocorrelation=noise.rho, heteroscedastic=noise.varies_with,
             outliers=noise.outliers, whiteness=whiteness(end.fit.residual[rows]),
             uncertainty=noise.level * 2.0 / np.sqrt(count),
@@ -126,7 +125,7 @@ def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
     """The smallest effect of each name that would have been seen nine times out of ten, and the
     names that cannot be seen at all, because what is free does the same.
     """
-    search, setup = end.analysis.search, end.setup
+    search, setup = end.analysis.bare.search, end.setup
     wanted = np.sqrt(search.thresholds.library) + 1.2816
     found: dict[str, Detectable] = {}
     names: dict[str, None] = {}
@@ -152,7 +151,7 @@ def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
 
 def scores(end: Ending) -> tuple[Score, ...]:
     """Stage 3 as records: every effect alone beside the model's parameters, best first."""
-    search = end.analysis.search
+    search = end.analysis.bare.search
     return tuple(
         Score(one.member.name, one.member.candidate.effect.family, one.gain,
               search.thresholds.library, dict(one.member.shape))
@@ -167,7 +166,7 @@ def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
 
 
 def _of_scatter(one: Scatter) -> FoundEffect:
-    """An effect on the scatter of a batch as a record; nothing of it can be held out."""
+    """An effect on the scatter of a batch as a record; held out is twice its log likelihood."""
     effect = one.candidate.effect
     numbers = (*one.candidate.linear, *one.candidate.shape)
     return FoundEffect(
@@ -180,8 +179,8 @@ def _of_scatter(one: Scatter) -> FoundEffect:
         ),
         gain=one.gain,
         threshold=one.threshold,
-        held_out_gain=float("nan"),
-        held_out_error=float("nan"),
+        held_out_gain=one.held_out.gain,
+        held_out_error=one.held_out.error,
     )
 
 
@@ -191,14 +190,14 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
     better = improvement(search.tested(less), end.after, search.labels)
     values = end.model.effect(member.name)
     numbers = (*member.candidate.linear, *member.candidate.shape)
-    ends = {one.name: _ends(end, member.name, one.name, spread) for one in numbers}
-    total = max(end.analysis.empty.rss - end.fit.rss, 1e-300)
+    ends = {one.name: _ends(end, member.name, one, values, spread) for one in numbers}
+    total = max(end.analysis.ground.empty.rss - end.fit.rss, 1e-300)
     return FoundEffect(
         name=member.name,
         family=member.candidate.effect.family,
         cause=member.candidate.effect.cause,
         parameters=tuple(
-            FoundParameter(one.name, values[one.name], *ends[one.name], one.unit, one.meaning)
+            FoundParameter(one.name, values[one.name], *ends[one.name], one.unit, _meaning(one))
             for one in numbers
         ),
         gain=less.rss - end.fit.rss,
@@ -218,9 +217,21 @@ def _at_bound(value: float, low: float, high: float) -> bool:
                 (np.isfinite(low) and low != 0.0 and value <= low + width))  # fmt: skip
 
 
-def _ends(end: Ending, owner: str, name: str, spread: Spread | None) -> tuple[float, float]:
-    linear = end.model.interval(owner, name)
-    return linear if spread is None else spread.interval(owner, name, linear)
+def _meaning(one: EffectParameter) -> str:
+    """What a parameter means, and whether it was chosen instead of fitted."""
+    choices = ", ".join(f"{choice:g}" for choice in one.choices)
+    return f"{one.meaning} (chosen out of {choices}, not fitted)" if choices else one.meaning
+
+
+def _ends(
+    end: Ending, owner: str, one: EffectParameter, values: Mapping[str, float],
+    spread: Spread | None,
+) -> tuple[float, float]:  # fmt: skip
+    """The interval of a number; one that was chosen has no width."""
+    if one.choices:
+        return values[one.name], values[one.name]
+    linear = end.model.interval(owner, one.name)
+    return linear if spread is None else spread.interval(owner, one.name, linear)
 
 
 def rival_records(end: Ending) -> tuple[Rival, ...]:
@@ -234,22 +245,11 @@ def rival_records(end: Ending) -> tuple[Rival, ...]:
     if end.twin:
         found.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
     for other in end.analysis.scatter[1:]:
-        mine = (end.analysis.scatter[0].candidate.name,)
-        found.append(Rival((other.candidate.name,), mine, other.distance, Measurement(MORE)))
+        mine = end.analysis.scatter[0].names
+        both = set(mine) & set(other.names)
+        names, instead = (tuple(n for n in of if n not in both) for of in (other.names, mine))
+        found.append(Rival(names, instead, other.distance, Measurement(MORE)))
     return tuple(found)
-
-
-def shape_records(end: Ending) -> tuple[Shape, ...]:
-    """Stage 7 as records: what is significant beside the final fit."""
-    analysis, search = end.analysis, end.analysis.search
-    if not analysis.significant or (end.fit.members and not analysis.judged.lost
-                                    and not analysis.judged.significant):  # fmt: skip
-        return ()
-    generic = analysis.generic
-    left = left_over(end.fit, search.fitter, generic.white, generic.forms, generic.outputs)
-    lost = tuple(analysis.fit.names[at] for at in analysis.judged.lost)
-    return shapes(end.setup, search.fitter, generic, analysis.judged, left, end.fit,
-                  search.thresholds.generic, lost)  # fmt: skip
 
 
 def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
@@ -257,17 +257,18 @@ def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
     setup, n = end.setup, len(end.setup.data)
     frame = pd.DataFrame({"row": full.rows, **full.readings.table})
     used = np.flatnonzero(np.isin(full.rows, setup.data.rows))
-    bare = corrected(setup, end.analysis.search.fitter.space, end.analysis.empty)
+    start = end.analysis.bare
+    bare = corrected(start.setup, start.search.fitter.space, start.empty)
     before, after = bare.predicted(full), end.model.predicted(full)
-    for at, (output, noise) in enumerate(zip(setup.data.outputs, end.analysis.noises, strict=True)):
+    for at, (output, noise) in enumerate(zip(setup.data.outputs, start.noises, strict=True)):
         name, measured = output.name, full.measured[output.name]
         frame[name] = measured
         frame[f"{name}_predicted"] = before[name]
         frame[f"{name}_corrected"] = after[name]
         frame[f"{name}_before"] = measured - before[name]
         frame[f"{name}_after"] = measured - after[name]
-        for which, held in (("before", end.before), ("after", end.after)):
-            part = (setup.residual - held.fitted)[at * n : (at + 1) * n]
+        for which, of, held in (("before", start.setup, end.before), ("after", setup, end.after)):
+            part = (of.residual - held.fitted)[at * n : (at + 1) * n]
             frame[f"{name}_{which}_held_out"] = _at_rows(part, used, len(full))
         frame[f"{name}_noise"] = _at_rows(noise.sigma, used, len(full))
         good = outliers(measured - after[name], np.full(len(full), noise.level))
@@ -281,14 +282,3 @@ def _at_rows(values: Array, rows: NDArray[np.int64], count: int) -> Array:
     found = np.full(count, np.nan)
     found[rows] = values
     return found
-
-
-def gaps(end: Ending, held: HeldOut) -> dict[str, float]:
-    """RMSE by output on rows the fit never saw, outliers left out, and `total` in noise units."""
-    setup, n = end.setup, len(end.setup.data)
-    raw = setup.residual - held.fitted
-    found, squares = {}, []
-    for at, (output, noise) in enumerate(zip(setup.data.outputs, end.analysis.noises, strict=True)):
-        found[output.name] = rmse(raw[at * n : (at + 1) * n], noise.good)
-        squares.append((found[output.name] / noise.level) ** 2)
-    return found | {"total": float(np.sqrt(np.mean(squares)))}

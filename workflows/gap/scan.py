@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from scipy import special
 
 from ...models.inputs.distribution import Array
+from ...models.measurable import Role
 from .fit import Fit, Fitter, Member
 from .generic import Form
 from .library import Candidate, Columns, grid
-from .linear import Groups, basis, beside, joined
+from .linear import Groups, beside, joined
 from .space import Space
 
 CHUNK = 250
@@ -91,8 +92,7 @@ class Found:
 
 def scan(fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Member]) -> list[Found]:
     """Each candidate that is not in a fit of `members`, at its best grid point, best first."""
-    parts = [fitter.white(one) for one in members]
-    q = basis(np.hstack([fitter.base, *parts])) if parts else fitter.q
+    q = fitter.spanned(members)
     gains = white.orthonormal(q).gains(beside(fitter.y, q))
     taken = {one.name for one in members}
     best: dict[str, Found] = {}
@@ -105,23 +105,30 @@ def scan(fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Memb
 
 
 @dataclass(frozen=True)
-class Left:
-    """What generic forms still find: the strongest first, with evidence and gain."""
+class Remaining:
+    """Generic forms in whitened space: columns, what they are, and of which output."""
 
+    white: Groups
     forms: tuple[Form, ...]
     outputs: NDArray[np.int64]
+    roles: dict[str, Role]
+
+    def gains(self, fitter: Fitter, fit: Fit) -> Array:
+        """Of each form, beside all that is in a fit."""
+        return self.white.orthonormal(fitter.spanned(fit.members)).gains(fit.residual)
+
+
+@dataclass(frozen=True)
+class Left:
+    """What generic forms still find: evidence and gain of each, and which are the strongest."""
+
     evidence: Array
     gains: Array
     best: NDArray[np.int64]
 
 
-def left_over(
-    fit: Fit, fitter: Fitter, white: Groups, forms: tuple[Form, ...], outputs: NDArray[np.int64]
-) -> Left:
+def left_over(fit: Fit, fitter: Fitter, generic: Remaining) -> Left:
     """Generic forms against the residual of a fit, beside all that is in it."""
-    parts = [fitter.white(one) for one in fit.members]
-    q = basis(np.hstack([fitter.base, *parts])) if parts else fitter.q
-    groups = white.orthonormal(q)
-    gains = groups.gains(fit.residual)
-    level = evidence(groups, gains)
-    return Left(forms, outputs, level, gains, np.argsort(-level))
+    gains = generic.gains(fitter, fit)
+    level = evidence(generic.white, gains)
+    return Left(level, gains, np.argsort(-level))

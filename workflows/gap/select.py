@@ -21,6 +21,7 @@ WITHIN = 40.0
 """Gain behind the best on the grid, beyond which a candidate is not refined."""
 
 BOTH = "beyond what noise reaches, and held-out rows are predicted better"
+UNITS = "units scatter so beyond what chance reaches, those that the fit never saw as well"
 SMALL = "what it explains is below the practical limit"
 MASKED = 12
 """Candidates that are tried in pairs where none shows alone."""
@@ -38,6 +39,11 @@ class Search:
     thresholds: Thresholds
     labels: NDArray[np.int64]
     settings: GapSettings
+
+    def open(self, members: Sequence[Member]) -> list[Found]:
+        """The candidates beside `members` that may be named, best first."""
+        found = scan(self.fitter, self.white, self.book, members)
+        return [one for one in found if not one.member.candidate.unread]
 
     def refined(self, members: Sequence[Member], found: Sequence[Found]) -> list[Fit]:
         """Fits with one candidate more each, their nonlinear parameters fitted, best first."""
@@ -108,6 +114,27 @@ def select(search: Search, quick: bool = False) -> Selection:
     return Selection(fit, tuple(steps), tuple(sorted(rejected)), real)
 
 
+def beside(
+    search: Search, before: Selection, after: Selection, name: str, gain: float, limit: float,
+    better: Improvement,
+) -> Selection:  # fmt: skip
+    """The path of a selection, of a name that was found by likelihood, and of what remains of the
+    selection beside it.
+    """
+    steps = list(before.steps)
+    tested = search.tested(after.fit)
+    _note(steps, search, before.fit, tested, "add", name, True, UNITS, gain, better)
+    steps[-1] = replace(steps[-1], names=(*before.fit.names, name), threshold=limit)
+    gone = [one for one in before.fit.names if one not in after.fit.names]
+    come = [one for one in after.fit.names if one not in before.fit.names]
+    for action, names in (("drop", gone), ("add", come)):
+        if names:
+            _note(steps, search, after.fit, tested, action, ", ".join(names), True,
+                  f"fitted again beside {name}")  # fmt: skip
+            steps[-1] = replace(steps[-1], names=(*after.fit.names, name))
+    return replace(after, steps=tuple(steps))
+
+
 def _matters(search: Search, gain: float, names: int) -> bool:
     """Whether what each further name explains has an rms above the practical limit."""
     rms = np.sqrt(max(gain, 0.0) / names / max(search.fitter.space.count, 1))
@@ -116,7 +143,7 @@ def _matters(search: Search, gain: float, names: int) -> bool:
 
 def _next(search: Search, fit: Fit, rejected: set[str]) -> Fit | None:
     """The best fit with one name more that passes the threshold; None where there is none."""
-    found = scan(search.fitter, search.white, search.book, fit.members)
+    found = search.open(fit.members)
     limit = search.thresholds.library
     # the threshold is that of the dictionary: what a finer fit adds is no evidence
     found = [one for one in found if one.member.name not in rejected and one.gain > limit]
@@ -128,12 +155,12 @@ def _next(search: Search, fit: Fit, rejected: set[str]) -> Fit | None:
 def masked(search: Search, fit: Fit, rejected: set[str]) -> Fit | None:
     """The best fit with two names more, neither of which shows without the other; else None."""
     limit = search.thresholds.library
-    firsts = [one for one in scan(search.fitter, search.white, search.book, fit.members)
+    firsts = [one for one in search.open(fit.members)
               if one.member.name not in rejected][:MASKED]  # fmt: skip
     best: Fit | None = None
     for first in firsts:
         members = (*fit.members, first.member)
-        seconds = [one for one in scan(search.fitter, search.white, search.book, members)
+        seconds = [one for one in search.open(members)
                    if one.member.name not in rejected]  # fmt: skip
         if not seconds or first.gain + seconds[0].gain < TWO * limit:
             continue
@@ -168,8 +195,7 @@ def _swapped(search: Search, fit: Fit) -> Fit | None:
     best = fit
     for at in range(len(fit.members)):
         others = fit.without(at)
-        found = scan(search.fitter, search.white, search.book, others)
-        for one in search.refined(others, found)[:1]:
+        for one in search.refined(others, search.open(others))[:1]:
             if one.score < best.score - 1e-3:
                 best = one
     return None if best is fit else best

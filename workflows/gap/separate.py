@@ -17,7 +17,8 @@ from .data import GapData
 from .fit import Fit
 from .library import Columns
 from .linear import basis, beside
-from .setup import Setup, predictor
+from .predictor import predictor
+from .setup import Setup
 
 ROWS = 240
 """Readings of a design that is tried."""

@@ -2,34 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import optimize
 
 from ...errors import raise_all
-from ...models.effects.compose import acting, added, changes_of
 from ...models.inputs.distribution import Array
-from ...models.measurable import NO_CHANGES, MeasurableModel, Role
+from ...models.measurable import NO_CHANGES, Role
 from .data import GapData
+from .fit import Fit
 from .generic import Form, generic
-from .library import ON_SCATTER, Candidate, Columns, Predict, candidates
+from .law import Law, law_of
+from .library import (
+    ON_SCATTER,
+    Candidate,
+    Columns,
+    candidates,
+    with_lots,
+)
 from .linear import basis, beside
 from .plan import GapPlan
+from .predictor import predictor
 from .read import finite_faults
 
 STEP = 0.02
 """Share of a tolerance by which a parameter is moved for its column."""
-UNITS = 32
-"""Units drawn for each row to average what a change does to a population."""
+LEAST_NAMED = 20
+"""Units of a batch below which no cause is named."""
+SAME_UNIT = 0.05
+"""Share of the population's scatter below which readings are as of one unit."""
 
 
 @dataclass(frozen=True)
 class Setup:
     """Residual (N,) of the model at parameters `at`, where it fits best alone; the columns (N, p)
-    of its free parameters, each for
-    its whole tolerance, and of the zeros of outputs; `prior` is the count of the former.
+    of its free parameters, each for its whole tolerance, and of the zeros of outputs; `prior` is
+    the count of the former. `laws` are those of a population's outputs.
     """
 
     plan: GapPlan
@@ -44,6 +55,7 @@ class Setup:
     columns: Columns
     forms: tuple[Form, ...]
     generic: list[Array]
+    laws: Mapping[str, Law]
     notes: tuple[str, ...] = ()
 
     @property
@@ -59,106 +71,82 @@ class Setup:
         return np.array(found, dtype=float)
 
 
-def predictor(plan: GapPlan, data: GapData, model: MeasurableModel | None = None) -> Predict:
-    """The model at the rows of the data, as a function of changes inside of it."""
-    actions = acting(plan.active, data.readings, data.target)
-    if plan.model is None:
-        rng = np.random.default_rng(plan.seed)
-        whole = added(data.predicted, actions, {}, rng)
-        return lambda changes: whole
-    of = plan.model if model is None else model
-    if of.population:
-        return _of_mean_unit(plan, data, of)
-
-    def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
-        rng = np.random.default_rng(plan.seed)
-        whole = both(changes_of(actions), changes)
-        return added(of.predict(data.readings.table, rng, whole or NO_CHANGES), actions, {}, rng)
-
-    return predict
-
-
-def both(one: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, Array]:
-    """Changes inside of a model together."""
-    names = dict.fromkeys([*one, *other])
-    return {name: np.asarray(one.get(name, 0.0) + other.get(name, 0.0)) for name in names}
-
-
-def _of_mean_unit(plan: GapPlan, data: GapData, model: MeasurableModel) -> Predict:
-    """The mean over the units of a population; what changes it is averaged over drawn units."""
-    actions = acting(plan.active, data.readings, data.target)
-    always = changes_of(actions)
-
-    def one(number: int, changes: Mapping[str, Array]) -> dict[str, Array]:
-        rng = np.random.default_rng([plan.seed, 7, number])
-        found = model.predict(data.readings.table, rng, both(always, changes) or NO_CHANGES)
-        return added(found, actions, model.means(), rng)
-
-    def drawn(changes: Mapping[str, Array]) -> dict[str, Array]:
-        runs = [one(number, changes) for number in range(UNITS)]
-        return {o.name: np.mean([run[o.name] for run in runs], axis=0) for o in data.outputs}
-
-    def bare() -> dict[str, Array]:
-        rngs = [np.random.default_rng([plan.seed, 7, k]) for k in range(UNITS)]
-        runs = [model.predict(data.readings.table, rng) for rng in rngs]
-        return {o.name: np.mean([run[o.name] for run in runs], axis=0) for o in data.outputs}
-
-    def predict(changes: Mapping[str, Array]) -> Mapping[str, Array]:
-        means = {o.name: np.full(len(data), model.means()[o.name]) for o in data.outputs}
-        if not changes and not plan.active:
-            return means
-        with_them, without = drawn(changes), bare()
-        return {name: mean + with_them[name] - without[name] for name, mean in means.items()}
-
-    return predict
-
-
 def prepared(plan: GapPlan, full: GapData) -> Setup:
     """The setup for the rows that are used. Raises InputError where the model has no prediction."""
     data, notes = thinned(plan, full)
     predicted = predictor(plan, data)({})
     raise_all(finite_faults({o.name: predicted[o.name] for o in data.outputs}, data.rows))
     at = recalibrated(plan, data, predicted)
-    predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
-    predicted = predict({})
-    residual = np.concatenate([data.measured[o.name] - predicted[o.name] for o in data.outputs])
-    free, gradient = _gradient(plan, data, at)
-    base = np.column_stack([gradient, _zeros(data)])
-    forms, columns = generic(data, predicted)
-    library = candidates(plan.library, data)
+    parts = _parts(plan, data, at)
+    forms, columns = generic(data, parts["predicted"])
+    library, few = with_lots(candidates(plan.library, data), data, parts["residual"])
+    laws = {o.name: law_of(plan, o.name) for o in data.outputs} if data.target.population else {}
+    if why := nameless(data, laws):
+        plan = replace(plan, settings=replace(plan.settings, effects_at_most=0))
+        few.append(why)
     return Setup(
         plan=plan,
         data=data,
-        predicted=predicted,
-        at=at,
-        residual=residual,
-        base=base,
-        free=free,
         library=tuple(one for one in library if one.name not in ON_SCATTER),
-        on_scatter=tuple(one for one in library if one.name in ON_SCATTER),
-        columns=Columns(data, predict),
+        on_scatter=tuple(one for one in library if one.name in ON_SCATTER)
+        if plan.settings.effects_at_most
+        else (),
         forms=tuple(forms),
         generic=columns,
-        notes=notes,
+        laws=laws,
+        notes=(*notes, *few),
+        **parts,
     )
+
+
+def left_of(setup: Setup, fit: Fit, but: Sequence[str] = ()) -> Array:
+    """Residual (N,) beside what is fitted, in the outputs' units; effects named in `but` stay."""
+    left = setup.residual - setup.base @ fit.free
+    for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
+        if member.name not in but:
+            left = left - setup.columns.of(member.candidate, member.shape) @ coefficients
+    return np.asarray(left)
+
+
+def nameless(data: GapData, laws: Mapping[str, Law]) -> str:
+    """Why no cause can be named from a batch, empty where one can."""
+    if laws and len(data) < LEAST_NAMED:
+        return (
+            f"cannot tell with n = {len(data)}: no cause is named from fewer than {LEAST_NAMED} "
+            "units"
+        )
+    for name, law in laws.items():
+        if np.std(data.measured[name]) < SAME_UNIT * law.std:
+            return (
+                f"cannot tell: {name} is as good as the same in every row, units of the model "
+                f"scatter by {law.std:.3g}; was one unit measured many times?"
+            )
+    return ""
 
 
 def moved_to(setup: Setup, at: Mapping[str, float], changes: Mapping[str, Array]) -> Setup:
     """The setup with the model at other parameters, its columns taken beside changes inside."""
-    plan, data = setup.plan, setup.data
+    return replace(setup, **_parts(setup.plan, setup.data, at, changes))
+
+
+def _parts(
+    plan: GapPlan,
+    data: GapData,
+    at: Mapping[str, float],
+    changes: Mapping[str, Array] = NO_CHANGES,
+) -> dict[str, Any]:
+    """What of a setup depends on the parameters that the model is at."""
     predict = predictor(plan, data, plan.rebuild(at) if plan.rebuild and at else None)
     predicted = predict({})
-    residual = np.concatenate([data.measured[o.name] - predicted[o.name] for o in data.outputs])
     free, gradient = _gradient(plan, data, at, changes)
-    return replace(
-        setup,
-        predicted=predicted,
-        at=at,
-        residual=residual,
-        base=np.column_stack([gradient, _zeros(data)]),
-        free=free,
-        columns=Columns(data, predict),
-    )
+    return {
+        "predicted": predicted,
+        "at": at,
+        "residual": data.whole(data.measured) - data.whole(predicted),
+        "base": np.column_stack([gradient, _zeros(data)]),
+        "free": free,
+        "columns": Columns(data, predict),
+    }
 
 
 def thinned(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:
@@ -184,7 +172,7 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
     names = list(plan.free)
     middle = np.array([nominal(plan, name) for name in names])
     half = np.array([plan.free[name] for name in names])
-    measured = np.concatenate([data.measured[o.name] for o in data.outputs])
+    measured = data.whole(data.measured)
     zeros = _zeros(data)
     scale = np.repeat([max(float(np.std(data.measured[o.name] - predicted[o.name])), 1e-300)
                        for o in data.outputs], len(data))  # fmt: skip
@@ -238,7 +226,7 @@ def _moved(
     assert plan.rebuild is not None
     predict = predictor(plan, data, plan.rebuild(parameters))
     predicted = predict(changes)
-    return np.concatenate([predicted[o.name] for o in data.outputs])
+    return data.whole(predicted)
 
 
 def _zeros(data: GapData) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+from scipy import signal
 
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
@@ -43,15 +44,5 @@ def spectrum(
 
 def amplitudes(angle: Array, orders: Array, residual: Array) -> Array:
     """Amplitude (m,) of the wave of each order that fits residuals (n,) best."""
-    found = []
     left = residual - residual.mean()
-    for order in orders:
-        c, s = np.cos(order * angle), np.sin(order * angle)
-        cc, ss, cs = c @ c, s @ s, c @ s
-        a, b = c @ left, s @ left
-        det = cc * ss - cs * cs
-        if det < 1e-9 * cc * ss or det <= 0.0:
-            found.append(0.0)
-        else:
-            found.append(float(np.hypot(ss * a - cs * b, cc * b - cs * a) / det))
-    return np.array(found)
+    return np.abs(signal.lombscargle(angle, left, orders, normalize="amplitude"))

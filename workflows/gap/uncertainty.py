@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
+import time
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from ...errors import RunError
 from ...models.inputs.distribution import Array
+from ..study.execution import Lost, executor_of
 from .analysis import Analysis
 from .fit import Fit
+from .progress import GapProgress, Tell, silent
+from .replicates import Replicate, Replicates
 from .select import Search, select
 
-Replicate = Mapping[str, Mapping[str, float]]
-"""Effects that a replicate names, with their parameters."""
+PHASE = "bootstrap"
+
+CHUNK = 4
+"""Replicates that a process makes in one go, at most."""
 
 
 @dataclass(frozen=True)
@@ -39,17 +44,46 @@ class Spread:
         return float(low), float(high)
 
 
-def bootstrap(analysis: Analysis, fit: Fit, workers: int = 1) -> Spread:
-    """The selection again on records with the residuals of `fit`, drawn in blocks."""
-    count, settings = analysis.setup.plan.settings.bootstrap, analysis.setup.plan.settings
-    seeds = range(count)
-    task = partial(_replicate, analysis.search, fit, analysis.setup.plan.seed)
-    if workers > 1:
-        with ProcessPoolExecutor(workers) as pool:
-            found = list(pool.map(task, seeds, chunksize=max(1, count // (4 * workers))))
-    else:
-        found = [task(seed) for seed in seeds]
-    return Spread(tuple(found), settings.interval)
+@dataclass(frozen=True)
+class Chunk:
+    """Numbers of replicates that are made in one go."""
+
+    numbers: tuple[int, ...]
+
+    @property
+    def key(self) -> str:
+        """A name."""
+        return f"replicates {self.numbers[0]} to {self.numbers[-1]}"
+
+
+def bootstrap(
+    analysis: Analysis, fit: Fit, kept: Replicates, workers: int = 1, tell: Tell = silent
+) -> Spread:
+    """The selection again on records with the residuals of `fit`, drawn in blocks.
+
+    What is kept already is not made again. Raises RunError where processes are lost.
+    """
+    plan = analysis.setup.plan
+    count = plan.settings.bootstrap
+    open_ = kept.missing(count)
+    size = max(1, min(CHUNK, len(open_) // (4 * workers)))
+    chunks = iter([Chunk(tuple(open_[at : at + size])) for at in range(0, len(open_), size)])
+    task = partial(_replicates, analysis.search, fit, plan.seed)
+    begin, had = time.monotonic(), len(kept.found)
+    tell(GapProgress(PHASE, count - len(open_), count))
+    with executor_of(workers) as executor:
+        for chunk, found in executor.completed(task, lambda: next(chunks, None)):
+            if isinstance(found, Lost):
+                raise RunError(f"{chunk.key}: {found.reason}; what has ended is kept in "
+                               f"{kept.path}, go on with --resume")  # fmt: skip
+            kept.keep(found)
+            done, left = len(kept.found) - had, len(kept.missing(count))
+            tell(GapProgress(PHASE, count - left, count, (time.monotonic() - begin) * left / done))
+    return Spread(tuple(kept.found[number] for number in range(count)), plan.settings.interval)
+
+
+def _replicates(search: Search, fit: Fit, seed: int, chunk: Chunk) -> dict[int, Replicate]:
+    return {number: _replicate(search, fit, seed, number) for number in chunk.numbers}
 
 
 def _replicate(search: Search, fit: Fit, seed: int, number: int) -> Replicate:

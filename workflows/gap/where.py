@@ -8,11 +8,11 @@ import pandas as pd
 from ...gap_records import Region, Shape
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
-from .abstain import Judged, Remaining
+from .abstain import Judged
 from .fit import Fit, Fitter
 from .generic import PREDICTED, Form
 from .linear import beside
-from .scan import Left
+from .scan import Left, Remaining
 from .setup import Setup
 
 FAMILIES = {
@@ -83,7 +83,7 @@ def shapes(
     for at in left.best:
         if left.evidence[at] <= limit or len(found) >= 3:
             break
-        form, output = left.forms[at], int(left.outputs[at])
+        form, output = generic.forms[at], int(generic.outputs[at])
         key = (output, form.variable)
         if key not in found and not (found and form.kind == "distribution"):
             found[key] = _shape(setup, fitter, generic, form, int(at), fit, near)

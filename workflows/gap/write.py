@@ -2,46 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from ...errors import Fault
 from ...files import write_bytes, write_text, write_with
 from ...gap_records import FoundEffect, GapResult, Region, Rival
 from ...reports.drawing import as_png, as_svg
 from ...reports.gap.page import figures, gap_page
 from .. import page_data
 from ..run.write import as_json
-from .plan import GapPlan
+
+SUMMARY = "summary.txt"
+KINDS = ("residuals_", "spectrum_", "distribution_", "path.")
 
 
-def write(result: GapResult, folder: Path) -> None:
-    """Everything that the contract lists, `gap.json` last."""
+def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
+    """Everything that the contract lists, and the summary's lines; `gap.json` last."""
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "config.toml", result.configuration)
     write_text(folder / "corrected.toml", result.corrected)
     write_with(folder / "residuals.parquet",
                lambda path: result.residuals.to_parquet(path, index=False))  # fmt: skip
-    for name, figure in figures(result).items():
+    drawn = figures(result)
+    for name, figure in drawn.items():
         write_bytes(folder / f"{name}.png", as_png(figure))
         write_bytes(folder / f"{name}.svg", as_svg(figure))
+    for old in (*folder.glob("*.png"), *folder.glob("*.svg")):
+        if old.stem not in drawn and old.name.startswith(KINDS):
+            old.unlink()  # of another analysis that was here
     write_text(folder / "report.html", gap_page(result))
+    write_text(folder / SUMMARY, "".join(f"{line}\n" for line in lines))
     write_text(folder / page_data.NAME, page_data.dumped(result))
     write_text(folder / "gap.json", as_json(record(result)))
 
 
-def other_run(plan: GapPlan, folder: Path) -> list[Fault]:
-    """A fault where a folder that is to be gone on with holds something else."""
-    path = folder / "config.toml"
-    if not folder.is_dir() or not any(folder.iterdir()):
-        return []
-    if path.is_file() and path.read_text(encoding="utf-8") == plan.configuration:
-        return []
-    return [Fault("--resume", f"{folder} holds another analysis; name another directory, or add "
-                  "--overwrite")]  # fmt: skip
+def summary_of(folder: Path) -> tuple[str, ...]:
+    """The summary of an analysis that has ended; none where its file was removed."""
+    path = folder / SUMMARY
+    return tuple(path.read_text(encoding="utf-8").splitlines()) if path.is_file() else ()
 
 
 def record(result: GapResult) -> dict[str, Any]:

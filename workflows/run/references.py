@@ -19,6 +19,8 @@ from .plan import RunPlan
 from .proofs import Exact, exact_front
 
 Array = NDArray[np.float64]
+DISTANCE = "distance_to_front"
+"""Column: from a reference to the nearest front point, in sides of the box of the hypervolume."""
 GA_BUDGET = Budget(generations=120)
 """Budget of the single-objective reference, with the GA's default settings."""
 
@@ -156,26 +158,39 @@ def compare(
     references: pd.DataFrame,
     front: pd.DataFrame,
     relaxed: Mapping[str, pd.DataFrame | None],
-    objectives: tuple[str, ...],
+    problem: ToleranceProblem,
 ) -> pd.DataFrame:
-    """By how much the front beats each reference, in percent of the reference's own value.
+    """By how much the front beats each reference, and how far the reference lies from the front.
 
-    Per objective: the best front point that is at least as good in all others. Empty where there
-    is none. `relaxed_...`: the same against the front whose broken limits are moved to the
-    reference's own values.
+    Gains are in percent of the reference's own value, per objective: the best front point that is
+    at least as good in all others, empty where there is none. `relaxed_...`: the same against the
+    front whose broken limits are moved to the reference's own values.
     """
     found = references.copy()
-    names = list(objectives)
+    names = list(problem.objectives)
+    ideal, nadir = problem.box()
     for prefix in ("", "relaxed_"):
-        rows = []
+        rows, apart = [], []
         for row in references.to_dict("records"):
             other = relaxed.get(str(row["label"])) if prefix else front
             own = np.array([float(row[name]) for name in names])
             values = np.empty((0, len(names))) if other is None else other[names].to_numpy()
             rows.append(gains(own, values))
+            apart.append(distance(own, values, nadir - ideal))
+        found[prefix + DISTANCE] = apart
         for at, name in enumerate(names):
             found[prefix + gain_column(name)] = [row[at] for row in rows]
     return found
+
+
+def distance(own: Array, front: Array, sides: Array) -> float:
+    """Distance from a reference (objectives,) to the nearest point of a front (n, objectives).
+
+    Euclidean, each objective in `sides` (nadir less ideal of the problem). NaN of an empty front.
+    """
+    if not len(front):
+        return np.nan
+    return float(np.min(np.linalg.norm((front - own) / sides, axis=1)))
 
 
 def gain_column(objective: str) -> str:

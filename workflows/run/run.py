@@ -73,7 +73,7 @@ def run(
     relaxed = {side.label: other for side, other in fronts.items() if side.relaxed}
     if len(references):
         references, _ = with_bounds(references, plan.problem, inside(references, plan.problem))
-        references = compare(references, searched, relaxed, plan.problem.objectives)
+        references = compare(references, searched, relaxed, plan.problem)
     cut = found.interrupted or any(other is None for other in fronts.values())
     status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
     told = (*plan.problem.effect_notes(), *plan.problem.warnings())

@@ -14,9 +14,17 @@ from ..readings import labels_of, unit_numbers
 from ..shapes import Weight
 from .units import OfUnits, number
 
+WITHIN = EffectParameter(
+    "within_lots", "", "1: units of one lot come from both suppliers; 0: whole lots do",
+    0.0, 1.0, linear=False, choices=(0.0, 1.0),
+)  # fmt: skip
+
 
 class LotMixture(OfUnits):
-    """Some units come from a second supplier."""
+    """Some units come from a second supplier.
+
+    Where lots are known, whole lots do; `within_lots = 1`, which may be left out, mixes each lot.
+    """
 
     name = "lot_mixture"
     family = "population"
@@ -31,6 +39,14 @@ class LotMixture(OfUnits):
         share = quantity("share", "", meaning, 0.02, 0.98, linear=False)
         return (self.weight.of(target.outputs[0], target), share)
 
+    def parameter(self, name: str, target: Target) -> EffectParameter | None:
+        """Its numbers, that which may be left out included."""
+        return WITHIN if name == WITHIN.name else super().parameter(name, target)
+
+    def carried(self, values: Mapping[str, float], target: Target) -> float:
+        """The share of the second supplier times its offset."""
+        return values["share"] * known(values, number(self.weight, target))
+
     def units(
         self,
         readings: Readings,
@@ -41,7 +57,7 @@ class LotMixture(OfUnits):
         rng: np.random.Generator,
     ) -> Array:
         of_group = unit_numbers(readings)
-        if Role.LOT in readings:
+        if Role.LOT in readings and not known(values, WITHIN.name):
             of_group = labels_of(readings[Role.LOT])[1]
         second = rng.random(int(of_group.max(initial=-1)) + 1) < values["share"]
         return drawn + known(values, number(self.weight, target)) * second[of_group]

@@ -24,6 +24,10 @@ class OfUnits(Effect):
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         return Action(population=partial(self.units, readings, dict(values), target))
 
+    def carried(self, values: Mapping[str, float], target: Target) -> float:
+        """By how much an effect on the scatter moves the mean of the units."""
+        return 0.0
+
     @abstractmethod
     def units(
         self,

@@ -112,6 +112,32 @@ def test_mixture_goes_by_lots_where_they_are_known() -> None:
             assert np.ptp(step[table["lot"] == lot]) < 1e-12
 
 
+def test_mixture_within_lots_goes_by_units() -> None:
+    table = batch(N)
+    given = drawn(table, "lot_mixture", within_lots=1.0, share=0.5, offset_arcmin=1.0)
+    step = given - drawn(table)
+    for lot in "ABC":
+        assert set(np.round(step[table["lot"] == lot], 9)) == {0.0, 1.0}
+    effect, target = (
+        registry.load("effects", "lot_mixture")(),
+        target_of(RvBatch, "rv_batch", table),
+    )
+    assert effect.parameter("within_lots", target).choices == (0.0, 1.0)
+
+
+def test_mixture_says_by_how_much_it_moves_the_mean() -> None:
+    table = {"unit": np.arange(20_000)}
+    effect, target = (
+        registry.load("effects", "lot_mixture")(),
+        target_of(RvBatch, "rv_batch", table),
+    )
+    carried = effect.carried({"share": 0.3, "offset_arcmin": -0.5}, target)
+    step = drawn(table, "lot_mixture", share=0.3, offset_arcmin=-0.5) - drawn(table)
+    assert step.mean() == pytest.approx(carried, abs=4.0 * 0.5 * np.sqrt(0.21 / 20_000))
+    inflation = registry.load("effects", "spread_inflation")()
+    assert inflation.carried({"growth": 0.4}, target) == 0.0
+
+
 def test_offset_of_a_lot() -> None:
     table = batch(N)
     step = drawn(table, "lot_offset", offset_B_arcmin=0.4) - drawn(table)

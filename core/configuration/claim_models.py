@@ -1,0 +1,104 @@
+"""Readings of claims by models and problems."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .. import registry
+from ..section import Range, Section
+from ..workflows.reproduce.recipes import STATISTICS, ByModel, ByProblem, Recipe, Statistic
+from .claim_parts import configured, names_of, tried
+from .simulated import arguments_of
+
+LEVEL = Range(0.0, 1.0, open_low=True, open_high=True)
+MODEL_KEYS = ("model", "parameters", "variables", "effect")
+PROBLEM_KEYS = (
+    "problem", "parameters", "variables", "costs", "propagation", "limits", "grouping", "effect",
+)  # fmt: skip
+
+
+def by_model(section: Section, count: int) -> Recipe | None:
+    """A statistic of a model's outputs; None where the model cannot be set up."""
+    found = configured(section, MODEL_KEYS)
+    section.known(["at", "output", "statistic", "level", "threshold", "units", "derivative"])
+    if found is None:
+        return None
+    kind = registry.load("models", found.model_name)
+    at = _points(section.section("at"), kind)
+    drawn = section.integer("units", Range(low=2)) or 0
+    statistic = _statistic(section, drawn, max((len(one) for one in at.values()), default=1))
+    if kind.population and not drawn:
+        section.fault("units", f"is missing: {found.model_name} draws units; say how many")
+    names = names_of(section, "output", count, {one.name: one.unit for one in kind.outputs})
+    recipe = ByModel(
+        found.model_name, kind, **arguments_of(found), effects=found.settings.effects, at=at,
+        outputs=names, statistic=statistic, drawn=drawn,
+    )  # fmt: skip
+    tried(section, recipe.model)
+    return recipe
+
+
+def _points(section: Section, kind: Any) -> dict[str, tuple[float, ...]]:
+    """The operating points: one value for all, or lists of one length."""
+    found = {}
+    for column in kind.columns:
+        if column.text:
+            continue
+        if isinstance(section.take(column.name), list):
+            values = section.numbers(column.name)
+        else:
+            value = section.quantity(column.name, column.unit)
+            values = None if value is None else (value,)
+        if values:
+            found[column.name] = values
+        elif column.needed and column.name not in section:
+            section.fault(column.name, f"is missing: {column.meaning}")
+    section.finish()
+    lengths = {len(values) for values in found.values()} - {1}
+    if len(lengths) > 1:
+        section.fault("", f"has lists of different lengths: {sorted(lengths)}")
+    return found
+
+
+def _statistic(section: Section, drawn: int, rows: int) -> Statistic:
+    name = section.text("statistic", STATISTICS) or "value"
+    level = section.number("level", within=LEVEL)
+    threshold = section.number("threshold")
+    if name == "quantile" and "level" not in section:
+        section.fault("level", "is missing: the share of rows below the quantile")
+    if name.startswith("fraction") and "threshold" not in section:
+        section.fault("threshold", "is missing: the value, in the unit of the output")
+    if name == "value" and (drawn or rows > 1):
+        section.fault("statistic", f"is missing: there are {drawn or rows} rows; choose one of "
+                      f"{', '.join(STATISTICS[1:])}")  # fmt: skip
+    return Statistic(name, (level if name == "quantile" else threshold) or 0.0)
+
+
+def by_problem(section: Section, count: int) -> Recipe | None:
+    """Outputs of a problem at a design; None where problem or design are faulty."""
+    found = configured(section, PROBLEM_KEYS)
+    section.known(["reference", "design", "output", "derivative"])
+    if found is None or found.problem is None:
+        return None
+    problem = found.problem
+    known = {one.name: one.unit for one in problem.outputs}
+    names = names_of(section, "output", count, known)
+    printed = problem.references()
+    label = section.text("reference", printed)
+    own = {v.name: v.document for v in problem.variables if v.document is not None} | problem.fixed
+    if label is not None and label in printed:
+        own |= dict(zip(problem.names, printed[label].tolist(), strict=True))
+    design = section.section("design")
+    for variable in problem.variables:
+        within = Range(variable.valid_low, variable.valid_high)
+        value = design.number(variable.name, variable.unit, within)
+        if value is not None:
+            own[variable.name] = value
+        elif variable.name not in own and variable.name not in design:
+            design.fault(variable.name, "is missing: no document prints it")
+    design.finish()
+    if len(own) < len(problem.variables):
+        return None
+    return ByProblem(
+        found.problem_name, problem, tuple(float(own[name]) for name in problem.names), names
+    )

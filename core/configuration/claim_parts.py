@@ -1,0 +1,92 @@
+"""What all ways to recompute a claim share: names, tables of configurations, units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ..errors import InputError, nearest
+from ..section import Section
+from ..units import converted
+from ..workflows.reproduce.recipes import (
+    ByCalculation,
+    ByModel,
+    ByProblem,
+    Constant,
+    Derivative,
+    Recipe,
+)
+from .configuration import Configuration
+from .reader import read_table
+
+
+def names_of(section: Section, key: str, count: int, known: Mapping[str, Any]) -> tuple[str, ...]:
+    """One name, or a list of as many as the claim prints; each of `known` where that is told."""
+    value = section.take(key)
+    names = [value] if isinstance(value, str) else section.names(key)
+    if names is None:
+        if value is None:
+            section.fault(key, "is missing: name what is to be compared with the printed value")
+        return ()
+    if count and len(names) != count:
+        section.fault(key, f"must name {count} as `printed` does, got {len(names)}")
+    for name in names:
+        if known and name not in known:
+            text = f'"{name}" is not computed{nearest(name, known)}; known: {", ".join(known)}'
+            section.fault(key, text)
+    return tuple(names)
+
+
+def configured(section: Section, keys: tuple[str, ...]) -> Configuration | None:
+    """The configuration that some keys of a reading are; its faults are placed in the reading."""
+    table = {key: section.take(key) for key in keys if key in section}
+    try:
+        return read_table(table, [])
+    except InputError as error:
+        for fault in error.faults:
+            section.fault(fault.place, fault.message)
+        return None
+
+
+def tried(section: Section, build: Callable[[], object]) -> None:
+    """Report what is wrong with something that can only be told by building it."""
+    try:
+        build()
+    except InputError as error:
+        for fault in error.faults:
+            section.fault(fault.place, fault.message)
+
+
+def convertible(section: Section, recipe: Recipe, unit: str) -> None:
+    """Report values whose unit, as far as it is known, cannot be stated in that of the claim."""
+    for own in units_of(recipe):
+        try:
+            converted(1.0, "" if own == "1" else own, "" if unit == "1" else unit)
+        except ValueError as error:
+            section.fault("", f"{recipe.by}: {error}")
+
+
+def units_of(recipe: Recipe) -> tuple[str, ...]:
+    """Units of the values of a recipe, those that are known before it computes."""
+    match recipe:
+        case Derivative():
+            per = recipe.recipe.unit_of(recipe.name) or "1"
+            return tuple(
+                one if per == "1" else f"({one})/({per})" for one in units_of(recipe.recipe)
+            )
+        case Constant():
+            return (recipe.unit,)
+        case ByCalculation():
+            known = {one.name: one.unit for one in recipe.kind.outputs}
+            return tuple(known[name] or "1" for name in recipe.quantities if name in known)
+        case ByModel():
+            outputs = {one.name: one.unit for one in recipe.kind.outputs}
+            return tuple(
+                recipe.statistic.unit(outputs[name]) or "1" for name in recipe.outputs
+                if name in outputs
+            )  # fmt: skip
+        case ByProblem():
+            units = {one.name: one.unit for one in recipe.problem.outputs}
+            return tuple(units[name] or "1" for name in recipe.outputs if name in units)
+        case _:
+            return ()

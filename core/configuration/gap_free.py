@@ -1,0 +1,41 @@
+"""`[free]` of a gap analysis: what may be recalibrated, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from .. import registry
+from ..errors import nearest
+from ..section import POSITIVE, Section, flat
+from ..units import split_unit
+from .configuration import Configuration
+
+
+def read_free(top: Section, configuration: Configuration | None) -> dict[str, float]:
+    """Tolerance by parameter; without the table the model's own list."""
+    section = top.section("free")
+    kind = registry.load("models", configuration.model_name) if configuration else None
+    if "free" not in top:
+        return dict(kind.free) if kind is not None else {}
+    given = top.take("free")
+    known = _freeable(kind) if kind is not None else {}
+    found: dict[str, float | None] = {}
+    for key, value in flat(given).items() if isinstance(given, dict) else ():
+        if key not in known:
+            why = "is not a parameter of the model" if kind else 'model = "table" has no parameters'
+            section.fault(key, f"{why}{nearest(key, known)}")
+            continue
+        found[key] = section.as_number(key, value, known[key], POSITIVE)
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def _freeable(kind: Any) -> dict[str, str]:
+    """Unit by name of every parameter that is a number, those of tables by dotted name."""
+    found: dict[str, str] = {}
+    for one in kind.parameters:
+        if isinstance(one.default, Mapping):
+            found |= {f"{one.name}.{name}": split_unit(name)[1] for name in one.choices}
+        elif isinstance(one.default, float):
+            found[one.name] = one.unit
+    return found

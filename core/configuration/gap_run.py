@@ -1,0 +1,77 @@
+"""The allocation that a gap analysis is to repeat with the corrected model."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .. import registry
+from ..errors import Fault, InputError
+from ..section import Section
+from .configuration import Configuration
+from .pairs import belongs, stranger
+from .reader import PROBLEM_ONLY, read_table
+from .source import load
+from .table import TABLE
+
+OF_A_RUN = ("problem", "model", "seed", "parameters", "variables", *PROBLEM_ONLY)
+
+
+def read_run(top: Section, model: str, table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The raw tables of that configuration: of the file that `run` names, or, where the analysis
+    is itself given a run configuration (as `corrected.toml` is), its own. Empty for none.
+    """
+    given = top.text("run")
+    if "problem" in top:
+        if given is not None:
+            top.fault("run", "this configuration is that of a run already; leave one of them out")
+        return {key: table[key] for key in OF_A_RUN if key in table}
+    return _read(top, model, folder / given) if given is not None else {}
+
+
+def _read(top: Section, model: str, path: Path) -> dict[str, Any]:
+    faults: list[Fault] = []
+    table = load(path, faults)
+    if table is None:
+        top.fault("run", "; ".join(f"{one.place} {one.message}" for one in faults))
+        return {}
+    try:
+        found = read_table(table, [])
+    except InputError as error:
+        for fault in error.faults:
+            top.fault(f"run: {fault.place}", fault.message)
+        return {}
+    if found.problem is None:
+        top.fault("run", f"{path} names no problem: there is no allocation to repeat")
+    else:
+        _check(top, model, found)
+    return table
+
+
+def _check(top: Section, model: str, run: Configuration) -> None:
+    """A fault where what is learnt of the model says nothing of the problem."""
+    if model == TABLE:
+        top.fault("run", 'model = "table" corrects no problem: leave run out (`simulate` takes its '
+                  "corrected configuration), or name the model of the problem")  # fmt: skip
+        return
+    try:
+        measured = registry.load("models", model)
+    except InputError:
+        return  # the name is reported where it stands
+    if not belongs(run.problem_name, run.problem, model, measured):
+        text = stranger(run.problem_name, model, measured)
+        top.fault("run", f"{text}; name a run configuration of it, or leave run out")
+
+
+def counterparts(text: str) -> dict[str, str]:
+    """What each effect of a configuration with a problem does there; empty where it does nothing.
+
+    Raises InputError where the text is no such configuration.
+    """
+    problem = read_table(tomllib.loads(text), []).problem
+    if problem is None:
+        return {}
+    pairs = zip(problem.settings.effects, problem.counterparts(), strict=True)
+    return {one.effect.name: does for one, does in pairs}

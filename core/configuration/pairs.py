@@ -1,0 +1,19 @@
+"""Which problems a model belongs to: either of them says so."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..models.measurable import MeasurableModel
+
+
+def belongs(problem: str, kind: Any, model: str, measured: type[MeasurableModel]) -> bool:
+    """Whether what is learnt of the model named `model` corrects `problem`, of the class `kind`."""
+    return kind.default_model == model or problem in measured.corrects
+
+
+def stranger(problem: str, model: str, measured: type[MeasurableModel]) -> str:
+    """What is said of a problem that a model does not belong to."""
+    named = " or ".join(f'"{one}"' for one in measured.corrects)
+    mine = f"it corrects {named}" if named else "it corrects none (`simulate` takes it)"
+    return f'the model {model} does not belong to the problem "{problem}": {mine}'

@@ -1,0 +1,96 @@
+"""Page and figures of claims, from a result made by hand."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tolevo.records import Axis, Chart, ClaimsResult, ComputedTable, Document
+from tolevo.reports.claims import claims_page, figures
+from tolevo.reports.drawing import as_svg
+
+EVIL = "<script>alert('x')</script>"
+HISTOGRAM = ComputedTable(
+    "histogram",
+    "Units by backlash",
+    (Axis("backlash_arcmin", "arcmin"), Axis("units", "1")),
+    (np.array([0.0, 0.5, 1.0, 1.5]), np.array([3.0, 5.0, 2.0, 0.0])),
+    Chart("histogram", "backlash_arcmin", ("units",), {"limit $1": 1.0}),
+)
+LINES = ComputedTable(
+    "sweep",
+    EVIL,
+    (Axis("x_mm", "mm"), Axis("a", "1"), Axis("b", "1"), Axis("name", "")),
+    (np.arange(3.0), np.arange(3.0), np.arange(3.0) ** 2, np.array(["p", "q", "r"])),
+    Chart("lines", "x_mm", ("a", "b")),
+)
+
+
+def row(name: str, verdict: str, **more: object) -> dict[str, object]:
+    return {
+        "document": "X", "id": name, "place": "page 1", "quantity": "length", "printed": [1.0, 2.0],
+        "printed_as": "", "unit": "mm", "relation": "equal", "tolerance": 0.05,
+        "tolerance_reason": "rounding", "computed": [1.0, 2.5], "standard_error": [0.0, 0.0],
+        "deviation": [0.0, 0.5], "verdict": verdict, "reading": "", "reason": "because",
+        "ambiguous": "", "lost": "", "recomputed_by": "formula", "readings": [], **more,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def result() -> ClaimsResult:
+    rows = [
+        row("good", "reproduced"),
+        row("bad", "not reproduced", reason=EVIL, standard_error=[0.0, 0.125]),
+        row("range", "reproduced", relation="within"),
+        row("quoted", "reproduced", printed_as="about one"),
+        row("gone", "cannot be checked", printed=[], computed=[], standard_error=[], deviation=[]),
+    ]
+    table = pd.DataFrame(rows)
+    counts = pd.DataFrame({"reproduced": [3], "not reproduced": [1]}, index=["X"])
+    tables = {"histogram.bad": HISTOGRAM, "sweep": LINES}
+    return ClaimsResult((Document("X", EVIL, "a journal"),), table, counts, tables)
+
+
+def test_what_comes_from_outside_is_escaped(result: ClaimsResult) -> None:
+    page = claims_page(result)
+    assert "<script" not in page
+    assert page.count("&lt;script&gt;") >= 3  # title, reason, meaning of a table
+
+
+def test_rows(result: ClaimsResult) -> None:
+    page = claims_page(result)
+    (marked,) = re.findall(r"<tr class=mark>(.*?)</tr>", page)
+    cells = re.findall(r"<td[^>]*>(.*?)</td>", marked)
+    assert cells[:8] == ["bad", "page 1", "length", "1, 2", "1, 2.5", "0, 0.125", "0, 0.5", "mm"]
+    assert cells[8] == "0.05: rounding"
+    assert "<td>1 to 2</td>" in page
+    assert "<td>about one</td>" in page
+
+
+def test_page_needs_no_network_and_no_identifier_twice(result: ClaimsResult) -> None:
+    page = claims_page(result)
+    names = re.findall(r'\bid="([^"]+)"', page)
+    assert len(names) == len(set(names)) > 0
+    assert not re.findall(r'(?:src|href)="http', page)
+
+
+def test_figures_are_the_same_bytes_every_time(result: ClaimsResult) -> None:
+    first, second = ([as_svg(one.figure) for one in figures(result)] for _ in range(2))
+    assert first == second
+    assert [one.name for one in figures(result)] == ["histogram.bad", "sweep"]
+
+
+def test_histogram_has_its_bins_and_its_limit(result: ClaimsResult) -> None:
+    drawn = figures(result)[0]
+    (axes,) = drawn.figure.axes
+    bars = [(bar.get_x(), bar.get_width(), bar.get_height()) for bar in axes.patches]  # type: ignore[attr-defined]
+    assert bars == [(0.0, 0.5, 3.0), (0.5, 0.5, 5.0), (1.0, 0.5, 2.0)]
+    assert [line.get_xdata()[0] for line in axes.lines] == [1.0]  # type: ignore[index]
+    assert drawn.caption == "Units by backlash. Dashed: limit $1."
+
+
+def test_lines_are_named(result: ClaimsResult) -> None:
+    (axes,) = figures(result)[1].figure.axes
+    assert [line.get_label() for line in axes.lines] == ["a", "b"]
+    assert axes.get_xlabel() == "x [mm]"

@@ -1,0 +1,146 @@
+"""An analysis that was broken goes on with the replicates that it has, and ends the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tolevo.configuration.gap import read_gap
+from tolevo.errors import InputError
+from tolevo.workflows.gap import uncertainty
+from tolevo.workflows.gap.gap import GapOutcome, gap
+from tolevo.workflows.gap.progress import GapProgress
+from tolevo.workflows.gap.read import read_data
+from tolevo.workflows.gap.replicates import FILE
+
+TEXT = """model = "table"
+[columns]
+"torque" = { role = "torque", unit = "N m" }
+"te" = { role = "measured", unit = "arcsec" }
+"te_predicted" = { role = "predicted", unit = "arcsec" }
+[effects]
+consider = ["torsional_compliance", "lost_motion"]
+[settings]
+simulations = 200
+bootstrap = 8
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    rng = np.random.default_rng(0)
+    torque = rng.uniform(-400.0, 400.0, 90)
+    predicted = 0.2 * torque
+    te = predicted + 0.05 * torque + rng.normal(0.0, 2.0, 90)
+    frame = pd.DataFrame({"torque": torque, "te": te, "te_predicted": predicted})
+    frame.to_csv(tmp_path / "data.csv", index=False)
+    (tmp_path / "gap.toml").write_text(TEXT, encoding="utf-8")
+    return tmp_path
+
+
+class Watch:
+    """Counts replicates, and interrupts after so many."""
+
+    def __init__(self, stop: int = 10**6) -> None:
+        self.stop = stop
+        self.seen: list[GapProgress] = []
+
+    def __call__(self, progress: GapProgress) -> None:
+        self.seen.append(progress)
+        if progress.done >= self.stop:
+            raise KeyboardInterrupt
+
+    def first(self) -> int:
+        """Replicates that were there when the bootstrap began."""
+        return next(one.done for one in self.seen if one.phase == uncertainty.PHASE)
+
+
+def analysed(
+    folder: Path, out: str, *more: str, workers: int = 1, watch: Watch | None = None
+) -> GapOutcome:
+    plan = read_gap(folder / "gap.toml", more)
+    data = read_data(plan, folder / "data.csv")
+    return gap(plan, data, folder / out, workers, watch, resume=True)
+
+
+def lines(folder: Path) -> list[str]:
+    return (folder / FILE).read_text(encoding="utf-8").splitlines()
+
+
+def test_what_has_ended_is_not_made_again(folder: Path) -> None:
+    whole = analysed(folder, "whole")
+    assert whole.status == "done"
+    expected = (folder / "whole" / "gap.json").read_bytes()
+    cut = analysed(folder, "cut", watch=Watch(stop=5))
+    assert cut.status == "interrupted"
+    assert "6 of 8 replicates are kept" in cut.lines[0] and "--resume" in cut.lines[0]
+    assert [one.name for one in (folder / "cut").iterdir()] == [FILE]
+    assert len(lines(folder / "cut")) == 1 + 6
+    watch = Watch()
+    assert analysed(folder, "cut", watch=watch).status == "done"
+    assert watch.first() == 6
+    assert (folder / "cut" / "gap.json").read_bytes() == expected
+    assert lines(folder / "cut") == lines(folder / "whole")
+
+
+def test_a_line_that_was_cut_is_made_again(folder: Path) -> None:
+    assert analysed(folder, "out").status == "done"
+    path = folder / "out" / FILE
+    expected = (folder / "out" / "gap.json").read_bytes()
+    path.write_bytes(path.read_bytes()[:-7])
+    (folder / "out" / "gap.json").unlink()
+    watch = Watch()
+    assert analysed(folder, "out", watch=watch).status == "done"
+    assert watch.first() == 7
+    assert (folder / "out" / "gap.json").read_bytes() == expected
+
+
+def test_one_that_has_ended_opens_at_once(folder: Path) -> None:
+    first = analysed(folder, "out")
+    written = (folder / "out" / "gap.json").stat().st_mtime_ns
+    watch = Watch()
+    again = analysed(folder, "out", watch=watch)
+    assert again.status == "done" and watch.seen == []
+    assert again.lines[:-1] == first.lines
+    assert (folder / "out" / "gap.json").stat().st_mtime_ns == written
+
+
+def test_more_replicates_go_on_with_those_that_are_there(folder: Path) -> None:
+    analysed(folder, "out")
+    watch = Watch()
+    analysed(folder, "out", "settings.bootstrap=11", watch=watch)
+    assert watch.first() == 8
+    assert len(lines(folder / "out")) == 1 + 11
+
+
+def test_another_analysis_is_refused_with_every_difference(folder: Path) -> None:
+    analysed(folder, "out", watch=Watch(stop=1))
+    frame = pd.read_csv(folder / "data.csv")
+    frame.assign(te=frame["te"] + 1e-9).to_csv(folder / "data.csv", index=False)
+    with pytest.raises(InputError) as caught:
+        analysed(folder, "out", "seed=4", "settings.bootstrap=3")
+    said = str(caught.value)
+    for part in ("seed: is 4, but the analysis to resume has 0", "settings.bootstrap: is 3",
+                 "data: are not those of the analysis"):  # fmt: skip
+        assert part in said
+
+
+def test_a_folder_of_something_else_is_refused(folder: Path) -> None:
+    (folder / "out").mkdir()
+    (folder / "out" / "notes.txt").write_text("mine", encoding="utf-8")
+    with pytest.raises(InputError, match=f"holds no {FILE}"):
+        analysed(folder, "out")
+    assert [one.name for one in (folder / "out").iterdir()] == ["notes.txt"]
+
+
+def test_processes_make_the_same_replicates(folder: Path) -> None:
+    analysed(folder, "one")
+    analysed(folder, "two", workers=2)
+    same = ("gap.json", "corrected.toml")
+    assert [(folder / "one" / n).read_bytes() for n in same] == [
+        (folder / "two" / n).read_bytes() for n in same
+    ]
+    assert sorted(lines(folder / "two")) == sorted(lines(folder / "one"))

@@ -1,0 +1,151 @@
+"""A formula for what has no name, only where it predicts rows it never saw better than a spline.
+
+It is no cause. Such a form interpolates within the data, and says nothing beyond them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.linear_model import RidgeCV
+from sklearn.model_selection import LeaveOneGroupOut
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import SplineTransformer
+
+from ...models.inputs.distribution import Array
+
+KNOTS = 8
+STIFF = np.geomspace(1e-4, 1e2, 7)
+"""Penalties of the spline, of which it takes the one that predicts best."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Values y (n,) over x (n,), their standard deviations, and blocks of rows held out together.
+
+    `period` is that of x where it comes round, else 0.
+    """
+
+    x: Array
+    y: Array
+    sigma: Array
+    labels: NDArray[np.int64]
+    period: float = 0.0
+
+
+@dataclass(frozen=True)
+class Formula:
+    """a + b f(x), or a + b f(x) + c g(x): `columns` (n, 1 or 2) of x; `text` with {b}, {c} and {x};
+    `numbers` beside the coefficients.
+    """
+
+    text: str
+    columns: Callable[[Array], Array]
+    numbers: int
+
+
+def empirical(curve: Curve, name: str) -> str:
+    """The formula in `name`, empty where no formula beats the spline on rows that it never saw."""
+    formulas = list(_formulas(curve))
+    ours, spline = 0.0, 0.0
+    for seen, out in LeaveOneGroupOut().split(curve.x, groups=curve.labels):
+        best, found = _best(curve, formulas, seen)
+        left = curve.y[out] - _design(best, curve.x[out]) @ found
+        smooth = _spline(curve, seen).predict(curve.x[out, None])
+        ours += float(np.sum((left / curve.sigma[out]) ** 2))
+        spline += float(np.sum(((curve.y[out] - smooth) / curve.sigma[out]) ** 2))
+    if ours >= spline:
+        return ""
+    best, found = _best(curve, formulas, np.arange(len(curve.x)))
+    numbers = dict(zip("abc", (f"{value:.4g}" for value in found), strict=False))
+    return ("{a} + " + best.text).format(**numbers, x=name)
+
+
+def _spline(curve: Curve, rows: NDArray[np.int64]) -> RidgeCV:
+    """A smoothing spline through some rows."""
+    splines = SplineTransformer(KNOTS, knots="quantile", extrapolation="linear")
+    if curve.period:
+        knots = np.linspace(0.0, curve.period, KNOTS)[:, None]
+        splines = SplineTransformer(knots=knots, extrapolation="periodic")
+    smooth = make_pipeline(splines, RidgeCV(STIFF))
+    weights = 1.0 / curve.sigma[rows] ** 2
+    return smooth.fit(curve.x[rows, None], curve.y[rows], ridgecv__sample_weight=weights)
+
+
+def _best(curve: Curve, formulas: list[Formula], rows: NDArray[np.int64]) -> tuple[Formula, Array]:
+    """The formula that fits some rows best, ln n for every number, and its coefficients."""
+    x, scale = curve.x[rows], 1.0 / curve.sigma[rows]
+    y, price = curve.y[rows] * scale, np.log(len(rows))
+    best: tuple[float, Formula, Array] | None = None
+    for one in formulas:
+        columns = _design(one, x) * scale[:, None]
+        found = np.linalg.lstsq(columns, y, rcond=1e-9)[0]
+        score = float(np.sum((y - columns @ found) ** 2)) + price * (one.numbers + len(found))
+        if best is None or score < best[0]:
+            best = (score, one, np.asarray(found, dtype=np.float64))
+    assert best is not None
+    return best[1], best[2]
+
+
+def _design(one: Formula, x: Array) -> Array:
+    return np.column_stack([np.ones_like(x), one.columns(x)])
+
+
+def _formulas(curve: Curve) -> Iterator[Formula]:
+    """Every form with the values of its own numbers that are tried."""
+    if curve.period:
+        yield Formula("{b} cos({x}) + {c} sin({x})", _wave, 0)
+        return
+    yield Formula("{b} {x}", partial(_polynomial, degree=1), 0)
+    yield Formula("{b} {x} + {c} {x}^2", partial(_polynomial, degree=2), 0)
+    turns = (curve.x < 0).any() and (curve.x > 0).any()
+    for odd in (False, True) if turns else (False,):
+        yield from _magnitudes(float(np.abs(curve.x).max()), odd)
+    for middle in np.linspace(curve.x.min(), curve.x.max(), 33):
+        for width in np.ptp(curve.x) * np.geomspace(0.03, 0.5, 10):
+            yield Formula(f"{{b}} exp(-(({{x}} - {middle:.4g})/{width:.3g})^2)",
+                          partial(_bump, middle=middle, width=width), 2)  # fmt: skip
+
+
+def _magnitudes(largest: float, odd: bool) -> Iterator[Formula]:
+    """Functions of the magnitude of x, with its sign where they are odd."""
+    sign = "sgn({x}) " if odd else ""
+    for power in np.geomspace(0.2, 4.0, 40):
+        yield Formula(f"{{b}} {sign}|{{x}}|^{power:.3g}", partial(_power, power=power, odd=odd), 1)
+    for size in largest * np.geomspace(0.02, 3.0, 30):
+        yield Formula(f"{{b}} {sign}(1 - exp(-|{{x}}|/{size:.3g}))",
+                      partial(_saturating, size=size, odd=odd), 1)  # fmt: skip
+        yield Formula(f"{{b}} {sign}ln(1 + |{{x}}|/{size:.3g})",
+                      partial(_logarithm, size=size, odd=odd), 1)  # fmt: skip
+
+
+def _wave(x: Array) -> Array:
+    return np.column_stack([np.cos(x), np.sin(x)])
+
+
+def _polynomial(x: Array, degree: int) -> Array:
+    return np.column_stack([x**power for power in range(1, degree + 1)])
+
+
+def _power(x: Array, power: float, odd: bool) -> Array:
+    return _signed(x, np.abs(x) ** power, odd)
+
+
+def _saturating(x: Array, size: float, odd: bool) -> Array:
+    return _signed(x, -np.expm1(-np.abs(x) / size), odd)
+
+
+def _logarithm(x: Array, size: float, odd: bool) -> Array:
+    return _signed(x, np.log1p(np.abs(x) / size), odd)
+
+
+def _bump(x: Array, middle: float, width: float) -> Array:
+    return np.asarray(np.exp(-(((x - middle) / width) ** 2)))
+
+
+def _signed(x: Array, values: Array, odd: bool) -> Array:
+    return np.sign(x) * values if odd else values

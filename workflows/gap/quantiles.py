@@ -1,0 +1,59 @@
+"""How the units of a batch are spread: measured, and drawn from the model before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from ...models.effects.compose import Active, predicted
+from ...models.inputs.distribution import Array
+from ...models.measurable import MeasurableModel
+from .data import GapData
+from .plan import GapPlan
+from .result import Ending
+
+COLUMNS = ("output", "share", "measured", "before", "after")
+DRAWN = 20_000
+"""Units drawn of a model, at least."""
+MOST = 400
+"""Quantiles of a distribution."""
+
+
+def spread_of_units(plan: GapPlan, data: GapData, end: Ending) -> pd.DataFrame:
+    """Quantiles by output at shares of the units; empty where the model is of no population."""
+    if plan.model is None or not data.target.population:
+        return pd.DataFrame({name: [] for name in COLUMNS})
+    free = end.model.free()
+    model = plan.rebuild(free) if plan.rebuild and free else plan.model
+    named = [Active(one.candidate.effect, end.model.effect(one.name)) for one in end.model.members]
+    scatter = [one.active for one in end.analysis.scatter[:1]]
+    before = _drawn(plan, data, plan.model, plan.active)
+    after = _drawn(plan, data, model, (*plan.active, *named, *scatter))
+    count = min(MOST, len(data))
+    shares = (np.arange(count) + 0.5) / count
+    parts = [
+        pd.DataFrame({
+            "output": one.name,
+            "share": shares,
+            "measured": np.quantile(data.measured[one.name], shares),
+            "before": np.quantile(before[one.name], shares),
+            "after": np.quantile(after[one.name], shares),
+        })
+        for one in data.outputs
+    ]  # fmt: skip
+    return pd.concat(parts, ignore_index=True)
+
+
+def _drawn(
+    plan: GapPlan, data: GapData, model: MeasurableModel, effects: Sequence[Active]
+) -> dict[str, Array]:
+    """Units (m,) at the inputs of the data, each visited as often."""
+    table = data.readings.table
+    runs = [
+        predicted(model, plan.model_name, table, effects,
+                  np.random.default_rng([plan.seed, 9, number]), plan.zero)
+        for number in range(-(-DRAWN // len(data)))
+    ]  # fmt: skip
+    return {one.name: np.concatenate([run[one.name] for run in runs]) for one in data.outputs}

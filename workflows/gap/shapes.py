@@ -1,0 +1,76 @@
+"""Stage 7 as records: what is left without a name, and a formula for it where one was asked for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...gap_records import Shape
+from ...models.measurable import Role
+from .population import Misfit
+from .result import Ending
+from .scan import left_over
+from .setup import left_of
+from .where import along, shapes
+
+
+def shape_records(end: Ending) -> tuple[Shape, ...]:
+    """Stage 7 as records: what is significant beside the final fit."""
+    analysis, search = end.analysis, end.analysis.search
+    generic = analysis.ground.generic
+    odd = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
+    if not analysis.significant or (end.fit.members and not analysis.judged.lost
+                                    and not analysis.judged.significant):  # fmt: skip
+        return odd
+    left = left_over(end.fit, search.fitter, generic)
+    lost = tuple(analysis.fit.names[at] for at in analysis.judged.lost)
+    found = shapes(end.setup, search.fitter, generic, analysis.judged, left, end.fit,
+                   search.thresholds.generic, lost)  # fmt: skip
+    if end.verdict == "unnamed" and end.setup.plan.settings.empirical:
+        found = tuple(_with_formula(end, one) for one in found)
+    return (*odd, *found)
+
+
+def _with_formula(end: Ending, shape: Shape) -> Shape:
+    text = _formula(end, shape)
+    return (
+        replace(shape, empirical=text, text=f"{shape.text}; empirical: {text}") if text else shape
+    )
+
+
+def _formula(end: Ending, shape: Shape) -> str:
+    """A formula over the shape's variable, empty where a spline does as well."""
+    from .empirical import Curve, empirical  # scikit-learn takes a second to import
+
+    setup, n = end.setup, len(end.setup.data)
+    x, name, period = along(setup, shape.variable), shape.variable, 0.0
+    if x is None or "times " in shape.text:
+        return ""
+    if np.isfinite(shape.order):
+        x = np.mod(shape.order * setup.data.readings[Role.ANGLE], 2.0 * np.pi)
+        name, period = f"({shape.order:g} {name})", 2.0 * np.pi
+    at = [o.name for o in setup.data.outputs].index(shape.output)
+    rows, noise = slice(at * n, (at + 1) * n), end.analysis.ground.noises[at]
+    good = np.ones(n, dtype=bool) if noise.good is None else noise.good
+    y = left_of(setup, end.fit)[rows]
+    if shape.direction == "odd":
+        sign = np.asarray(setup.data.readings[Role.DIRECTION], dtype=float)
+        y = y * sign
+    curve = Curve(
+        x[good], y[good], noise.sigma[good], end.analysis.search.labels[rows][good], period
+    )
+    text = empirical(curve, name)
+    return f"direction ({text})" if text and shape.direction == "odd" else text
+
+
+def _of_misfit(end: Ending, odd: Misfit) -> Shape:
+    """Units that scatter unlike the model's, as a record."""
+    output = end.setup.data.outputs[0]
+    text = (
+        f"the units scatter unlike the population: {odd.distance:.3g} {output.unit} from it about "
+        f"their mean where chance reaches {odd.limit:.3g}; their standard deviation is "
+        f"{odd.ratio:.2f} times as large"
+    )
+    return Shape(output.name, "population", "scatter of the units", odd.distance, output.unit, text,
+                 torque="none", direction="none")  # fmt: skip

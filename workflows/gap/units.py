@@ -1,0 +1,45 @@
+"""Batches as units: repeated readings of a unit are one unit, and so many units are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from ...errors import Fault
+from ...models.measurable import Column, Role
+
+LEAST = 12
+"""Rows, or units of a batch, below which nothing can be told from noise."""
+
+
+def one_per_unit(
+    frame: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]
+) -> tuple[pd.DataFrame, list[Fault]]:
+    """The table with one row per unit, the mean of its repeats; a fault where units are too few.
+
+    Units are told apart by the columns of unit and lot. A row keeps the line number of the unit's
+    first reading. Without a column of repeats every row is a unit.
+    """
+    labels = [c.name for c in columns if c.role in (Role.UNIT, Role.LOT) and c.name in frame]
+    if not labels:
+        return frame, []
+    number = frame.groupby(labels, sort=False, dropna=False).ngroup().to_numpy()
+    units, rows = len(np.unique(number)), len(frame)
+    if units < LEAST:
+        text = f"holds {units} units in {rows} rows: cannot tell with n = {units}; a batch needs " \
+               f"at least {LEAST} units"  # fmt: skip
+        return frame, [Fault(place, text)]
+    repeat = next((c.name for c in columns if c.role is Role.REPEAT and c.name in frame), None)
+    if units < rows and repeat is None:
+        notes.append(f"{rows - units} rows repeat the label of a unit: each is taken for a unit of "
+                     "its own; a column repeat says that a unit was measured again")  # fmt: skip
+    if repeat is None:
+        return frame, []
+    if units < rows:
+        notes.append(f"{rows} readings of {units} units: each unit is the mean of its readings")
+    merged = frame.drop(columns=repeat).groupby(number, sort=True)
+    found = merged.agg({name: "first" if name in labels else "mean"
+                        for name in frame.columns if name != repeat})  # fmt: skip
+    return found.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []

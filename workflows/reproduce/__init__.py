@@ -1,0 +1,1 @@
+"""Claims of documents, recomputed: `tolevo reproduce`."""

@@ -1,0 +1,1 @@
+"""Calculations by which shipped claims are recomputed."""

@@ -1,0 +1,87 @@
+"""Document A's table of precision weights: final errors, transmission error, force."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+
+import numpy as np
+
+from ....declarations import Output, Parameter, Value, number
+from ....models.assembly.document import Row, rows
+from ....models.assembly.regulator import INSERTIONS, READINGS
+from ....models.assembly.transmission import ECCENTRICS, AngleMapping, Transmission
+from ....records import Axis
+from ....units import ARCSEC
+from ..calculation import Calculation, Computed, ComputedTable, Quantity
+
+LABELS = ("q0", "q5", "q10", "ideal")
+"""The rows: precision weight 0, 5, 10, infinite."""
+UNITS = {"mrad": "mrad", "percent": "percent", "mrad2": "mrad**2", "arcsec": "arcsec", "N": "N"}
+SCALARS = tuple(
+    one.name for one in fields(Row) if one.name not in ("precision_weight", "state_mrad")
+)
+STATES = tuple(f"state_{at}_mrad" for at in range(1, 5))
+_FIT = "assumed: no document prints how the angles act on the contact"
+
+
+def _unit(name: str) -> str:
+    return UNITS[name.rpartition("_")[2]]
+
+
+class AssemblyAdjustment(Calculation):
+    """Final errors, transmission error and force of document A's parts at Q = 0, 5, 10, infinity.
+
+    The four printed part errors, assembled with the printed recursion, then the loaded contact.
+    """
+
+    name = "assembly_adjustment"
+    about = "Final errors, transmission error and force of document A's parts by precision weight."
+    reference = "document A, table of precision weights"
+    sampled = False
+    parameters = (
+        Parameter("reading", READINGS[0], "", "what the weight Q weighs", "document A",
+                  choices=READINGS),
+        Parameter("insertion", INSERTIONS[0], "", "whether a step adjusts before or after its part "
+                  "is put in", "document A", choices=INSERTIONS),
+        Parameter("eccentrics", ECCENTRICS[0], "", "crankshafts 1 and 2 act on eccentrics of one "
+                  "crank, or of a crank of their own", _FIT, assumed=True, choices=ECCENTRICS),
+        Parameter("absorption", 1.0, "", "share of an angle that reaches the contact", _FIT,
+                  assumed=True, low=0.0, high=10.0),
+        Parameter("floor_arcsec", 0.0, "arcsec", "amplitude of the transmission error that is not "
+                  "due to these angles", _FIT, assumed=True, low=0.0, high=1e3),
+    )  # fmt: skip
+    outputs = tuple(
+        Output(f"{label}_{name}", _unit(name), f"{name.replace('_', ' ')} at {label}")
+        for label in LABELS
+        for name in (*SCALARS, *STATES)
+    )
+
+    def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
+        own = self.completed(values)
+        floor = number(own["floor_arcsec"]) * ARCSEC
+        mapping = AngleMapping(str(own["eccentrics"]), number(own["absorption"]), floor)
+        found = rows(Transmission(mapping=mapping), str(own["reading"]), str(own["insertion"]))
+        quantities = {
+            f"{label}_{name}": Quantity(value, _unit(name))
+            for label, row in zip(LABELS, found, strict=True)
+            for name, value in _values(row).items()
+        }
+        return Computed(quantities, (_table(found, own),))
+
+
+def _values(row: Row) -> dict[str, float]:
+    states = dict(zip(STATES, row.state_mrad, strict=True))
+    return {name: float(getattr(row, name)) for name in SCALARS} | states
+
+
+def _table(found: tuple[Row, ...], own: Mapping[str, Value]) -> ComputedTable:
+    names = (*STATES, *SCALARS)
+    columns = [np.array([_values(row)[name] for row in found]) for name in names]
+    said = ", ".join(f"{key} {value}" for key, value in own.items())
+    return ComputedTable(
+        "rows",
+        f"Document A's table recomputed: {said}",
+        (Axis("precision_weight", "1"), *(Axis(name, _unit(name)) for name in names)),
+        (np.array(["0", "5", "10", "infinite"]), *columns),
+    )

@@ -1,0 +1,190 @@
+"""Two settings of the genetic algorithm against each other, in the documents' allocation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ....algorithms.course import Box, Course
+from ....algorithms.nsga2 import NSGA2
+from ....algorithms.settings import Budget, Crossover, Mutation
+from ....algorithms.watched import watch
+from ....declarations import Output, Parameter, Value, number
+from ....errors import Fault, InputError, raise_all, refuse
+from ....problems.pose_accuracy import PoseAccuracy
+from ....problems.settings import Settings
+from ....records import Axis
+from ...study.yardstick import Yardstick, yardstick
+from ..calculation import Calculation, Computed, ComputedTable, Quantity
+
+Array = NDArray[np.float64]
+KEYS = {
+    "population": "algorithm.population",
+    "crossover": "algorithm.crossover.probability",
+    "mutation": "algorithm.mutation.probability",
+}
+"""Settings by the keys of a run's configuration."""
+BASE = NSGA2(80, Crossover(probability=0.99), Mutation(probability=0.08))
+RESPONSES = ("gap_percent", "evaluations_to_99")
+
+
+class GaSettings(Calculation):
+    """Two settings of the genetic algorithm against each other, on common seeds.
+
+    From the table of a study (`study`: its directory) where one is named, else from seeds of its
+    own: a genetic algorithm on arrays (the selection of NSGA-II, which with one objective is that
+    of a plain GA) on the least-cost problem of document M, whose optimum is known.
+    """
+
+    name = "ga_settings"
+    about = "Two settings of the genetic algorithm against each other, on common seeds."
+    reference = "document M, figures 9 to 11"
+    parameters = (
+        Parameter("setting", "population", "", "what differs", "document M", choices=tuple(KEYS)),
+        Parameter("a", 80.0, "", "its value", "document M", low=0.0, high=1e6),
+        Parameter("b", 20.0, "", "the other value", "document M", low=0.0, high=1e6),
+        Parameter("generations", 400, "", "generations of a run", "document M", low=1, high=100000),
+        Parameter("seeds", 10, "", "number of seeds", "assumed", assumed=True, low=2, high=10000),
+        Parameter("study", "", "", "directory of a study whose runs are taken instead", ""),
+    )
+    outputs = (
+        Output("a_gap_percent", "percent", "median distance to the optimum with a"),
+        Output("b_gap_percent", "percent", "median distance to the optimum with b"),
+        Output("a_evaluations", "1", "median of the evaluations until 99 %, with a"),
+        Output("b_evaluations", "1", "the same with b"),
+        Output("a_nearer_percent", "percent", "share of the seeds with which a ends nearer"),
+        Output("a_slower_percent", "percent", "share of the seeds with which a takes more "
+               "evaluations to 99 %"),
+        Output("seeds", "1", "number of seeds"),
+    )  # fmt: skip
+
+    def faults(self, values: Mapping[str, Value]) -> list[Fault]:
+        found = [] if values["study"] else [
+            fault for name in "ab" for fault in _misplaced(str(values["setting"]), name, values)
+        ]  # fmt: skip
+        try:
+            if values["study"]:
+                _of_study(values)
+        except InputError as error:
+            found += error.faults
+        return found
+
+    def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
+        own = self.completed(values)
+        raise_all(self.faults(own))
+        a, b = _of_study(own) if own["study"] else _own_runs(own, rng)
+        return Computed(_quantities(a, b), (_table(own, a, b),))
+
+
+def _quantities(a: Array, b: Array) -> dict[str, Quantity]:
+    """Medians and shares of runs (seeds, responses); what was never reached is infinite."""
+    gap, evaluations = ([a[:, at], b[:, at]] for at in (0, 1))
+    found = {"seeds": Quantity(float(len(a)), "1")}
+    for name, one in zip("ab", gap, strict=True):
+        found[f"{name}_gap_percent"] = Quantity(float(np.median(one)), "percent", _error(one))
+    for name, one in zip("ab", evaluations, strict=True):
+        found[f"{name}_evaluations"] = Quantity(float(np.median(one)), "1", _error(one))
+    found["a_nearer_percent"] = _share(gap[0] < gap[1], gap[0] == gap[1])
+    found["a_slower_percent"] = _share(
+        evaluations[0] > evaluations[1], evaluations[0] == evaluations[1]
+    )
+    return found
+
+
+def _error(values: Array) -> float:
+    """Standard error of a median, from the normal distribution's 1.2533 s/sqrt(n)."""
+    known = values[np.isfinite(values)]
+    return float(1.2533 * np.std(known, ddof=1) / np.sqrt(len(known))) if len(known) > 1 else 0.0
+
+
+def _share(won: NDArray[np.bool_], even: NDArray[np.bool_]) -> Quantity:
+    share = float(np.mean(won + 0.5 * even))
+    error = np.sqrt(share * (1.0 - share) / len(won))
+    return Quantity(100.0 * share, "percent", 100.0 * float(error))
+
+
+def _own_runs(own: Mapping[str, Value], rng: np.random.Generator) -> tuple[Array, Array]:
+    """Runs (seeds, responses) of both settings, seed by seed alike."""
+    problem = PoseAccuracy(Settings(parameters={"index": "rms_plane"}, objectives=("cost",)))
+    measure = yardstick(problem)
+    seeds = rng.integers(0, 2**31, int(number(own["seeds"]))).tolist()
+    budget = Budget(generations=int(number(own["generations"])))
+    settings = [_settings(str(own["setting"]), number(own[name])) for name in "ab"]
+    a, b = (
+        np.array([_run(problem, one, budget, seed, measure) for seed in seeds]) for one in settings
+    )
+    return a, b
+
+
+def _misplaced(setting: str, name: str, values: Mapping[str, Value]) -> list[Fault]:
+    """What is wrong with the value `name` of a setting."""
+    value = number(values[name])
+    if setting == "population" and (value < 2 or value != int(value)):
+        return [Fault(name, f"a population must be a whole number from 2, got {value:g}")]
+    if setting != "population" and value > 1.0:
+        return [Fault(name, f"a probability must lie in [0, 1], got {value:g}")]
+    return []
+
+
+def _settings(setting: str, value: float) -> NSGA2:
+    if setting == "population":
+        return replace(BASE, population=int(value))
+    if setting == "crossover":
+        return replace(BASE, crossover=Crossover(probability=value))
+    return replace(BASE, mutation=Mutation(probability=value))
+
+
+def _run(
+    problem: PoseAccuracy, settings: NSGA2, budget: Budget, seed: int, measure: Yardstick
+) -> tuple[float, float]:
+    course = Course(Box(measure.box.ideal, measure.box.nadir), measure.level)
+    watch(problem, settings, budget, seed, course, "array")
+    course.curve()
+    gap = 100.0 * (course.value / measure.value - 1.0)
+    reached = course.reached_at[0]
+    return (np.inf if np.isnan(gap) else gap), (np.inf if np.isnan(reached) else reached)
+
+
+def _study_table(own: Mapping[str, Value]) -> pd.DataFrame:
+    """The finished runs of a study. Raises InputError where it has not what is asked for."""
+    path = Path(str(own["study"])) / "study.csv"
+    if not path.is_file():
+        raise refuse("study", f"{path} does not exist: name the directory of a finished study")
+    table = pd.read_csv(path)
+    missing = [name for name in (KEYS[str(own["setting"])], *RESPONSES) if name not in table]
+    if missing:
+        raise refuse("study", f"{path} has no {', '.join(missing)}: vary and measure it there")
+    return table[table["status"] == "done"]
+
+
+def _of_study(own: Mapping[str, Value]) -> tuple[Array, Array]:
+    """Runs (seeds, responses) of both settings in a study, paired by all else that it varies."""
+    table, key = _study_table(own), KEYS[str(own["setting"])]
+    others = [name for name in KEYS.values() if name in table and name != key]
+    table = table.drop_duplicates([key, *others, "replicate"])  # one setting may be run twice
+    sides = [table[np.isclose(table[key], number(own[name]))] for name in "ab"]
+    both = sides[0].merge(sides[1], on=[*others, "replicate"], suffixes=("_a", "_b"))
+    if len(both) < 2:
+        levels = ", ".join(f"{one:g}" for one in sorted(table[key].unique()))
+        raise refuse("study", f"{own['study']} has no two runs of {key} = {own['a']} and "
+                     f"{own['b']} alike in all else; it has {levels}")  # fmt: skip
+    a, b = (both[[f"{name}_{side}" for name in RESPONSES]].fillna(np.inf).to_numpy(dtype=float)
+            for side in "ab")  # fmt: skip
+    return a, b
+
+
+def _table(own: Mapping[str, Value], a: Array, b: Array) -> ComputedTable:
+    columns = [np.arange(len(a)), a[:, 0], b[:, 0], a[:, 1], b[:, 1]]
+    names = ("a_gap_percent", "b_gap_percent", "a_evaluations_to_99", "b_evaluations_to_99")
+    return ComputedTable(
+        str(own["setting"]),
+        f"{own['setting']} {own['a']} (a) against {own['b']} (b), seed by seed; infinite: 99 % "
+        "was never reached",
+        (Axis("seed", "1"), *(Axis(name, "percent" if "gap" in name else "1") for name in names)),
+        tuple(columns),
+    )

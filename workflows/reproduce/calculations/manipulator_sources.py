@@ -1,0 +1,131 @@
+"""Error sources of the manipulator: how many turn it, how many move it, which matter most."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....declarations import Output, Value
+from ....models.manipulator import declared
+from ....models.manipulator.indices import INDICES, grid, sensitivity
+from ....models.manipulator.maps import Maps, first_order
+from ....models.manipulator.sources import NAMES, matrix, orientation_combinations, position_sources
+from ....problems.pose_accuracy.grouping import NINE
+from ....records import Axis
+from ....units import MM, MRAD
+from ..calculation import Calculation, Computed, ComputedTable, Quantity
+
+Array = NDArray[np.float64]
+POSES = 9
+"""Poses per axis at which the maps are looked at."""
+NOTHING = 1e-9
+"""Effect per unit, relative to the largest, below which a source does nothing."""
+LENGTH, ANGLE = 10e-6, 0.1e-3
+"""Standard deviations [m, rad] at which sources of different units are compared."""
+KINDS = ("rod_length", "joint_distance", "joint_line")
+
+
+class ManipulatorSources(Calculation):
+    """Number, rank and weight of the error sources of the manipulator with full-circle rotation.
+
+    Weights: effect of 10 um or 0.1 mrad of each source, mean over the task ring's rectangle.
+    """
+
+    name = "manipulator_sources"
+    about = "Number, rank and weight of the error sources of the manipulator."
+    reference = "document M, error separation and sensitivity analysis"
+    sampled = False
+    parameters = declared.PARAMETERS
+    outputs = (
+        Output("orientation_sources", "1", "sources that the orientation equations hold"),
+        Output("orientation_acting", "1", "those of them that turn the platform"),
+        Output("orientation_rank", "1", "rank of their effects over all poses"),
+        Output("position_sources", "1", "sources that the position equations hold"),
+        Output("position_acting", "1", "those of them that move the platform"),
+        Output("kinds", "1", "kinds of orientation sources that share a tolerance"),
+        Output("chain_3_squareness", "1", "largest effect of chain 3 on squareness, of chain 1's"),
+        Output(
+            "joint_distance_3", "1", "effect of chain 3's relative joint distance, of chain 1's"
+        ),
+        Output("rod_length_1_squareness", "mrad/mm", "squareness per relative rod length, chain 1"),
+        Output("rod_length_1_yaw", "mrad/mm", "yaw per relative rod length of chain 1"),
+        Output("rod_length_3_yaw", "mrad/mm", "yaw per relative rod length of chain 3"),
+        Output("squareness_rank", "1", "place of the relative rod length among the kinds"),
+        Output("yaw_rank", "1", "place of the relative rod length among the kinds"),
+        Output("squareness_lead", "1", "effect of the rod length over that of the next kind"),
+        Output("yaw_lead", "1", "effect of the rod length over that of the next kind"),
+    )
+
+    def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
+        own = self.completed(values)
+        machine, ring = declared.manipulator(own), declared.task_ring(own)
+        turning = orientation_combinations()
+        names = list(turning)
+        maps = first_order(machine, *grid(ring, POSES))
+        index = str(own["index"])
+        mean = index if index in INDICES else INDICES[0]
+        weight = sensitivity(machine, ring, mean, turning)
+        slopes = np.stack([weight.squareness, weight.yaw], axis=1)  # per metre or radian
+        effect = slopes * _steps(names)[:, None] / MRAD
+        found = _counts(maps, names) | _slopes(names, slopes) | _ranking(names, effect)
+        return Computed(found, (_table(names, effect),))
+
+
+def _counts(maps: Maps, names: list[str]) -> dict[str, Quantity]:
+    """How many sources there are, how many act, and what chain 3 does not do."""
+    moving = position_sources()
+    turn = maps.orientation @ matrix(orientation_combinations())
+    size = np.abs(turn).max(axis=(0, 1))
+    moved = np.abs(maps.position[:, :, [NAMES.index(name) for name in moving]]).max(axis=(0, 1))
+    squareness = np.hypot(turn[:, 0], turn[:, 1]).max(axis=0)
+    third = [at for at, name in enumerate(names) if "_3" in name]
+    first, last = (names.index(f"joint_distance_{chain}") for chain in (1, 3))
+    found = {
+        "orientation_sources": len(names),
+        "orientation_acting": np.sum(size > NOTHING * size.max()),
+        "orientation_rank": np.linalg.matrix_rank(turn.reshape(-1, len(names))),
+        "position_sources": len(moving),
+        "position_acting": np.sum(moved > NOTHING * moved.max()),
+        "kinds": len(NINE),
+        "chain_3_squareness": squareness[third].max() / squareness.max(),
+        "joint_distance_3": size[last] / size[first],
+    }
+    return {name: Quantity(float(one), "1") for name, one in found.items()}
+
+
+def _slopes(names: list[str], slopes: Array) -> dict[str, Quantity]:
+    """Squareness and yaw per relative rod length."""
+    places = {"rod_length_1_squareness": (1, 0), "rod_length_1_yaw": (1, 1),
+              "rod_length_3_yaw": (3, 1)}  # fmt: skip
+    return {
+        name: Quantity(float(slopes[names.index(f"rod_length_{chain}"), at]) * MM / MRAD, "mrad/mm")
+        for name, (chain, at) in places.items()
+    }
+
+
+def _steps(names: list[str]) -> Array:
+    return np.array([ANGLE if name.startswith("joint_line") else LENGTH for name in names])
+
+
+def _ranking(names: list[str], effect: Array) -> dict[str, Quantity]:
+    """Place and lead of the relative rod length, each kind by its largest source."""
+    found = {}
+    for column, output in enumerate(("squareness", "yaw")):
+        kinds = {kind: max(effect[at, column] for at, name in enumerate(names)
+                           if name.startswith(kind)) for kind in KINDS}  # fmt: skip
+        rod = kinds.pop("rod_length")
+        place = 1 + sum(other > rod for other in kinds.values())
+        found[f"{output}_rank"] = Quantity(float(place), "1")
+        found[f"{output}_lead"] = Quantity(float(rod / max(kinds.values())), "1")
+    return found
+
+
+def _table(names: list[str], effect: Array) -> ComputedTable:
+    return ComputedTable(
+        "effects",
+        "Effect of 10 um or 0.1 mrad of each orientation source, mean over the task ring",
+        (Axis("source", ""), Axis("squareness_mrad", "mrad"), Axis("yaw_mrad", "mrad")),
+        (np.array(names), effect[:, 0], effect[:, 1]),
+    )

@@ -1,0 +1,39 @@
+"""Quantities and tables of calculations, with the units of their names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ....declarations import Output
+from ....models.propagation.power_sums import Stated
+from ....records import Axis
+from ....units import split_unit
+from ..calculation import Chart, ComputedTable, Quantity
+
+
+def output(name: str, meaning: str) -> Output:
+    """A quantity that a calculation declares; its unit is what the name ends with."""
+    return Output(name, split_unit(name)[1], meaning)
+
+
+def quantities(found: Mapping[str, float | Stated]) -> dict[str, Quantity]:
+    """Numbers by name, with the unit that the name ends with and their standard error, if any."""
+    stated = {
+        name: one if isinstance(one, Stated) else Stated(float(one), 0.0)
+        for name, one in found.items()
+    }
+    return {
+        name: Quantity(one.value, split_unit(name)[1] or "1", one.error)
+        for name, one in stated.items()
+    }
+
+
+def tabulated(
+    name: str, meaning: str, columns: Mapping[str, Any], chart: Chart | None = None
+) -> ComputedTable:
+    """A table of columns (n,) by name; the unit is what the name ends with."""
+    axes = tuple(Axis(one, split_unit(one)[1]) for one in columns)
+    return ComputedTable(name, meaning, axes, tuple(map(np.asarray, columns.values())), chart)

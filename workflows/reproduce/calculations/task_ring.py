@@ -1,0 +1,41 @@
+"""The task workspace of the manipulator: its rectangle, and whether it is reached."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ....declarations import Output, Value
+from ....models.manipulator import declared
+from ....models.manipulator.indices import grid
+from ....models.manipulator.inverse import reach
+from ....units import MM
+from ..calculation import Calculation, Computed, Quantity
+
+
+class TaskRingFigures(Calculation):
+    """Rectangle of the task ring in the meridian plane, and the share of it that is reached."""
+
+    name = "task_ring"
+    about = "Rectangle of the task ring in the meridian plane, and the share that is reached."
+    reference = "document M, sensitivity analysis, figure 4"
+    sampled = False
+    parameters = declared.PARAMETERS
+    outputs = (
+        Output("inner_radius_mm", "mm", "distance of the rectangle from the axis"),
+        Output("length_mm", "mm", "its length along the radius"),
+        Output("height_mm", "mm", "its height"),
+        Output("reached_percent", "percent", "share of its poses that all chains reach"),
+    )
+
+    def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
+        own = self.completed(values)
+        machine, ring = declared.manipulator(own), declared.task_ring(own)
+        inside = np.all(np.abs(reach(machine, *grid(ring))) <= 1.0, axis=-1)
+        return Computed({
+            "inner_radius_mm": Quantity(ring.r[0] / MM, "mm"),
+            "length_mm": Quantity((ring.r[1] - ring.r[0]) / MM, "mm"),
+            "height_mm": Quantity((ring.z[1] - ring.z[0]) / MM, "mm"),
+            "reached_percent": Quantity(100.0 * float(np.mean(inside)), "percent"),
+        })  # fmt: skip

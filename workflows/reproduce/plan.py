@@ -1,0 +1,49 @@
+"""What `reproduce` needs and what it returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...records import ClaimsResult
+from .claims import ClaimsFile
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A claims file that has been read; `tables` is all that it says, as JSON."""
+
+    file: ClaimsFile
+    tables: str
+
+
+@dataclass(frozen=True, slots=True)
+class ReproducePlan:
+    """The claims of one or more documents."""
+
+    sources: tuple[Source, ...]
+
+    @property
+    def total(self) -> int:
+        """Number of claims."""
+        return sum(len(source.file.claims) for source in self.sources)
+
+
+@dataclass(frozen=True, slots=True)
+class ReproduceOutcome:
+    """How it ended: "done" or "interrupted", and where its files are."""
+
+    status: str
+    folder: Path
+    lines: tuple[str, ...]
+    result: ClaimsResult | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ClaimsProgress:
+    """State of the work: claims done of all, and the time since it began [s]."""
+
+    done: int
+    total: int
+    seconds: float
+    note: str = ""

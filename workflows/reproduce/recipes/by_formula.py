@@ -1,0 +1,74 @@
+"""Values of formulas in other recipes' values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import ModelError
+from ....models.expressions import Formula
+from ....records import ComputedTable
+from ....units import converted
+from ..calculation import Quantity
+from .recipe import Found, Recipe
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Constant(Recipe):
+    """A number that the document itself prints."""
+
+    value: float
+    unit: str
+
+    def found(self, rng: np.random.Generator) -> Found:
+        return Found((Quantity(self.value, self.unit),))
+
+    @property
+    def by(self) -> str:
+        return "printed numbers"
+
+
+@dataclass(frozen=True)
+class ByFormula(Recipe):
+    """Formulas in named terms; each term enters in its unit, the results are in `unit`."""
+
+    formulas: tuple[Formula, ...]
+    terms: Mapping[str, tuple[Recipe, str]]
+    unit: str
+
+    def found(self, rng: np.random.Generator) -> Found:
+        values: dict[str, Array] = {}
+        errors: dict[str, float] = {}
+        tables: dict[str, ComputedTable] = {}
+        for stream, (name, (recipe, unit)) in zip(
+            rng.spawn(len(self.terms)), self.terms.items(), strict=True
+        ):
+            one = recipe.found(stream)
+            (quantity,) = one.quantities
+            values[name] = np.asarray(converted(quantity.value, quantity.unit, unit))
+            zero = converted(0.0, quantity.unit, unit)
+            errors[name] = converted(quantity.standard_error, quantity.unit, unit) - zero
+            tables.update(one.tables)
+        return Found(tuple(self._quantity(one, values, errors) for one in self.formulas), tables)
+
+    def _quantity(
+        self, formula: Formula, values: Mapping[str, Array], errors: Mapping[str, float]
+    ) -> Quantity:
+        value = float(formula.value(values))
+        if not np.isfinite(value):
+            shown = ", ".join(f"{name} = {float(one):g}" for name, one in values.items())
+            raise ModelError(f"{formula.text} has no value at {shown}")
+        slopes = formula.gradient(values)
+        error = sqrt(sum((float(slope) * errors[name]) ** 2 for name, slope in slopes.items()))
+        return Quantity(value, self.unit, error)
+
+    @property
+    def by(self) -> str:
+        told = dict.fromkeys(recipe.by for recipe, _ in self.terms.values())
+        return f"formula of {', '.join(told)}" if told else "formula of printed numbers"

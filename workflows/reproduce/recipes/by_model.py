@@ -1,0 +1,165 @@
+"""Statistics of a model's outputs at operating points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binom
+
+from ....declarations import Value, number
+from ....models.effects.compose import Active, predicted
+from ....models.inputs.distribution import Distribution
+from ....models.measurable import MeasurableModel
+from ..calculation import Quantity
+from .recipe import Found, Recipe
+
+Array = NDArray[np.float64]
+STATISTICS = (
+    "value",
+    "mean",
+    "std",
+    "min",
+    "max",
+    "range",
+    "quantile",
+    "fraction_above",
+    "fraction_below",
+)
+"""`value` is that of a single row; `quantile` needs a level, a fraction a threshold."""
+SHARES = ("fraction_above", "fraction_below")
+
+
+@dataclass(frozen=True, slots=True)
+class Statistic:
+    """A statistic over rows; `at` is the level of a quantile or the threshold of a fraction."""
+
+    name: str = "value"
+    at: float = 0.0
+
+    def unit(self, unit: str) -> str:
+        """Unit of the statistic of an output in `unit`."""
+        return "1" if self.name in SHARES else unit
+
+    def of(self, values: Array) -> float:
+        """The statistic of values (n,)."""
+        match self.name:
+            case "fraction_above":
+                return float(np.mean(values > self.at))
+            case "fraction_below":
+                return float(np.mean(values < self.at))
+            case "quantile":
+                return float(np.quantile(values, self.at))
+            case "range":
+                return float(np.ptp(values))
+            case "std":
+                return float(np.std(values, ddof=1))
+            case "mean" | "min" | "max":
+                return float(getattr(np, self.name)(values))
+            case _:
+                return float(values[0])
+
+    def error(self, values: Array) -> float:
+        """Standard error where the values are an independent sample; 0 of an extreme or a value.
+
+        That of a quantile is half the width of its 68 % interval between order statistics.
+        """
+        count = len(values)
+        match self.name:
+            case "mean":
+                return float(np.std(values, ddof=1) / np.sqrt(count))
+            case "std":
+                centred = values - values.mean()
+                variance = np.mean(centred**2)
+                return float(
+                    np.sqrt((np.mean(centred**4) - variance**2) / (4.0 * variance * count))
+                )
+            case "quantile":
+                low, high = (int(binom.ppf(share, count, self.at)) for share in (0.1587, 0.8413))
+                ordered = np.sort(values)
+                return float(0.5 * (ordered[min(high, count - 1)] - ordered[max(low - 1, 0)]))
+            case "fraction_above" | "fraction_below":
+                share = self.of(values)
+                return float(np.sqrt(share * (1.0 - share) / count))
+            case _:
+                return 0.0
+
+
+@dataclass(frozen=True)
+class ByModel(Recipe):
+    """A statistic of outputs of a model, set up from parameters, designs and distributions.
+
+    `at` holds the operating points: columns (n,), or one value for all rows. `drawn` rows are a
+    sample (each with random numbers of its own), 0 where nothing is drawn.
+    """
+
+    name: str
+    kind: type[MeasurableModel]
+    parameters: Mapping[str, Value]
+    designs: Mapping[str, float]
+    inputs: Mapping[str, Distribution]
+    effects: tuple[Active, ...]
+    at: Mapping[str, tuple[float, ...]]
+    outputs: tuple[str, ...]
+    statistic: Statistic = Statistic()
+    drawn: int = 0
+
+    def model(self) -> MeasurableModel:
+        """The model; raises InputError with what only its physics can tell."""
+        return self.kind(parameters=self.parameters, designs=self.designs, inputs=self.inputs)
+
+    def table(self) -> dict[str, NDArray[Any]]:
+        """The operating points; columns of labels number their rows."""
+        count = self.drawn or max((len(one) for one in self.at.values()), default=1)
+        found: dict[str, NDArray[Any]] = {
+            name: np.broadcast_to(np.array(values, dtype=float), count).copy()
+            for name, values in self.at.items()
+        }
+        for column in self.kind.columns:
+            if column.text and column.needed:
+                found[column.name] = np.arange(count).astype(str)
+        return found
+
+    def found(self, rng: np.random.Generator) -> Found:
+        values = predicted(self.model(), self.name, self.table(), self.effects, rng)
+        units = {output.name: output.unit for output in self.kind.outputs}
+        return Found(tuple(
+            Quantity(
+                self.statistic.of(values[name]),
+                self.statistic.unit(units[name]) or "1",
+                self.statistic.error(values[name]) if self.drawn else 0.0,
+            )
+            for name in self.outputs
+        ))  # fmt: skip
+
+    @property
+    def by(self) -> str:
+        return f"model {self.name}"
+
+    def shiftable(self) -> tuple[str, ...]:
+        return (*self.at, *self._variables(), *self._parameters())
+
+    def _variables(self) -> dict[str, str]:
+        return {one.name: one.unit for one in self.kind.variables}
+
+    def _parameters(self) -> dict[str, str]:
+        return {p.name: p.unit for p in self.kind.parameters if isinstance(p.default, float)}
+
+    def unit_of(self, name: str) -> str | None:
+        columns = {one.name: one.unit for one in self.kind.columns if one.name in self.at}
+        return (columns | self._variables() | self._parameters()).get(name)
+
+    def shifted(self, name: str, step: float) -> ByModel:
+        if name in self.at:
+            moved = tuple(value + step for value in self.at[name])
+            return replace(self, at=dict(self.at) | {name: moved})
+        if name in self._variables():
+            document = {one.name: float(one.document or 0.0) for one in self.kind.variables}
+            own = (document | dict(self.designs))[name]
+            return replace(self, designs=dict(self.designs) | {name: own + step})
+        default = {one.name: one.default for one in self.kind.parameters}
+        value = number((default | dict(self.parameters))[name]) + step
+        return replace(self, parameters=dict(self.parameters) | {name: value})

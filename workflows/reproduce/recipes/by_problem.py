@@ -1,0 +1,59 @@
+"""Outputs of a problem at a design."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....declarations import number
+from ....problems.tolerance_problem import ToleranceProblem
+from ..calculation import Quantity
+from .recipe import Found, Recipe
+
+
+@dataclass(frozen=True)
+class ByProblem(Recipe):
+    """Outputs of a problem at one full design, in the order of its variables."""
+
+    name: str
+    problem: ToleranceProblem
+    design: tuple[float, ...]
+    outputs: tuple[str, ...]
+
+    def found(self, rng: np.random.Generator) -> Found:
+        whole = self.problem.reported().outputs_of(np.array([self.design]))
+        errors = {one.error_of: one.name for one in self.problem.outputs if one.error_of}
+        units = {one.name: one.unit for one in self.problem.outputs}
+        return Found(tuple(
+            Quantity(
+                float(whole[name][0]),
+                units[name] or "1",
+                float(whole[errors[name]][0]) if name in errors else 0.0,
+            )
+            for name in self.outputs
+        ))  # fmt: skip
+
+    @property
+    def by(self) -> str:
+        return f"problem {self.name}"
+
+    def _parameters(self) -> dict[str, str]:
+        return {p.name: p.unit for p in self.problem.parameters if isinstance(p.default, float)}
+
+    def shiftable(self) -> tuple[str, ...]:
+        return (*self.problem.names, *self._parameters())
+
+    def unit_of(self, name: str) -> str | None:
+        variables = {one.name: one.unit for one in self.problem.variables}
+        return (self._parameters() | variables).get(name)
+
+    def shifted(self, name: str, step: float) -> ByProblem:
+        if name in self.problem.names:
+            at = self.problem.names.index(name)
+            moved = (*self.design[:at], self.design[at] + step, *self.design[at + 1 :])
+            return replace(self, design=moved)
+        given = self.problem.given
+        value = number(self.problem.settings.parameters[name]) + step
+        parameters = dict(given.parameters) | {name: value}
+        return replace(self, problem=type(self.problem)(replace(given, parameters=parameters)))

@@ -1,0 +1,45 @@
+"""The interface of all recipes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ....records import ComputedTable
+from ..calculation import Quantity
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """Computed quantities in the order asked for, and tables by a name for their file."""
+
+    quantities: tuple[Quantity, ...]
+    tables: Mapping[str, ComputedTable] = field(default_factory=dict)
+
+
+class Recipe(ABC):
+    """How one or more values are recomputed; a frozen dataclass that can be sent to a process."""
+
+    @abstractmethod
+    def found(self, rng: np.random.Generator) -> Found:
+        """The values, every random number from `rng`."""
+
+    @property
+    @abstractmethod
+    def by(self) -> str:
+        """What it computes by, in words."""
+
+    def unit_of(self, name: str) -> str | None:
+        """Unit of the input `name` that can be shifted, None where there is no such input."""
+        return None
+
+    def shiftable(self) -> tuple[str, ...]:
+        """Every input that a derivative may be taken by."""
+        return ()
+
+    def shifted(self, name: str, step: float) -> Recipe:
+        """The same recipe with an input moved by `step`, in its unit."""
+        raise NotImplementedError(f"{type(self).__name__} has no input {name}")

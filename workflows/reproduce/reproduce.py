@@ -1,0 +1,87 @@
+"""`tolevo reproduce`: every claim recomputed, its verdict, files."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from importlib.metadata import version
+from pathlib import Path
+
+from ...errors import RunError, refuse
+from ..study.execution import Executor
+from ..study.execution.executor import Lost
+from .plan import ClaimsProgress, ReproduceOutcome, ReproducePlan
+from .result import assembled, lines
+from .storage import clear, holds_another, keep, kept
+from .task import Checked, ClaimTask, check
+from .write import remove, write
+
+GO_ON = "run the same command with --resume to go on"
+Report = Callable[[ClaimsProgress], None]
+
+
+def reproduce(
+    plan: ReproducePlan,
+    out: Path,
+    executor: Executor,
+    progress: Report | None = None,
+    resume: bool = False,
+) -> ReproduceOutcome:
+    """Check every claim of `plan` that `out` does not have, then write the files.
+
+    The files do not depend on the executor or on breaks. An interrupt leaves what has been checked.
+    Raises RunError or ModelError where a claim cannot be computed, InputError where `out` holds
+    something else that --resume cannot go on with.
+    """
+    tasks = tuple(tasks_of(plan))
+    if resume and holds_another(out):
+        raise refuse("--resume", f"{out} holds no claims: name the directory of a reproduction")
+    clear(out, tasks if resume else ())
+    remove(out)
+    known = {task.key: found for task in tasks if (found := kept(out, task)) is not None}
+    begin = len(known)
+    try:
+        _finish(tasks, known, out, executor, progress)
+    except KeyboardInterrupt:
+        saved = f"{len(known)} of {len(tasks)} claims are checked and saved in {out}; {GO_ON}"
+        return ReproduceOutcome("interrupted", out, (saved,))
+    result = assembled(plan, [(task, known[task.key]) for task in tasks])
+    write(result, out)
+    again = (f"{begin} claims had been checked before",) if begin else ()
+    return ReproduceOutcome("done", out, (*lines(result), *again), result)
+
+
+def tasks_of(plan: ReproducePlan) -> Iterable[ClaimTask]:
+    """One task per claim, in the order of the files."""
+    for document, source in enumerate(plan.sources):
+        for number, claim in enumerate(source.file.claims):
+            parts = (version("tolevo"), source.tables, str(source.file.seed), claim.id)
+            key = hashlib.sha256("\n".join(parts).encode()).hexdigest()
+            yield ClaimTask(key, document, number, claim, source.file.seed)
+
+
+def _finish(
+    tasks: tuple[ClaimTask, ...],
+    known: dict[str, Checked],
+    out: Path,
+    executor: Executor,
+    progress: Report | None,
+) -> None:
+    """Check what is not known yet, and keep each claim as soon as it is checked."""
+    left = deque(task for task in tasks if task.key not in known)
+    start = time.monotonic()
+
+    def tell(note: str = "") -> None:
+        if progress is not None:
+            progress(ClaimsProgress(len(known), len(tasks), time.monotonic() - start, note))
+
+    tell()
+    with executor:
+        for task, found in executor.completed(check, lambda: left.popleft() if left else None):
+            if isinstance(found, Lost):
+                raise RunError(f"claim {task.claim.id}: {found.reason}; {GO_ON}")
+            known[task.key] = found
+            keep(out, task, found)
+            tell(task.claim.id)

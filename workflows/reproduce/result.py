@@ -1,0 +1,88 @@
+"""From checked claims to the table of verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...records import ClaimsResult, ComputedTable
+from .claims import Claim
+from .plan import ReproducePlan
+from .task import Checked, ClaimTask
+from .verdict import Word
+
+Pairs = Sequence[tuple[ClaimTask, Checked]]
+
+
+def assembled(plan: ReproducePlan, pairs: Pairs) -> ClaimsResult:
+    """The result of all claims."""
+    documents = tuple(source.file.document for source in plan.sources)
+    rows = [row(documents[task.document].name, task.claim, checked) for task, checked in pairs]
+    table = pd.DataFrame(rows)
+    counts = pd.crosstab(table["document"], table["verdict"])
+    counts = counts.reindex(
+        index=[one.name for one in documents], columns=list(map(str, Word)), fill_value=0
+    )
+    return ClaimsResult(documents, table, counts.rename_axis(columns=None), tables_of(pairs))
+
+
+def row(document: str, claim: Claim, checked: Checked) -> dict[str, Any]:
+    """A row of `claims.csv`; several numbers of one claim are a list."""
+    found = checked.verdict
+    shown = found.outcome
+    return {
+        "document": document,
+        "id": claim.id,
+        "place": claim.place,
+        "quantity": claim.quantity,
+        "printed": list(claim.printed),
+        "printed_as": claim.printed_as,
+        "unit": claim.unit,
+        "relation": claim.relation,
+        "tolerance": claim.tolerance,
+        "tolerance_reason": claim.tolerance_reason,
+        "computed": list(shown.computed) if shown else [],
+        "standard_error": list(shown.standard_error) if shown else [],
+        "deviation": list(shown.deviation) if shown else [],
+        "verdict": str(found.word),
+        "reading": shown.states if shown else "",
+        "reason": found.reason,
+        "ambiguous": claim.ambiguous,
+        "lost": claim.lost,
+        "recomputed_by": shown.by if shown else "",
+        "readings": [
+            {"reading": one.states, "recomputed_by": one.by, "computed": list(one.computed),
+             "standard_error": list(one.standard_error), "deviation": list(one.deviation),
+             "holds": one.holds}
+            for one in found.outcomes
+        ],
+    }  # fmt: skip
+
+
+def tables_of(pairs: Pairs) -> dict[str, ComputedTable]:
+    """Every different table by the stem of its file; equal names are told apart by the claim."""
+    found: dict[str, ComputedTable] = {}
+    for task, checked in pairs:
+        for name, table in checked.tables.items():
+            alike = [one for stem, one in found.items() if stem.split(".")[0] == name]
+            if not any(_equal(table, one) for one in alike):
+                found[f"{name}.{task.claim.id}" if name in found else name] = table
+    return found
+
+
+def _equal(a: ComputedTable, b: ComputedTable) -> bool:
+    return a.columns == b.columns and all(
+        np.array_equal(one, other) for one, other in zip(a.values, b.values, strict=True)
+    )
+
+
+def lines(result: ClaimsResult) -> tuple[str, ...]:
+    """What the terminal says."""
+    found = [f"done: {len(result.table)} claims of {len(result.documents)} documents"]
+    for name, counts in result.counts.iterrows():
+        told = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+        found.append(f"{name}: {told}")
+    return tuple(found)

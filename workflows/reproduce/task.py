@@ -1,0 +1,88 @@
+"""Claims as tasks: pure functions of what they are given, at home in any process."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+
+from ...errors import InputError, ModelError
+from ...records import ComputedTable
+from ...units import converted
+from ..study.execution import pinned
+from .calculation import Quantity
+from .claims import Claim, Reading
+from .verdict import Outcome, Verdict, outcome, verdict
+
+
+@dataclass(frozen=True, slots=True)
+class ClaimTask:
+    """One claim of the document that is number `document`; `key` names all that it depends on."""
+
+    key: str
+    document: int
+    number: int
+    claim: Claim
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Checked:
+    """A claim that has been checked, with the tables of its calculations."""
+
+    verdict: Verdict
+    tables: Mapping[str, ComputedTable]
+
+
+def check(task: ClaimTask) -> Checked:
+    """Recompute a claim by all of its readings, on one thread.
+
+    Raises ModelError, with the claim named, where a reading has no finite value.
+    """
+    outcomes: list[Outcome] = []
+    tables: dict[str, ComputedTable] = {}
+    with pinned():
+        for reading in task.claim.readings:
+            one, more = _read(task, reading)
+            outcomes.append(one)
+            tables = more | tables
+    return Checked(verdict(task.claim, outcomes), tables)
+
+
+def generator(seed: int, name: str) -> np.random.Generator:
+    """The generator of a claim: it depends on the seed of its file and its id alone."""
+    words = np.frombuffer(hashlib.sha256(name.encode()).digest(), dtype="<u4")
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(map(int, words))))
+
+
+def _read(task: ClaimTask, reading: Reading) -> tuple[Outcome, dict[str, ComputedTable]]:
+    claim = task.claim
+    try:
+        found = reading.recipe.found(generator(task.seed, claim.id))
+        quantities = [_in_unit(one, claim.unit) for one in found.quantities]
+    except (ArithmeticError, ModelError, ValueError) as error:
+        raise ModelError(f"claim {claim.id}, {reading.recipe.by}: {error}") from error
+    except InputError as error:
+        raise InputError(
+            [type(fault)(f"claim {claim.id}: {fault.place}", fault.message)
+             for fault in error.faults]
+        ) from error  # fmt: skip
+    return outcome(claim, reading, quantities), dict(found.tables)
+
+
+def _in_unit(quantity: Quantity, unit: str) -> Quantity:
+    """A quantity in the unit of its claim. Raises ValueError where it cannot be, or not finite."""
+    own = _bare(quantity.unit)
+    value = float(converted(quantity.value, own, _bare(unit)))
+    error = abs(float(converted(quantity.standard_error, own, _bare(unit))
+                      - converted(0.0, own, _bare(unit))))  # fmt: skip
+    if not isfinite(value):
+        raise ValueError(f"the value is {value}")
+    return Quantity(value, unit, error)
+
+
+def _bare(unit: str) -> str:
+    return "" if unit == "1" else unit

@@ -1,0 +1,171 @@
+"""Verdicts: computed from what is printed and what comes out, never stated in a record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from math import nan
+
+from .calculation import Quantity
+from .claims import Claim, Reading
+
+ROUNDING = 1e-9
+"""Relative slack of a comparison: the rounding of the last binary digits."""
+DOUBT = 2.0
+"""Standard errors by which a sampled value has to clear its tolerance."""
+
+
+class Word(StrEnum):
+    """The four verdicts."""
+
+    REPRODUCED = "reproduced"
+    UNDER_READING = "reproduced under the stated reading"
+    NOT_REPRODUCED = "not reproduced"
+    CANNOT_BE_CHECKED = "cannot be checked"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What one reading gives, in the unit of its claim; `by` is what it was computed by."""
+
+    states: str
+    by: str
+    computed: tuple[float, ...]
+    standard_error: tuple[float, ...]
+    deviation: tuple[float, ...]
+    holds: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The verdict on a claim, with a sentence of reason, and what every reading gives.
+
+    `shown` is the number of the outcome that stands for the claim, -1 where nothing is computed.
+    """
+
+    word: Word
+    reason: str
+    outcomes: tuple[Outcome, ...] = ()
+    shown: int = -1
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """The reading that holds, else the first."""
+        return self.outcomes[self.shown] if self.shown >= 0 else None
+
+
+def outcome(claim: Claim, reading: Reading, quantities: Sequence[Quantity]) -> Outcome:
+    """What a reading gives; `quantities` are in the unit of the claim."""
+    computed = tuple(one.value for one in quantities)
+    deviation = _deviations(claim, computed)
+    return Outcome(
+        reading.states,
+        reading.recipe.by,
+        computed,
+        tuple(one.standard_error for one in quantities),
+        deviation,
+        all(_excess(claim, value, away) <= 0.0
+            for value, away in zip(computed, deviation, strict=True)),
+    )  # fmt: skip
+
+
+def verdict(claim: Claim, outcomes: Sequence[Outcome]) -> Verdict:
+    """The verdict: the first reading that holds decides; one that states nothing is the literal."""
+    if not outcomes:
+        parts = [claim.lost, "nothing can be recomputed", *filter(None, [claim.why])]
+        return Verdict(Word.CANNOT_BE_CHECKED, "; ".join(parts))
+    shown = next((at for at, one in enumerate(outcomes) if one.holds), None)
+    if shown is None:
+        word, shown = Word.NOT_REPRODUCED, 0
+    else:
+        word = Word.UNDER_READING if outcomes[shown].states else Word.REPRODUCED
+    parts = [_sentence(claim, outcomes[shown])]
+    if word is Word.UNDER_READING and not outcomes[0].states:
+        parts.append(f"read literally it does not hold: {_comparison(claim, outcomes[0])}")
+    if word is Word.NOT_REPRODUCED and len(outcomes) > 1:
+        parts.append(_others(len(outcomes) - 1))
+    if any(_doubtful(claim, outcomes[shown])):
+        parts.append("another draw may turn it: it lies within two standard errors of the limit")
+    if claim.why:
+        parts.append(claim.why)
+    return Verdict(word, "; ".join(parts), tuple(outcomes), shown)
+
+
+def _others(count: int) -> str:
+    return f"nor does it hold under {count} other reading{'s' if count > 1 else ''}"
+
+
+def _deviations(claim: Claim, computed: Sequence[float]) -> tuple[float, ...]:
+    """Computed less printed; of a range the distance to its nearer end, 0 inside."""
+    if claim.relation == "within":
+        low, high = claim.printed
+        return tuple(min(value - low, 0.0) + max(value - high, 0.0) for value in computed)
+    return tuple(
+        0.0 if abs(value - own) <= ROUNDING * abs(own) else value - own
+        for value, own in zip(computed, claim.printed, strict=True)
+    )
+
+
+def _excess(claim: Claim, value: float, away: float) -> float:
+    """By how much a value misses its relation, tolerance included; at most 0 where it holds."""
+    slack = claim.tolerance + ROUNDING * max(abs(value), abs(value - away))
+    match claim.relation:
+        case "at_least":
+            return -away - slack
+        case "at_most":
+            return away - slack
+        case "above":
+            return -away if away != 0.0 else nan
+        case "below":
+            return away if away != 0.0 else nan
+        case _:
+            return abs(away) - slack
+
+
+def _doubtful(claim: Claim, found: Outcome) -> list[bool]:
+    """Whether each value lies so near to its limit that chance decides."""
+    return [
+        error > 0.0 and abs(_excess(claim, value, away)) < DOUBT * error
+        for value, away, error in zip(
+            found.computed, found.deviation, found.standard_error, strict=True
+        )
+    ]
+
+
+def _sentence(claim: Claim, found: Outcome) -> str:
+    reading = f"with the reading that {found.states}, " if found.states else ""
+    return reading + _comparison(claim, found)
+
+
+def _comparison(claim: Claim, found: Outcome) -> str:
+    """The facts in words."""
+    computed = with_unit(found.computed, claim.unit)
+    if claim.relation == "within":
+        ends = f"{number(claim.printed[0])} to {with_unit(claim.printed[1:], claim.unit)}"
+        place = "lies within" if found.holds else "lies outside of"
+        return f"{computed} {place} {ends}"
+    printed = with_unit(claim.printed, claim.unit)
+    if claim.printed_as:
+        printed += f' ("{claim.printed_as}")'
+    away = with_unit(found.deviation, claim.unit)
+    if claim.relation == "equal":
+        if not any(found.deviation):
+            return f"{computed} equals {printed}"
+        near = "within" if found.holds else "beyond"
+        limit = with_unit((claim.tolerance,), claim.unit)
+        return f"{computed} differs from {printed} by {away}, {near} the tolerance of {limit}"
+    words = claim.relation.replace("_", " ")
+    return f"{computed} is {'' if found.holds else 'not '}{words} {printed} (by {away})"
+
+
+def number(value: float) -> str:
+    """A number as reasons and pages show it."""
+    return f"{value:.4g}"
+
+
+def with_unit(values: Sequence[float], unit: str) -> str:
+    """Numbers with their unit, in brackets where there are several."""
+    text = ", ".join(map(number, values))
+    text = f"({text})" if len(values) > 1 else text
+    return text if unit == "1" else f"{text} {unit}"

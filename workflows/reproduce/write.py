@@ -1,0 +1,73 @@
+"""The files of a reproduction. Each appears whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ...files import write_bytes, write_text
+from ...records import ClaimsResult, ComputedTable
+from ...reports.claims import claims_page, figures
+from ...reports.drawing import as_png, as_svg
+from ..run.write import as_json
+
+FILES = ("claims.csv", "claims.json", "report.html")
+TABLES, FIGURES = "tables", "figures"
+
+
+def write(result: ClaimsResult, folder: Path) -> None:
+    """Verdicts as CSV and JSON, the tables and figures of the calculations, and the page."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_text(folder / "claims.csv", flat(result.table).to_csv(index=False, lineterminator="\n"))
+    write_text(folder / "claims.json", as_json(told(result)))
+    for stem, table in result.tables.items():
+        (folder / TABLES).mkdir(exist_ok=True)
+        text = frame_of(table).to_csv(index=False, lineterminator="\n")
+        write_text(folder / TABLES / f"{stem}.csv", text)
+    for one in figures(result):
+        (folder / FIGURES).mkdir(exist_ok=True)
+        write_bytes(folder / FIGURES / f"{one.name}.png", as_png(one.figure))
+        write_bytes(folder / FIGURES / f"{one.name}.svg", as_svg(one.figure))
+    write_text(folder / "report.html", claims_page(result))
+
+
+def remove(folder: Path) -> None:
+    """Remove what an earlier reproduction wrote."""
+    for name in FILES:
+        (folder / name).unlink(missing_ok=True)
+    for part, ending in ((TABLES, "csv"), (FIGURES, "png"), (FIGURES, "svg")):
+        for path in (folder / part).glob(f"*.{ending}"):
+            path.unlink()
+
+
+def flat(table: pd.DataFrame) -> pd.DataFrame:
+    """The table without the readings that are not shown, several numbers joined by semicolons."""
+    found = table.drop(columns="readings")
+    for name in ("printed", "computed", "standard_error", "deviation"):
+        found[name] = ["; ".join(map(repr, values)) for values in found[name]]
+    return found
+
+
+def told(result: ClaimsResult) -> dict[str, Any]:
+    """`claims.json`."""
+    claims = [{str(key): value for key, value in row.items()}
+              for row in result.table.to_dict("records")]  # fmt: skip
+    return {
+        "documents": [
+            {
+                "document": one.name,
+                "title": one.title,
+                "reference": one.reference,
+                "verdicts": {str(word): int(count) for word, count in row.items()},
+                "claims": [claim for claim in claims if claim["document"] == one.name],
+            }
+            for one, (_, row) in zip(result.documents, result.counts.iterrows(), strict=True)
+        ]
+    }
+
+
+def frame_of(table: ComputedTable) -> pd.DataFrame:
+    """A table of a calculation, units in its names where they have one."""
+    return pd.DataFrame(dict(zip((one.name for one in table.columns), table.values, strict=True)))
