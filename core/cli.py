@@ -5,16 +5,15 @@ from __future__ import annotations
 import json
 import os
 import signal
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
 
 import typer
 
 from .arguments import choice_faults, directory_faults, file_faults, page_faults
-from .errors import Fault, InputError, TolevoError, raise_all
+from .ending import INTERRUPTED, exit_status
+from .errors import Fault, InputError, raise_all
 from .files import unwritable
 
 if TYPE_CHECKING:
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from .workflows.reproduce.plan import ReproducePlan
     from .workflows.study import StudyPlan
 
-INTERRUPTED = 130
 WORKERS = min(4, os.cpu_count() or 1)
 """Default of --workers."""
 STATUS = {"done": 0, "no_feasible_point": 1, "interrupted": INTERRUPTED}
@@ -75,7 +73,7 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Run one optimisation: from a configuration to a Pareto front."""
-    with _exit_status():
+    with exit_status():
         faults = directory_faults(out, overwrite or resume)
         faults += choice_faults(workers, resume, overwrite)
         configuration = _collected(lambda: _problem_of(config, set_), faults)
@@ -96,7 +94,7 @@ def gap(
     quiet: Quiet = False,
 ) -> None:
     """Find where model and measurement disagree, name the missing effect, correct the model."""
-    with _exit_status():
+    with exit_status():
         faults = directory_faults(out, overwrite or resume)
         faults += choice_faults(workers, resume, overwrite)
         plan, readings = _gap_input(config, data, set_, faults)
@@ -183,7 +181,7 @@ def study(
     quiet: Quiet = False,
 ) -> None:
     """Run many optimisations over settings and seeds, and say what the settings do."""
-    with _exit_status():
+    with exit_status():
         from .configuration.study import read_study
 
         faults = directory_faults(out, overwrite or resume)
@@ -228,7 +226,7 @@ def reproduce(
     quiet: Quiet = False,
 ) -> None:
     """Recompute every figure that documents print, and say which of them hold."""
-    with _exit_status():
+    with exit_status():
         from .configuration.claims import read_claims
 
         faults = directory_faults(out, overwrite or resume)
@@ -262,7 +260,7 @@ def evaluate(
     quiet: Quiet = False,
 ) -> None:
     """Evaluate a configuration's problem at given designs."""
-    with _exit_status():
+    with exit_status():
         faults = file_faults(out, designs)
         configuration = _collected(lambda: _problem_of(config, set_), faults)
         raise_all(faults)
@@ -284,7 +282,7 @@ def simulate(
     quiet: Quiet = False,
 ) -> None:
     """Predict a configuration's model at given operating points."""
-    with _exit_status():
+    with exit_status():
         faults = file_faults(out, inputs)
         configuration = _collected(lambda: _read(config, set_), faults)
         raise_all(faults)
@@ -314,7 +312,7 @@ def report(
     quiet: Quiet = False,
 ) -> None:
     """Build the page of a result again, or compare several runs."""
-    with _exit_status():
+    with exit_status():
         raise_all(
             [*page_faults(folders, out), *(unwritable(figures, "--figures") if figures else ())]
         )
@@ -329,7 +327,7 @@ def report(
 @app.command()
 def check(config: Config, set_: Set = [], quiet: Quiet = False) -> None:  # noqa: B006
     """Validate a configuration and print all it comes to; the output is itself one."""
-    with _exit_status():
+    with exit_status():
         from .configuration.description import describe, describe_plan
         from .configuration.simulated import build_model
         from .configuration.study import is_study, read_study
@@ -351,7 +349,7 @@ def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = Fals
     """List models, problems, algorithms, effects and calculations, plugins included."""
     from . import registry
 
-    with _exit_status():
+    with exit_status():
         groups = registry.listing() | {"elementary_errors": _elementary_errors()}
         if json_:
             typer.echo(json.dumps(groups, indent=2))
@@ -393,26 +391,3 @@ def _collected(read: Callable[[], Result], faults: list[Fault]) -> Result:
         return read()
     except InputError as error:
         raise InputError([*error.faults, *faults]) from None
-
-
-def _warned(message: Warning | str, *_: object, **__: object) -> None:
-    """What a model warns of, in a line without the place in the code."""
-    typer.echo(f"warning: {message}", err=True)
-
-
-@contextmanager
-def _exit_status() -> Iterator[None]:
-    """Errors as lines on stderr and an exit status, never a traceback for what we foresee."""
-    try:
-        with warnings.catch_warnings():
-            warnings.showwarning = _warned
-            yield
-    except TolevoError as error:
-        typer.echo(str(error), err=True)
-        raise typer.Exit(error.exit_status) from None
-    except KeyboardInterrupt:
-        typer.echo("interrupted: nothing more is written", err=True)
-        raise typer.Exit(INTERRUPTED) from None
-    except OSError as error:
-        typer.echo(f"failed: {error}", err=True)
-        raise typer.Exit(1) from None

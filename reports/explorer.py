@@ -26,7 +26,7 @@ SKELETON = """<div id="explorer" class="explorer" hidden>
 <div id="controls"></div>
 <fieldset id="worth"><legend>What is it worth?</legend></fieldset>
 </div>
-<div id="detail" aria-live="polite"></div>
+<div id="detail"><h3 aria-live="polite"></h3><div id="allocation"></div></div>
 </div>"""
 WITHOUT = (
     "The front cannot be looked into here: plotly is not installed "

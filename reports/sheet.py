@@ -56,9 +56,8 @@ def _fill(sheet: Worksheet, frame: pd.DataFrame) -> None:
     table = [list(map(str, frame.columns)), *map(list, zip(*columns, strict=True))]
     for at, row in enumerate(table, start=1):
         for place, value in enumerate(row, start=1):
-            cell = sheet.cell(at, place)
             known = _cell(value)
-            cell.value = known
+            cell = sheet.cell(at, place, known)
             if isinstance(known, str):
                 cell.data_type = "s"  # a text that begins with = is no formula
             if at == 1:

@@ -26,7 +26,9 @@ def dumped(result: Any) -> str:
     }
     hints = _hints(type(result))
     plain = {
-        one.name: TypeAdapter(hints[one.name]).dump_python(getattr(result, one.name), mode="json")
+        one.name: TypeAdapter(hints[one.name]).dump_python(
+            getattr(result, one.name), mode="json", fallback=_plain, warnings="none"
+        )
         for one in fields(result)
         if not _is_frame(hints[one.name])
     }

@@ -174,14 +174,15 @@
   function show() {
     const reference = found.references[state.against] || null;
     const output = found.contributions.length ? found.contributions[0] : null;
-    const parts = [element("h3", headline(found, state.at)), element("p", distance(found, state.at))];
+    const parts = [element("p", distance(found, state.at))];
     if (output) {
       parts.push(element("p", `Contribution: share of each free tolerance in ${output.output}`
         + (output.explained === output.output ? "." : `, by ${output.explained}.`), { class: "hint" }));
     }
     const scroll = element("div", "", { class: "scroll", tabindex: "0", role: "region", "aria-label": "allocation" });
     scroll.append(allocationTable(found, state.at, reference));
-    detail.replaceChildren(...parts, scroll);
+    detail.querySelector("h3").textContent = headline(found, state.at);
+    detail.querySelector("div").replaceChildren(...parts, scroll);
     along.value = String(state.at);
     along.setAttribute("aria-valuetext", headline(found, state.at));
     const own = found.choices.find((one) => one.row === found.rows[state.at]);

@@ -146,9 +146,7 @@ def test_a_click_on_a_point_shows_its_allocation(seen: Watched) -> None:
     )
     seen.page.mouse.move(*place)
     seen.page.mouse.click(*place)
-    seen.page.wait_for_function(
-        "document.querySelector('#detail h3').innerText.startsWith('Point 30')"
-    )
+    seen.page.wait_for_selector("#detail h3:has-text('Point 30')")
     ring = seen.page.evaluate("document.querySelector('.plot').data.at(-1).y[0]")
     assert ring == pytest.approx(4.0 * (0.25 / 4.0) ** 0.75, rel=1e-4)
     assert seen.wrong == []
@@ -157,7 +155,7 @@ def test_a_click_on_a_point_shows_its_allocation(seen: Watched) -> None:
 def test_the_allocation_is_copied_as_csv(seen: Watched) -> None:
     seen.page.select_option("#named", "choice0")
     seen.page.click("#copy")
-    seen.page.wait_for_function("document.querySelector('#said').innerText.includes('copied')")
+    seen.page.wait_for_selector("#said:has-text('copied')")
     text = seen.page.evaluate("navigator.clipboard.readText()")
     assert text.splitlines() == [
         "name,unit,value,rounded", "a_um,um,1,1.25", f"{EVIL},um,2,2.5", "cost,,1,",

@@ -1,0 +1,36 @@
+"""How a command ends: exit status, and errors as lines without a traceback."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import typer
+
+from .errors import TolevoError
+
+INTERRUPTED = 130
+
+
+def _warned(message: Warning | str, *_: object, **__: object) -> None:
+    """What a model warns of, in a line without the place in the code."""
+    typer.echo(f"warning: {message}", err=True)
+
+
+@contextmanager
+def exit_status() -> Iterator[None]:
+    """Errors as lines on stderr and an exit status, never a traceback for what we foresee."""
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _warned
+            yield
+    except TolevoError as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(error.exit_status) from None
+    except KeyboardInterrupt:
+        typer.echo("interrupted: nothing more is written", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+    except OSError as error:
+        typer.echo(f"failed: {error}", err=True)
+        raise typer.Exit(1) from None
