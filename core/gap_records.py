@@ -293,8 +293,9 @@ class GapResult:
     effects `O_corrected`, the residuals (measured less predicted) `O_before` and `O_after`, both on
     rows the fit never saw (`O_before_held_out`, `O_after_held_out`), and the noise `O_noise`.
     `spectrum` has the columns output, order, before, after, threshold (amplitudes in the unit of
-    the output). `units` holds the distributions of a batch: output, share, and the value that this
-    share of the units stays below, measured, and drawn from the model before and after.
+    the output). `units` holds the distributions of a batch (empty without one): output, share, and
+    the value that this share of the units stays below, measured, and drawn from the model before
+    and after.
     `gap_before`, `gap_after` and `noise_floor` hold one number per output, and `total` in noise
     units.
     """
@@ -315,8 +316,8 @@ class GapResult:
     gap_after: Mapping[str, float]
     residuals: pd.DataFrame
     spectrum: pd.DataFrame
+    units: pd.DataFrame
     summary: Mapping[str, Any]
-    units: pd.DataFrame | None = None
     notes: tuple[str, ...] = ()
     configuration: str = field(default="", repr=False)
     corrected: str = field(default="", repr=False)

@@ -7,9 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
-    from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,54 +129,6 @@ class StudyResult:
     verdicts: tuple[Verdict, ...] = ()
     notes: tuple[str, ...] = ()
     configuration: str = field(default="", repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class Chart:
-    """How a table is drawn: columns `y` over column `x`, as "lines", "points" or "histogram".
-
-    A histogram has the lower edges of its bins in `x` and the last upper edge in a last row of
-    height 0. `marks` are lines across the drawing at a value of `x`, by what they mean.
-    """
-
-    kind: str
-    x: str
-    y: tuple[str, ...]
-    marks: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class ComputedTable:
-    """A table of a calculation: one array (n,) of numbers or of text per column."""
-
-    name: str
-    meaning: str
-    columns: tuple[Axis, ...]
-    values: tuple[NDArray[np.generic], ...]
-    chart: Chart | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Document:
-    """A document whose claims are recomputed: its short name, title and where it is published."""
-
-    name: str
-    title: str
-    reference: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class ClaimsResult:
-    """Claims of documents with their verdicts.
-
-    `table` is `claims.csv`, `counts` the number of claims by document and verdict, `tables` those
-    of the calculations by the stem of their file.
-    """
-
-    documents: tuple[Document, ...]
-    table: pd.DataFrame
-    counts: pd.DataFrame
-    tables: Mapping[str, ComputedTable]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,16 +6,15 @@ import json
 from collections.abc import Mapping
 from dataclasses import fields
 from importlib.metadata import version
-from typing import Any, TypeVar, get_type_hints
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 import pandas as pd
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 NAME = "page.json"
 FORMAT = 1
 Result = TypeVar("Result")
-_CONFIG = ConfigDict(arbitrary_types_allowed=True, ser_json_inf_nan="constants")
 
 
 def dumped(result: Any) -> str:
@@ -31,7 +30,7 @@ def dumped(result: Any) -> str:
             getattr(result, one.name), mode="json", fallback=_plain, warnings="none"
         )
         for one in fields(result)
-        if one.name not in tables
+        if not _is_frame(hints[one.name])
     }
     head = {"kind": type(result).__name__, "format": FORMAT, "version": version("tolevo")}
     return json.dumps(head | {"fields": plain, "tables": tables}, default=_plain) + "\n"
@@ -42,13 +41,16 @@ def loaded(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list
 
     Those are empty in the record.
     """
-    hints, bad, values = _hints(kind), [], {}
+    hints, bad = _hints(kind), list[str]()
+    values = dict[str, Any]()
     plain, tables = (_object(content, name) for name in ("fields", "tables"))
     for one in fields(kind):  # type: ignore[arg-type]
         hint = hints[one.name]
         try:
-            if hint is pd.DataFrame:
+            if _is_frame(hint) and (hint is pd.DataFrame or one.name in tables):
                 values[one.name] = _frame(tables[one.name])
+            elif _is_frame(hint):
+                values[one.name] = None
             else:
                 adapter = TypeAdapter(hint)
                 values[one.name] = adapter.validate_python(plain[one.name])
@@ -56,6 +58,10 @@ def loaded(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list
             bad.append(one.name)
             values[one.name] = _empty(hint)
     return kind(**values), bad
+
+
+def _is_frame(hint: Any) -> bool:
+    return hint is pd.DataFrame or pd.DataFrame in get_args(hint)
 
 
 def _plain(value: Any) -> Any:

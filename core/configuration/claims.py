@@ -9,8 +9,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from ..claim_records import Document
 from ..errors import Fault, raise_all
-from ..records import Document
 from ..section import Range, Section, shown
 from ..units import dimension
 from ..workflows.reproduce.claims import RELATIONS, Claim, ClaimsFile, Reading

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...records import Axis, Chart, ClaimsResult, ComputedTable
+from ...claim_records import Chart, ClaimsResult, ComputedTable
+from ...records import Axis
 from ..drawing import axis_label, new_figure, plain
 
 COLOURS = ("#1f5fa8", "#c4501b", "#2b7a3d", "#7b3fa0", "#8a6d00", "#b0245f")

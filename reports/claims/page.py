@@ -7,7 +7,7 @@ from html import escape
 
 import pandas as pd
 
-from ...records import ClaimsResult, ComputedTable, Document
+from ...claim_records import ClaimsResult, ComputedTable, Document
 from ..document import document, picture, section
 from ..tables import shown, table
 from .figures import figures

@@ -18,7 +18,7 @@ LINES = (
 
 def distribution_figure(result: GapResult, output: Axis) -> Figure | None:
     """Shares of units below a value; None where the model is of no population."""
-    if result.units is None or output.name not in set(result.units.get("output", ())):
+    if output.name not in set(result.units.get("output", ())):
         return None
     rows = result.units[result.units["output"] == output.name].sort_values("share")
     figure = new_figure(height=3.6)

@@ -153,7 +153,7 @@ def _beside(codes: NDArray[np.intp]) -> NDArray[np.float64]:
 
 def _titles(row: Sequence[Axes], result: GapResult, output: Axis) -> None:
     """Each column's RMSE on rows that the fit never saw; of a population its distributions tell."""
-    units = result.units is not None and len(result.units) > 0
+    units = len(result.units) > 0
     for axes, mark, gaps in zip(row, (BEFORE, AFTER), (result.gap_before, result.gap_after),
                                 strict=True):  # fmt: skip
         error = None if units else gaps.get(output.name)

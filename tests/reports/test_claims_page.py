@@ -1,14 +1,18 @@
 """Page and figures of claims, from a result made by hand."""
 
+import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from tolevo.records import Axis, Chart, ClaimsResult, ComputedTable, Document
+from tolevo.claim_records import Chart, ClaimsResult, ComputedTable, Document
+from tolevo.records import Axis
 from tolevo.reports.claims import claims_page, figures
 from tolevo.reports.drawing import as_svg
+from tolevo.workflows import page_data
 
 EVIL = "<script>alert('x')</script>"
 HISTOGRAM = ComputedTable(
@@ -94,3 +98,15 @@ def test_lines_are_named(result: ClaimsResult) -> None:
     (axes,) = figures(result)[1].figure.axes
     assert [line.get_label() for line in axes.lines] == ["a", "b"]
     assert axes.get_xlabel() == "x [mm]"
+
+
+def test_the_page_is_built_again_from_what_is_stored(result: ClaimsResult) -> None:
+    odd = np.array([np.nan, np.inf, -0.1])
+    extra = replace(LINES, name="odd", values=(np.arange(3), odd, -odd, np.array(["", "a", "é"])))
+    whole = replace(result, tables={**result.tables, "odd": extra})
+    again, bad = page_data.loaded(ClaimsResult, json.loads(page_data.dumped(whole)))
+    assert not bad
+    assert claims_page(again) == claims_page(whole)
+    for one, other in zip(again.tables["odd"].values, extra.values, strict=True):
+        np.testing.assert_array_equal(one, other)
+        assert one.dtype == other.dtype

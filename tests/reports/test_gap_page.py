@@ -91,6 +91,7 @@ def result() -> GapResult:
         gap_after={"te_arcsec": 1.01, "total": 1.01},
         residuals=readings(),
         spectrum=spectrum(),
+        units=pd.DataFrame(),
         summary={"verdict": "ambiguous", "seed": 0},
         notes=("Noise was estimated.",),
         configuration='model = "rv_transmission"\n',

@@ -195,6 +195,16 @@ def test_steps_tell_what_the_mixture_did() -> None:
     assert numbers["offset_arcmin"].low < step < numbers["offset_arcmin"].high
 
 
+def test_a_drift_that_hides_a_mixture_goes() -> None:
+    """More units of the second supplier at the end, by chance: the drift is named first."""
+    table = units(120, seed=20)
+    second = np.random.default_rng(217)
+    table[BACKLASH] = mixed(3.5, 0.3)(table[BACKLASH], second)
+    result = analysed(table)
+    assert ("add", "tool_wear_drift") in [(one.action, one.name) for one in result.steps]
+    assert result.names == ("lot_mixture",)
+
+
 def test_the_shift_goes_before_its_twins() -> None:
     """The gauge is its twin, and without a thermometer so is a warmer disc."""
     result = found("shifted")

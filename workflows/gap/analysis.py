@@ -195,16 +195,15 @@ def _beside_scatter(
 ) -> tuple[Ground, Selection, tuple[Scatter, ...]]:
     """The names once more beside what changes the scatter: a mixture moves the mean itself."""
     ground, before = bare, found
-    batch = bare.batch
-    wider = _beside_any(bare, found.fit)
+    fit, wider = _beside_any(bare, bare, found.fit)
     for _ in range(ROUNDS if wider else 0):
         ground = bare.with_scatter(wider[0])
         names, found = found.fit.names, select(ground.search)
-        again = scatter(batch, found.fit)
-        if not again:  # what widened the units was a name that is no longer there
-            return bare, before, wider[:0]
-        wider = again
-        if found.fit.names == names:
+        fit, wider = _beside_any(bare, ground, found.fit)
+        found = replace(found, fit=fit)
+        if not wider:  # what widened the units was a name that is no longer there
+            return bare, before, ()
+        if fit.names == names:
             break
     if wider:
         ground, best = bare.with_scatter(wider[0]), wider[0]
@@ -214,22 +213,26 @@ def _beside_scatter(
     return ground, found, wider
 
 
-def _beside_any(bare: Ground, fit: Fit) -> tuple[Scatter, ...]:
+def _beside_any(bare: Ground, ground: Ground, fit: Fit) -> tuple[Fit, tuple[Scatter, ...]]:
     """What changes the scatter beside all names, all but one, or none: where that is likeliest.
 
     A name that took the mean of a mixture for its own hides the mixture.
     """
     if not bare.setup.laws:
-        return ()
+        return fit, ()
     fewer = [fit.without(at) for at in range(len(fit.members))]
-    tried = [fit, *(bare.search.fitter.fit(one) for one in fewer)]
-    tried += [bare.empty] if len(fewer) > 1 else []
-    best: tuple[float, tuple[Scatter, ...]] = (bare.batch.plain(fit), ())
+    tried = [fit, *(ground.search.fitter.fit(one) for one in fewer)]
+    tried += [ground.empty] if len(fewer) > 1 else []
+    best: tuple[float, Fit, tuple[Scatter, ...]] = (bare.batch.plain(fit), fit, ())
     for one in tried:
         found = scatter(bare.batch, one)
         score = found[0].score + bare.batch.price(one) if found else np.inf
-        best = min(best, (score, found), key=lambda pair: pair[0])
-    return best[1]
+        if score < best[0]:
+            best = (score, one, found)
+    _, fit, found = best
+    if found and (members := bare.batch.with_level(fit, found[0])) != fit.members:
+        fit = ground.search.fitter.fit(members)
+    return fit, found
 
 
 def searching(

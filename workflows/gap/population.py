@@ -21,7 +21,7 @@ from ...models.measurable import Role
 from .ambiguity import INSTRUMENT
 from .blocks import Improvement
 from .distance import distance, floor
-from .fit import Fit
+from .fit import Fit, Member
 from .law import Law
 from .library import Candidate, carried
 from .likelihood import Kind, half_widths, kind_of, threshold
@@ -127,6 +127,14 @@ class Batch:
         x = units.centred if moved else units.x
         level = float(np.log(len(x))) if moved else 0.0
         return self.price(fit) + level - 2.0 * float(units.law(x).sum())
+
+    def with_level(self, fit: Fit, one: Scatter) -> tuple[Member, ...]:
+        """The members of a fit with the name that moves all units only where `one` needs it."""
+        if any(name in self.levels for name in fit.names) == bool(one.beside):
+            return fit.members
+        others = tuple(member for member in fit.members if member.name not in self.levels)
+        level = tuple(member for member in self.search.book.members if member.name == one.beside)
+        return (*others, *level)
 
     def units(self, fit: Fit) -> Units:
         """The units that count beside what moves each of them by its own amount."""

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
+from ...claim_records import ClaimsResult
 from ...errors import Fault, raise_all
 from ...files import write_bytes, write_text
 from ...gap_records import GapResult
@@ -107,6 +108,8 @@ class Page(NamedTuple):
 
 def _pages() -> Mapping[str, Page]:
     """By kind of result what builds its page."""
+    from ...reports.claims import claims_page
+    from ...reports.claims import figures as claims_figures
     from ...reports.gap import page as gap
     from ...reports.study import figures, study_page
 
@@ -117,6 +120,11 @@ def _pages() -> Mapping[str, Page]:
             StudyResult,
             lambda result, _: study_page(result),
             lambda result: {one.name: one.figure for one in figures(result)},
+        ),
+        "reproduce": Page(
+            ClaimsResult,
+            lambda result, _: claims_page(result),
+            lambda result: {one.name: one.figure for one in claims_figures(result)},
         ),
     }
 

@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from ...claim_records import Chart, ComputedTable
 from ...declarations import Output, Parameter, Value
 from ...errors import Fault
-from ...records import Chart, ComputedTable
 
 __all__ = ["Calculation", "Chart", "Computed", "ComputedTable", "Quantity"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...records import Document
+from ...claim_records import Document
 from .recipes.recipe import Recipe
 
 RELATIONS = ("equal", "at_least", "at_most", "above", "below", "within")

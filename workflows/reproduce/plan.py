@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...records import ClaimsResult
+from ...claim_records import ClaimsResult
 from .claims import ClaimsFile
 
 

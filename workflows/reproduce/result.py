@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...records import ClaimsResult, ComputedTable
+from ...claim_records import ClaimsResult, ComputedTable
 from .claims import Claim
 from .plan import ReproducePlan
 from .task import Checked, ClaimTask

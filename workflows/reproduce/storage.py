@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from ...claim_records import Chart, ComputedTable
 from ...files import write_text
-from ...records import Axis, Chart, ComputedTable
+from ...records import Axis
 from .task import Checked, ClaimTask
 from .verdict import Outcome, Verdict, Word
 

@@ -9,8 +9,8 @@ from math import isfinite
 
 import numpy as np
 
+from ...claim_records import ComputedTable
 from ...errors import InputError, ModelError
-from ...records import ComputedTable
 from ...units import converted
 from ..study.execution import pinned
 from .calculation import Quantity

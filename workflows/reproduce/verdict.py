@@ -65,8 +65,8 @@ def outcome(claim: Claim, reading: Reading, quantities: Sequence[Quantity]) -> O
         computed,
         tuple(one.standard_error for one in quantities),
         deviation,
-        all(_excess(claim, value, away) <= 0.0
-            for value, away in zip(computed, deviation, strict=True)),
+        all(_excess(claim, value, away) <= 0.0 and _clear(claim, away, one.standard_error)
+            for value, away, one in zip(computed, deviation, quantities, strict=True)),
     )  # fmt: skip
 
 
@@ -123,6 +123,11 @@ def _excess(claim: Claim, value: float, away: float) -> float:
             return abs(away) - slack
 
 
+def _clear(claim: Claim, away: float, error: float) -> bool:
+    """Whether a sampled value is above or below by more than chance; other relations do not ask."""
+    return claim.relation not in ("above", "below") or abs(away) >= DOUBT * error
+
+
 def _doubtful(claim: Claim, found: Outcome) -> list[bool]:
     """Whether each value lies so near to its limit that chance decides."""
     return [
@@ -156,6 +161,13 @@ def _comparison(claim: Claim, found: Outcome) -> str:
         limit = with_unit((claim.tolerance,), claim.unit)
         return f"{computed} differs from {printed} by {away}, {near} the tolerance of {limit}"
     words = claim.relation.replace("_", " ")
+    if not found.holds and all(
+        _excess(claim, value, one) <= 0.0
+        for value, one in zip(found.computed, found.deviation, strict=True)
+    ):
+        errors = with_unit(found.standard_error, claim.unit)
+        return (f"{computed} is {words} {printed} by {away}, which is less than two standard "
+                f"errors ({errors})")  # fmt: skip
     return f"{computed} is {'' if found.holds else 'not '}{words} {printed} (by {away})"
 
 

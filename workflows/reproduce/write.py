@@ -7,13 +7,14 @@ from typing import Any
 
 import pandas as pd
 
+from ...claim_records import ClaimsResult, ComputedTable
 from ...files import write_bytes, write_text
-from ...records import ClaimsResult, ComputedTable
 from ...reports.claims import claims_page, figures
 from ...reports.drawing import as_png, as_svg
+from .. import page_data
 from ..run.write import as_json
 
-FILES = ("claims.csv", "claims.json", "report.html")
+FILES = ("claims.csv", "claims.json", page_data.NAME, "report.html")
 TABLES, FIGURES = "tables", "figures"
 
 
@@ -30,6 +31,7 @@ def write(result: ClaimsResult, folder: Path) -> None:
         (folder / FIGURES).mkdir(exist_ok=True)
         write_bytes(folder / FIGURES / f"{one.name}.png", as_png(one.figure))
         write_bytes(folder / FIGURES / f"{one.name}.svg", as_svg(one.figure))
+    write_text(folder / page_data.NAME, page_data.dumped(result))
     write_text(folder / "report.html", claims_page(result))
 
 

@@ -96,6 +96,16 @@ def test_chance_is_told_where_it_may_turn_the_verdict(error: float, told: bool) 
     assert ("another draw" in verdict(PLAIN, [found]).reason) is told
 
 
+@pytest.mark.parametrize(("error", "word"), [(0.04, Word.REPRODUCED), (0.06, Word.NOT_REPRODUCED)])
+def test_above_is_above_by_more_than_chance(error: float, word: Word) -> None:
+    """2.1 is above 2 by 0.1: more than two standard errors of 0.04, less than two of 0.06."""
+    claim = replace(PLAIN, printed=(2.0,), relation="above", tolerance=0.0)
+    found = outcome(claim, Reading(Constant(0.0, "mm")), [Quantity(2.1, "mm", error)])
+    reached = verdict(claim, [found])
+    assert reached.word == word
+    assert ("less than two standard errors (0.06 mm)" in reached.reason) is not found.holds
+
+
 def test_lost_data_cannot_be_checked() -> None:
     claim = replace(PLAIN, lost="the table is cut off", why="a copy")
     found = check(ClaimTask("k", 0, 0, claim, 0)).verdict

@@ -9,9 +9,9 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from ....claim_records import ComputedTable
 from ....errors import ModelError
 from ....models.expressions import Formula
-from ....records import ComputedTable
 from ....units import converted
 from ..calculation import Quantity
 from .recipe import Found, Recipe

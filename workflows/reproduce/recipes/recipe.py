@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ....records import ComputedTable
+from ....claim_records import ComputedTable
 from ..calculation import Quantity
 
 
