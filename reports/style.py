@@ -39,6 +39,11 @@ td.bars { min-width: 10rem; white-space: nowrap; }
 .bar .own { background: var(--front); }
 .bar .other { background: repeating-linear-gradient(45deg, var(--ink) 0 2px, transparent 2px 5px); }
 tbody th { font-weight: normal; }
+@media (max-width: 700px) {
+  #detail table { font-size: 0.78rem; }
+  #detail th, #detail td { padding: 0.2rem 0.25rem; }
+  td.bars { min-width: 4.5rem; }
+}
 @media (min-width: 1000px) {
   .explorer { grid-template-columns: minmax(0, 3fr) minmax(0, 2fr); }
   .explorer > .hint, #detail { grid-column: 1 / -1; }

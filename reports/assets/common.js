@@ -42,6 +42,19 @@ function narrow() {
   return window.innerWidth < NARROW;
 }
 
+// A name as the legend of a narrow screen has room for it: in lines.
+function entry(name) {
+  const words = plain(name).split(" ");
+  if (!narrow()) return words.join(" ");
+  const lines = [""];
+  for (const word of words) {
+    const last = lines[lines.length - 1];
+    if (last && last.length + word.length > 34) lines.push(word);
+    else lines[lines.length - 1] = last ? `${last} ${word}` : word;
+  }
+  return lines.join("<br>");
+}
+
 // `names` are those of the legend: long ones take a line each.
 function layout(x, y, names) {
   const one = narrow() || names.some((name) => name.length > 42);
@@ -51,7 +64,8 @@ function layout(x, y, names) {
     title: { text: plain(text), standoff: 8 }, gridcolor: line, zeroline: false, linecolor: ink,
     automargin: true, ticks: "outside", tickcolor: line,
   });
-  const below = 20 * (one ? names.length : Math.ceil(names.length / 2));
+  const lines = names.reduce((sum, name) => sum + name.split("<br>").length, 0);
+  const below = 20 * (one ? lines : Math.ceil(names.length / 2));
   return {
     height: 410 + below,
     margin: { l: 55, r: 12, t: 12, b: 70 + below },

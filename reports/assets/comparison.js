@@ -14,7 +14,7 @@
   function trace(run, at, a, b) {
     const colour = tone(["--front", ...HUES][at % (HUES.length + 1)]);
     return {
-      type: "scatter", mode: size === 2 ? "lines+markers" : "markers", name: plain(`${run.label}, ${run.aims[a].length} points`),
+      type: "scatter", mode: size === 2 ? "lines+markers" : "markers", name: entry(`${run.label}, ${run.aims[a].length} points`),
       x: run.aims[a], y: run.aims[b], line: { width: 1, dash: DASHES[at % DASHES.length], color: colour },
       marker: { size: 6, symbol: ["circle", ...SYMBOLS][at % (SYMBOLS.length + 1)] + (at % 2 ? "-open" : ""), color: colour },
     };
@@ -22,5 +22,5 @@
 
   drawn(() => planes.forEach(({ pair: [a, b], div }) => Plotly.react(
     div, found.runs.map((run, at) => trace(run, at, a, b)),
-    layout(title(found.objectives[a]), title(found.objectives[b]), found.runs.map((run) => run.label)), CONFIG)));
+    layout(title(found.objectives[a]), title(found.objectives[b]), found.runs.map((run) => entry(run.label))), CONFIG)));
 })();

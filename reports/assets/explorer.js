@@ -32,7 +32,7 @@
   }
 
   function marks(name, x, y, marker, more) {
-    return { type: "scatter", mode: "markers", name: plain(name), x, y, marker, ...more };
+    return { type: "scatter", mode: "markers", name: entry(name), x, y, marker, ...more };
   }
 
   // Thousands of markers take seconds to draw: a long front is a line alone (its points can be
@@ -113,7 +113,7 @@
       y.push(...scaledLine(found.aims.map((column) => column[at])), null);
       whose.push(...axes.map(() => at), null);
     }
-    const line = (name, values, dash, width, colour) => ({ type: "scatter", mode: "lines+markers", name: plain(name),
+    const line = (name, values, dash, width, colour) => ({ type: "scatter", mode: "lines+markers", name: entry(name),
       x: axes, y: scaledLine(values), line: { dash, width, color: colour }, marker: { size: 7 }, hoverinfo: "name" });
     return [
       { type: "scatter", mode: "lines+markers", name: `front, every ${step}. of ${count} points`, x, y, customdata: whose,
