@@ -148,6 +148,15 @@ def test_tables_and_page(done: Path) -> None:
     assert page.count("<tr class=mark>") == 1
 
 
+def test_the_page_is_built_again(done: Path, tmp_path: Path) -> None:
+    found = tolevo("report", done, "--out", tmp_path / "again.html", "--figures", tmp_path / "f")
+    assert found.exit_code == 0, found.output
+    assert (tmp_path / "again.html").read_bytes() == (done / "report.html").read_bytes()
+    assert {one.name for one in (tmp_path / "f").iterdir()} == {
+        one.name for one in (done / "figures").glob("*")
+    }
+
+
 def test_workers_change_no_byte(done: Path, paper: Path, tmp_path: Path) -> None:
     # two fresh processes take some seconds to load their libraries
     found = tolevo("reproduce", paper, "--out", tmp_path / "b", "--workers", 2, "--quiet")
