@@ -164,8 +164,12 @@ def test_interrupt_writes_what_was_found(tmp_path: Path) -> None:
 
 def test_gains_at_equal_performance_and_at_equal_cost() -> None:
     front = np.array([[1.0, 4.0], [2.0, 2.0], [4.0, 1.0]])
-    assert gains(np.array([4.0, 2.0]), front) == pytest.approx([50.0, 50.0])
-    assert np.isnan(gains(np.array([0.5, 0.5]), front)).all()
+    none = np.zeros(2)
+    assert gains(np.array([4.0, 2.0]), front, none) == pytest.approx([50.0, 50.0])
+    assert np.isnan(gains(np.array([0.5, 0.5]), front, none)).all()
+    reached = np.array([4.0, 2.0 - 1e-9])  # the last digits of an optimiser are no difference
+    assert gains(reached, front, none)[0] == pytest.approx(0.0)
+    assert gains(reached, front, np.full(2, 1e-6))[0] == pytest.approx(50.0)
 
 
 def test_knee_is_farthest_from_the_chord() -> None:

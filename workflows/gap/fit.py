@@ -103,7 +103,9 @@ class Fitter:
         found, *_ = np.linalg.lstsq(x / size, self.y, rcond=1e-9)
         found = found / size
         if (found < low).any() or (found > high).any():
-            found = optimize.lsq_linear(x / size, self.y, (low * size, high * size)).x / size
+            q, r = np.linalg.qr(x / size)
+            ends = (low * size, high * size)
+            found = optimize.lsq_linear(r, q.T @ self.y, ends, method="bvls").x / size
         residual = self.y - x @ found
         sizes = [part.shape[1] for part in parts]
         split = np.split(found, np.cumsum([self.base.shape[1], *sizes])[:-1])

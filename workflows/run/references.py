@@ -21,6 +21,8 @@ from .proofs import Exact, exact_front
 Array = NDArray[np.float64]
 DISTANCE = "distance_to_front"
 """Column: from a reference to the nearest front point, in sides of the box of the hypervolume."""
+ALIKE = 1e-6
+"""Difference of two values, in sides of the box, that counts as none: an optimiser's last digits."""
 GA_BUDGET = Budget(generations=120)
 """Budget of the single-objective reference, with the GA's default settings."""
 
@@ -175,7 +177,7 @@ def compare(
             other = relaxed.get(str(row["label"])) if prefix else front
             own = np.array([float(row[name]) for name in names])
             values = np.empty((0, len(names))) if other is None else other[names].to_numpy()
-            rows.append(gains(own, values))
+            rows.append(gains(own, values, ALIKE * (nadir - ideal)))
             apart.append(distance(own, values, nadir - ideal))
         found[prefix + DISTANCE] = apart
         for at, name in enumerate(names):
@@ -198,14 +200,15 @@ def gain_column(objective: str) -> str:
     return "cost_saving_percent" if objective == "cost" else f"{objective}_gain_percent"
 
 
-def gains(own: Array, front: Array) -> list[float]:
+def gains(own: Array, front: Array, alike: Array) -> list[float]:
     """Gain in percent per objective at equal or better other objectives.
 
-    NaN where none is, and where the own value is 0.
+    Values that differ by no more than `alike` (objectives,) are equal. NaN where none is, and where
+    the own value is 0.
     """
     found = []
     for at in range(len(own)):
-        others = np.delete(front, at, axis=1) <= np.delete(own, at)
+        others = np.delete(front, at, axis=1) <= np.delete(own + alike, at)
         best = front[np.all(others, axis=1), at]
         known = len(best) > 0 and own[at] != 0.0
         found.append(100.0 * (own[at] - best.min()) / abs(own[at]) if known else np.nan)
