@@ -179,6 +179,7 @@ def test_outliers_are_counted_and_do_not_count(tmp_path: Path) -> None:
 def test_prediction_that_copies_the_measurement(tmp_path: Path) -> None:
     frame = bench()
     assert "is a copy of te" in refused(tmp_path, frame.assign(te_predicted=frame["te"]))
+    assert "is a copy of te" in refused(tmp_path, frame.assign(te_predicted=frame["te"] - 3.3))
 
 
 @pytest.mark.parametrize("content", ["", "torque,warmth,clock,te,te_predicted\n"])

@@ -159,7 +159,7 @@ def _summary(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -
         "data_hash": data.digest,
         "rows": len(data),
         "rows_used": len(end.setup.data),
-        "library": [one.name for one in end.setup.library],
+        "library": [one.name for one in (*end.setup.library, *end.setup.on_scatter)],
         "threshold": end.analysis.search.thresholds.library,
         "false_rate": settings.false_rate,
         "practical_limit": settings.practical_limit,

@@ -69,7 +69,8 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
         return None, faults
     there = tuple(c for c in columns if c.name in frame)
     notes += [
-        f"no column {c.name} ({c.meaning}): what depends on it cannot be seen"
+        f"no column {c.name} ({c.meaning}): what depends on it cannot be seen, and "
+        "where it varied another effect may be named instead"
         for c in columns
         if c.name not in frame and c not in (TIME, REPEAT)
     ]
@@ -235,7 +236,9 @@ def _measured_faults(
         found.append(Fault(f"{place}: column {name}", text))
     if prediction in frame:
         both = frame[[name, prediction]].dropna()
-        if len(both) and alike(both[name], both[prediction]):
+        left = (both[name] - both[prediction]).to_numpy()
+        moved = len(both) > 1 and np.ptp(left) <= SAME * np.abs(values).max()
+        if moved or (len(both) and alike(both[name], both[prediction])):
             text = f"is a copy of {name}: a prediction comes from the simulation, not from the data"
             found.append(Fault(f"{place}: column {prediction}", text))
     return found

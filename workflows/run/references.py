@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 DISTANCE = "distance_to_front"
 """Column: from a reference to the nearest front point, in sides of the box of the hypervolume."""
 ALIKE = 1e-6
-"""Difference of two values, in sides of the box, that counts as none: an optimiser's last digits."""
+"""Difference of two values, in sides of the box, that is none: an optimiser's last digits."""
 GA_BUDGET = Budget(generations=120)
 """Budget of the single-objective reference, with the GA's default settings."""
 
