@@ -152,8 +152,6 @@ def test_stagger_of_section_2() -> None:
     value = numbers(found)
     assert value["without_above_limit_percent"] == pytest.approx(11.45, abs=0.01)
     assert value["contact_by_turn_arcmin"] == pytest.approx(0.4, rel=1e-6)
-    assert value["contact_by_delta_each_arcmin"] == pytest.approx(0.2, rel=1e-6)
-    assert value["contact_by_delta_between_arcmin"] == pytest.approx(0.1, rel=1e-6)
     assert value["contact_by_journals_arcmin"] == pytest.approx(0.4, rel=1e-3)
     assert value["hole_offset_um"] == pytest.approx(36e3 * np.radians(0.2 / 60.0), rel=1e-6)
     assert value["journal_phase_mrad"] == pytest.approx(39.0 * value["blank_angle_mrad"])

@@ -49,10 +49,6 @@ OUTPUTS = (
     output("journal_offset_um", "the same as a displacement of the journal's centre"),
     output("contact_by_turn_arcmin", "what the contact model says that turned discs take from the "
            "backlash of the discs"),
-    output("contact_by_delta_between_arcmin", "the same where delta' is the angle between the "
-           "discs"),
-    output("contact_by_delta_each_arcmin", "the same where delta' is the turn of each disc, one "
-           "ahead and one back"),
     output("contact_by_journals_arcmin", "the same of discs on journals ahead and behind"),
 )  # fmt: skip
 
@@ -150,20 +146,13 @@ def _contact(geometry: RvGeometry, given: Mapping[str, Value], delta: float) -> 
     phase = float(stagger.parts(geometry, np.array([turn])).journal_phase[0])
     ways = {
         "": PartErrors(),
-        "contact_by_turn_arcmin": _turned(turn),
-        "contact_by_delta_between_arcmin": _turned(0.5 * delta),
-        "contact_by_delta_each_arcmin": _turned(delta),
+        "contact_by_turn_arcmin": PartErrors(angle=np.array([[turn, -turn]])),
         "contact_by_journals_arcmin": PartErrors(crank_phase=np.array([[[-phase, phase]]])),
     }
     angles = 2.0 * np.pi / geometry.pins * np.arange(ANGLES) / ANGLES
     ratio = contact.geometry.output_ratio / ARCMIN
     play = {name: backlash(contact, one, angles).mean() * ratio for name, one in ways.items()}
     return {name: float(play[""] - one) for name, one in play.items() if name}
-
-
-def _turned(turn: float) -> PartErrors:
-    """One disc ahead by `turn` [rad], the other one back."""
-    return PartErrors(angle=np.array([[turn, -turn]]))
 
 
 def _sweep(sweep: Array, found: Propagated) -> ComputedTable:
