@@ -26,10 +26,10 @@ def claims_page(result: ClaimsResult) -> str:
     drawn = {one.name: picture(one.name.replace(".", "_"), one.figure, one.caption)
              for one in figures(result)}  # fmt: skip
     parts = [section("Verdicts", f"<p>{escape(MEANING)}</p>\n{_counts(result)}")]
-    parts.append(section("Not reproduced", _failed(result.table)))
-    # tables of `detail` have their whole height: long reasons need it
-    own = "\n".join(_document(one, result.table) for one in result.documents)
-    parts.append(f'<div id="detail">\n{own}\n</div>')
+    # tables in `detail` have their whole height: their reasons are long
+    own = [section("Not reproduced", _failed(result.table))]
+    own += [_document(one, result.table) for one in result.documents]
+    parts.append('<div id="detail">\n' + "\n".join(own) + "\n</div>")
     parts += [
         section(name.replace("_", " "), _calculation(one, drawn.get(name, "")))
         for name, one in result.tables.items()

@@ -270,10 +270,12 @@ def test_tables_are_those_of_the_reading_that_decides(paper: Path) -> None:
 CONTRADICTIONS = (
     "g5-as-printed", "bearing-clearance", "crankshafts-tighter", "base-directions",
     "involute-small", "sensitivity-pitch", "sensitivity-eccentricity", "ratio-chain-1",
+    "exceed-and-stagger",
 )  # fmt: skip
 """The printed clearance, the bearing clearance of the text, the crankshaft conclusion, and the same
 performance in all directions for errors fixed to the base; the involute stage as the smaller one,
-the sensitivities to pitch and to the eccentricity alone, and the ratio of chain 1."""
+the sensitivities to pitch and to the eccentricity alone, and the ratio of chain 1; and
+many units above the limit, none with the stagger, of one distribution."""
 HOLDING = {
     "k1": "reproduced",
     "involute-stable": "reproduced",
