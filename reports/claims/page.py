@@ -26,7 +26,10 @@ def claims_page(result: ClaimsResult) -> str:
     drawn = {one.name: picture(one.name.replace(".", "_"), one.figure, one.caption)
              for one in figures(result)}  # fmt: skip
     parts = [section("Verdicts", f"<p>{escape(MEANING)}</p>\n{_counts(result)}")]
-    parts += [_document(one, result.table) for one in result.documents]
+    # tables in `detail` have their whole height: their reasons are long
+    own = [section("Not reproduced", _failed(result.table))]
+    own += [_document(one, result.table) for one in result.documents]
+    parts.append('<div id="detail">\n' + "\n".join(own) + "\n</div>")
     parts += [
         section(name.replace("_", " "), _calculation(one, drawn.get(name, "")))
         for name, one in result.tables.items()
@@ -36,6 +39,19 @@ def claims_page(result: ClaimsResult) -> str:
 
 def _counts(result: ClaimsResult) -> str:
     return table(result.counts.rename_axis("document").reset_index())
+
+
+def _failed(claims: pd.DataFrame) -> str:
+    """The claims that do not hold, in short."""
+    own = claims[claims["verdict"] == "not reproduced"]
+    return table(pd.DataFrame({
+        "document": own["document"],
+        "claim": own["id"],
+        "printed": [_printed(row) for row in own.to_dict("records")],
+        "computed": own["computed"].map(_numbers),
+        "unit": own["unit"],
+        "reason": own["reason"],
+    }))  # fmt: skip
 
 
 def _document(one: Document, claims: pd.DataFrame) -> str:

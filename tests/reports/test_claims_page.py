@@ -72,6 +72,26 @@ def test_rows(result: ClaimsResult) -> None:
     assert "<td>about one</td>" in page
 
 
+def test_what_does_not_hold_stands_above_the_documents(result: ClaimsResult) -> None:
+    page = claims_page(result)
+    top = page[page.index("<h2>Not reproduced</h2>") : page.index("<h2>Document X")]
+    (row_,) = re.findall(r"<tr><td>(.*?)</tr>", top)
+    cells = re.findall(r"(?:<td[^>]*>|^)(.*?)</td>", row_)
+    assert cells[:5] == ["X", "bad", "1, 2", "1, 2.5", "mm"]
+    assert "&lt;script&gt;" in cells[5]
+
+
+def test_tables_of_claims_have_their_whole_height(result: ClaimsResult) -> None:
+    page = claims_page(result)
+    assert "#detail .scroll { max-height: none; }" in page
+    before, after = page.split('<div id="detail">')
+    assert "<h2>Document X" in after
+    assert "<h2>Not reproduced" in after
+    assert "<table" in before  # the counts alone
+    opened = after[: after.index("<h2>histogram")]  # tables of calculations stay in their boxes
+    assert opened.count("</div>") == opened.count("<div") + 1
+
+
 def test_page_needs_no_network_and_no_identifier_twice(result: ClaimsResult) -> None:
     page = claims_page(result)
     names = re.findall(r'\bid="([^"]+)"', page)

@@ -40,16 +40,17 @@ class Checked:
 def check(task: ClaimTask) -> Checked:
     """Recompute a claim by all of its readings, on one thread.
 
+    Of tables of one name that of the reading that decides is kept.
+
     Raises ModelError, with the claim named, where a reading has no finite value.
     """
-    outcomes: list[Outcome] = []
-    tables: dict[str, ComputedTable] = {}
     with pinned():
-        for reading in task.claim.readings:
-            one, more = _read(task, reading)
-            outcomes.append(one)
-            tables = more | tables
-    return Checked(verdict(task.claim, outcomes), tables)
+        read = [_read(task, reading) for reading in task.claim.readings]
+    found = verdict(task.claim, [one for one, _ in read])
+    tables: dict[str, ComputedTable] = {}
+    for _, more in read:
+        tables = more | tables
+    return Checked(found, tables | read[found.shown][1] if read else tables)
 
 
 def generator(seed: int, name: str) -> np.random.Generator:

@@ -129,6 +129,24 @@ def test_sources_of_the_manipulator() -> None:
         np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-9)
 
 
+def test_kinds_rank_differently_by_their_largest_source_and_by_their_sum() -> None:
+    """From the table of effects, by which the ranks are no part of what they are checked by."""
+    (table,) = computed("manipulator_sources").tables
+    names = [one.name for one in table.columns]
+    effects = pd.DataFrame(dict(zip(names, table.values, strict=True)))
+    squares = effects.set_index(effects["source"].str.extract(r"^(rod_length|joint_[a-z]+)")[0])
+    for output in ("squareness", "yaw"):
+        by_kind = squares.groupby(level=0)[f"{output}_mrad"]
+        orders = {"": by_kind.max(), "rss_": by_kind.apply(lambda one: (one**2).sum() ** 0.5)}
+        for how, sizes in orders.items():
+            found = value("manipulator_sources", f"{output}_{how}rank")
+            assert found == sizes.rank(ascending=False)["rod_length"]
+            lead = sizes["rod_length"] / sizes.drop("rod_length").max()
+            np.testing.assert_allclose(value("manipulator_sources", f"{output}_{how}lead"), lead)
+    assert value("manipulator_sources", "yaw_rank") == 1.0
+    assert value("manipulator_sources", "yaw_rss_rank") == 2.0
+
+
 def test_weighting_by_volume_is_that_of_the_notes() -> None:
     found = value("manipulator_sources", "rod_length_1_squareness", index="volume")
     np.testing.assert_allclose(found, 14.389, rtol=1e-4)

@@ -21,6 +21,7 @@ from ....problems.settings import Settings
 from ....records import Axis
 from ...study.yardstick import Yardstick, yardstick
 from ..calculation import Calculation, Computed, ComputedTable, Quantity
+from ..sampling import share_error
 
 Array = NDArray[np.float64]
 KEYS = {
@@ -104,8 +105,7 @@ def _error(values: Array) -> float:
 
 def _share(won: NDArray[np.bool_], even: NDArray[np.bool_]) -> Quantity:
     share = float(np.mean(won + 0.5 * even))
-    error = np.sqrt(share * (1.0 - share) / len(won))
-    return Quantity(100.0 * share, "percent", 100.0 * float(error))
+    return Quantity(100.0 * share, "percent", 100.0 * share_error(share, len(won)))
 
 
 def _own_runs(own: Mapping[str, Value], rng: np.random.Generator) -> tuple[Array, Array]:

@@ -54,8 +54,12 @@ class ManipulatorSources(Calculation):
         Output("rod_length_3_yaw", "mrad/mm", "yaw per relative rod length of chain 3"),
         Output("squareness_rank", "1", "place of the relative rod length among the kinds"),
         Output("yaw_rank", "1", "place of the relative rod length among the kinds"),
+        Output("squareness_rss_rank", "1", "the same by root sum of squares of each kind"),
+        Output("yaw_rss_rank", "1", "the same by root sum of squares of each kind"),
         Output("squareness_lead", "1", "effect of the rod length over that of the next kind"),
         Output("yaw_lead", "1", "effect of the rod length over that of the next kind"),
+        Output("squareness_rss_lead", "1", "the same by root sum of squares of each kind"),
+        Output("yaw_rss_lead", "1", "the same by root sum of squares of each kind"),
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
@@ -110,15 +114,19 @@ def _steps(names: list[str]) -> Array:
 
 
 def _ranking(names: list[str], effect: Array) -> dict[str, Quantity]:
-    """Place and lead of the relative rod length, each kind by its largest source."""
+    """Place and lead of the relative rod length, each kind by its largest source or by its rss."""
     found = {}
     for column, output in enumerate(("squareness", "yaw")):
-        kinds = {kind: max(effect[at, column] for at, name in enumerate(names)
-                           if name.startswith(kind)) for kind in KINDS}  # fmt: skip
-        rod = kinds.pop("rod_length")
-        place = 1 + sum(other > rod for other in kinds.values())
-        found[f"{output}_rank"] = Quantity(float(place), "1")
-        found[f"{output}_lead"] = Quantity(float(rod / max(kinds.values())), "1")
+        own = {kind: effect[[name.startswith(kind) for name in names], column] for kind in KINDS}
+        sizes = {
+            "": {kind: float(one.max()) for kind, one in own.items()},
+            "rss_": {kind: float(np.linalg.norm(one)) for kind, one in own.items()},
+        }
+        for how, kinds in sizes.items():
+            rod = kinds.pop("rod_length")
+            place = 1 + sum(other > rod for other in kinds.values())
+            found[f"{output}_{how}rank"] = Quantity(float(place), "1")
+            found[f"{output}_{how}lead"] = Quantity(rod / max(kinds.values()), "1")
     return found
 
 

@@ -15,6 +15,7 @@ from ....models.effects.compose import Active, predicted
 from ....models.inputs.distribution import Distribution
 from ....models.measurable import MeasurableModel
 from ..calculation import Quantity
+from ..sampling import share_error
 from .recipe import Found, Recipe
 
 Array = NDArray[np.float64]
@@ -82,8 +83,7 @@ class Statistic:
                 ordered = np.sort(values)
                 return float(0.5 * (ordered[min(high, count - 1)] - ordered[max(low - 1, 0)]))
             case "fraction_above" | "fraction_below":
-                share = self.of(values)
-                return float(np.sqrt(share * (1.0 - share) / count))
+                return share_error(self.of(values), count)
             case _:
                 return 0.0
 
