@@ -98,7 +98,7 @@ class CycloidContact(Calculation):
         table = ComputedTable(
             "sensitivities",
             "Change of backlash times e z_c per unit of each error, by exact contact of 40 pins; "
-            "document B prints half of it",
+            "document B prints half of most",
             (Axis("error", ""), Axis("exact", "1", "by exact contact")),
             (np.array(list(found)), np.array(list(found.values()))),
         )
