@@ -87,11 +87,16 @@ def run(
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     write(result, out)
-    if len(front):
-        (out / "nearest_miss.csv").unlink(missing_ok=True)
-    else:
-        write_text(out / "nearest_miss.csv", nearest_miss(plan.problem, found).to_csv(index=False))
+    _write_miss(plan, found, front, out / "nearest_miss.csv")
     return RunOutcome(status, out, _lines(result, status, out), result)
+
+
+def _write_miss(plan: RunPlan, found: SearchResult, front: pd.DataFrame, path: Path) -> None:
+    """What came nearest to the limits, where nothing keeps them; an older one goes otherwise."""
+    if len(front):
+        path.unlink(missing_ok=True)
+    else:
+        write_text(path, nearest_miss(plan.problem, found).to_csv(index=False))
 
 
 def _summary(
