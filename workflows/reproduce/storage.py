@@ -8,14 +8,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from pydantic import TypeAdapter
 
-from ...claim_records import Chart, ComputedTable
+from ...claim_records import ComputedTable
 from ...files import write_text
-from ...records import Axis
 from .task import Checked, ClaimTask
 from .verdict import Outcome, Verdict, Word
 
+TABLES = TypeAdapter(dict[str, ComputedTable])
 FOLDER = "checked"
 """Folder below the output directory."""
 LISTS = ("computed", "standard_error", "deviation")
@@ -27,7 +27,7 @@ def keep(folder: Path, task: ClaimTask, checked: Checked) -> None:
     found = {
         "key": task.key,
         "verdict": asdict(checked.verdict),
-        "tables": {name: _table(one) for name, one in checked.tables.items()},
+        "tables": TABLES.dump_python(dict(checked.tables), mode="json"),
     }
     write_text(_path(folder, task), json.dumps(found, indent=1) + "\n")
 
@@ -40,8 +40,7 @@ def kept(folder: Path, task: ClaimTask) -> Checked | None:
         return None
     if not isinstance(found, dict) or found.get("key") != task.key:
         return None
-    tables = {name: _read_table(one) for name, one in found["tables"].items()}
-    return Checked(_read_verdict(found["verdict"]), tables)
+    return Checked(_read_verdict(found["verdict"]), TABLES.validate_python(found["tables"]))
 
 
 def clear(folder: Path, tasks: Iterable[ClaimTask] = ()) -> None:
@@ -69,26 +68,3 @@ def _read_verdict(found: Mapping[str, Any]) -> Verdict:
 def _read_outcome(found: Mapping[str, Any]) -> Outcome:
     computed, error, deviation = (tuple(found[name]) for name in LISTS)
     return Outcome(found["states"], found["by"], computed, error, deviation, found["holds"])
-
-
-def _table(table: ComputedTable) -> dict[str, Any]:
-    return {
-        "name": table.name,
-        "meaning": table.meaning,
-        "columns": [asdict(one) for one in table.columns],
-        "values": [one.tolist() for one in table.values],
-        "chart": None if table.chart is None else asdict(table.chart),
-    }
-
-
-def _read_table(found: Mapping[str, Any]) -> ComputedTable:
-    chart = found["chart"]
-    if chart is not None:
-        chart = Chart(chart["kind"], chart["x"], tuple(chart["y"]), chart["marks"])
-    return ComputedTable(
-        found["name"],
-        found["meaning"],
-        tuple(Axis(**one) for one in found["columns"]),
-        tuple(np.array(one) for one in found["values"]),
-        chart,
-    )
