@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.gap_trial.damper import Jenkins, arts
+from tests.gap_benchmark.damper import Jenkins, arts
 from tolevo import registry
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.plan import GapPlan

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from tests.gap_trial.records import Hidden, Truth
-from tests.gap_trial.rivals import RIVALS, coefficients, first_parameter, least_left, without
+from benchmarks.gap.generator.records import Hidden, Truth
+from benchmarks.gap.scoring.rivals import RIVALS, coefficients, first_parameter, least_left, without
 
 UNTOLD = 10.0
 INSTRUMENT = frozenset(

@@ -14,11 +14,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from tests.gap_trial.kinds import KINDS, TABLE, Draw, Kind, Simulator
-from tests.gap_trial.noise import NOISES
-from tests.gap_trial.outside import OUTSIDE
-from tests.gap_trial.populations import Units
-from tests.gap_trial.tables import Array
+from benchmarks.gap.generator.kinds import KINDS, TABLE, Draw, Kind, Simulator
+from benchmarks.gap.generator.noise import NOISES
+from benchmarks.gap.generator.outside import OUTSIDE
+from benchmarks.gap.generator.populations import Units
+from benchmarks.gap.generator.tables import Array
 
 LEAST_LAMBDA = 50.0
 NO_SIMULATORS: Mapping[str, Simulator] = {}

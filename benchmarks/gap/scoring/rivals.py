@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from tests.gap_trial.assemblies import Faults, departure
-from tests.gap_trial.populations import Units
-from tests.gap_trial.tables import Array, Points
+from benchmarks.gap.generator.assemblies import Faults, departure
+from benchmarks.gap.generator.populations import Units
+from benchmarks.gap.generator.tables import Array, Points
 
 Columns = Callable[[Any, Array], Array]
 """Columns (n, m) at points and nonlinear parameters (p,)."""

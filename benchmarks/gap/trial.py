@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from tests.gap_trial.baselines import BASELINES
-from tests.gap_trial.records import Record, Truth, record
-from tests.gap_trial.scorer import Figure, Scored, Told, told, verdict
-from tests.gap_trial.workflow import SIMULATORS, analysed
+from benchmarks.gap.generator.records import Record, Truth, record
+from benchmarks.gap.namers.baselines import BASELINES
+from benchmarks.gap.namers.workflow import SIMULATORS, analysed
+from benchmarks.gap.scoring.scorer import Figure, Scored, Told, told, verdict
 
 Namer = Callable[[Record, Truth], Mapping[str, Any]]
 WORKFLOW = "tolevo"

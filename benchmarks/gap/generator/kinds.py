@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.gap_trial import tables
-from tests.gap_trial.assemblies import ASSEMBLY, Builds, Faults, assembled, builds
-from tests.gap_trial.hysteresis import LOCKED
-from tests.gap_trial.mechanisms import ROTATING, Injected
-from tests.gap_trial.noise import NOISES
-from tests.gap_trial.populations import BATCH, POOR_BATCH, Units, units
-from tests.gap_trial.tables import POOR, Array, Points
+from benchmarks.gap.generator import tables
+from benchmarks.gap.generator.assemblies import ASSEMBLY, Builds, Faults, assembled, builds
+from benchmarks.gap.generator.hysteresis import LOCKED
+from benchmarks.gap.generator.mechanisms import ROTATING, Injected
+from benchmarks.gap.generator.noise import NOISES
+from benchmarks.gap.generator.populations import BATCH, POOR_BATCH, Units, units
+from benchmarks.gap.generator.tables import POOR, Array, Points
 
 Draw = Callable[[np.random.Generator, Any], Injected]
 Simulator = Callable[[Any, int], Array]

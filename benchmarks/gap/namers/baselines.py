@@ -11,10 +11,10 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LassoCV
 
-from tests.gap_trial.kinds import KINDS
-from tests.gap_trial.records import Record, Truth
-from tests.gap_trial.rivals import RIVALS, Rival, least_left, without
-from tests.gap_trial.tables import Array
+from benchmarks.gap.generator.kinds import KINDS
+from benchmarks.gap.generator.records import Record, Truth
+from benchmarks.gap.generator.tables import Array
+from benchmarks.gap.scoring.rivals import RIVALS, Rival, least_left, without
 
 MOST = 4
 """Effects that a greedy namer may add."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.gap_trial import mechanisms
-from tests.gap_trial.mechanisms import Injected, Mechanism
-from tests.gap_trial.tables import Array, Points
+from benchmarks.gap.generator import mechanisms
+from benchmarks.gap.generator.mechanisms import Injected, Mechanism
+from benchmarks.gap.generator.tables import Array, Points
 
 
 def maxwell_slip(path: Array, limits: Array) -> Array:

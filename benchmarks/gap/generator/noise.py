@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.signal import lfilter
 
-from tests.gap_trial.tables import Array, Points
+from benchmarks.gap.generator.tables import Array, Points
 
 
 def white(rng: np.random.Generator, at: Points) -> Array:

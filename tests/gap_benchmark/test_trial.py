@@ -1,4 +1,4 @@
-"""The hidden-effect trial in small: `python -m benchmarks.gap_trial` runs it at its full size.
+"""The hidden-effect trial in small: `python -m benchmarks.gap` runs it at its full size.
 
 The bands are those of the notes, widened by what so few records leave open: a figure fails where
 its whole 95 % interval lies on the wrong side.
@@ -10,9 +10,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.gap_trial.records import record
-from tests.gap_trial.scorer import Figure, Scored, figures
-from tests.gap_trial.trial import WORKFLOW, line, printed, scored
+from benchmarks.gap.generator.records import record
+from benchmarks.gap.scoring.scorer import Figure, Scored, figures
+from benchmarks.gap.trial import WORKFLOW, line, printed, scored
 
 pytestmark = pytest.mark.long
 

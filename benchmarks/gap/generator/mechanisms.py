@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.gap_trial.tables import Array, Points
+from benchmarks.gap.generator.tables import Array, Points
 
 ARCSEC = np.pi / 648000.0
 

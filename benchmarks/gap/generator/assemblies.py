@@ -7,8 +7,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from tests.gap_trial.mechanisms import Injected
-from tests.gap_trial.tables import Array
+from benchmarks.gap.generator.mechanisms import Injected
+from benchmarks.gap.generator.tables import Array
 
 MOVES = np.array([[1.0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]])
 """What each part moves: itself, and the gear that hangs on its crankshaft."""

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from tests.gap_trial.kinds import KINDS, Simulator
-from tests.gap_trial.records import Record
-from tests.gap_trial.tables import Array
+from benchmarks.gap.generator.kinds import KINDS, Simulator
+from benchmarks.gap.generator.records import Record
+from benchmarks.gap.generator.tables import Array
 from tolevo import registry
 from tolevo.configuration.gap import read_gap
 from tolevo.models.measurable import MeasurableModel

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.gap_trial.mechanisms import Injected
-from tests.gap_trial.tables import Array
+from benchmarks.gap.generator.mechanisms import Injected
+from benchmarks.gap.generator.tables import Array
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from tests.gap_trial.damper import Jenkins, arts
-from tests.gap_trial.tables import Array
+from benchmarks.gap.generator.tables import Array
+from tests.gap_benchmark.damper import Jenkins, arts
 from tolevo import registry
 from tolevo.gap_records import GapResult
 from tolevo.workflows.gap import GapPlan, gap

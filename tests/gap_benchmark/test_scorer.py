@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.gap_trial.baselines import BASELINES
-from tests.gap_trial.records import Truth, record
-from tests.gap_trial.scorer import (
+from benchmarks.gap.generator.records import Truth, record
+from benchmarks.gap.namers.baselines import BASELINES
+from benchmarks.gap.scoring.scorer import (
     Figure,
     Scored,
     Told,

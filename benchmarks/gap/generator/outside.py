@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.gap_trial.mechanisms import Injected, Mechanism
-from tests.gap_trial.tables import Points
+from benchmarks.gap.generator.mechanisms import Injected, Mechanism
+from benchmarks.gap.generator.tables import Points
 
 
 def cubic_torque(rng: np.random.Generator, at: Points) -> Injected:

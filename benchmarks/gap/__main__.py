@@ -1,5 +1,5 @@
 # ruff: noqa: E402 - the number of threads is fixed before numpy is imported
-"""The hidden-effect trial at its full size: `python -m benchmarks.gap_trial --records 100`.
+"""The hidden-effect trial at its full size: `python -m benchmarks.gap --records 100`.
 
 Every record is named and scored once and kept in a file of lines, so that a broken run goes on
 where it was; another code needs another file. Prints each figure with its interval.
@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from tests.gap_trial.records import BENCH_GROUPS, GROUPS
-from tests.gap_trial.scorer import Scored, figures
-from tests.gap_trial.trial import NAMERS, WORKFLOW, line, printed, scored
+from benchmarks.gap.generator.records import BENCH_GROUPS, GROUPS
+from benchmarks.gap.scoring.scorer import Scored, figures
+from benchmarks.gap.trial import NAMERS, WORKFLOW, line, printed, scored
 
 Key = tuple[str, str, int]
 
@@ -35,7 +35,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--groups", nargs="*", default=list(BENCH_GROUPS), choices=list(GROUPS))
     parser.add_argument("--namers", nargs="*", default=[WORKFLOW], choices=list(NAMERS))
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--out", type=Path, default=Path("runs/gap_trial.jsonl"))
+    parser.add_argument("--out", type=Path, default=Path("runs/gap_benchmark.jsonl"))
     parser.add_argument(
         "--misses", action="store_true", help="print the records that count against"
     )

@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
-from tests.gap_trial.records import record
-from tests.gap_trial.workflow import SIMULATORS
+from benchmarks.gap.generator.records import record
+from benchmarks.gap.namers.workflow import SIMULATORS
 from tolevo.cli import app
 
 ROOT = Path(__file__).resolve().parents[2]

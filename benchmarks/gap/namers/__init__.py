@@ -1,0 +1,1 @@
+"""Those who name: baselines that must fail, and the workflow."""
