@@ -1,0 +1,71 @@
+"""The file of answers: one line each, of the code that gave it and of no other."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from benchmarks.gap.trial import NAMERS, WORKFLOW
+
+ROOT = Path(__file__).resolve().parents[2]
+HERE = "benchmarks/gap"
+RECORDS = (f"{HERE}/generator", f"{HERE}/scoring/rivals.py", f"{HERE}/scoring/told.py")
+"""What makes a record, and says what it can tell."""
+PROJECT = ("core", "models", "workflows", f"{HERE}/namers/workflow.py")
+"""What the workflow's answers follow from."""
+
+Key = tuple[str, str, int]
+
+
+@lru_cache
+def code_of(namer: str) -> str:
+    """A digest of the code that a namer's answers follow from; of one of somebody's own, which
+    may be anywhere, of the records alone.
+    """
+    own = PROJECT if namer == WORKFLOW else (f"{HERE}/namers",) if namer in NAMERS else ()
+    # The models are the simulation of some records.
+    places = [ROOT / one for one in {*RECORDS, *own, "models"}]
+    files = {
+        file for place in places for file in (place.rglob("*.py") if place.is_dir() else [place])
+    }
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        digest.update(file.relative_to(ROOT).as_posix().encode() + file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def key(one: dict[str, Any]) -> Key:
+    return one["namer"], one["group"], one["number"]
+
+
+def kept(path: Path) -> dict[Key, dict[str, Any]]:
+    """The answers that are there and of today's code; a line that was cut off is left out."""
+    found: dict[Key, dict[str, Any]] = {}
+    if path.exists():
+        for text in path.read_text(encoding="utf-8").splitlines():
+            try:
+                one = json.loads(text)
+            except json.JSONDecodeError:
+                continue
+            if one.get("code") == code_of(one["namer"]):
+                found[key(one)] = one
+    return found
+
+
+def as_text(answers: Iterable[dict[str, Any]]) -> str:
+    return "".join(json.dumps(one | {"code": code_of(one["namer"])}) + "\n" for one in answers)
+
+
+def missing(
+    wanted: Sequence[Key], there: dict[Key, dict[str, Any]]
+) -> list[tuple[list[str], str, int]]:
+    """What is still to be asked: of each record (group, number) those namers, in that order."""
+    by: dict[tuple[str, int], list[str]] = {}
+    for one in wanted:
+        if one not in there:
+            by.setdefault((one[1], one[2]), []).append(one[0])
+    return [(namers, group, number) for (group, number), namers in by.items()]
