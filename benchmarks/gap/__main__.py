@@ -17,12 +17,12 @@ import argparse
 import signal
 import sys
 import time
-from collections.abc import Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from benchmarks.gap.answers import Key, as_text, kept, missing
+from benchmarks.gap.answers import Asked, Key, as_text, kept, missing
 from benchmarks.gap.generator.records import BENCH_GROUPS, GROUPS
 from benchmarks.gap.namers.baselines import BASELINES
 from benchmarks.gap.page import page, written
@@ -38,7 +38,7 @@ FIRST = 10_000
 MINUTE = 60.0
 
 
-def arguments() -> argparse.Namespace:
+def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--records", type=int, help="of each group; otherwise as many as the page")
     parser.add_argument("--first", type=int, default=FIRST, help="number of the first one")
@@ -48,7 +48,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, default=Path("runs/gap_benchmark.jsonl"))
     parser.add_argument("--write", type=Path, help="put the tables into this page")
-    given = parser.parse_args()
+    given = parser.parse_args(argv)
     for name in given.namers:
         try:
             namer_of(name)
@@ -67,35 +67,37 @@ def wanted(given: argparse.Namespace) -> list[Key]:
     ]  # fmt: skip
 
 
-def ask(todo: Sequence[tuple[list[str], str, int]], path: Path, workers: int) -> None:
-    """Asks and keeps each answer as it comes; what is being answered at Ctrl-C is lost."""
+def asked(todo: Sequence[Asked], workers: int) -> Iterator[list[dict[str, Any]]]:
+    """The answers to each record as they come; what is not begun when it stops is left."""
+    if workers == 1:
+        yield from (lines(*one) for one in todo)
+        return
+    ignored = (signal.SIGINT, signal.SIG_IGN)
+    with ProcessPoolExecutor(workers, initializer=signal.signal, initargs=ignored) as pool:
+        futures = {pool.submit(lines, *one): one for one in todo}
+        try:
+            for done in as_completed(futures):
+                if error := done.exception():
+                    error.add_note(f"in record {futures[done][1:]}")
+                yield done.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def ask(todo: Sequence[Asked], path: Path, workers: int) -> None:
+    """Keeps each answer in the file, and says once a minute how far it is."""
     path.parent.mkdir(parents=True, exist_ok=True)
     whole = not path.exists() or path.read_bytes()[-1:] in (b"", b"\n")
-    ignored = (signal.SIGINT, signal.SIG_IGN)
-    with (
-        path.open("a", encoding="utf-8", buffering=1) as file,
-        ProcessPoolExecutor(workers, initializer=signal.signal, initargs=ignored) as pool,
-    ):
-        file.write("" if whole else "\n")
-        futures = [pool.submit(lines, *one) for one in todo]
-        try:
-            keep(futures, file.write)
-        except KeyboardInterrupt:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-
-
-def keep(futures: Sequence[Future[list[dict[str, Any]]]], write: Any) -> None:
-    """Writes each answer, and says once a minute how far it is."""
     start = said = time.monotonic()
-    for count, done in enumerate(as_completed(futures), start=1):
-        write(as_text(done.result()))
-        now = time.monotonic()
-        if now - said >= MINUTE:
-            said = now
-            passed = (now - start) / MINUTE
-            rest = passed * (len(futures) - count) / count
-            tell(f"{count} of {len(futures)} records, {passed:.0f} min; about {rest:.0f} min more")
+    with path.open("a", encoding="utf-8", buffering=1) as file:
+        file.write("" if whole else "\n")
+        for count, found in enumerate(asked(todo, workers), start=1):
+            file.write(as_text(found))
+            now = time.monotonic()
+            if now - said >= MINUTE:
+                said, passed = now, (now - start) / MINUTE
+                rest = passed * (len(todo) - count) / count
+                tell(f"{count} of {len(todo)} records, {passed:.0f} min; about {rest:.0f} more")
 
 
 def tell(text: str) -> None:
@@ -103,8 +105,8 @@ def tell(text: str) -> None:
     sys.stderr.flush()
 
 
-def main() -> int:
-    given = arguments()
+def main(argv: Sequence[str]) -> int:
+    given = arguments(argv)
     keys = wanted(given)
     try:
         ask(missing(keys, kept(given.out)), given.out, given.workers)
@@ -115,14 +117,13 @@ def main() -> int:
     by = {name: [there[one] for one in keys if one[0] == name] for name in given.namers}
     answers = {name: [scored(one) for one in found] for name, found in by.items() if found}
     seconds = {name: [float(one["seconds"]) for one in by[name]] for name in answers}
-    command = " ".join(["python -m benchmarks.gap", *sys.argv[1:]])
+    command = " ".join(["python -m benchmarks.gap", *argv])
     if given.write:
         written(given.write, page(answers, seconds, command))
     for name, found in answers.items():
-        tell("")
         sys.stdout.write(f"\n{name}: {len(found)} records\n{printed(figures(found))}\n")
     return 0
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(main(sys.argv[1:]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,9 @@ PROJECT = ("core", "models", "workflows", f"{HERE}/namers/workflow.py")
 """What the workflow's answers follow from."""
 
 Key = tuple[str, str, int]
+"""Namer, group and number of an answer."""
+Asked = tuple[list[str], str, int]
+"""Namers, and group and number of the record that they are shown."""
 
 
 @lru_cache
@@ -60,10 +63,8 @@ def as_text(answers: Iterable[dict[str, Any]]) -> str:
     return "".join(json.dumps(one | {"code": code_of(one["namer"])}) + "\n" for one in answers)
 
 
-def missing(
-    wanted: Sequence[Key], there: dict[Key, dict[str, Any]]
-) -> list[tuple[list[str], str, int]]:
-    """What is still to be asked: of each record (group, number) those namers, in that order."""
+def missing(wanted: Sequence[Key], there: Mapping[Key, Any]) -> list[Asked]:
+    """What is still to be asked, each record once."""
     by: dict[tuple[str, int], list[str]] = {}
     for one in wanted:
         if one not in there:

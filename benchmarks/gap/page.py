@@ -68,7 +68,8 @@ def share_of(hits: int, count: int) -> str:
     if count == 0:
         return "-"
     low, high = clopper_pearson(hits, count)
-    return f"{100.0 * hits / count:.1f} % [{100.0 * low:.1f}, {100.0 * high:.1f}], {hits} of {count}"
+    bounds = f"[{100.0 * low:.1f}, {100.0 * high:.1f}]"
+    return f"{100.0 * hits / count:.1f} % {bounds}, {hits} of {count}"
 
 
 def baseline_table(answers: Answers) -> str:
@@ -141,25 +142,39 @@ def families(found: Sequence[Scored]) -> dict[str, list[Scored]]:
     return {name: [one for one in rest if one.truth.group.startswith(name)] for name in names}
 
 
-def page(answers: Answers, seconds: Mapping[str, Sequence[float]], command: str) -> str:
-    """All tables, under the command that made them."""
-    bench = {
-        name: [one for one in found if one.truth.group in BENCH_GROUPS]
-        for name, found in answers.items()
-    }
-    bench = {name: found for name, found in bench.items() if found}
-    parts = [f"By `{command}`. In brackets the 95 % interval, then the number of records (of "
-             "named effects for the last three lines)."]  # fmt: skip
-    if bench:
-        parts += ["### Figures", figure_table(bench)]
+def of_models(name: str, found: Sequence[Scored]) -> list[str]:
+    """The figures of one namer on records that a model of the project predicts."""
+    of = families(found)
+    if not of:
+        return []
+    parts = [f"### {name} on the project's own models", figure_table(of)]
+    rest = [one for same in of.values() for one in same]
+    return [*parts, miss_table(rest)] if misses(rest) else parts
+
+
+def of_bench(answers: Answers) -> list[str]:
+    """The figures of all namers on the records that need no model."""
+    bench: dict[str, Sequence[Scored]] = {}
+    for name, found in answers.items():
+        if own := [one for one in found if one.truth.group in BENCH_GROUPS]:
+            bench[name] = own
+    if not bench:
+        return []
+    parts = ["### Figures", figure_table(bench)]
     if any(name in BASELINES for name in bench):
         parts += ["### Where the baselines fail", baseline_table(bench)]
     for name, found in bench.items():
         parts += [] if name in BASELINES else in_detail(name, found)
+    return parts
+
+
+def page(answers: Answers, seconds: Mapping[str, Sequence[float]], command: str) -> str:
+    """All tables, under the command that made them."""
+    parts = [f"By `{command}`. In brackets the 95 % interval (of the first line, 90 %: its upper "
+             "end is the bound that is judged), then of how many records, or of how many names "
+             "given.", *of_bench(answers)]  # fmt: skip
     for name, found in answers.items():
-        if of := families(found):
-            parts += [f"### {name} on the project's own models", figure_table(of),
-                      *([miss_table(sum(of.values(), []))] if misses(sum(of.values(), [])) else [])]  # fmt: skip
+        parts += of_models(name, found)
     return "\n\n".join([*parts, "### Time", "CPU seconds per record.", time_table(seconds)])
 
 
