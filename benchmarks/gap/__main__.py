@@ -14,6 +14,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[_name] = "1"
 
 import argparse
+import shlex
 import signal
 import sys
 import time
@@ -25,13 +26,13 @@ from typing import Any
 from benchmarks.gap.answers import Asked, Key, as_text, kept, missing
 from benchmarks.gap.generator.records import BENCH_GROUPS, GROUPS
 from benchmarks.gap.namers.baselines import BASELINES
-from benchmarks.gap.page import page, written
+from benchmarks.gap.page import page, parts_of, written
 from benchmarks.gap.scoring.scorer import figures
 from benchmarks.gap.trial import NAMERS, lines, namer_of, printed, scored
 
-SIZES = {"good": 260, "poor": 220, "pair": 120, "clean": 240, "size": 80, "delay": 60,
-         "outside": 180}  # fmt: skip
-OF_MODELS = 15
+SIZES = {"good": 400, "poor": 360, "pair": 200, "clean": 400, "size": 120, "delay": 100,
+         "outside": 240}  # fmt: skip
+OF_MODELS = 20
 """Records of each group: of those that need no model, and of one that does."""
 FIRST = 10_000
 """Lower numbers may have been looked at while the workflow was made."""
@@ -49,11 +50,13 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, default=Path("runs/gap_benchmark.jsonl"))
     parser.add_argument("--write", type=Path, help="put the tables into this page")
     given = parser.parse_args(argv)
-    for name in given.namers:
-        try:
+    try:
+        for name in given.namers:
             namer_of(name)
-        except ValueError as error:
-            parser.error(str(error))
+        if given.write:
+            parts_of(given.write)
+    except (ValueError, OSError) as error:
+        parser.error(str(error))
     return given
 
 
@@ -117,7 +120,7 @@ def main(argv: Sequence[str]) -> int:
     by = {name: [there[one] for one in keys if one[0] == name] for name in given.namers}
     answers = {name: [scored(one) for one in found] for name, found in by.items() if found}
     seconds = {name: [float(one["seconds"]) for one in by[name]] for name in answers}
-    command = " ".join(["python -m benchmarks.gap", *argv])
+    command = shlex.join(["python", "-m", "benchmarks.gap", *argv])
     if given.write:
         written(given.write, page(answers, seconds, command))
     for name, found in answers.items():

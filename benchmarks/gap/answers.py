@@ -26,12 +26,14 @@ Asked = tuple[list[str], str, int]
 
 @lru_cache
 def code_of(namer: str) -> str:
-    """A digest of the code that a namer's answers follow from; of one of somebody's own, which
-    may be anywhere, of the records alone.
+    """A digest of the code that a namer's answers follow from; one of somebody's own may be
+    anywhere: of the records alone, some of which the models predict.
     """
-    own = PROJECT if namer == WORKFLOW else (f"{HERE}/namers",) if namer in NAMERS else ()
-    # The models are the simulation of some records.
-    places = [ROOT / one for one in {*RECORDS, *own, "models"}]
+    if namer == WORKFLOW:
+        own: tuple[str, ...] = PROJECT
+    else:
+        own = (f"{HERE}/namers",) if namer in NAMERS else ("models",)
+    places = [ROOT / one for one in (*RECORDS, *own)]
     files = {
         file for place in places for file in (place.rglob("*.py") if place.is_dir() else [place])
     }
@@ -64,9 +66,13 @@ def as_text(answers: Iterable[dict[str, Any]]) -> str:
 
 
 def missing(wanted: Sequence[Key], there: Mapping[Key, Any]) -> list[Asked]:
-    """What is still to be asked, each record once."""
+    """What is still to be asked, each record once, all groups at the same pace."""
     by: dict[tuple[str, int], list[str]] = {}
     for one in wanted:
         if one not in there:
             by.setdefault((one[1], one[2]), []).append(one[0])
-    return [(namers, group, number) for (group, number), namers in by.items()]
+    return [(namers, group, number) for (group, number), namers in sorted(by.items(), key=_pace)]
+
+
+def _pace(one: tuple[tuple[str, int], list[str]]) -> int:
+    return one[0][1]

@@ -18,6 +18,9 @@ from benchmarks.gap.scoring.rivals import RIVALS, Rival
 
 STRETCHES = 5
 """Stretches of the record that are held out one after the other."""
+TO_SIGMA = 1.4826
+"""Standard deviation of normal errors over their median size."""
+FAR = 5.0
 
 
 @dataclass(frozen=True)
@@ -91,14 +94,17 @@ def standardised(what: Array) -> Array:
 
 
 def held_out(of: Seen, columns: Array) -> float:
-    """RMSE on stretches of the record that the least squares of the columns (n, m) never saw."""
+    """RMSE on stretches of the record that the least squares of the columns (n, m) never saw;
+    readings that are out by far do not count, as they do not in the noise.
+    """
     all_of = np.hstack([of.free, columns])
     errors = np.empty(len(of))
     for rows in np.array_split(np.arange(len(of)), STRETCHES):
         rest = np.delete(np.arange(len(of)), rows)
         solved = np.linalg.lstsq(all_of[rest], of.left[rest], rcond=None)[0]
         errors[rows] = of.left[rows] - all_of[rows] @ solved
-    return float(np.sqrt(np.mean(errors**2)))
+    robust = TO_SIGMA * np.median(np.abs(errors))
+    return float(np.sqrt(np.mean(errors[np.abs(errors) <= FAR * robust] ** 2)))
 
 
 def said(of: Seen, names: Sequence[str], columns: Array) -> dict[str, Any]:
