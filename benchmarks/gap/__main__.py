@@ -26,7 +26,7 @@ from typing import Any
 from benchmarks.gap.answers import Asked, Key, as_text, kept, missing
 from benchmarks.gap.generator.records import BENCH_GROUPS, GROUPS
 from benchmarks.gap.namers.baselines import BASELINES
-from benchmarks.gap.page import page, parts_of, written
+from benchmarks.gap.page import families, page, parts_of, written
 from benchmarks.gap.scoring.scorer import figures
 from benchmarks.gap.trial import NAMERS, lines, namer_of, printed, scored
 
@@ -124,7 +124,11 @@ def main(argv: Sequence[str]) -> int:
     if given.write:
         written(given.write, page(answers, seconds, command))
     for name, found in answers.items():
-        sys.stdout.write(f"\n{name}: {len(found)} records\n{printed(figures(found))}\n")
+        bench = [one for one in found if one.truth.group in BENCH_GROUPS]
+        for family, own in ({"tables": bench} | families(found)).items():
+            if own:
+                head = f"{name}, {family}: {len(own)} records"
+                sys.stdout.write(f"\n{head}\n{printed(figures(own))}\n")
     return 0
 
 

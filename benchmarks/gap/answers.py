@@ -13,9 +13,11 @@ from benchmarks.gap.trial import NAMERS, WORKFLOW
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = "benchmarks/gap"
-RECORDS = (f"{HERE}/generator", f"{HERE}/scoring/rivals.py", f"{HERE}/scoring/told.py")
+RECORDS = (f"{HERE}/generator/*.py", f"{HERE}/scoring/*rival*.py", f"{HERE}/scoring/told.py")
 """What makes a record, and says what it can tell."""
-PROJECT = ("core", "models", "workflows", f"{HERE}/namers/workflow.py")
+MODELS = "models/**/*.py"
+"""The simulation of some records."""
+PROJECT = (MODELS, "core/**/*.py", "workflows/**/*.py", f"{HERE}/namers/workflow.py")
 """What the workflow's answers follow from."""
 
 Key = tuple[str, str, int]
@@ -27,16 +29,13 @@ Asked = tuple[list[str], str, int]
 @lru_cache
 def code_of(namer: str) -> str:
     """A digest of the code that a namer's answers follow from; one of somebody's own may be
-    anywhere: of the records alone, some of which the models predict.
+    anywhere: of the records alone.
     """
     if namer == WORKFLOW:
         own: tuple[str, ...] = PROJECT
     else:
-        own = (f"{HERE}/namers",) if namer in NAMERS else ("models",)
-    places = [ROOT / one for one in (*RECORDS, *own)]
-    files = {
-        file for place in places for file in (place.rglob("*.py") if place.is_dir() else [place])
-    }
+        own = (f"{HERE}/namers/*.py",) if namer in NAMERS else (MODELS,)
+    files = {file for pattern in (*RECORDS, *own) for file in ROOT.glob(pattern)}
     digest = hashlib.sha256()
     for file in sorted(files):
         digest.update(file.relative_to(ROOT).as_posix().encode() + file.read_bytes())

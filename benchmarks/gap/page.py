@@ -27,6 +27,7 @@ NOTES = {"plain BIC": "11 to 24 %", "LassoCV": "33 %", "thresholded least square
 HERTZ = "97 to 100 %"
 """Records of a law T^(2/3) that the library has not, by the same."""
 LAWS_OF_TORQUE = {"cubic_torque", "third_root_of_torque", "progressive_torque", "degressive_torque"}
+MISSES = "Every record that counts against it, alike ones together:"
 SHOWN = 6
 """Numbers of records that a line of misses lists."""
 
@@ -133,8 +134,7 @@ def in_detail(name: str, found: Sequence[Scored]) -> list[str]:
     if outside := [one for one in of_group(found, "outside") if one.nothing_like_it]:
         parts += ["A cause outside the library called `unnamed`:",
                   level_table(levels(outside, "cause", hidden, unnamed))]  # fmt: skip
-    told = "Every record that counts against it, alike ones together:"
-    return [*parts, told, miss_table(found)] if misses(found) else parts
+    return [*parts, MISSES, miss_table(found)] if misses(found) else parts
 
 
 def unnamed(one: Scored) -> bool:
@@ -153,9 +153,9 @@ def of_models(name: str, found: Sequence[Scored]) -> list[str]:
     of = families(found)
     if not of:
         return []
-    parts = [f"### {name} on the project's own models", figure_table(of)]
+    parts = [f"### {name} with the project's own models", figure_table(of)]
     rest = [one for same in of.values() for one in same]
-    return [*parts, miss_table(rest)] if misses(rest) else parts
+    return [*parts, MISSES, miss_table(rest)] if misses(rest) else parts
 
 
 def of_bench(answers: Answers) -> list[str]:

@@ -81,7 +81,7 @@ def test_points_are_read_from_the_table(kind: str) -> None:
 
 def test_a_table_without_its_prediction_is_refused() -> None:
     found, _ = record("good", 0)
-    (name,) = [one for one in found.table if one.endswith("_predicted")]
+    (name,) = [one for one in map(str, found.table) if one.endswith("_predicted")]
     short = Record(found.name, found.configuration, found.table.drop(columns=name))
     with pytest.raises(ValueError, match="_predicted"):
         seen(short)

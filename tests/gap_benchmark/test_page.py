@@ -11,8 +11,21 @@ from scipy import stats
 
 from benchmarks.gap import __main__ as command
 from benchmarks.gap.answers import code_of, kept, missing
-from benchmarks.gap.generator.records import Hidden, Record, Truth, orthogonal, record
-from benchmarks.gap.page import BEGIN, END, figure_table, written
+from benchmarks.gap.generator.hysteresis import LOCKED
+from benchmarks.gap.generator.mechanisms import ROTATING
+from benchmarks.gap.generator.noise import NOISES
+from benchmarks.gap.generator.outside import OUTSIDE
+from benchmarks.gap.generator.records import (
+    BENCH_GROUPS,
+    Hidden,
+    Record,
+    Truth,
+    orthogonal,
+    record,
+)
+from benchmarks.gap.generator.tables import POOR
+from benchmarks.gap.namers.baselines import BASELINES
+from benchmarks.gap.page import BEGIN, END, figure_table, parts_of, written
 from benchmarks.gap.scoring.breakdown import (
     SINGLE,
     design,
@@ -25,8 +38,10 @@ from benchmarks.gap.scoring.breakdown import (
 )
 from benchmarks.gap.scoring.scorer import Scored, rightly, verdict
 from benchmarks.gap.scoring.told import Told
+from benchmarks.gap.trial import lines
 
 pytestmark = pytest.mark.source_tree
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "gap_benchmark.md"
 NAMERS = ("always compliance", "best correlation")
 ASKED = ("--records", "2", "--first", "7", "--groups", "good", "clean", "--workers", "1")
 
@@ -58,21 +73,19 @@ def test_run_is_kept_and_goes_on(tmp_path: Path) -> None:
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
     assert all(f"| {name} | 4 |" in text for name in NAMERS)
     # The last line was cut off, and one is of other code: both are asked anew.
-    lines = first.splitlines()
-    other = json.dumps(json.loads(lines[0]) | {"code": "other"})
-    file.write_text("\n".join([other, *lines[1:-1], lines[-1][:40]]), encoding="utf-8")
-    assert len(kept(file)) == len(lines) - 2
+    one_by_one = first.splitlines()
+    other = json.dumps(json.loads(one_by_one[0]) | {"code": "other"})
+    file.write_text("\n".join([other, *one_by_one[1:-1], one_by_one[-1][:40]]), encoding="utf-8")
+    assert len(kept(file)) == len(one_by_one) - 2
     assert run(tmp_path) == 0
-    assert len(kept(file)) == len(lines)
+    assert len(kept(file)) == len(one_by_one)
 
 
 def test_ctrl_c_keeps_what_was_answered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = command.lines
-
     def stopped(namers: list[str], group: str, number: int) -> list[dict[str, Any]]:
         if number == 8:
             raise KeyboardInterrupt
-        return asked(namers, group, number)
+        return lines(namers, group, number)
 
     monkeypatch.setattr(command, "lines", stopped)
     assert run(tmp_path) == 130
@@ -121,6 +134,18 @@ def said(names: list[str]) -> dict[str, Any]:
     effects = [{"name": one} for one in names]
     word = "named" if names else "unnamed"
     return {"verdict": word, "effects": effects, "alternatives": [], "gap_after": None}
+
+
+def test_the_page_says_what_is_done() -> None:
+    """Every group, design, noise and namer is described; the tables have a place."""
+    before, after = parts_of(PAGE)
+    assert [one for one in BENCH_GROUPS if f"| {one} | " not in before] == []
+    assert [one for one in (*POOR, "independent inputs") if one not in before] == []
+    assert [one for one in NOISES if one not in before] == []
+    assert [one for one in BASELINES if f"| {one} | " not in before] == []
+    assert f"one of {len(OUTSIDE)} causes" in before
+    assert f"{len(ROTATING)} on the rotating unit, {len(LOCKED)} on the locked one" in before
+    assert after.strip() == ""
 
 
 def only_itself(truth: Truth, one: Hidden) -> Told:

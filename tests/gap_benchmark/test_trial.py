@@ -1,8 +1,8 @@
 """The fixed part of the benchmark of naming: `make bench-gap` runs the whole.
 
 Which records: of each group the first ones from number 5000 on that are short enough for the time
-that they take. Nobody looked at those numbers while the workflow was made, and none was left out
-for what is said of it. A figure fails where its whole 95 % interval lies on the wrong side; the
+that they take. No constant of the workflow was set on those numbers, and none of them was left
+out for what is said of it. A figure fails where its whole 95 % interval lies on the wrong side; the
 clean records are so many that without a false name the bound itself is met.
 """
 

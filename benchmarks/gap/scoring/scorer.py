@@ -154,13 +154,13 @@ def share(
 
 
 def mean(name: str, values: Sequence[float], must: float, aim: float) -> Figure:
-    """A mean with the interval of its standard error."""
+    """A mean of what is never negative, with the interval of its standard error."""
     if not values:
         return Figure(name, nan, nan, nan, must, aim, 0, True, rate=False)
     middle = float(np.mean(values))
     spread = float(np.std(values, ddof=1)) if len(values) > 1 else nan
     half = 1.96 * spread / sqrt(len(values))
-    return Figure(name, middle, middle - half, middle + half, must, aim, len(values), True,
+    return Figure(name, middle, max(middle - half, 0.0), middle + half, must, aim, len(values), True,
                   rate=False)  # fmt: skip
 
 
@@ -217,7 +217,8 @@ def figures(records: Sequence[Scored]) -> list[Figure]:
         share("noise that changes or delay, physics named", rate(changed, blames_physics), 0.05,
               0.02, True),
         mean("held-out RMSE over noise after naming",
-             [one.said.after / one.truth.noise_rms for one in named], 1.10, 1.03),
+             [one.said.after / one.truth.noise_rms for one in named if isfinite(one.said.after)],
+             1.10, 1.03),
         *coverage([hit for one in (*single, *by["pair"]) for hit in covered(one)]),
     ]  # fmt: skip
 
