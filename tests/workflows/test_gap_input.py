@@ -284,6 +284,17 @@ def test_a_session_may_stand_beside(tmp_path: Path) -> None:
     assert "session" not in " ".join(data.notes)
 
 
+def test_what_any_table_may_add_needs_no_role(tmp_path: Path) -> None:
+    """time_s is the order of measuring, <output>_std the known noise, by their names alone."""
+    frame = bench().assign(repeat=0, session="a", te_std=2.0)
+    frame = frame.rename(columns={"clock": "time_s"}).iloc[::-1]
+    text = "\n".join(line for line in HEAD.splitlines() if "clock" not in line)
+    result = found(tmp_path, frame, text)
+    assert result.names == ("torsional_compliance",)
+    assert result.residuals["time_s"].is_monotonic_increasing
+    assert result.noise_floor["te"] == pytest.approx(2.0)
+
+
 @pytest.mark.parametrize(
     "content", [b"PK\x03\x04\xff\xfe", b"a\0b,c\n", "größe\n1".encode("latin-1")]
 )

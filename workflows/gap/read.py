@@ -49,7 +49,7 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
     wanted = [*(c.name for c in columns), *(o.name for o in outputs)]
     wanted += [*predictions.values(), *stds.values()]
     extra = [] if plan.blocks in ("auto", *wanted) or plan.blocks not in given else [plan.blocks]
-    spare = [SESSION] if plan.model is not None and SESSION not in extra else []
+    spare = [SESSION] if SESSION not in (*extra, *wanted) else []
     frame, found = tables.parsed(
         given.drop(columns=_ignored(plan, given)),
         place,
@@ -119,11 +119,15 @@ def _layout(
         for name, c in roles.items()
         if c.role not in ("measured", "predicted", "std", "ignore")
     )
+    given_roles = {c.role for c in inputs}
+    inputs += tuple(c for c in (TIME, REPEAT) if c.role not in given_roles and c.name not in roles)
     by = {
         role: {str(output_of(n, roles)): n for n, c in roles.items() if c.role == role}
         for role in ("predicted", "std")
     }
-    return inputs, outputs, by["predicted"], by["std"]
+    unlisted = {o.name: f"{o.name}_std" for o in outputs if f"{o.name}_std" not in roles}
+    stds = {name: std for name, std in unlisted.items() if std in given} | by["std"]
+    return inputs, outputs, by["predicted"], stds
 
 
 def _needed(
