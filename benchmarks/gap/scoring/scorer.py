@@ -160,8 +160,8 @@ def mean(name: str, values: Sequence[float], must: float, aim: float) -> Figure:
     middle = float(np.mean(values))
     spread = float(np.std(values, ddof=1)) if len(values) > 1 else nan
     half = 1.96 * spread / sqrt(len(values))
-    return Figure(name, middle, max(middle - half, 0.0), middle + half, must, aim, len(values), True,
-                  rate=False)  # fmt: skip
+    low, high = max(middle - half, 0.0), middle + half
+    return Figure(name, middle, low, high, must, aim, len(values), True, rate=False)
 
 
 def blames_physics(one: Scored) -> bool:
