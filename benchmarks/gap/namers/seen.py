@@ -10,12 +10,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.gap.generator.kinds import KINDS, TABLE
 from benchmarks.gap.generator.records import Record
 from benchmarks.gap.generator.tables import NAMES, Array, Points
 from benchmarks.gap.scoring.rivals import RIVALS, Rival
 
+Marks = NDArray[np.bool_]
 STRETCHES = 5
 """Stretches of the record that are held out one after the other."""
 TO_SIGMA = 1.4826
@@ -117,7 +119,7 @@ def said(of: Seen, names: Sequence[str], columns: Array) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def said_of(of: Seen, found: Dictionary, kept: Array) -> dict[str, Any]:
+def said_of(of: Seen, found: Dictionary, kept: Marks) -> dict[str, Any]:
     """An answer with the columns of a dictionary that `kept` (m,) marks."""
     names = [name for name, one in zip(found.names, kept, strict=True) if one]
-    return said(of, names, found.columns[:, np.asarray(kept, dtype=bool)])
+    return said(of, names, found.columns[:, kept])

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.gap.generator.records import Record
 from benchmarks.gap.generator.tables import Array
-from benchmarks.gap.namers.seen import dictionary, said_of, seen, standardised
+from benchmarks.gap.namers.seen import Marks, dictionary, said_of, seen, standardised
 
 RIDGE = 0.05
 THRESHOLD = 0.1
@@ -22,15 +22,16 @@ def ridge(columns: Array, what: Array) -> Array:
     return np.asarray(np.linalg.solve(normal, columns.T @ what), dtype=np.float64)
 
 
-def thresholded(columns: Array, what: Array) -> Array:
+def thresholded(columns: Array, what: Array) -> Marks:
     """Which columns (m,) survive: fit, drop all below the threshold, fit the rest, to the end."""
-    kept = np.ones(columns.shape[1], dtype=bool)
+    kept: Marks = np.ones(columns.shape[1], dtype=np.bool_)
     for _ in range(MOST_ROUNDS):
         found = np.zeros(len(kept))
         found[kept] = ridge(columns[:, kept], what)
-        before, kept = kept, np.abs(found) >= THRESHOLD
-        if (kept == before).all():
+        still = np.asarray(np.abs(found) >= THRESHOLD, dtype=np.bool_)
+        if (still == kept).all():
             break
+        kept = still
     return kept
 
 
