@@ -26,6 +26,8 @@ SAME = 1e-12
 """Relative range of readings that are all the same."""
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
 SESSION = "session"
+LATE = 0.05
+"""Share of its span that a clock may begin away from 0."""
 ABSOLUTE_ZERO = -273.15
 """[degC]"""
 
@@ -77,9 +79,21 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
     if SESSION in spare and SESSION in frame:
         notes.append(f'{SESSION} is not used; [validation] blocks = "{SESSION}" would hold out one '
                      "after the other")  # fmt: skip
-    notes += told_apart(frame, there)
+    notes += [*told_apart(frame, there), *_late(frame, there)]
     data = assembled(plan, frame, there, outputs, predictions, stds, notes)
     return replace(data, digest=_digest(path)), []
+
+
+def _late(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
+    """Clocks that do not begin near 0: effects that count the time from there meet another one."""
+    found = []
+    for column in columns:
+        if column.role is Role.TIME and column.name in frame:
+            first, span = float(frame[column.name].min()), float(np.ptp(frame[column.name]))
+            if abs(first) > LATE * span:
+                found.append(f"{column.name} begins at {first:g} {column.unit}: wear and creep count "
+                             "from 0; subtract what had passed before they began")  # fmt: skip
+    return found
 
 
 def _digest(path: Path) -> str:
