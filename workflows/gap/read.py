@@ -91,8 +91,8 @@ def _late(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
         if column.role is Role.TIME and column.name in frame:
             first, span = float(frame[column.name].min()), float(np.ptp(frame[column.name]))
             if abs(first) > LATE * span:
-                found.append(f"{column.name} begins at {first:g} {column.unit}: wear and creep count "
-                             "from 0; subtract what had passed before they began")  # fmt: skip
+                found.append(f"{column.name} begins at {first:g} {column.unit}: wear and creep "
+                             "count from 0; subtract what had passed before")  # fmt: skip
     return found
 
 
