@@ -71,11 +71,19 @@ def test_rows_that_are_not_in_order_are_put_in_order() -> None:
     assert names({name: one[mixed] for name, one in table.items()}) == MOVING
 
 
-@pytest.mark.parametrize("table", [
-    drawn(), swept(), swept() | {"v": np.zeros(N)}, cycles() | {"v": np.full(N, 3.0)},
-    cycles() | {"a": 90.0 * np.sin(np.linspace(0.0, 6.0 * np.pi, N))},
-    {"d": cycles()["d"]}, drawn() | {"d": np.ones(N)}, cycles() | {"d": -cycles()["d"]},
-], ids=["random", "swept", "own way", "turns", "swings", "no torque", "one way", "against"])  # fmt: skip
+OTHERS = {
+    "random": drawn(),
+    "swept": swept(),
+    "own way": swept() | {"v": np.zeros(N)},
+    "turns": cycles() | {"v": np.full(N, 3.0)},
+    "swings": cycles() | {"a": 90.0 * np.sin(np.linspace(0.0, 6.0 * np.pi, N))},
+    "no torque": {"d": cycles()["d"]},
+    "one way": drawn() | {"d": np.ones(N)},
+    "against": cycles() | {"d": -cycles()["d"]},
+}
+
+
+@pytest.mark.parametrize("table", OTHERS.values(), ids=OTHERS)
 def test_all_else_takes_the_direction(table: Table) -> None:
     assert names(table) == MOVING
 
