@@ -208,6 +208,12 @@ class Effect(ABC):
         numbers = self.parameters(target)
         return tuple(n.name for n in numbers if not n.linear and n.name not in values)
 
+    def shown(self, measured: Mapping[str, Array], target: Target) -> Mapping[str, float] | None:
+        """Nonlinear parameters that the readings of the outputs (n,), by name, show by themselves;
+        None where they show that the effect is not there.
+        """
+        return {}
+
     def act(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         """What it does to the rows, with `values` of its parameters by name."""
         place = self.place(target)
