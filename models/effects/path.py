@@ -62,7 +62,8 @@ def follows_load(readings: Readings) -> bool:
     turns = np.count_nonzero(np.diff(sign))
     way = 0.5 * (sign[1:] + sign[:-1])[within]
     along = float(way @ steps)
-    return 0 < turns <= FEW * len(sign) and along > MOSTLY * float(np.abs(steps).sum())
+    seldom = 0 < int(turns) <= FEW * len(sign)
+    return seldom and along > MOSTLY * float(np.abs(steps).sum())
 
 
 def _moves(readings: Readings) -> bool:

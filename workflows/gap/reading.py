@@ -43,7 +43,7 @@ def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
 
 def resolution(setup: Setup, output: str) -> float:
     """What the steps of an output's readings alone scatter by, 0 where it is read in none."""
-    return (step_of(setup.data.measured[output]) or 0.0) / np.sqrt(12.0)
+    return float((step_of(setup.data.measured[output]) or 0.0) / np.sqrt(12.0))
 
 
 def _coarse(setup: Setup, output: Output, residual: Array) -> str:

@@ -25,7 +25,7 @@ def step_of(values: Array) -> float | None:
         return None
     gaps = np.diff(levels)
     gaps = gaps[gaps > FINEST * np.ptp(levels)]
-    counts = np.round(gaps / gaps.min())
+    counts = np.round(gaps / float(np.min(gaps)))
     step = float(gaps.sum() / counts.sum())
     whole = np.round(levels / step)
     step = float(levels @ whole / max(whole @ whole, 1.0))
