@@ -19,6 +19,7 @@ from .locate import regions
 from .plan import GapPlan
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
+from .recalibration import moved_far
 from .replicates import Replicates, identity_of, is_whole, opened
 from .result import (
     Ending,
@@ -189,6 +190,8 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
                          "reading to the next)")  # fmt: skip
     if lost := [analysis.fit.names[at] for at in analysis.judged.lost]:
         found.append(f"{', '.join(lost)}: something like it is there, but its form is not that")
+    if far := moved_far(end):
+        found.append(far)
     if len(end.setup.library) == 0:
         found.append("no effect of the library has a place in this model with these columns")
     return tuple(found)

@@ -89,12 +89,23 @@ class Candidate:
 
 
 class Columns:
-    """What candidates add to the outputs at the rows of the data, in the outputs' units."""
+    """What candidates add to the outputs at the rows of the data, in the outputs' units.
 
-    def __init__(self, data: GapData, predict: Predict) -> None:
+    What an instrument makes of an output depends on all that is in it: the prediction and `beside`
+    it (n,), by output.
+    """
+
+    def __init__(
+        self, data: GapData, predict: Predict, beside: Mapping[str, Array] | None = None
+    ) -> None:
         self.data = data
         self._predict = predict
         self._base = predict({})
+        self._read = {name: one + (beside or {}).get(name, 0.0) for name, one in self._base.items()}
+
+    def read_beside(self, more: Mapping[str, Array]) -> Columns:
+        """The same, with more (n,) in the outputs that the instrument reads."""
+        return Columns(self.data, self._predict, more)
 
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
         """Columns (N, m) of a candidate, m its linear parameters (1 where it has none)."""
@@ -122,7 +133,7 @@ class Columns:
             return zero  # rounding moves no mean of units that differ by more
         if action.reading:
             return np.concatenate([
-                action.reading[o.name](self._base[o.name]) - self._base[o.name]
+                action.reading[o.name](self._read[o.name]) - self._read[o.name]
                 if o.name in action.reading else zero
                 for o in data.outputs
             ])  # fmt: skip
@@ -147,12 +158,18 @@ def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
     found = []
     for name in names:
         effect = registry.load("effects", name)()
-        if effect.applies(data.target):
+        shown = effect.shown(data.measured, data.target) if effect.applies(data.target) else None
+        if shown is not None:
             numbers = effect.parameters(data.target)
             linear = tuple(one for one in numbers if one.linear)
-            shape = tuple(one for one in numbers if not one.linear)
+            shape = tuple(_chosen(one, shown) for one in numbers if not one.linear)
             found.append(Candidate(effect, linear, shape, _unread(effect, data)))
     return found
+
+
+def _chosen(one: EffectParameter, shown: Mapping[str, float]) -> EffectParameter:
+    """A parameter, no longer to be fitted where the readings show it."""
+    return replace(one, choices=(shown[one.name],)) if one.name in shown else one
 
 
 def _unread(effect: Effect, data: GapData) -> bool:

@@ -103,7 +103,7 @@ def gate(end: Ending) -> Gate:
             outliers=noise.outliers, whiteness=whiteness(end.fit.residual[rows]),
             uncertainty=noise.level * 2.0 / np.sqrt(count),
         ))  # fmt: skip
-    return Gate(tuple(found), _recalibrated(end), *detectable(end))
+    return Gate(tuple(found), recalibrated(end), *detectable(end))
 
 
 def rmse(values: Array, good: object = None) -> float:
@@ -112,7 +112,8 @@ def rmse(values: Array, good: object = None) -> float:
     return float(np.sqrt(np.mean(inside**2)))
 
 
-def _recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
+def recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
+    """What became of the free parameters."""
     plan = end.setup.plan
     return tuple(
         Recalibrated(name, "", nominal(plan, name), value, plan.free[name],
