@@ -75,7 +75,7 @@ def of_poses(at: Poses) -> dict[str, NDArray[np.float64]]:
 
 def stacked(place: Array, turn: Array) -> Array:
     """Errors (n, 3) [m] and [rad] as the outputs, one after the other (6 n,), in noise units."""
-    return (1e3 * np.hstack([place, turn]) / SCALES).T.ravel()
+    return np.asarray((1e3 * np.hstack([place, turn]) / SCALES).T.ravel())
 
 
 def errors(at: Poses, built: Robot, off: Array | float = 0.0) -> Array:

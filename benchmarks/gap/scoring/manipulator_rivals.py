@@ -66,7 +66,7 @@ def arms(at: Poses, _: Array) -> Array:
 def tilts(at: Poses, _: Array) -> Array:
     """A rotation w of the base moves p by w x p and turns by w."""
     found = [leaning(at, x, y) - leaning(at, -x, -y) for x, y in ((STEP, 0.0), (0.0, STEP))]
-    return np.column_stack(found) * 1e-3 / (2.0 * STEP)
+    return np.asarray(np.column_stack(found) * 1e-3 / (2.0 * STEP))
 
 
 def torques(at: Poses, p: Array) -> Array:
@@ -94,7 +94,7 @@ def play(at: Poses, _: Array) -> Array:
 
 def each(at: Poses, what: Array, count: int = len(OUTPUTS)) -> Array:
     """`what` (n,) in each of the first outputs (6 n, count), in its unit."""
-    return np.kron(np.diag(1.0 / SCALES)[:, :count], what[:, None])
+    return np.asarray(np.kron(np.diag(1.0 / SCALES)[:, :count], what[:, None]), dtype=np.float64)
 
 
 def walked(at: Poses, p: Array) -> Array:
