@@ -14,8 +14,7 @@ from sklearn.linear_model import LassoCV
 from benchmarks.gap.generator.kinds import KINDS
 from benchmarks.gap.generator.records import Record, Truth
 from benchmarks.gap.generator.tables import Array
-from benchmarks.gap.scoring.rival import Rival
-from benchmarks.gap.scoring.rivals import RIVALS, least_left, without
+from benchmarks.gap.scoring.rivals import RIVALS, Rival, least_left, without
 
 MOST = 4
 """Effects that a greedy namer may add."""

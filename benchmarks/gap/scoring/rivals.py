@@ -17,7 +17,8 @@ from benchmarks.gap.generator.assemblies import Faults, departure
 from benchmarks.gap.generator.populations import Units
 from benchmarks.gap.generator.tables import Array, Points
 from benchmarks.gap.scoring.manipulator_rivals import MANIPULATOR_RIVALS
-from benchmarks.gap.scoring.rival import Columns, Rival, fixed
+from benchmarks.gap.scoring.rival import Columns, fixed
+from benchmarks.gap.scoring.rival import Rival as Rival
 
 ORDERS_OF_RESONANCE = (39.0, 40.0, 78.0, 80.0, 120.0, 121.0)
 
