@@ -22,6 +22,7 @@ from benchmarks.gap.generator.records import LEAST_LAMBDA, orthogonal, record
 from benchmarks.gap.generator.robot import ARMS, JOINTS, LINES, ORIGINS, RODS, SEATS, Robot
 from benchmarks.gap.generator.tables import Array
 from benchmarks.gap.scoring.manipulator_rivals import MANIPULATOR_RIVALS
+from benchmarks.gap.scoring.rivals import coefficients, least_left
 from benchmarks.gap.scoring.scorer import told
 from tolevo import registry
 from tolevo.models.effects.compose import Active, predicted
@@ -146,6 +147,18 @@ def test_notes_formula_of_a_name_is_the_tangent_of_its_mechanism(at: Poses, name
     order = sorted(values, key=lambda one: (one[-6], one)) if len(values) == 6 else list(values)
     made = rival.columns(at, p) @ np.array([values[one] for one in order])
     np.testing.assert_allclose(made, added, rtol=0.0, atol=5e-3 * np.abs(added).max())
+
+
+def test_scorer_finds_the_dimensions_of_a_sag(at: Poses) -> None:
+    """By the notes' formula: compliances, and the mass that is carried beside the payload."""
+    compliance = np.array([10e-6, 20e-6, 30e-6])
+    added = manipulators.sagging(at, compliance, 7.0)
+    rival = next(one for one in MANIPULATOR_RIVALS if one.name == "gravity_sag")
+    left, p = least_left(rival, at, KIND.free(len(at)), added)
+    assert left < 1e-5 * float((added**2).sum())
+    np.testing.assert_allclose(p, 7.0, rtol=0.01)
+    found = coefficients(rival, p, at, KIND.free(len(at)), added)
+    np.testing.assert_allclose(found, 1e3 * compliance, rtol=0.01)
 
 
 def test_nothing_of_a_cause_adds_nothing(at: Poses) -> None:

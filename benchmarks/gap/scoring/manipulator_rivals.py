@@ -71,7 +71,8 @@ def tilts(at: Poses, _: Array) -> Array:
 
 def torques(at: Poses, p: Array) -> Array:
     """Compliance times static torque of the payload and p[0] kg beside it."""
-    return 1e-3 * of_torques(at) * np.tile(at.payload + p[0], len(OUTPUTS))[:, None]
+    mass = np.tile(at.payload + p[0], len(OUTPUTS))
+    return np.asarray(1e-3 * of_torques(at) * mass[:, None])
 
 
 def growth(at: Poses, _: Array) -> Array:
