@@ -11,6 +11,7 @@ import numpy as np
 from ... import registry
 from ...models.effects import Effect, EffectParameter, Target
 from ...models.effects.compose import Active
+from ...models.effects.inside import InsideSeveral
 from ...models.effects.population.units import OfUnits
 from ...models.effects.readings import labels_of
 from ...models.inputs.distribution import Array
@@ -27,6 +28,8 @@ BEND = 2.5
 """What the first nonlinear parameter of an effect must gain."""
 MOST = 400
 """Points of the grid of an effect's nonlinear parameters."""
+SMALL = 0.05
+"""Of a quantity inside, in its unit: what moves outputs in proportion to itself."""
 LEAST_UNITS = 3
 """Units of a lot from which on an offset of its own can be told."""
 
@@ -101,6 +104,7 @@ class Columns:
         self.data = data
         self._predict = predict
         self._base = predict({})
+        self._slopes: dict[str, Array] = {}
         self._read = {name: one + (beside or {}).get(name, 0.0) for name, one in self._base.items()}
 
     def read_beside(self, more: Mapping[str, Array]) -> Columns:
@@ -111,11 +115,27 @@ class Columns:
         """Columns (N, m) of a candidate, m its linear parameters (1 where it has none)."""
         if candidate.alone:
             return self._added(candidate, shape)[:, None]
+        if isinstance(candidate.effect, InsideSeveral):
+            return self._by_rows(candidate.effect, shape)
         parts = [
             self._added(candidate, {**shape, one.name: step}) / step
             for one, step in ((one, _step(one)) for one in candidate.linear)
         ]
         return np.column_stack(parts)
+
+    def _by_rows(self, effect: InsideSeveral, shape: Mapping[str, float]) -> Array:
+        """Of quantities that are changed by a factor of each row: slopes, times that factor."""
+        factor = np.tile(effect.factor(self.data.readings, shape), len(self.data.outputs))
+        slopes = [self._slope(name) for _, name in effect.numbers(self.data.target)]
+        return np.asarray(np.column_stack(slopes) * factor[:, None])
+
+    def _slope(self, name: str) -> Array:
+        """Outputs (N,) per unit of a quantity inside, by central differences."""
+        if name not in self._slopes:
+            ends = [np.full(len(self.data), end) for end in (SMALL, -SMALL)]
+            up, down = (self.data.whole(self._predict({name: one})) for one in ends)
+            self._slopes[name] = (up - down) / (2.0 * SMALL)
+        return self._slopes[name]
 
     def total(self, candidate: Candidate, values: Mapping[str, float]) -> Array:
         """What the effect with these values adds (N,)."""
