@@ -38,6 +38,17 @@ class ChangedLaws:
         return self.law.shifted(SHIFTS * self.law.std)
 
     @cached_property
+    def shifts_below(self) -> Array:
+        """Shares of units below, of the same."""
+        return below(self.shifts)
+
+    @cached_property
+    def moved(self) -> Array:
+        """With the readings shifted by every third of SHIFTS (m, k)."""
+        by, x = SHIFTS[::3, None] * self.law.std, self.law.x
+        return np.asarray(np.interp((x - by).ravel(), x, self.base).reshape(len(by), len(x)))
+
+    @cached_property
     def wider(self) -> tuple[tuple[Source, Array], ...]:
         """Each input, and with its zone wider by FACTORS (m, k)."""
         inputs = [one for one in self.law.sources.inputs if one.tolerance > 0.0]
@@ -47,3 +58,10 @@ class ChangedLaws:
     def blurred(self) -> Array:
         """Read with the noise NOISES (m, k)."""
         return self.law.blurred(NOISES * self.law.std)
+
+
+def below(log: Array) -> Array:
+    """Shares below of log densities (..., k)."""
+    density = np.exp(log)
+    total = np.cumsum(density, axis=-1) - 0.5 * density
+    return np.asarray(total / density.sum(axis=-1, keepdims=True))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from ....models.inputs.distribution import Array
 from ....models.sources import Source
-from .changed_laws import FACTORS, NOISES, REACH, SHIFTS, ChangedLaws
+from .changed_laws import FACTORS, NOISES, REACH, SHIFTS, ChangedLaws, below
 from .unit_law import UnitLaw
 
 GAUGE = "gauge"
@@ -22,7 +22,12 @@ OUT = 0.75
 wide."""
 SHIFT_AT_MOST, FACTOR_AT_MOST = 2.0 * OUT, 1.0 / (1.0 - OUT)
 TRENDS = np.sinh(np.linspace(-np.arcsinh(20.0), np.arcsinh(20.0), 61)) * (REACH / 20.0)
-DENSE = 2001
+DENSE = 401
+LIKELY = 4.0
+"""Below the highest log likelihood: amounts that an interval may hold, and more."""
+NEAR = 12.0
+"""Below the highest of all: changes that may explain a batch."""
+POINTS = 33
 KINDS = ("shift", "widening", "trend")
 
 
@@ -48,12 +53,24 @@ class Change:
         """The input's name."""
         return GAUGE if self.source is None else self.source.name
 
+    @property
+    def clipped(self) -> bool:
+        """Whether it acts before interference is cut off."""
+        return self.source is not None and self.source.clipped
+
+    @cached_property
+    def likely(self) -> tuple[float, float]:
+        """Points of the grid that hold between them whatever an interval may hold."""
+        inside = np.flatnonzero(self.log > self.log.max() - LIKELY)
+        last = len(self.grid) - 1
+        return (float(self.grid[max(inside[0] - 1, 0)]),
+                float(self.grid[min(inside[-1] + 1, last)]))  # fmt: skip
+
     @cached_property
     def _dense(self) -> tuple[Array, Array]:
         """The likelihood between the points of the grid, about its peak as finely as needed."""
         curve = CubicSpline(self.grid, self.log)
-        at = int(np.argmax(self.log))
-        near = self.grid[max(at - 2, 0)], self.grid[min(at + 2, len(self.grid) - 1)]
+        near = self.likely
         ends = np.clip([self.low, self.high], self.grid[0], self.grid[-1])
         x = np.unique(np.concatenate([np.linspace(*near, DENSE), self.grid, ends]))
         return x, np.asarray(curve(x), dtype=np.float64)
@@ -130,21 +147,52 @@ class Tables:
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """Every input in every way, the gauge last."""
-        return tuple(self._shifts()) + tuple(self._widenings()) + tuple(self._trends())
+        """Every input in every way, the gauge last; finely where one may explain the batch."""
+        found = (*self._shifts(), *self._widenings(), *self._trends())
+        top = max(float(one.log.max()) for one in found)
+        fine: dict[tuple[str, bool, str], tuple[Array, Array]] = {}
+        return tuple(one if one.log.max() < top - NEAR else self._finely(one, fine)
+                     for one in found)  # fmt: skip
 
-    @cached_property
-    def freely(self) -> Array:
-        """Shifts (m,) of the readings that are tried, in the output's unit."""
-        centre = float(np.median(self.y) - self.law.x @ np.exp(self.base) * self.law.step)
-        return np.unique(np.concatenate([SHIFTS[::3] * self.law.std,
-                                         centre + SHIFTS[::3] * self.law.std]))  # fmt: skip
+    def _finely(
+        self, one: Change, kept: dict[tuple[str, bool, str], tuple[Array, Array]]
+    ) -> Change:
+        """The same with more amounts about the likeliest; inputs that act alike share them."""
+        alike = one.kind != "widening"
+        key = (one.kind, one.clipped, "" if alike else one.name)
+        if key not in kept:
+            low, high = one.likely
+            between = np.linspace(low, high, POINTS)
+            outside = (one.grid < low) | (one.grid > high)
+            grid = np.concatenate([one.grid[outside], between])
+            log = np.concatenate([one.log[outside], self._logs(one, between)])
+            order = np.argsort(grid)
+            kept[key] = grid[order], log[order]
+        grid, log = kept[key]
+        return replace(one, grid=grid, log=log)
+
+    def _logs(self, one: Change, amounts: Array) -> Array:
+        """Log likelihoods (m,) at amounts (m,)."""
+        if one.kind == "trend" and one.clipped:
+            return np.array([self.between(self.shifts, by * self.u).sum() for by in amounts])
+        if one.kind == "trend":
+            return np.array([self._at(self.y - by * self.u).sum() for by in amounts])
+        if one.kind == "widening":
+            source, law = one.source, self.law
+            table = law.blurred(amounts) if source is None else law.widened(source, amounts)
+            return np.asarray(table @ self.counts)
+        if one.clipped:
+            return np.asarray(self.law.shifted(amounts) @ self.counts)
+        return np.array([self._at(self.y - by).sum() for by in amounts])
 
     def _shifts(self) -> Iterator[Change]:
         std = self.law.std
         yield from self._moved("shift", SHIFTS * std, self.shifts @ self.counts, True)
-        by = self.freely
-        log = np.array([self._at(self.y - one).sum() for one in by])
+        by, log = SHIFTS[::3] * std, self.laws.moved @ self.counts
+        centre = float(np.median(self.y) - self.law.x @ np.exp(self.base) * self.law.step)
+        if abs(centre) > 0.5 * REACH * std:  # farther than a shift of inputs can be
+            by = np.unique(np.concatenate([by, centre + by]))
+            log = np.array([self._at(self.y - one).sum() for one in by])
         yield from self._moved("shift", by, log, False)
 
     def _trends(self) -> Iterator[Change]:
@@ -196,10 +244,10 @@ class Tables:
         """Share (n,) of units that the changed model has below each unit; uniform if it is true."""
         over = np.ones_like(self.y) if one.kind == "shift" else self.u
         if one.kind == "widening":
-            return np.asarray(np.interp(self.y, self.law.x, _below(self.density(one, amount))))
-        if one.source is not None and one.source.clipped:
-            return self.between(_below(self.shifts), amount * over)
-        return np.asarray(np.interp(self.y - amount * over, self.law.x, _below(self.base)))
+            return np.asarray(np.interp(self.y, self.law.x, below(self.density(one, amount))))
+        if one.clipped:
+            return self.between(self.laws.shifts_below, amount * over)
+        return np.asarray(np.interp(self.y - amount * over, self.law.x, below(self.base)))
 
     def density(self, one: Change, amount: float) -> Array:
         """Log density (k,) of the model with that input changed; a trend has none."""
@@ -208,7 +256,7 @@ class Tables:
             source = one.source
             return np.asarray((self.law.blurred(at) if source is None
                                else self.law.widened(source, at))[0])  # fmt: skip
-        if one.source is not None and one.source.clipped:
+        if one.clipped:
             return np.asarray(self.law.shifted(at)[0])
         return self._of_shift(amount)
 
@@ -222,10 +270,3 @@ def counted(law: UnitLaw, y: Array) -> Array:
     low = at.astype(np.int64)
     part, size = at - low, len(law.x)
     return np.asarray(np.bincount(low, 1.0 - part, size) + np.bincount(low + 1, part, size))
-
-
-def _below(log: Array) -> Array:
-    """Shares below of log densities (..., k)."""
-    density = np.exp(log)
-    total = np.cumsum(density, axis=-1) - 0.5 * density
-    return np.asarray(total / density.sum(axis=-1, keepdims=True))
