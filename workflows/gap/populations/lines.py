@@ -14,9 +14,8 @@ from .statistics import Look, values_of
 LEVEL = 0.9
 SEEN = 0.9
 """Chance with which a difference of the size that is told would have been seen."""
-COMMON = 0.02
+COMMON = 0.05
 DIFFERS, UNSEEN = "differs", "no difference seen; one of {} would have been"
-MANY = 1000
 DRAWN = 500_000
 """Units of all simulated batches together, about."""
 AGAIN = 200
@@ -25,7 +24,17 @@ AGAIN = 200
 
 def batches(count: int) -> int:
     """How many batches of `count` units are simulated."""
-    return int(np.clip(DRAWN // count, 300, MANY))
+    return int(np.clip(DRAWN // count, 300, 1000))
+
+
+def rarely(values: Array, rate: float) -> float:
+    """What so small a share of simulated values (b,) is beyond: above a commoner one the tail falls
+    exponentially, as that of a likelihood ratio does, and that of a normal more steeply.
+    """
+    common = float(np.quantile(values, 1.0 - COMMON))
+    beyond = values[values > common] - common
+    more = float(beyond.mean()) if len(beyond) else 0.0
+    return common + more * max(float(np.log(COMMON / rate)), 0.0)
 
 
 @dataclass(frozen=True)
@@ -59,20 +68,12 @@ class Compared:
         )  # fmt: skip
 
     def _limits(self, simulated: dict[str, Array], middle: dict[str, float]) -> dict[str, float]:
-        """How far each statistic gets from its mean by chance, all of them together (Sidak).
-
-        Of fewer batches than show so rare ones, a commoner one is read and carried on as the tail
-        of a normal, or of its square.
-        """
+        """How far each statistic gets from its mean by chance, all of them together (Sidak)."""
         rate = 1.0 - (1.0 - self.rate) ** (1.0 / len(self.looks))
-        read = rate if len(self.drawn) >= MANY else COMMON
-        more = float(stats.norm.isf(0.5 * rate) / stats.norm.isf(0.5 * read))
         found = {}
         for one in self.looks:
             far = simulated[one.name] - middle[one.name]
-            far = np.abs(far) if one.signed else far
-            power = 1.0 if one.signed else 2.0
-            found[one.name] = more**power * float(np.quantile(far, 1.0 - read))
+            found[one.name] = rarely(np.abs(far) if one.signed else far, rate)
         return found
 
     def _line(
