@@ -78,9 +78,7 @@ def analysed(folder: Path, frame: pd.DataFrame) -> GapResult:
     return gap.found(plan, read_data(plan, data))
 
 
-@pytest.mark.parametrize(
-    ("kind", "amount"), [("bias", 0.4), ("gain", -0.12), ("trend", 0.8)]
-)
+@pytest.mark.parametrize(("kind", "amount"), [("bias", 0.4), ("gain", -0.12), ("trend", 0.8)])
 def test_an_input_recorded_wrongly_is_found(tmp_path: Path, kind: str, amount: float) -> None:
     result = analysed(tmp_path, table(**{kind: amount}))  # type: ignore[arg-type]
     (found,) = result.attribution
