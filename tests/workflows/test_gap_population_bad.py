@@ -89,7 +89,7 @@ def test_lots_of_one_unit_beside_a_large_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("lot", [np.nan, ""])
-def test_lots_without_a_label(tmp_path: Path, lot: object) -> None:
+def test_lots_without_a_label(tmp_path: Path, lot: float | str) -> None:
     frame = units(40).assign(lot=["A"] * 20 + ["B"] * 20)
     frame.loc[3:5, "lot"] = lot
     ended = command(tmp_path, frame)

@@ -30,7 +30,8 @@ def looks(n: int, lots: Array | None = None) -> tuple[Look, ...]:
     """Statistics of units that should be standard normal ones."""
     quantiles = stats.norm.ppf((np.arange(n) + 0.5) / n)
     of_lots = None if lots is None else between_lots(lots)
-    return looks_of("um", np.arange(n) * 1.0, two_of(NORMAL, 1.0), unlike(quantiles), of_lots)
+    order = np.arange(n, dtype=float)
+    return looks_of("um", order, two_of(NORMAL, 1.0), unlike(quantiles), of_lots)
 
 
 def lines(
@@ -53,7 +54,7 @@ def differing(x: Array, lots: Array | None = None) -> set[str]:
 
 def test_statistics_are_those_of_scipy() -> None:
     x = np.random.default_rng(1).gamma(2.0, size=(3, 40))
-    order = np.arange(40) * 1.0
+    order = np.arange(40, dtype=float)
     np.testing.assert_allclose(spread(x), np.std(x, axis=1, ddof=1))
     np.testing.assert_allclose(skewness(x), stats.skew(x, axis=1))
     np.testing.assert_allclose(peakedness(x), stats.kurtosis(x, axis=1))

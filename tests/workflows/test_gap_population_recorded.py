@@ -26,7 +26,7 @@ def assembled(errors: Array, weight: Array, achieved: float = 1.0) -> Array:
     """Final angles (n, 4) [mrad] of part errors (n, 4): the printed recursion, step by step."""
     found = np.empty_like(errors)
     for q in np.unique(weight):
-        ahead, gains = q * np.eye(4), []
+        ahead, gains = q * np.eye(4), list[Array]()
         for row in reversed(WEIGHTS):
             moves = MOVES * [float(r < 1e3) for r in row]
             cost = np.diag(row)

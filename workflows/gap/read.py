@@ -208,7 +208,7 @@ def _varies(plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...]) -> 
     if plan.model is not None and plan.model.population:
         return True
     numbers = [c.name for c in columns if not c.text and c.role is not Role.REPEAT]
-    return any(frame[name].nunique(dropna=False) > 1 for name in numbers if name in frame)
+    return any((frame[name] != frame[name].iloc[0]).any() for name in numbers if name in frame)
 
 
 def _range_faults(

@@ -269,4 +269,5 @@ def counted(law: UnitLaw, y: Array) -> Array:
     at = np.clip((y - law.x[0]) / law.step, 0.0, len(law.x) - 1.001)
     low = at.astype(np.int64)
     part, size = at - low, len(law.x)
-    return np.asarray(np.bincount(low, 1.0 - part, size) + np.bincount(low + 1, part, size))
+    found = np.bincount(low, 1.0 - part, size) + np.bincount(low + 1, part, size)
+    return found.astype(np.float64)
