@@ -15,6 +15,7 @@ from ..summary import summary_table
 from ..tables import shown, table
 from .distribution import distribution_figure
 from .path import path_figure
+from .populations import attribution_table, population_table
 from .residuals import residuals_figure
 from .spectrum import spectrum_figure
 
@@ -53,12 +54,13 @@ def gap_page(result: GapResult) -> str:
     sections = (
         section("Verdict", _verdict(result)),
         section("The gap before and after", _gaps(result) + _those(pictures, "residuals")
-                + _those(pictures, "distribution")),
+                + _those(pictures, "distribution") + population_table(result)),
         section("Where", _where(result)),
         section("Orders", _those(pictures, "spectrum") or "<p>The table has no angle.</p>"),
         section("Steps", _those(pictures, "path") + _steps(result)),
         section("Effects", _effects(result)),
         section("Rivals and the measurement that separates them", _rivals(result)),
+        section("Inputs behind it", attribution_table(result)),
         section("Without a name", bullets([str(one) for one in result.shapes])),
         section("Recalibrated parameters", _recalibrated(result)),
         section("What would have been seen", _detectable(result)),

@@ -17,6 +17,7 @@ from .data import GapData
 from .gaps import OF_UNITS, gaps
 from .locate import regions
 from .plan import GapPlan
+from .populations.found import attribution_of, population_of, said
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
 from .recalibration import moved_far
@@ -145,6 +146,8 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         units=spread_of_units(plan, data, end),
         summary=_summary(plan, data, end, spread) | {"gap_is": gap.meaning},
         notes=_notes(analysis, data, end),
+        population=population_of(end),
+        attribution=attribution_of(end),
         configuration=plan.configuration,
         corrected=text,
     )  # fmt: skip
@@ -210,6 +213,7 @@ def _lines(result: GapResult) -> tuple[str, ...]:
               for one in result.effects if one.counterpart]  # fmt: skip
     lines += [f"rival {one}" for one in result.rivals]
     lines += [f"without a name: {one}" for one in result.shapes]
+    lines += said(result.population, result.attribution)
     if result.verdict == "no_gap":
         seen = sorted(result.gate.detectable, key=lambda one: one.rms)[:5]
         lines += [f"would have been seen from {one}" for one in seen]

@@ -53,6 +53,8 @@ def record(result: GapResult) -> dict[str, Any]:
         "alternatives": [_rival(one) for one in result.rivals],
         "unnamed": [asdict(one) for one in result.shapes],
         "where": [_region(one) for one in result.where],
+        "population": [asdict(one) for one in result.population],
+        "attribution": [asdict(one) for one in result.attribution],
         "noise_floor": _numbers(result.noise_floor),
         "gap_before": _numbers(result.gap_before),
         "gap_after": _numbers(result.gap_after),
