@@ -16,6 +16,7 @@ from .correct import corrected_toml, in_problem
 from .data import GapData
 from .gaps import OF_UNITS, gaps
 from .locate import regions
+from .next.measurement import next_measurement
 from .plan import GapPlan
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
@@ -123,6 +124,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
     gap = gaps(end)
     text = corrected_toml(plan, end.model, analysis.scatter[:1])
     named = in_problem(plan, text, effects(end, spread))
+    planned = next_measurement(end)
     return GapResult(
         title=plan.model_name,
         verdict=end.verdict,
@@ -134,7 +136,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         scores=scores(end),
         steps=renumbered(analysis.selection.steps),
         effects=named,
-        rivals=rival_records(end),
+        rivals=rival_records(end, planned.rivals if planned else {}),
         shapes=shape_records(end),
         noise_floor=gap.floor,
         gap_before=gap.before,
@@ -146,6 +148,8 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         notes=_notes(analysis, data, end),
         configuration=plan.configuration,
         corrected=text,
+        next_measurement=planned.record if planned else None,
+        next_points=planned.points if planned else None,
     )  # fmt: skip
 
 
@@ -207,6 +211,9 @@ def _lines(result: GapResult) -> tuple[str, ...]:
               for one in result.effects if one.counterpart]  # fmt: skip
     lines += [f"rival {one}" for one in result.rivals]
     lines += [f"without a name: {one}" for one in result.shapes]
+    if (planned := result.next_measurement) is not None:
+        lines.append(f"next measurement: {planned}")
+        lines += [f"next measurement: {one}" for one in (*planned.effects[1:], *planned.notes)]
     if result.verdict == "no_gap":
         seen = sorted(result.gate.detectable, key=lambda one: one.rms)[:5]
         lines += [f"would have been seen from {one}" for one in seen]

@@ -93,7 +93,7 @@ class Columns:
 
     def __init__(self, data: GapData, predict: Predict) -> None:
         self.data = data
-        self._predict = predict
+        self.predict = predict
         self._base = predict({})
 
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
@@ -114,7 +114,7 @@ class Columns:
         data = self.data
         action = candidate.effect.act(data.readings, values, data.target)
         if action.changes:
-            return data.whole(self._predict(action.changes)) - data.whole(self._base)
+            return data.whole(self.predict(action.changes)) - data.whole(self._base)
         zero = np.zeros(len(data))
         if action.population is not None:
             return self._of_units(action.population)

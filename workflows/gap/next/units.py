@@ -1,0 +1,92 @@
+"""The next measurement of a batch: further units, warm and cold where that was given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ....gap_records import Separation
+from ....models.inputs.distribution import Array
+from ....models.measurable import Role
+from ..likelihood import kind_of
+from ..noise import Noise
+from ..plan import NextPlan
+from ..population import Scatter
+from ..result import MORE, Ending
+from ..setup import Setup
+from .field import Ahead
+from .points import with_labels
+from .rows import base_at, placed
+from .separations import CERTAIN
+
+MOST = 10**6
+
+
+def further_units(setup: Setup, noises: Sequence[Noise], wanted: NextPlan, spread: bool) -> Ahead:
+    """Units like those of the batch; `spread`: at the ends of the given ranges in turn."""
+    count, table = wanted.readings, setup.data.readings.table
+    rng = np.random.default_rng([setup.plan.seed, 11])
+    rows = rng.integers(len(setup.data), size=count)
+    found: dict[str, NDArray[Any]] = {}
+    for column in setup.data.target.columns:
+        if column.text or column.role is Role.REPEAT:
+            continue
+        found[column.name] = np.asarray(table[column.name])[rows]
+        span = wanted.ranges.get(column.name)
+        if spread and span is not None:
+            found[column.name] = np.resize(span.values or (span.low, span.high), count)
+    if not found:
+        found = {"": np.zeros(count)}
+    whole = with_labels(setup.data, found)
+    return Ahead(setup, noises, whole, base_at(setup, placed(setup.data, whole)))
+
+
+def of_scatter(end: Ending, mine: Scatter, other: Scatter, count: int) -> Separation:
+    """What further units tell of two effects on the scatter: the log of the likelihood ratio of a
+    unit has a mean and a variance, those of many add up.
+    """
+    law = end.analysis.bare.batch.law
+    laws = [kind_of(one.candidate.name, law).law(one.fitted) for one in (mine, other)]
+    x = law.low + law.step * np.arange(-len(law.log), 2 * len(law.log))
+    logs = [one(np.asarray(x, dtype=np.float64)) for one in laws]
+    moments = [_moments(logs[0], logs[1], law.step), _moments(logs[1], logs[0], law.step)]
+    both = set(mine.names) & set(other.names)
+    names, instead = (tuple(n for n in of.names if n not in both) for of in (other, mine))
+    ahead, n = other.distance, len(end.setup.data)
+    chance = _chance(moments, ahead, count)
+    needed = next((k for k in np.unique(np.geomspace(1, MOST, 400).astype(int)).tolist()
+                   if _chance(moments, ahead, k) >= CERTAIN), 0)  # fmt: skip
+    settings = end.analysis.search.settings
+    alone = _chance(moments, ahead, count, settings.set_distance)
+    now, then = (2.0 * moments[0][0] * k for k in (n, n + count))
+    text = f"{MORE}: {count} further units: chance {chance:.2f} that the right one fits better; "
+    text += f"{needed} units for {CERTAIN}" if needed else f"no number brings {CERTAIN}"
+    return Separation(names, instead, now, then, chance, chance, alone, needed, text)
+
+
+def _moments(right: Array, wrong: Array, step: float) -> tuple[float, float]:
+    """Mean and variance of the log likelihood ratio of a unit that is of the right law."""
+    share = np.exp(right) * step
+    share = share / share.sum()
+    ratio = right - wrong
+    mean = float(share @ ratio)
+    return mean, float(share @ (ratio - mean) ** 2)
+
+
+def _chance(
+    moments: Sequence[tuple[float, float]], ahead: float, count: int, by: float = 0.0
+) -> float:
+    """That the right one is ahead by more than `by` after `count` units, each as likely as it fits
+    now.
+    """
+    mine = 1.0 / (1.0 + np.exp(-0.5 * ahead))
+    found = 0.0
+    for weight, (mean, variance), start in zip((mine, 1.0 - mine), moments, (ahead, -ahead),
+                                               strict=True):  # fmt: skip
+        gained = start + 2.0 * count * mean - by
+        found += weight * stats.norm.cdf(gained / np.sqrt(max(4.0 * count * variance, 1e-12)))
+    return float(found)
