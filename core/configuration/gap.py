@@ -18,7 +18,8 @@ from .configuration import Configuration
 from .effects import resolved_effects
 from .gap_columns import read_columns
 from .gap_free import read_free
-from .gap_next import KEY, read_next
+from .gap_kind import OWN
+from .gap_next import read_next
 from .gap_run import OF_A_RUN, counterparts, read_run
 from .reader import read_table
 from .simulated import build_model, rebuilt
@@ -27,7 +28,6 @@ from .table import TABLE
 from .zero import ZERO
 
 OF_THE_MODEL = (*OF_A_RUN, "effect", ZERO)
-OWN = ("run", "free", "effects", "noise", "validation", "columns", "data", "settings", KEY)
 
 
 def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:

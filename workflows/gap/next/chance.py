@@ -2,7 +2,7 @@
 
 Both are taken as linear about their fits. What each says of the new readings is a normal law: its
 prediction, with the noise and what the record leaves open of its numbers. The fall of the one sum
-of squares less that of the other is a quadratic form of the readings; it is taken as normal.
+of squares less that of the other is a quadratic form of the readings; its law is drawn.
 """
 
 from __future__ import annotations
@@ -10,14 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import linalg, optimize
 
 from ....models.inputs.distribution import Array
 from .rows import Said
 
 MOST = 1e4
 """Times as many readings, beyond which nothing is promised."""
-SMALL = 1e-9
+DRAWN = 2000
+"""Draws of the new readings."""
 
 
 @dataclass(frozen=True)
@@ -53,15 +54,15 @@ class Duel:
 
     def _ahead(self, times: float, by: float, right: int, wrong: int) -> float:
         """The chance that `right`, being so, ends up ahead."""
-        apart = np.sqrt(times) * self.apart
-        own, other = (np.eye(len(apart)) + times * self.wide[k] @ self.wide[k].T
+        own, other = (np.eye(len(self.apart)) + times * self.wide[k] @ self.wide[k].T
                       for k in (right, wrong))  # fmt: skip
-        seen = np.linalg.solve(other, np.column_stack([apart, own]))
-        turned = seen[:, 1:]
-        excess = turned - np.eye(len(apart))
-        mean = apart @ seen[:, 0] + np.trace(excess) + (self.ahead if right == 0 else -self.ahead)
-        variance = 4.0 * seen[:, 0] @ own @ seen[:, 0] + 2.0 * np.trace(excess @ excess)
-        return float(stats.norm.cdf((mean - by) / np.sqrt(max(variance, SMALL))))
+        draws = np.random.default_rng(0).standard_normal((len(self.apart), DRAWN))
+        sign = 1.0 if right == 0 else -1.0
+        apart = sign * np.sqrt(times) * self.apart[:, None]
+        roots = [linalg.cholesky(one, lower=True) for one in (own, other)]
+        theirs = linalg.solve_triangular(roots[1], apart + roots[0] @ draws, lower=True)
+        gained = np.sum(theirs**2, axis=0) - np.sum(draws**2, axis=0)
+        return float(np.mean(gained + sign * self.ahead > by))
 
     def times_until(self, chance: float) -> float:
         """How many times the readings until the right one fits better with that chance; inf where

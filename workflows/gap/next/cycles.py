@@ -10,8 +10,7 @@ from scipy.stats import qmc
 from ....models.inputs.distribution import Array
 from ....models.measurable import Column, Role
 from ..data import GapData
-from .points import Axis, with_labels
-from .rows import Table
+from .points import Axis, Table, with_labels
 
 CYCLES = 7
 """Cycles that are tried, as a power of two."""

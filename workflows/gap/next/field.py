@@ -21,10 +21,8 @@ from ..setup import Setup
 from ..space import Space
 from .contest import Chosen
 from .cycles import LOCKED, PATH, along_path, cycles, in_cycles
-from .points import Axis, axes_of, candidates, inside
-from .rows import Said, Table, base_at, columns_at, placed, said
-
-RANGE = "next_measurement.range"
+from .points import NO_POINT, RANGE, Axis, Table, axes_of, candidates, inside, turning
+from .rows import Said, base_at, columns_at, placed, said
 
 
 class _Onward(Columns):
@@ -132,13 +130,12 @@ def field_of(setup: Setup, noises: Sequence[Noise], wanted: NextPlan) -> Field:
     good = inside(setup.plan.model, table).reshape(-1, each).all(axis=1)
     if not good.any():
         raise refuse(RANGE, NO_POINT)
+    sure = good if path else good & ~turning(axes, table)
+    good = sure if sure.any() else good
     table = {name: values[np.repeat(good, each)] for name, values in table.items()}
     more = (PATH,) if path and PATH.name not in setup.data.readings.table else ()
     data = placed(setup.data, table, more)
     return Field(setup, axes, data, each, base_at(setup, data), columns_at(setup, data), noises)
-
-
-NO_POINT = "holds no point that the model reaches; widen it"
 
 
 def ahead(field: Field, chosen: Chosen) -> Ahead:

@@ -15,14 +15,18 @@ from ....models.inputs.distribution import Array
 from ....models.measurable import Column, MeasurableModel, Role
 from ..data import GapData
 from ..plan import Span
-from .rows import Table
 
+Table = Mapping[str, NDArray[Any]]
+RANGE = "next_measurement.range"
+NO_POINT = "holds no point that the model reaches; widen it"
 INSIDE = 9
 """Points of the Sobol sequence inside of the box, as a power of two."""
 CORNERS = 6
 """Inputs up to which every corner of the box is a candidate."""
 VISITED = 256
 """Points of the record that are candidates as well, at most."""
+TURNS = 0.01
+"""Share of the largest load below which its sign is not sure."""
 DIGITS = 4
 """Decimal places of a point, as a share of its range."""
 
@@ -48,10 +52,20 @@ class Axis:
 def axes_of(data: GapData, ranges: Mapping[str, Span], readings: int) -> tuple[Axis, ...]:
     """Every input that is a number: in its given range, else in that of the data."""
     return tuple(
-        Axis(column, ranges.get(column.name) or _now(data, column, readings))
+        Axis(column, _span(data, column, ranges.get(column.name), readings))
         for column in data.target.columns
         if not column.text and column.role is not Role.REPEAT
     )
+
+
+def _span(data: GapData, column: Column, given: Span | None, readings: int) -> Span:
+    """What a column may be; a time that is past is over."""
+    now = _now(data, column, readings)
+    if given is None:
+        return now
+    if column.role is Role.TIME:
+        return Span(min(max(given.low, now.low), given.high), given.high)
+    return given
 
 
 def _now(data: GapData, column: Column, readings: int) -> Span:
@@ -106,6 +120,18 @@ def inside(model: MeasurableModel | None, table: Table) -> NDArray[np.bool_]:
         unknown = {c.name: np.full(count, np.nan) for c in model.columns if not c.text}
         for wrong, _ in model.outside({**unknown, **table}).values():
             found &= ~wrong
+    return found
+
+
+def turning(axes: Iterable[Axis], table: Table) -> NDArray[np.bool_]:
+    """Points (n,) where a load is about to turn: what jumps there in a formula is blurred in
+    truth, and so is the load that one can set.
+    """
+    found = np.zeros(len(next(iter(table.values()))), dtype=bool)
+    for one in axes:
+        if one.column.role in (Role.TORQUE, Role.FORCE):
+            most = max(abs(one.span.low), abs(one.span.high))
+            found |= np.abs(table[one.column.name]) < TURNS * most
     return found
 
 

@@ -4,12 +4,10 @@ change.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....models.effects.readings import readings_of
 from ....models.inputs.distribution import Array
@@ -20,10 +18,10 @@ from ..library import Columns, Predict
 from ..linear import basis, beside
 from ..predictor import predictor
 from ..setup import STEP, Setup, zeros_of
+from .points import Table
 
 STRIDE = 0.02
 """Share of a nonlinear parameter by which it is moved for its column."""
-Table = Mapping[str, NDArray[Any]]
 
 
 def placed(data: GapData, table: Table, more: tuple[Column, ...] = ()) -> GapData:
