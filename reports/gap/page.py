@@ -14,6 +14,7 @@ from ..document import bullets, document, picture, section
 from ..summary import summary_table
 from ..tables import shown, table
 from .distribution import distribution_figure
+from .next_measurement import CAPTION, next_figure, next_section
 from .path import path_figure
 from .residuals import residuals_figure
 from .spectrum import spectrum_figure
@@ -59,6 +60,8 @@ def gap_page(result: GapResult) -> str:
         section("Steps", _those(pictures, "path") + _steps(result)),
         section("Effects", _effects(result)),
         section("Rivals and the measurement that separates them", _rivals(result)),
+        section("The next measurement",
+                next_section(result.next_measurement, _those(pictures, "next_measurement"))),
         section("Without a name", bullets([str(one) for one in result.shapes])),
         section("Recalibrated parameters", _recalibrated(result)),
         section("What would have been seen", _detectable(result)),
@@ -83,6 +86,9 @@ def _drawn(result: GapResult) -> Iterator[tuple[str, Figure, str]]:
                     figure,
                     CAPTIONS[kind].format(output.name),
                 )
+    points = next_figure(result)
+    if points is not None:
+        yield "next_measurement", points, CAPTION
     path = path_figure(result)
     if path is not None:
         yield "path", path, CAPTIONS["path"]

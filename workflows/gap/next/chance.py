@@ -40,7 +40,7 @@ class Duel:
         wide = tuple(_open(old.columns, new.columns) for old, new in zip(record, points,
                                                                           strict=True))  # fmt: skip
         apart = points[0].values - points[1].values
-        r = np.linalg.qr(np.column_stack([apart, *wide]), mode="r")
+        r = np.asarray(np.linalg.qr(np.column_stack([apart, *wide]), mode="r"))
         first = 1 + wide[0].shape[1]
         return cls(r[:, 0], (r[:, 1:first], r[:, first:]), ahead)
 

@@ -59,7 +59,7 @@ class Contest:
         """
         x = self.columns[chosen].reshape(-1, self.columns.shape[2])
         y = self.left[chosen].ravel()
-        inverse = np.linalg.inv(self.gram + x.T @ x)
+        inverse = np.asarray(np.linalg.inv(self.gram + x.T @ x), dtype=np.float64)
         cross = self.cross + x.T @ y
         found = inverse @ cross
         return max(self.square + float(y @ y) - float(cross @ found), 0.0), found, inverse

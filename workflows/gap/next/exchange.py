@@ -18,14 +18,14 @@ MEAN = 0.02
 """Weight of the mean over the pairs beside that of the worst."""
 
 
-def exchanged(contests: Sequence[Contest], count: int) -> Chosen:
+def exchanged(contests: Sequence[Contest], count: int, passes: int = PASSES) -> Chosen:
     """Numbers (count,) of the candidates whose least discrimination over the contests is largest;
-    a candidate may be chosen more than once.
+    a candidate may be chosen more than once. Without `passes` they are added one by one only.
     """
     chosen = np.zeros(0, dtype=np.int64)
     for _ in range(count):
         chosen = np.append(chosen, _best(contests, chosen)[0])
-    for _ in range(PASSES):
+    for _ in range(passes):
         before = _worst([one.level(chosen)[0] for one in contests])
         for at in range(count):
             chosen = _improved(contests, chosen, at)

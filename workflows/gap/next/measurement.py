@@ -7,21 +7,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from ....gap_records import Measurement, NextMeasurement, Sensitivity, Separation
-from ....models.measurable import Role
 from ..ambiguity import Other
 from ..fit import Fit
 from ..plan import NextPlan
 from ..result import Ending
 from ..separate import UNSEEN
-from .contest import Chosen
 from .exchange import exchanged
 from .field import Ahead, Field, ahead, field_of, like_now
-from .points import Axis
 from .sensitivities import contest, sensitivity, wanted_effects
-from .separations import HOPELESS, NONE, SUPPORT, design, hopeless, paired, separation
+from .separations import HOPELESS, LITTLE, NONE, SUPPORT, design, most, paired, separation
+from .telling import telling
 from .units import further_units, of_scatter
 
 FILE = "next_measurement.csv"
@@ -62,15 +59,15 @@ def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
         else:
             open_.append(other)
     batch = end.setup.data.target.population
-    found, new, telling = (_of_batch if batch else _of_points)(end, wanted, open_)
+    found, new, inputs = (_of_batch if batch else _of_points)(end, wanted, open_)
     for one in found:
-        said[one.names, one.instead_of] = _measurement(one, new, telling)
-    for other in end.analysis.scatter[1:]:
-        one = of_scatter(end, end.analysis.scatter[0], other, wanted.readings)
+        said[one.names, one.instead_of] = _measurement(one, new, inputs)
+    for wider in end.analysis.scatter[1:]:
+        one = of_scatter(end, end.analysis.scatter[0], wider, wanted.readings)
         found.append(one)
         said[one.names, one.instead_of] = Measurement(one.text, readings=one.needed)
-    planned = new is not None and any(one.text.find(NONE) < 0 for one in found)
-    return _planned(end, new if planned else None, telling, tuple(found), (), (), said)
+    planned = new is not None and any(not one.text.startswith(NONE) for one in found)
+    return _planned(end, new if planned else None, inputs, tuple(found), (), (), said)
 
 
 def _of_points(
@@ -82,21 +79,19 @@ def _of_points(
     noises = end.analysis.search.fitter.space.noises
     place = field_of(end.setup, noises, wanted)
     pairs = [paired(end, other, place) for other in others]
-    good = [pair for pair in pairs if not hopeless(place, pair)]
     count = _count(place, wanted)
-    if good:
-        chosen, better = design(end, place, good, count)
-        pairs = [next((b for b in better if b.other is p.other), p) for p in pairs]
-    else:
-        chosen = exchanged(pairs[0].contests, min(count, SUPPORT))
-        chosen = np.resize(chosen, count)
+    gains = np.array([most(pair, count) for pair in pairs])
+    good = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > HOPELESS * count]
+    worth = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > LITTLE] or good
+    chosen, better = design(end, place, worth or pairs[:1], count)
+    pairs = [next((b for b in better if b.other is p.other), p) for p in pairs]
     new = ahead(place, chosen)
     alike = like_now(end.setup, noises, len(new))
     kept = {id(pair.other) for pair in good}
     found = [separation(end, pair, new, alike) for pair in pairs]
     found = [one if id(pair.other) in kept else _none(one, pair.other)
              for one, pair in zip(found, pairs, strict=True)]  # fmt: skip
-    return found, new, _telling(place, chosen)
+    return found, new, telling(place, (worth or pairs)[0].contests[0], chosen)
 
 
 def _of_batch(
@@ -131,20 +126,22 @@ def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
     if not sought:
         return Planned(NextMeasurement("no effect can be planned for", notes=tuple(notes)))
     if setup.data.target.population:
-        new, telling = further_units(setup, noises, wanted, True), tuple(wanted.ranges)
+        new, inputs = further_units(setup, noises, wanted, True), tuple(wanted.ranges)
         alike = further_units(setup, noises, wanted, False)
     else:
         place = field_of(setup, noises, wanted)
         count = _count(place, wanted)
-        chosen = exchanged([contest(place, one) for one in sought], min(count, SUPPORT))
-        new, telling = ahead(place, np.resize(chosen, count)), _telling(place, chosen)
+        contests = [contest(place, one) for one in sought]
+        chosen = exchanged(contests, min(count, SUPPORT))
+        chosen = np.resize(chosen, count)
+        new, inputs = ahead(place, chosen), telling(place, contests[0], chosen)
         alike = like_now(setup, noises, len(new))
     found = tuple(sensitivity(end, one, new, alike) for one in sought)
-    return _planned(end, new, telling, (), found, tuple(notes), {})
+    return _planned(end, new, inputs, (), found, tuple(notes), {})
 
 
 def _planned(
-    end: Ending, new: Ahead | None, telling: tuple[str, ...], pairs: tuple[Separation, ...],
+    end: Ending, new: Ahead | None, inputs: tuple[str, ...], pairs: tuple[Separation, ...],
     effects: tuple[Sensitivity, ...], notes: tuple[str, ...], said: Mapping[Key, Measurement],
 ) -> Planned:  # fmt: skip
     if new is None:
@@ -155,16 +152,16 @@ def _planned(
     if effects:
         text += f": {effects[0]}"
     notes = (*notes, LIKE, *((PREDICT,) if end.setup.plan.model is None else ()))
-    record = NextMeasurement(text, len(new), pairs, effects, notes, telling, FILE)
+    record = NextMeasurement(text, len(new), pairs, effects, notes, inputs, FILE)
     return Planned(record, pd.DataFrame(dict(new.table)), said)
 
 
-def _measurement(one: Separation, new: Ahead | None, telling: Sequence[str]) -> Measurement:
+def _measurement(one: Separation, new: Ahead | None, inputs: Sequence[str]) -> Measurement:
     """What stands beside a rival."""
     if new is None or one.text.startswith(NONE):
         return Measurement(one.text)
     ends = {name: (float(np.min(new.table[name])), float(np.max(new.table[name])))
-            for name in telling}  # fmt: skip
+            for name in inputs}  # fmt: skip
     rms = float(np.sqrt(max(one.expected - one.now, 0.0) / len(new)))
     return Measurement(f"{one.text} ({FILE})", ends, rms, one.needed)
 
@@ -186,16 +183,3 @@ def _reads(end: Ending, fit: Fit) -> bool:
 def _count(place: Field, wanted: NextPlan) -> int:
     """Candidates that make as many readings."""
     return max(1, wanted.readings // place.each)
-
-
-def _telling(place: Field, chosen: Chosen) -> tuple[str, ...]:
-    """The two inputs whose chosen values are the least like those that could have been chosen."""
-    rows = (chosen[:, None] * place.each + np.arange(place.each)).ravel()
-
-    def told(one: Axis) -> float:
-        values = np.asarray(place.data.readings.table[one.column.name], dtype=float)
-        return float(stats.ks_2samp(values[rows], values).statistic)
-
-    moving = [one for one in place.axes
-              if one.span.high > one.span.low and one.column.role is not Role.TIME]  # fmt: skip
-    return tuple(one.column.name for one in sorted(moving, key=told, reverse=True)[:2])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +22,7 @@ NEAREST = 2
 """Effects that are looked for where none is listed."""
 NINE_OF_TEN = 1.2816
 """Standard normal quantile of 0.9."""
+TINY = 1e-12
 
 
 @dataclass(frozen=True)
@@ -124,15 +124,12 @@ def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensit
     levels = [distance(*sought.record)]
     levels += [joined(*sought.record, *_at(sought, at)) for at in (new, alike)]
     size, candidate = sought.size, sought.member.candidate
-    power = [float(stats.ncx2.sf(limit, max(len(size), 1), max(one, 1e-12))) for one in levels]
+    now, then, like = (
+        float(stats.ncx2.sf(limit, max(len(size), 1), max(one, TINY))) for one in levels
+    )
     column = int(np.argmax(np.abs(size)))
-    least = [abs(float(size[column])) * (np.sqrt(limit) + NINE_OF_TEN) / np.sqrt(max(one, 1e-12))
-             for one in levels]  # fmt: skip
+    seen = abs(float(size[column])) * (np.sqrt(limit) + NINE_OF_TEN)
+    least = [seen / float(np.sqrt(max(one, TINY))) for one in levels]
     one = candidate.linear[column]
-    return Sensitivity(candidate.name, one.name, one.unit, float(size[column]), *power,
+    return Sensitivity(candidate.name, one.name, one.unit, float(size[column]), now, then, like,
                        least[0], least[1])  # fmt: skip
-
-
-def worst(found: Sequence[Sensitivity]) -> float:
-    """The least chance that one of them is seen."""
-    return min(one.then for one in found)

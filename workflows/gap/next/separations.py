@@ -23,6 +23,9 @@ SUPPORT = 60
 """Readings that are chosen one by one; more of them are the same ones again."""
 HOPELESS = 1e-4
 """Discrimination per reading below which no design separates."""
+LITTLE = 2.0
+"""What a pair must be able to gain, to have a say in a design for several."""
+FEWEST = 2
 VARIANTS = 6
 """Values of a rival's nonlinear parameters that the record allows, at most."""
 WORSE = 0.9
@@ -66,11 +69,10 @@ def _contest(end: Ending, field: Field, mine: Said, record: Said, rival: Fit) ->
     return Contest.of((mine, record), points, field.readings)
 
 
-def hopeless(field: Field, pair: Pair) -> bool:
-    """Whether even a design for this pair alone tells nothing."""
-    few = exchanged(pair.contests, 4)
-    gain = pair.least(few) - pair.least(few[:0])
-    return gain < HOPELESS * len(few) * field.each
+def most(pair: Pair, count: int) -> float:
+    """What a design for this pair alone would add to its discrimination."""
+    few = exchanged(pair.contests, min(count, SUPPORT), passes=0)
+    return pair.least(np.resize(few, count)) - pair.least(few[:0])
 
 
 def design(
@@ -139,7 +141,7 @@ def told(
     """The record of a pair, and its sentence; `levels` are the discrimination now and then."""
     planned, alike = duels
     needed = count * planned.times_until(CERTAIN)
-    readings = int(np.ceil(needed)) if np.isfinite(needed) else 0
+    readings = max(FEWEST, int(np.ceil(needed))) if np.isfinite(needed) else 0
     chance, like = planned.chance(), alike.chance()
     text = (
         f"{count} readings at the planned points: chance {chance:.2f} that the right one fits "
