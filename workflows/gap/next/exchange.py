@@ -18,16 +18,34 @@ MEAN = 0.02
 """Weight of the mean over the pairs beside that of the worst."""
 
 
-def exchanged(contests: Sequence[Contest], count: int, passes: int = PASSES) -> Chosen:
+def exchanged(contests: Sequence[Contest], count: int) -> Chosen:
     """Numbers (count,) of the candidates whose least discrimination over the contests is largest;
-    a candidate may be chosen more than once. Without `passes` they are added one by one only.
+    a candidate may be chosen more than once.
+
+    Points are exchanged from two beginnings: one by one the best, and in turn those that are best
+    for one contest alone: a rival that follows any few points does not show in one more.
     """
+    starts = [added(contests, count)]
+    if len(contests) > 1:
+        own = np.concatenate([np.sort(added([one], count)) for one in contests])
+        starts.append(own[:: len(contests)][:count])
+    found = [_settled(contests, start) for start in starts]
+    return max(found, key=lambda one: _worst([c.level(one)[0] for c in contests]))
+
+
+def added(contests: Sequence[Contest], count: int) -> Chosen:
+    """The same without exchange: one by one, the best beside those that are there."""
     chosen = np.zeros(0, dtype=np.int64)
     for _ in range(count):
         chosen = np.append(chosen, _best(contests, chosen)[0])
-    for _ in range(passes):
+    return chosen
+
+
+def _settled(contests: Sequence[Contest], chosen: Chosen) -> Chosen:
+    """A design whose points were exchanged in turn until that gains nothing."""
+    for _ in range(PASSES):
         before = _worst([one.level(chosen)[0] for one in contests])
-        for at in range(count):
+        for at in range(len(chosen)):
             chosen = _improved(contests, chosen, at)
         if _worst([one.level(chosen)[0] for one in contests]) < (1.0 + BETTER) * before:
             break

@@ -15,7 +15,7 @@ from ..result import Ending
 from ..select import Search
 from .chance import Duel
 from .contest import Chosen, Contest
-from .exchange import exchanged
+from .exchange import added, exchanged
 from .field import Ahead, Field
 from .rows import Said, distance, of_record
 
@@ -71,7 +71,7 @@ def _contest(end: Ending, field: Field, mine: Said, record: Said, rival: Fit) ->
 
 def most(pair: Pair, count: int) -> float:
     """What a design for this pair alone would add to its discrimination."""
-    few = exchanged(pair.contests, min(count, SUPPORT), passes=0)
+    few = added(pair.contests, min(count, SUPPORT))
     return pair.least(np.resize(few, count)) - pair.least(few[:0])
 
 
