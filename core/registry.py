@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
+from functools import lru_cache
 from importlib.machinery import ModuleSpec
 from importlib.metadata import (
     EntryPoint,
@@ -29,9 +30,16 @@ PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, Name
 """What importing a plugin that is broken may raise; it is the user's to mend, with a name."""
 
 
-def _offers(group: str) -> list[EntryPoint]:
+def _offers(group: str) -> tuple[EntryPoint, ...]:
     """The entry points of a group, by name."""
-    return sorted(entry_points(group=f"tolevo.{group}"), key=lambda one: (one.name, one.value))
+    return _offered(group, tuple(sys.path))
+
+
+@lru_cache(maxsize=32)
+def _offered(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
+    """What the distributions on `path`, the one of this process, offer: they are read once."""
+    found = entry_points(group=f"tolevo.{group}")
+    return tuple(sorted(found, key=lambda one: (one.name, one.value)))
 
 
 def _origin(offer: EntryPoint) -> str:

@@ -64,7 +64,7 @@ def thresholds(
         noise = rng.standard_normal((len(q), min(CHUNK, simulations - start)))
         scale = np.sum(beside(noise, q) ** 2, axis=0) / (len(q) - q.shape[1])
         tops.append(np.max(named.gains(noise) / scale, axis=0, initial=0.0))
-        levels.append(np.max(evidence(forms, forms.gains(noise) / scale), axis=0, initial=0.0))
+        levels.append(strongest(forms, forms.gains(noise) / scale))
     at = 1.0 - 0.5 * rate
     return Thresholds(
         float(np.quantile(np.concatenate(tops), 1.0 - rate)),
@@ -72,9 +72,22 @@ def thresholds(
     )
 
 
+def strongest(groups: Groups, gains: Array) -> Array:
+    """The most evidence (S,) of gains (g, S): of groups of one size, that of the largest gain."""
+    sizes = np.unique(groups.sizes)
+    largest = [np.max(gains[groups.sizes == size], axis=0) for size in sizes]
+    if not largest:
+        return np.zeros(gains.shape[1])
+    return np.asarray(np.max(_evidence(sizes, np.array(largest)), axis=0))
+
+
 def evidence(groups: Groups, gains: Array) -> Array:
     """Minus the logarithm of the chance of gains (g, ...) under noise, by the size of the group."""
-    half = groups.sizes.reshape(-1, *([1] * (gains.ndim - 1))) / 2.0
+    return _evidence(groups.sizes, gains)
+
+
+def _evidence(sizes: NDArray[np.int64], gains: Array) -> Array:
+    half = sizes.reshape(-1, *([1] * (gains.ndim - 1))) / 2.0
     x = np.maximum(gains, 0.0) / 2.0
     chance = special.gammaincc(half, np.minimum(x, FAR))
     with np.errstate(divide="ignore"):
