@@ -66,7 +66,8 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     drop = _drop(top.section("data"))
     run = read_run(top, name or "", table, path.parent)
     found = configuration or _stand_in(table, name)
-    planned = read_next(top, build_model(found) if found is not None else None)
+    model = build_model(found) if found is not None else None
+    planned = read_next(top, model)
     top.finish()
     if found is None:
         return None, faults
@@ -75,7 +76,7 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     of_table = name == TABLE
     plan = GapPlan(
         model_name=str(name),
-        model=None if of_table else build_model(found),
+        model=None if of_table else model,
         seed=found.seed,
         parameters=_parameters(found),
         given=dict(table.get("parameters", {})) if configuration and not of_table else {},

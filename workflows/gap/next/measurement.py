@@ -23,6 +23,7 @@ from .units import further_units, of_scatter
 
 FILE = "next_measurement.csv"
 NOTHING = "one name fits these data: there is nothing to separate"
+NO_FORM = "the gap is seen already, and more readings give it no form of the library"
 READING = "what it does depends on the reading itself: no points can be planned for it"
 PREDICT = "put the simulator's prediction at these points into the table before it is analysed"
 LIKE = "points of the record's kind: the mounting and its zero are taken to stay as they are"
@@ -124,7 +125,8 @@ def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
     sought, notes = wanted_effects(end, wanted)
     sought = [one for one in sought if not _reads(end, one.fit)]
     if not sought:
-        return Planned(NextMeasurement("no effect can be planned for", notes=tuple(notes)))
+        text = NO_FORM if end.verdict == "unnamed" else "no effect can be planned for"
+        return Planned(NextMeasurement(text, notes=tuple(notes)))
     if setup.data.target.population:
         new, inputs = further_units(setup, noises, wanted, True), tuple(wanted.ranges)
         alike = further_units(setup, noises, wanted, False)

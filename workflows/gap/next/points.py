@@ -39,14 +39,19 @@ class Axis:
     span: Span
 
     def at(self, shares: Array) -> Array:
-        """Values (n,) at shares (n,) of its range, rounded as one can set them."""
+        """Values (n,) at shares (n,) of its range."""
         if self.span.values:
             steps = (shares * len(self.span.values)).astype(np.int64)
             return np.asarray(self.span.values)[np.minimum(steps, len(self.span.values) - 1)]
+        return self.settable(self.span.low + shares * (self.span.high - self.span.low))
+
+    def settable(self, values: Array) -> Array:
+        """Values (n,) rounded as one can set them, within the range."""
+        if self.span.values:
+            return values
         low, high = self.span.low, self.span.high
         places = DIGITS - int(np.floor(np.log10(max(high - low, 1e-300)))) - 1
-        values = np.round(low + shares * (high - low), max(places, 0))
-        return np.asarray(np.clip(values, low, high))
+        return np.asarray(np.clip(np.round(values, max(places, 0)), low, high))
 
 
 def axes_of(data: GapData, ranges: Mapping[str, Span], readings: int) -> tuple[Axis, ...]:
@@ -145,7 +150,7 @@ def _inside(inputs: int, seed: int) -> Array:
 def _corners(inputs: int) -> Array:
     """Corners of the unit box, those of pairs of inputs where there are too many."""
     if inputs <= CORNERS:
-        return np.array(list(product((0.0, 1.0), repeat=inputs))).reshape(-1, inputs)
+        return np.array(list(product((0.0, 1.0), repeat=inputs))).reshape(2**inputs, inputs)
     pairs = [(i, j, a, b) for i in range(inputs) for j in range(i)
              for a in (0.0, 1.0) for b in (0.0, 1.0)]  # fmt: skip
     found = np.full((len(pairs), inputs), 0.5)
@@ -181,4 +186,4 @@ def _visited(data: GapData, axes: tuple[Axis, ...]) -> dict[str, Array]:
             within &= (values >= one.span.low) & (values <= one.span.high)
     rows = np.flatnonzero(within)
     rows = rows[:: max(1, -(-len(rows) // VISITED))]
-    return {name: values[rows] for name, values in table.items()}
+    return {one.column.name: one.settable(table[one.column.name][rows]) for one in axes}

@@ -48,6 +48,7 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
                                                          ())}  # fmt: skip
     names = wanted.effects or tuple(wanted.amounts) or tuple(found)
     sought, notes = [], []
+    listed = bool(wanted.effects or wanted.amounts)
     for name in names:
         member = found.get(name)
         if member is None or member.candidate.alone:
@@ -55,15 +56,23 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
             notes.append(f"{name}: no points can be planned, {why}")
             continue
         one = _sought(end, member, wanted.amounts.get(name))
+        if one is not None and not listed and _seen(end, one):
+            continue
         if one is None:
             notes.append(
                 f"{name}: cannot be seen in these data, because what is free does the same"
             )
             continue
         sought.append(one)
-        if not wanted.effects and not wanted.amounts and len(sought) == NEAREST:
+        if not listed and len(sought) == NEAREST:
             break
-    return sought, notes if wanted.effects or wanted.amounts else []
+    return sought, notes if listed else []
+
+
+def _seen(end: Ending, one: Sought) -> bool:
+    """Whether the record shows it already: then its form is in question, not its presence."""
+    return distance(*one.record) > (np.sqrt(end.analysis.bare.search.thresholds.library)
+                                    + NINE_OF_TEN) ** 2  # fmt: skip
 
 
 def _sought(end: Ending, member: Member, amount: float | None) -> Sought | None:
