@@ -276,5 +276,6 @@ def test_the_next_measurement(result: GapResult) -> None:
     assert "<script>alert" not in gap_page(whole)
     (axes,) = figures(whole)["next_measurement"].axes
     assert axes.get_xlabel() == "torque [Nm]"
-    np.testing.assert_allclose(axes.collections[0].get_offsets(), [[-400.0, 1.0], [400.0, 1.0]])
+    places = np.asarray(axes.collections[0].get_offsets(), dtype=float)
+    np.testing.assert_allclose(places, np.array([[-400.0, 1.0], [400.0, 1.0]]))
     assert "next_measurement" not in figures(result)

@@ -264,3 +264,23 @@ def test_the_units_of_a_batch_are_counted_and_its_twins_told(tmp_path: Path) -> 
     assert "measure a reference unit" in twin.text
     assert twin.needed == 0
     np.testing.assert_allclose(twin.expected, 0.0, atol=1e-6)
+
+
+def test_wider_or_mixed_is_told_by_more_units(tmp_path: Path) -> None:
+    """The discrimination of units that are independent grows with their number."""
+    model, n = registry.load("models", "rv_batch")(), 60
+    units = np.arange(n).astype(str)
+    drawn = model.predict({"unit": units}, np.random.default_rng(1))["backlash_arcmin"]
+    wider = drawn.mean() + 1.6 * (drawn - drawn.mean())
+    text = (
+        'model = "rv_batch"\n[free]\n[settings]\nsimulations = 200\n[effects]\n'
+        'consider = ["population"]\n[next_measurement]\nreadings = 30\n'
+    )
+    ended = found(tmp_path, pd.DataFrame({"unit": units, "backlash_arcmin": wider}), text)
+    assert ended.verdict == "ambiguous"
+    assert ended.next_measurement is not None
+    (pair,) = ended.next_measurement.pairs
+    assert (pair.names, pair.instead_of) == (("lot_mixture",), ("spread_inflation",))
+    np.testing.assert_allclose(pair.expected / pair.now, (n + 30) / n)
+    assert 0.5 < pair.chance < 1.0
+    assert "30 further units" in ended.rivals[0].measurement.text

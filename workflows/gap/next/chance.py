@@ -70,13 +70,14 @@ class Duel:
         """
         if self.chance(MOST) < chance:
             return float("inf")
-        if self.chance(1.0 / MOST) >= chance:
+        least = next((k for k in (1.0 / MOST, 1.0) if self.chance(k) < chance), None)
+        if least is None:
             return 1.0 / MOST
 
         def short(power: float) -> float:
             return self.chance(float(np.exp(power))) - chance
 
-        ends = (-np.log(MOST), np.log(MOST))
+        ends = (np.log(least), np.log(MOST))
         return float(np.exp(optimize.brentq(short, *ends, xtol=1e-3)))
 
 

@@ -71,8 +71,8 @@ def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[st
 
 def _seen(end: Ending, one: Sought) -> bool:
     """Whether the record shows it already: then its form is in question, not its presence."""
-    return distance(*one.record) > (np.sqrt(end.analysis.bare.search.thresholds.library)
-                                    + NINE_OF_TEN) ** 2  # fmt: skip
+    seen = float(np.sqrt(end.analysis.bare.search.thresholds.library)) + NINE_OF_TEN
+    return distance(*one.record) > seen**2
 
 
 def _sought(end: Ending, member: Member, amount: float | None) -> Sought | None:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ....gap_records import Separation
-from ....models.inputs.distribution import Array
 from ....models.measurable import Role
-from ..likelihood import kind_of
+from ..law import Law
+from ..likelihood import Kind, kind_of
 from ..noise import Noise
 from ..plan import NextPlan
 from ..population import Scatter
@@ -21,9 +21,11 @@ from ..setup import Setup
 from .field import Ahead
 from .points import with_labels
 from .rows import base_at, placed
-from .separations import CERTAIN
+from .separations import CERTAIN, FEWEST
 
 MOST = 10**6
+QUANTILES = 1000
+"""Units that stand for a law."""
 
 
 def further_units(setup: Setup, noises: Sequence[Noise], wanted: NextPlan, spread: bool) -> Ahead:
@@ -50,16 +52,16 @@ def of_scatter(end: Ending, mine: Scatter, other: Scatter, count: int) -> Separa
     unit has a mean and a variance, those of many add up.
     """
     law = end.analysis.bare.batch.law
-    laws = [kind_of(one.candidate.name, law).law(one.fitted) for one in (mine, other)]
-    x = law.low + law.step * np.arange(-len(law.log), 2 * len(law.log))
-    logs = [one(np.asarray(x, dtype=np.float64)) for one in laws]
-    moments = [_moments(logs[0], logs[1], law.step), _moments(logs[1], logs[0], law.step)]
+    kinds = [kind_of(one.candidate.name, law) for one in (mine, other)]
+    laws = [kind.law(one.fitted) for kind, one in zip(kinds, (mine, other), strict=True)]
+    moments = [_moments(right, wrong) for right, wrong in zip(laws, kinds[::-1], strict=True)]
     both = set(mine.names) & set(other.names)
     names, instead = (tuple(n for n in of.names if n not in both) for of in (other, mine))
     ahead, n = other.distance, len(end.setup.data)
     chance = _chance(moments, ahead, count)
-    needed = next((k for k in np.unique(np.geomspace(1, MOST, 400).astype(int)).tolist()
-                   if _chance(moments, ahead, k) >= CERTAIN), 0)  # fmt: skip
+    tried = np.unique(np.geomspace(FEWEST, MOST, 400).astype(int)).tolist()
+    short = [k for k in tried if _chance(moments, ahead, k) < CERTAIN]
+    needed = next((k for k in tried if not short or k > short[-1]), 0)
     settings = end.analysis.search.settings
     alone = _chance(moments, ahead, count, settings.set_distance)
     now, then = (2.0 * moments[0][0] * k for k in (n, n + count))
@@ -68,13 +70,14 @@ def of_scatter(end: Ending, mine: Scatter, other: Scatter, count: int) -> Separa
     return Separation(names, instead, now, then, chance, chance, alone, needed, text)
 
 
-def _moments(right: Array, wrong: Array, step: float) -> tuple[float, float]:
-    """Mean and variance of the log likelihood ratio of a unit that is of the right law."""
-    share = np.exp(right) * step
-    share = share / share.sum()
-    ratio = right - wrong
-    mean = float(share @ ratio)
-    return mean, float(share @ (ratio - mean) ** 2)
+def _moments(right: Law, wrong: Kind) -> tuple[float, float]:
+    """Mean and variance of the log likelihood ratio of a unit of the right law, against the wrong
+    effect where it follows that law best.
+    """
+    shares = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    x = np.asarray(right.histogram.ppf(shares), dtype=np.float64)
+    ratio = right(x) - wrong.law(wrong.best(x))(x)
+    return float(max(ratio.mean(), 0.0)), float(ratio.var())
 
 
 def _chance(
