@@ -160,6 +160,13 @@ def test_time_out_of_order(tmp_path: Path) -> None:
     np.testing.assert_array_equal(result.residuals["te"], frame["te"])
 
 
+def test_a_clock_that_begins_late_is_said(tmp_path: Path) -> None:
+    """Wear and creep count from 0: with the seconds of a day they are another effect."""
+    late = bench().assign(clock=np.arange(240) + 5000.0)
+    assert any("clock begins at 5000 s" in note for note in found(tmp_path, late).notes)
+    assert not any("begins at" in note for note in found(tmp_path, bench()).notes)
+
+
 def test_time_with_gaps(tmp_path: Path) -> None:
     frame = bench()
     frame.loc[120:, "clock"] += 5000.0
@@ -282,6 +289,17 @@ def test_a_session_may_stand_beside(tmp_path: Path) -> None:
     assert data.blocks is not None
     assert data.blocks.tolist() == ["a", "b"] * 15
     assert "session" not in " ".join(data.notes)
+
+
+def test_what_any_table_may_add_needs_no_role(tmp_path: Path) -> None:
+    """time_s is the order of measuring, <output>_std the known noise, by their names alone."""
+    frame = bench().assign(repeat=0, session="a", te_std=2.0)
+    frame = frame.rename(columns={"clock": "time_s"}).iloc[::-1]
+    text = "\n".join(line for line in HEAD.splitlines() if "clock" not in line)
+    result = found(tmp_path, frame, text)
+    assert result.names == ("torsional_compliance",)
+    assert result.residuals["time_s"].is_monotonic_increasing
+    assert result.noise_floor["te"] == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(

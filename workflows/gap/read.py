@@ -27,6 +27,8 @@ SAME = 1e-12
 """Relative range of readings that are all the same."""
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
 SESSION = "session"
+LATE = 0.05
+"""Share of its span that a clock may begin away from 0."""
 ABSOLUTE_ZERO = -273.15
 """[degC]"""
 
@@ -50,7 +52,7 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
     wanted = [*(c.name for c in columns), *(o.name for o in outputs)]
     wanted += [*predictions.values(), *stds.values()]
     extra = [] if plan.blocks in ("auto", *wanted) or plan.blocks not in given else [plan.blocks]
-    spare = [SESSION] if plan.model is not None and SESSION not in extra else []
+    spare = [SESSION] if SESSION not in (*extra, *wanted) else []
     frame, found = tables.parsed(
         given.drop(columns=_ignored(plan, given)),
         place,
@@ -78,11 +80,23 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
     if SESSION in spare and SESSION in frame:
         notes.append(f'{SESSION} is not used; [validation] blocks = "{SESSION}" would hold out one '
                      "after the other")  # fmt: skip
-    notes += told_apart(frame, there)
+    notes += [*told_apart(frame, there), *_late(frame, there)]
     data = assembled(plan, frame, there, outputs, predictions, stds, notes)
     if faults := range_faults(plan, data, place):
         return None, faults
     return replace(data, digest=_digest(path)), []
+
+
+def _late(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
+    """Clocks that do not begin near 0: effects that count the time from there meet another one."""
+    found = []
+    for column in columns:
+        if column.role is Role.TIME and column.name in frame:
+            first, span = float(frame[column.name].min()), float(np.ptp(frame[column.name]))
+            if abs(first) > LATE * span:
+                found.append(f"{column.name} begins at {first:g} {column.unit}: wear and creep "
+                             "count from 0; subtract what had passed before")  # fmt: skip
+    return found
 
 
 def _digest(path: Path) -> str:
@@ -122,11 +136,15 @@ def _layout(
         for name, c in roles.items()
         if c.role not in ("measured", "predicted", "std", "ignore")
     )
+    given_roles = {c.role for c in inputs}
+    inputs += tuple(c for c in (TIME, REPEAT) if c.role not in given_roles and c.name not in roles)
     by = {
         role: {str(output_of(n, roles)): n for n, c in roles.items() if c.role == role}
         for role in ("predicted", "std")
     }
-    return inputs, outputs, by["predicted"], by["std"]
+    unlisted = {o.name: f"{o.name}_std" for o in outputs if f"{o.name}_std" not in roles}
+    stds = {name: std for name, std in unlisted.items() if std in given} | by["std"]
+    return inputs, outputs, by["predicted"], stds
 
 
 def _needed(
