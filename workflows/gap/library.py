@@ -102,7 +102,7 @@ class Columns:
         self, data: GapData, predict: Predict, beside: Mapping[str, Array] | None = None
     ) -> None:
         self.data = data
-        self._predict = predict
+        self.predict = predict
         self._base = predict({})
         self._slopes: dict[str, Array] = {}
         self._read = {name: one + (beside or {}).get(name, 0.0) for name, one in self._base.items()}
@@ -145,7 +145,7 @@ class Columns:
         data = self.data
         action = candidate.effect.act(data.readings, values, data.target)
         if action.changes:
-            return data.whole(self._predict(action.changes)) - data.whole(self._base)
+            return data.whole(self.predict(action.changes)) - data.whole(self._base)
         zero = np.zeros(len(data))
         if action.population is not None:
             return self._of_units(action.population)
