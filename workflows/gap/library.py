@@ -109,7 +109,7 @@ class Columns:
 
     def read_beside(self, more: Mapping[str, Array]) -> Columns:
         """The same, with more (n,) in the outputs that the instrument reads."""
-        return Columns(self.data, self._predict, more)
+        return Columns(self.data, self.predict, more)
 
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
         """Columns (N, m) of a candidate, m its linear parameters (1 where it has none)."""
@@ -133,7 +133,7 @@ class Columns:
         """Outputs (N,) per unit of a quantity inside, by central differences."""
         if name not in self._slopes:
             ends = [np.full(len(self.data), end) for end in (SMALL, -SMALL)]
-            up, down = (self.data.whole(self._predict({name: one})) for one in ends)
+            up, down = (self.data.whole(self.predict({name: one})) for one in ends)
             self._slopes[name] = (up - down) / (2.0 * SMALL)
         return self._slopes[name]
 
