@@ -28,6 +28,6 @@ def step_of(values: Array) -> float | None:
     counts = np.round(gaps / float(np.min(gaps)))
     step = float(gaps.sum() / counts.sum())
     whole = np.round(levels / step)
-    step = float(levels @ whole / max(whole @ whole, 1.0))
+    step = float(levels @ whole) / max(float(whole @ whole), 1.0)
     off = levels / step - np.round(levels / step)
     return step if float(np.sqrt(np.mean(off**2))) < OFF else None
