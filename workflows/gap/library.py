@@ -30,6 +30,8 @@ MOST = 400
 """Points of the grid of an effect's nonlinear parameters."""
 SMALL = 0.05
 """Of a quantity inside, in its unit: what moves outputs in proportion to itself."""
+STILL = 1e-6
+"""[rad] Range of an angle that did not change."""
 LEAST_UNITS = 3
 """Units of a lot from which on an offset of its own can be told."""
 
@@ -178,7 +180,8 @@ def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
     found = []
     for name in names:
         effect = registry.load("effects", name)()
-        shown = effect.shown(data.measured, data.target) if effect.applies(data.target) else None
+        placed = effect.applies(data.target) and not _at_one_angle(effect, data)
+        shown = effect.shown(data.measured, data.target) if placed else None
         if shown is not None:
             numbers = effect.parameters(data.target)
             linear = tuple(one for one in numbers if one.linear)
@@ -190,6 +193,13 @@ def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
 def _chosen(one: EffectParameter, shown: Mapping[str, float]) -> EffectParameter:
     """A parameter, no longer to be fitted where the readings show it."""
     return replace(one, choices=(shown[one.name],)) if one.name in shown else one
+
+
+def _at_one_angle(effect: Effect, data: GapData) -> bool:
+    """Whether an effect of the angle meets one angle only: its waves then stand for any sign."""
+    if Role.ANGLE not in effect.needs or Role.ANGLE not in data.readings:
+        return False
+    return float(np.ptp(np.asarray(data.readings[Role.ANGLE], dtype=float))) < STILL
 
 
 def _unread(effect: Effect, data: GapData) -> bool:
