@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..declarations import Output, Parameter, Value, Variable
 from .inputs.distribution import Array, Distribution
+from .sources import Sources
 
 
 class Role(StrEnum):
@@ -112,3 +113,7 @@ class MeasurableModel(ABC):
     def means(self, changes: Mapping[str, Array] = NO_CHANGES) -> Mapping[str, float]:
         """Mean of every output over the units of a population, by name, at the mean change."""
         return {}
+
+    def sources(self) -> Sources | None:
+        """The toleranced inputs of a unit of a population, None where they cannot be named."""
+        return None

@@ -15,9 +15,11 @@ from ..inputs import Uniform
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
 from ..propagation import Convolution, Term
+from ..sources import Sources
 from . import declared
 from .cycloid import LINEAR_ERRORS, coefficients, pin_circle_growth
 from .geometry import RvGeometry
+from .sources import sources_of
 
 PART = 16384
 """Units worked on at once: 128 kB per array."""
@@ -70,7 +72,8 @@ class RvBatch(MeasurableModel):
             raise refuse("parameters.eccentricity_mm", text)
         at = {v.name: float(v.document or 0.0) for v in self.variables} | dict(designs or {})
         one = {name: np.array([value], dtype=float) for name, value in at.items()}
-        self.total = self.model.total(declared.allocation(one))
+        self.allocation = declared.allocation(one)
+        self.total = self.model.total(self.allocation)
 
     def predict(
         self,
@@ -88,6 +91,9 @@ class RvBatch(MeasurableModel):
         total = self.total.shifted(float(np.mean(opening(self.model.geometry, changes))))
         exact = Convolution().propagate(total, 0.9973, ARCMIN)
         return {"backlash_arcmin": float(exact.mean.value[0]) / ARCMIN}
+
+    def sources(self) -> Sources:
+        return sources_of(self.model, self.allocation, self.total)
 
 
 def opening(geometry: RvGeometry, changes: Mapping[str, Array]) -> Array | float:

@@ -160,6 +160,13 @@ def test_time_out_of_order(tmp_path: Path) -> None:
     np.testing.assert_array_equal(result.residuals["te"], frame["te"])
 
 
+def test_a_clock_that_begins_late_is_said(tmp_path: Path) -> None:
+    """Wear and creep count from 0: with the seconds of a day they are another effect."""
+    late = bench().assign(clock=np.arange(240) + 5000.0)
+    assert any("clock begins at 5000 s" in note for note in found(tmp_path, late).notes)
+    assert not any("begins at" in note for note in found(tmp_path, bench()).notes)
+
+
 def test_time_with_gaps(tmp_path: Path) -> None:
     frame = bench()
     frame.loc[120:, "clock"] += 5000.0

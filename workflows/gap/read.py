@@ -18,7 +18,9 @@ from ...models.measurable import Column, Role
 from ...units import converted
 from .columns import alike, told_apart
 from .data import GapData, assembled
+from .next.faults import range_faults
 from .plan import GapPlan, output_of
+from .plausible import implausible
 from .units import LEAST, one_per_unit
 
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
@@ -26,6 +28,8 @@ SAME = 1e-12
 """Relative range of readings that are all the same."""
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
 SESSION = "session"
+LATE = 0.05
+"""Share of its span that a clock may begin away from 0."""
 ABSOLUTE_ZERO = -273.15
 """[degC]"""
 
@@ -77,9 +81,23 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
     if SESSION in spare and SESSION in frame:
         notes.append(f'{SESSION} is not used; [validation] blocks = "{SESSION}" would hold out one '
                      "after the other")  # fmt: skip
-    notes += told_apart(frame, there)
+    notes += [*told_apart(frame, there), *_late(frame, there)]
     data = assembled(plan, frame, there, outputs, predictions, stds, notes)
-    return replace(data, digest=_digest(path)), []
+    if faults := range_faults(plan, data, place):
+        return None, faults
+    return replace(data, notes=(*data.notes, *implausible(data)), digest=_digest(path)), []
+
+
+def _late(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
+    """Clocks that do not begin near 0: effects that count the time from there meet another one."""
+    found = []
+    for column in columns:
+        if column.role is Role.TIME and column.name in frame:
+            first, span = float(frame[column.name].min()), float(np.ptp(frame[column.name]))
+            if abs(first) > LATE * span:
+                found.append(f"{column.name} begins at {first:g} {column.unit}: wear and creep "
+                             "count from 0; subtract what had passed before")  # fmt: skip
+    return found
 
 
 def _digest(path: Path) -> str:
@@ -189,6 +207,9 @@ def _content_faults(
     if len(frame) < max(LEAST, 2 * count):
         found.append(Fault(place, f"has {len(frame)} rows; {count - 1} free numbers of the model "
                            f"and the noise need at least {max(LEAST, 2 * count)}"))  # fmt: skip
+    if len(frame) > 1 and not _varies(plan, frame, columns):
+        found.append(Fault(place, "no input varies: every row is the same reading again, and no "
+                           "cause can be told; vary an input, or add time_s"))  # fmt: skip
     for column in columns:
         if column.role is Role.DIRECTION and column.name in frame:
             bad = ~frame[column.name].isin([-1.0, 1.0]) & frame[column.name].notna()
@@ -202,6 +223,14 @@ def _content_faults(
         if output.name in frame:
             found += _measured_faults(frame, output.name, predictions.get(output.name), place)
     return found
+
+
+def _varies(plan: GapPlan, frame: pd.DataFrame, columns: tuple[Column, ...]) -> bool:
+    """Whether rows differ in what was set, or are units of a population."""
+    if plan.model is not None and plan.model.population:
+        return True
+    numbers = [c.name for c in columns if not c.text and c.role is not Role.REPEAT]
+    return any((frame[name] != frame[name].iloc[0]).any() for name in numbers if name in frame)
 
 
 def _range_faults(

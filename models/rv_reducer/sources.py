@@ -1,0 +1,40 @@
+"""The toleranced inputs of a unit of a batch, in the order of its sum."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...units import ARCMIN, UM
+from ..propagation import ClippedSum
+from ..sources import Source, Sources
+from .backlash import Allocation, BacklashModel
+from .cycloid import LINEAR_ERRORS, coefficients
+from .involute import backlash_zone
+
+
+def sources_of(model: BacklashModel, allocation: Allocation, total: ClippedSum) -> Sources:
+    """The errors of the cycloid stage, the flank clearance and that of the crank bearings."""
+    lever, geometry = model.geometry.lever, model.geometry
+    linear = coefficients(geometry)
+    middle = model.mid.get("eccentricity", 0.0)
+    slopes = linear | {"eccentricity": 2.0 * model.eccentricity.expanded(middle)[1]}
+    cycloid = tuple(
+        Source(f"{name}_um", "um", f"{name.replace('_', ' ')} error",
+               float(np.squeeze(allocation.half_width[name])) / UM, slopes[name] * UM / lever,
+               clipped=True, at=at, law=total.clipped[at].distribution)
+        for at, name in enumerate((*LINEAR_ERRORS, "eccentricity"))
+    )  # fmt: skip
+    zone = backlash_zone(model.stage, geometry, allocation.involute_grade)
+    mid, half = (float(np.squeeze(one)) for one in zone)
+    flank = UM / (geometry.reduction_ratio * geometry.sun_pitch_radius)
+    bearing = float(np.squeeze(allocation.crank_bearing)) / UM
+    play = UM / geometry.centre_distance
+    return Sources(total, ARCMIN, (
+        *cycloid,
+        Source("flank_clearance_um", "um", "flank clearance j_n of the involute stage",
+               half / flank, flank, clipped=False, at=0, law=total.free[0].distribution,
+               widest=mid / max(half, 1e-300)),
+        Source("crank_bearing_um", "um", "clearance of the crank-arm bearings",
+               0.5 * bearing, play, clipped=False, at=1,
+               law=total.free[1].distribution, from_zero=True),
+    ))  # fmt: skip

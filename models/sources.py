@@ -1,0 +1,44 @@
+"""The toleranced inputs of a unit of a population, as far as a model can name them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .inputs.distribution import Distribution
+from .propagation import ClippedSum, Term
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One toleranced input of a unit.
+
+    `part` says what is measured on parts. `tolerance` is the half-width of its zone, `law` the
+    distribution in it, and `per_unit` what one `unit` of it adds to the sum. `clipped` is whether
+    it acts in the clipped part, `at` its place in that part. A zone `from_zero` grows from its
+    lower end at zero.
+    """
+
+    name: str
+    unit: str
+    part: str
+    tolerance: float
+    per_unit: float
+    clipped: bool
+    at: int
+    law: Distribution
+    from_zero: bool = False
+    widest: float = float("inf")
+    """The largest factor on its half-width about its middle that is physical."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """The inputs of the one output of a population: that output is `total`/`unit`, one design."""
+
+    total: ClippedSum
+    unit: float
+    inputs: tuple[Source, ...]
+
+    def term(self, one: Source) -> Term:
+        """What an input contributes."""
+        return (self.total.clipped if one.clipped else self.total.free)[one.at]

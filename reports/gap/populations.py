@@ -1,0 +1,46 @@
+"""Simulated and measured units line by line, and the inputs that may be behind a difference."""
+
+from __future__ import annotations
+
+from html import escape
+
+import pandas as pd
+
+from ...gap_records import Attribution, GapResult
+from ..tables import table
+
+CAPTION = "Simulated and measured units, with the model as it is and with the effects in it."
+NO_INPUT = "<p>Nothing to attribute to an input.</p>"
+
+
+def population_table(result: GapResult) -> str:
+    """Location, spread, shape, mixture and trend of the units; empty where rows are no units."""
+    if not result.population:
+        return ""
+    rows = [
+        {"model": one.model, "output": one.output, "aspect": one.aspect, "statistic": one.statistic,
+         "unit": one.unit, "simulated": one.simulated, "measured": one.measured,
+         "difference": one.difference, "90 % from": one.low, "to": one.high,
+         "chance reaches": one.chance, "verdict": one.verdict}
+        for one in result.population
+    ]  # fmt: skip
+    return table(pd.DataFrame(rows), [one.differs for one in result.population], CAPTION)
+
+
+def attribution_table(result: GapResult) -> str:
+    """What every input alone would have to do, and why it is excluded."""
+    return "\n".join(map(_attribution, result.attribution)) or NO_INPUT
+
+
+def _attribution(one: Attribution) -> str:
+    rows = [
+        {"input": c.input, "amount": c.amount, "90 % from": c.low, "to": c.high, "unit": c.unit,
+         "in tolerances": c.share_of_tolerance, "explains worse by": c.distance,
+         "excluded because": c.excluded_because, "parts to measure": c.parts or None,
+         "units that would tell": c.readings or None}
+        for c in one.candidates
+    ]  # fmt: skip
+    marks = [not c.excluded_because for c in one.candidates]
+    head = f"{one.kind}: {one.verdict}" if one.kind else one.verdict
+    below = table(pd.DataFrame(rows), marks) if rows else ""
+    return f"<h3>{escape(head)}</h3>\n<p>{escape(one.text)}</p>\n{below}"

@@ -1,0 +1,1 @@
+"""Populations: simulated and measured units compared, and what differs attributed to inputs."""

@@ -1,0 +1,135 @@
+"""To which input of a batch a difference may be due: by likelihood, and by what limits allow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ....gap_records import Attribution, InputChange
+from ....models.effects.readings import unit_numbers
+from ....models.inputs.distribution import Array
+from ..library import ON_SCATTER
+from ..result import Ending
+from ..setup import LEAST_NAMED, left_of
+from .chance import chance_of
+from .changed_laws import ChangedLaws
+from .input_changes import KINDS, Tables
+from .unit_law import UnitLaw
+from .weighed import Weighed, parts_of
+
+MIXTURE = "lot_mixture"
+TRENDS = ("tool_wear_drift", "drift")
+"""Effects that move unit after unit: what an input does that wears off."""
+
+
+def of_batch(end: Ending) -> tuple[Attribution, ...]:
+    """Which inputs may be behind the gap of a batch; none where there is no gap."""
+    analysis, data = end.analysis, end.setup.data
+    sources = None if end.setup.plan.model is None else end.setup.plan.model.sources()
+    if not analysis.significant or sources is None or not data.target.population:
+        return ()
+    names, output = _names(end), data.outputs[0]
+    if why := _refused(end):
+        return (Attribution(names, output.name, "", (), "cannot tell", (), why),)
+    y, u = _units(end)
+    tables = Tables(ChangedLaws(UnitLaw(sources)), y, u)
+    settings = end.setup.plan.settings
+    rival = _rival(end, tables)
+    weighed = Weighed(tables, settings.set_distance, settings.interval, rival)
+    limit = chance_of(tables, settings.false_rate, end.setup.plan.seed)
+    if weighed.gain <= limit:
+        text = _beside(end) or f"no input of its own: cannot tell with n = {len(y)}"
+        verdict = "none" if _beside(end) else "cannot tell"
+        return (Attribution(names, output.name, "", (), verdict, (), text),)
+    return decided(weighed, names, output.name, output.unit)
+
+
+def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attribution, ...]:
+    """One record per kind that is left, or one that says why none is."""
+    best = max(weighed.tables.changes, key=lambda one: one.best[1])
+    if not weighed.standing or not weighed.explained:
+        if weighed.mixed:
+            text = "two suppliers explain the batch; no change of one input does"
+            return (Attribution(effect, output, "", (), "none", (), text),)
+        text = "no admissible change of one input alone explains the batch; nearest is a " \
+               f"{best.kind} of {best.name}"  # fmt: skip
+        some = _records(weighed, best.kind, unit)
+        return (Attribution(effect, output, best.kind, (), "none", some, text),)
+    if all(one.source is None for one in weighed.standing):
+        some = _records(weighed, weighed.standing[0].kind, unit)
+        text = f"no input alone does it within its limits; {told(weighed)}, or several inputs do"
+        return (Attribution(effect, output, weighed.standing[0].kind, (), "none", some, text),)
+    kinds = [k for k in KINDS if any(one.kind == k for one in weighed.standing)]
+    text = told(weighed)
+    alone = len(weighed.standing) == 1 and not weighed.mixed
+    verdict = "attributed" if alone else "cannot tell"
+    return tuple(
+        Attribution(effect, output, kind, tuple(o.name for o in weighed.standing if o.kind == kind),
+                    verdict, _records(weighed, kind, unit), text)
+        for kind in kinds
+    )  # fmt: skip
+
+
+def _records(weighed: Weighed, kind: str, unit: str) -> tuple[InputChange, ...]:
+    mine = [one for one in weighed.tables.changes if one.kind == kind]
+    found = [weighed.record(one, unit) for one in mine]
+    return tuple(sorted(found, key=lambda one: (bool(one.excluded_because), one.distance)))
+
+
+def told(weighed: Weighed) -> str:
+    """What is left standing, and what would tell, in one sentence."""
+    names = [f"{one.kind} of {one.name}" for one in weighed.standing]
+    names += ["two suppliers"] if weighed.mixed else []
+    if len(names) == 1:
+        one = weighed.standing[0]
+        amount, unit = one.shown(one.best[0]), one.unit
+        what = f"{amount:.3g} {unit}".rstrip() if one.kind != "widening" else f"{amount:.3g} times"
+        return f"{names[0]} ({what}) alone explains the batch"
+    said = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+    text = f"cannot tell with n = {len(weighed.tables.y)} between {said}"
+    parts = {one.source: parts_of(one, one.best[0]) for one in weighed.standing if one.source}
+    known = {source: k for source, k in parts.items() if k}
+    if not known:
+        return text
+    first = min(known, key=lambda source: known[source])
+    return f"{text}; measure the {first.part} of {known[first]} parts"
+
+
+def _names(end: Ending) -> str:
+    return ", ".join([*end.fit.names, *(one.candidate.name for one in end.analysis.scatter[:1])])
+
+
+def _refused(end: Ending) -> str:
+    """Why inputs are not asked for; empty where they are."""
+    count = len(end.setup.data)
+    if not end.setup.plan.settings.effects_at_most or count < LEAST_NAMED:
+        return f"cannot tell with n = {count} which input it is due to"
+    if any(one.effect.name in ON_SCATTER for one in end.analysis.bare.setup.plan.active):
+        return "cannot tell to which input: an effect on the scatter is in the model already"
+    return ""
+
+
+def _rival(end: Ending, tables: Tables) -> float:
+    """Of two suppliers, where they were named."""
+    for one in end.analysis.scatter[:1]:
+        if one.candidate.name == MIXTURE:
+            offset, share = one.fitted.tolist()
+            return tables.mixed(offset, share) - 0.5 * float(np.log(len(tables.y)))
+    return -np.inf
+
+
+def _beside(end: Ending) -> str:
+    """What is told of effects that are taken out before inputs are asked for."""
+    out = [name for name in end.fit.names if name not in (*TRENDS, *end.analysis.bare.batch.levels)]
+    return f"beside {', '.join(out)} nothing is left to attribute to an input" if out else ""
+
+
+def _units(end: Ending) -> tuple[Array, Array]:
+    """Units (n,) that count, beside what moves single ones, and their order (n,) from 0 to 1."""
+    setup, bare = end.analysis.bare.setup, end.analysis.bare
+    output, model = setup.data.outputs[0].name, setup.plan.model
+    assert model is not None
+    left = left_of(setup, end.fit, (*bare.batch.levels, *TRENDS))
+    numbers = unit_numbers(setup.data.readings).astype(float)
+    good = bare.noises[0].good
+    kept = slice(None) if good is None else good
+    return left[kept] + model.means()[output], (numbers / max(numbers.max(), 1.0))[kept]

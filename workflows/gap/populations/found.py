@@ -1,0 +1,43 @@
+"""What an analysis says of units as a population: one table, and one attribution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ....gap_records import Attribution, PopulationLine
+from ..result import Ending
+from . import of_batch, of_pairs
+from .attribution import of_batch as inputs_of_batch
+from .recorded import of_recorded
+
+SHOWN = 3
+
+
+def population_of(end: Ending) -> tuple[PopulationLine, ...]:
+    """Simulated and measured units compared; none where rows are no units."""
+    if end.setup.data.target.population:
+        return of_batch.compared(end)
+    return of_pairs.compared(end) if of_pairs.has_units(end) else ()
+
+
+def attribution_of(end: Ending) -> tuple[Attribution, ...]:
+    """Which input may be behind a difference; none where rows are no units."""
+    if end.setup.data.target.population:
+        return inputs_of_batch(end)
+    return of_recorded(end) if of_pairs.has_units(end) else ()
+
+
+def said(lines: Sequence[PopulationLine], attribution: Sequence[Attribution]) -> list[str]:
+    """The summary: what differs before, and to which input it may be due."""
+    before = [one for one in lines if one.model == "before"]
+    differ = [f"{one.output} {one.statistic} ({one.simulated:.4g}, measured {one.measured:.4g} "
+              f"{one.unit}".rstrip() + ")" for one in before if one.differs]  # fmt: skip
+    found = []
+    if differ:
+        more = f" and {len(differ) - SHOWN} more" if len(differ) > SHOWN else ""
+        found.append(f"units differ from the simulated ones in {', '.join(differ[:SHOWN])}{more}")
+    elif any("cannot tell" in one.verdict for one in before):
+        found.append(f"units beside the simulated ones: {before[0].verdict}")
+    elif before:
+        found.append(f"units as simulated: no difference seen in {len(before)} statistics")
+    return found + [f"input: {text}" for text in dict.fromkeys(one.text for one in attribution)]

@@ -1,0 +1,273 @@
+"""What one input alone would have to do to explain a batch: a shift, a wider zone, or a trend."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ....models.inputs.distribution import Array
+from ....models.sources import Source
+from .changed_laws import FACTORS, NOISES, REACH, SHIFTS, ChangedLaws, below
+from .unit_law import UnitLaw
+
+GAUGE = "gauge"
+"""What is no input, but moves or blurs every reading alike."""
+OUT = 0.75
+"""Share of parts of an input that may be out of limits, at most: more would be found at once
+(an assumption). A uniform input reaches it when it is shifted by 1.5 tolerances, or 4 times as
+wide."""
+SHIFT_AT_MOST, FACTOR_AT_MOST = 2.0 * OUT, 1.0 / (1.0 - OUT)
+TRENDS = np.sinh(np.linspace(-np.arcsinh(20.0), np.arcsinh(20.0), 61)) * (REACH / 20.0)
+DENSE = 401
+LIKELY = 4.0
+"""Below the highest log likelihood: amounts that an interval may hold, and more."""
+NEAR = 12.0
+"""Below the highest of all: changes that may explain a batch."""
+POINTS = 33
+KINDS = ("shift", "widening", "trend")
+
+
+@dataclass(frozen=True)
+class Change:
+    """One input (None: the gauge) changed in one way.
+
+    Amounts are in the unit of the output, for a widening factors; `per` turns a shift into the
+    input's unit. `low` and `high` are the admissible ones. `log` (m,) is the log likelihood of the
+    batch at `grid` (m,).
+    """
+
+    kind: str
+    source: Source | None
+    grid: Array
+    log: Array
+    low: float
+    high: float
+    per: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """The input's name."""
+        return GAUGE if self.source is None else self.source.name
+
+    @property
+    def clipped(self) -> bool:
+        """Whether it acts before interference is cut off."""
+        return self.source is not None and self.source.clipped
+
+    @cached_property
+    def likely(self) -> tuple[float, float]:
+        """Points of the grid that hold between them whatever an interval may hold."""
+        inside = np.flatnonzero(self.log > self.log.max() - LIKELY)
+        last = len(self.grid) - 1
+        return (float(self.grid[max(inside[0] - 1, 0)]),
+                float(self.grid[min(inside[-1] + 1, last)]))  # fmt: skip
+
+    @cached_property
+    def _dense(self) -> tuple[Array, Array]:
+        """The likelihood between the points of the grid, about its peak as finely as needed."""
+        curve = CubicSpline(self.grid, self.log)
+        near = self.likely
+        ends = np.clip([self.low, self.high], self.grid[0], self.grid[-1])
+        x = np.unique(np.concatenate([np.linspace(*near, DENSE), self.grid, ends]))
+        return x, np.asarray(curve(x), dtype=np.float64)
+
+    @property
+    def free(self) -> tuple[float, float]:
+        """The likeliest amount, admissible or not, and its log likelihood."""
+        x, log = self._dense
+        at = int(np.argmax(log))
+        return float(x[at]), float(log[at])
+
+    @property
+    def best(self) -> tuple[float, float]:
+        """The likeliest admissible amount, and its log likelihood."""
+        x, log = self._dense
+        log = np.where((x >= self.low - 1e-12) & (x <= self.high + 1e-12), log, -np.inf)
+        at = int(np.argmax(log))
+        return float(x[at]), float(log[at])
+
+    def interval(self, quantile: float) -> tuple[float, float]:
+        """Amounts whose likelihood is within `quantile` (of chi2) of the highest one."""
+        x, log = self._dense
+        inside = x[2.0 * (log.max() - log) <= quantile]
+        return float(inside.min()), float(inside.max())
+
+    def shown(self, amount: float) -> float:
+        """An amount in the input's unit; a factor stays one."""
+        return amount if self.kind == "widening" else amount / self.per
+
+    @property
+    def unit(self) -> str:
+        """Of the amounts shown; empty for a factor and for the unit of the output."""
+        return "" if self.source is None or self.kind == "widening" else self.source.unit
+
+    def share(self, amount: float) -> float:
+        """An amount as a share of the tolerance; nan for the gauge, which has none."""
+        if self.source is None:
+            return float("nan")
+        return amount if self.kind == "widening" else self.shown(amount) / self.source.tolerance
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Units `y` (n,) in the output's unit, their order `u` (n,) from 0 to 1, and laws of them."""
+
+    laws: ChangedLaws
+    y: Array
+    u: Array
+
+    @property
+    def law(self) -> UnitLaw:
+        """Of the units of the model."""
+        return self.laws.law
+
+    @property
+    def shifts(self) -> Array:
+        """Log densities (m, k) of the clipped sum shifted by SHIFTS."""
+        return self.laws.shifts
+
+    @property
+    def base(self) -> Array:
+        """Log density (k,) of the model as it is."""
+        return self.laws.base
+
+    @cached_property
+    def counts(self) -> Array:
+        """The units on the lattice (k,), each shared by its two neighbours."""
+        return counted(self.law, self.y)
+
+    @cached_property
+    def none(self) -> float:
+        """Log likelihood of the model as it is."""
+        return float(self.base @ self.counts)
+
+    @cached_property
+    def changes(self) -> tuple[Change, ...]:
+        """Every input in every way, the gauge last; finely where one may explain the batch."""
+        found = (*self._shifts(), *self._widenings(), *self._trends())
+        top = max(float(one.log.max()) for one in found)
+        fine: dict[tuple[str, bool, str], tuple[Array, Array]] = {}
+        return tuple(one if one.log.max() < top - NEAR else self._finely(one, fine)
+                     for one in found)  # fmt: skip
+
+    def _finely(
+        self, one: Change, kept: dict[tuple[str, bool, str], tuple[Array, Array]]
+    ) -> Change:
+        """The same with more amounts about the likeliest; inputs that act alike share them."""
+        alike = one.kind != "widening"
+        key = (one.kind, one.clipped, "" if alike else one.name)
+        if key not in kept:
+            low, high = one.likely
+            between = np.linspace(low, high, POINTS)
+            outside = (one.grid < low) | (one.grid > high)
+            grid = np.concatenate([one.grid[outside], between])
+            log = np.concatenate([one.log[outside], self._logs(one, between)])
+            order = np.argsort(grid)
+            kept[key] = grid[order], log[order]
+        grid, log = kept[key]
+        return replace(one, grid=grid, log=log)
+
+    def _logs(self, one: Change, amounts: Array) -> Array:
+        """Log likelihoods (m,) at amounts (m,)."""
+        if one.kind == "trend" and one.clipped:
+            return np.array([self.between(self.shifts, by * self.u).sum() for by in amounts])
+        if one.kind == "trend":
+            return np.array([self._at(self.y - by * self.u).sum() for by in amounts])
+        if one.kind == "widening":
+            source, law = one.source, self.law
+            table = law.blurred(amounts) if source is None else law.widened(source, amounts)
+            return np.asarray(table @ self.counts)
+        if one.clipped:
+            return np.asarray(self.law.shifted(amounts) @ self.counts)
+        return np.array([self._at(self.y - by).sum() for by in amounts])
+
+    def _shifts(self) -> Iterator[Change]:
+        std = self.law.std
+        yield from self._moved("shift", SHIFTS * std, self.shifts @ self.counts, True)
+        by, log = SHIFTS[::3] * std, self.laws.moved @ self.counts
+        centre = float(np.median(self.y) - self.law.x @ np.exp(self.base) * self.law.step)
+        if abs(centre) > 0.5 * REACH * std:  # farther than a shift of inputs can be
+            by = np.unique(np.concatenate([by, centre + by]))
+            log = np.array([self._at(self.y - one).sum() for one in by])
+        yield from self._moved("shift", by, log, False)
+
+    def _trends(self) -> Iterator[Change]:
+        by = TRENDS * self.law.std
+        log = np.array([self.between(self.shifts, one * self.u).sum() for one in by])
+        yield from self._moved("trend", by, log, True)
+        log = np.array([self._at(self.y - one * self.u).sum() for one in by])
+        yield from self._moved("trend", by, log, False)
+
+    def _moved(self, kind: str, by: Array, log: Array, clipped: bool) -> Iterator[Change]:
+        for one in self.law.sources.inputs:
+            if one.clipped is clipped and one.tolerance > 0.0:
+                per = one.per_unit / self.law.sources.unit
+                most = SHIFT_AT_MOST * one.tolerance * abs(per)
+                yield Change(kind, one, by, log, -most, most, per)
+        if not clipped:
+            yield Change(kind, None, by, log, -np.inf, np.inf)
+
+    def _widenings(self) -> Iterator[Change]:
+        for one, table in self.laws.wider:
+            most = min(FACTOR_AT_MOST, one.widest)
+            yield Change("widening", one, FACTORS, table @ self.counts, 1.0, most)
+        noise = NOISES * self.law.std
+        yield Change("widening", None, noise, self.laws.blurred @ self.counts, 0.0, np.inf)
+
+    def _at(self, y: Array) -> Array:
+        return np.asarray(np.interp(y, self.law.x, self.base))
+
+    def mixed(self, offset: float, share: float) -> float:
+        """Log likelihood where a share of the units is off by `offset`."""
+        first, second = (
+            np.log1p(-share) + self._at(self.y),
+            np.log(share) + self._at(self.y - offset),
+        )
+        return float(np.logaddexp(first, second).sum())
+
+    def between(self, table: Array, by: Array) -> Array:
+        """Values of a table (m, k) over SHIFTS and the lattice at shifts (n,) and the units."""
+        row = np.clip(np.interp(by / self.law.std, SHIFTS, np.arange(len(SHIFTS))), 0.0,
+                      len(SHIFTS) - 1.001)  # fmt: skip
+        column = np.clip((self.y - self.law.x[0]) / self.law.step, 0.0, len(self.law.x) - 1.001)
+        i, j = row.astype(np.int64), column.astype(np.int64)
+        a, b = row - i, column - j
+        low = table[i, j] * (1.0 - b) + table[i, j + 1] * b
+        high = table[i + 1, j] * (1.0 - b) + table[i + 1, j + 1] * b
+        return np.asarray(low * (1.0 - a) + high * a)
+
+    def shares_below(self, one: Change, amount: float) -> Array:
+        """Share (n,) of units that the changed model has below each unit; uniform if it is true."""
+        over = np.ones_like(self.y) if one.kind == "shift" else self.u
+        if one.kind == "widening":
+            return np.asarray(np.interp(self.y, self.law.x, below(self.density(one, amount))))
+        if one.clipped:
+            return self.between(self.laws.shifts_below, amount * over)
+        return np.asarray(np.interp(self.y - amount * over, self.law.x, below(self.base)))
+
+    def density(self, one: Change, amount: float) -> Array:
+        """Log density (k,) of the model with that input changed; a trend has none."""
+        at = np.array([amount])
+        if one.kind == "widening":
+            source = one.source
+            return np.asarray((self.law.blurred(at) if source is None
+                               else self.law.widened(source, at))[0])  # fmt: skip
+        if one.clipped:
+            return np.asarray(self.law.shifted(at)[0])
+        return self._of_shift(amount)
+
+    def _of_shift(self, by: float) -> Array:
+        return np.asarray(np.interp(self.law.x - by, self.law.x, self.base))
+
+
+def counted(law: UnitLaw, y: Array) -> Array:
+    """Units (n,) on the lattice (k,)."""
+    at = np.clip((y - law.x[0]) / law.step, 0.0, len(law.x) - 1.001)
+    low = at.astype(np.int64)
+    part, size = at - low, len(law.x)
+    found = np.bincount(low, 1.0 - part, size) + np.bincount(low + 1, part, size)
+    return found.astype(np.float64)

@@ -1,0 +1,97 @@
+"""From statistics of measured and simulated batches to lines that say whether they differ."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from ....gap_records import PopulationLine
+from ....models.inputs.distribution import Array
+from .statistics import Look, values_of
+
+LEVEL = 0.9
+SEEN = 0.9
+"""Chance with which a difference of the size that is told would have been seen."""
+COMMON = 0.05
+DIFFERS, UNSEEN = "differs", "no difference seen; one of {} would have been"
+DRAWN = 500_000
+"""Units of all simulated batches together, about."""
+AGAIN = 200
+"""Batches drawn from the measured one for the intervals."""
+
+
+def batches(count: int) -> int:
+    """How many batches of `count` units are simulated."""
+    return int(np.clip(DRAWN // count, 300, 1000))
+
+
+def rarely(values: Array, rate: float) -> float:
+    """What so small a share of simulated values (b,) is beyond: above a commoner one the tail falls
+    exponentially, as that of a likelihood ratio does, and that of a normal more steeply.
+    """
+    common = float(np.quantile(values, 1.0 - COMMON))
+    beyond = values[values > common] - common
+    more = float(beyond.mean()) if len(beyond) else 0.0
+    return common + more * max(float(np.log(COMMON / rate)), 0.0)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Measured units `x` (n,) and batches `drawn` (b, n) of the model, in one order.
+
+    `offset` is what is added to both where they are shown, by name of the statistic.
+    """
+
+    looks: tuple[Look, ...]
+    x: Array
+    drawn: Array
+    rate: float
+    least: int
+
+    def lines(
+        self, model: str, output: str, offset: dict[str, float], rng: np.random.Generator
+    ) -> tuple[PopulationLine, ...]:
+        """One line per statistic; a difference is one beyond what any line reaches by chance."""
+        simulated = values_of(self.looks, self.drawn)
+        measured = {name: float(value[0]) for name, value in
+                    values_of(self.looks, self.x[None]).items()}  # fmt: skip
+        middle = {name: float(np.mean(value)) for name, value in simulated.items()}
+        limits = self._limits(simulated, middle)
+        drawn = rng.integers(0, len(self.x), (AGAIN, len(self.x)))
+        again = values_of(tuple(one for one in self.looks if one.signed), self.x[drawn])
+        return tuple(
+            self._line(one, model, output, middle[one.name], measured[one.name], offset,
+                       limits[one.name], simulated[one.name], again.get(one.name))
+            for one in self.looks
+        )  # fmt: skip
+
+    def _limits(self, simulated: dict[str, Array], middle: dict[str, float]) -> dict[str, float]:
+        """How far each statistic gets from its mean by chance, all of them together (Sidak)."""
+        rate = 1.0 - (1.0 - self.rate) ** (1.0 / len(self.looks))
+        found = {}
+        for one in self.looks:
+            far = simulated[one.name] - middle[one.name]
+            found[one.name] = rarely(np.abs(far) if one.signed else far, rate)
+        return found
+
+    def _line(
+        self, one: Look, model: str, output: str, simulated: float, measured: float,
+        offset: dict[str, float], limit: float, drawn: Array, again: Array | None,
+    ) -> PopulationLine:  # fmt: skip
+        difference = measured - simulated
+        low = high = float("nan")
+        if again is not None:
+            half = float(stats.norm.ppf(0.5 + 0.5 * LEVEL) * np.std(again))
+            low, high = difference - half, difference + half
+        beyond = abs(difference) > limit if one.signed else difference > limit
+        shows = limit + float(stats.norm.ppf(SEEN) * np.std(drawn))
+        text = DIFFERS if beyond else UNSEEN.format(f"{shows:.3g} {one.unit}".rstrip())
+        if not beyond and len(self.x) < self.least:
+            text = f"cannot tell with n = {len(self.x)}"
+        by = offset.get(one.name, 0.0)
+        return PopulationLine(
+            model, output, one.aspect, one.name, one.unit, simulated + by, measured + by,
+            difference, low, high, limit, shows, text,
+        )  # fmt: skip

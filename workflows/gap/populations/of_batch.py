@@ -1,0 +1,63 @@
+"""A batch compared with the model's population, before and after what was named."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....gap_records import PopulationLine
+from ....models.effects.readings import labels_of, unit_numbers
+from ....models.inputs.distribution import Array
+from ....models.measurable import Role
+from ..law import Law
+from ..population import law_with
+from ..result import Ending
+from ..setup import LEAST_NAMED, Setup, left_of
+from .lines import Compared, batches
+from .statistics import Statistic, along, between_lots, looks_of, two_of, unlike
+
+AFTER = "after"
+
+
+def compared(end: Ending) -> tuple[PopulationLine, ...]:
+    """Lines before, and after where anything was named."""
+    bare = end.analysis.bare
+    found = _lines(end, bare.setup, left_of(bare.setup, bare.empty), 0, "before")
+    if end.fit.members or end.analysis.scatter:
+        found += _lines(end, end.setup, left_of(end.setup, end.fit), 1, AFTER)
+    return found
+
+
+def _lines(
+    end: Ending, setup: Setup, left: Array, stream: int, model: str
+) -> tuple[PopulationLine, ...]:
+    """Of units as far as they are from what the model predicts, (n,)."""
+    output, noise = setup.data.outputs[0], end.analysis.bare.noises[0]
+    kept = np.arange(len(left)) if noise.good is None else np.flatnonzero(noise.good)
+    law, middle = end.analysis.bare.setup.laws[output.name], 0.0
+    for one in end.analysis.scatter[:1] if model == AFTER else ():
+        law, middle = law_with(law, one), one.moves(setup.data.target)
+    x = left[kept] + middle
+    order = unit_numbers(setup.data.readings)[kept].astype(float)
+    looks = looks_of(
+        output.unit, order, two_of(law, law.std), unlike(_quantiles(law, len(x))),
+        _lots(setup, kept),
+    )  # fmt: skip
+    settings, rng = setup.plan.settings, np.random.default_rng([setup.plan.seed, 14, stream])
+    count = batches(len(x))
+    drawn = law.histogram.rvs(size=(count, len(x)), random_state=rng)
+    shown = setup.data.measured[output.name][kept] - x
+    offset = {"mean": float(shown.mean()), "median": float(shown.mean()),
+              "first to last unit": float(along(order)(shown[None])[0])}  # fmt: skip
+    whole = Compared(looks, x, drawn, settings.false_rate, LEAST_NAMED)
+    return whole.lines(model, output.name, offset, rng)
+
+
+def _quantiles(law: Law, count: int) -> Array:
+    return np.asarray(law.histogram.ppf((np.arange(count) + 0.5) / count))
+
+
+def _lots(setup: Setup, kept: NDArray[np.int64]) -> Statistic | None:
+    if Role.LOT not in setup.data.readings:
+        return None
+    return between_lots(labels_of(setup.data.readings[Role.LOT])[1][kept])

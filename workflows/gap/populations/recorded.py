@@ -1,0 +1,251 @@
+"""Which recorded input of single units may be wrong: biased, mis-scaled, or drifting.
+
+A part error that was recorded b too large leaves -b times the model's own sensitivity to it in
+every output of every unit; one recorded (1 + g) times as large leaves it in proportion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import stats
+
+from ....gap_records import Attribution, InputChange
+from ....models.effects.readings import readings_of, unit_numbers
+from ....models.inputs.distribution import Array
+from ....models.measurable import Column, Role
+from ..predictor import predictor
+from ..result import Ending
+from ..scan import left_over
+from ..setup import LEAST_NAMED
+
+GAIN_LOW, GAIN_HIGH = -0.5, 1.0
+BIAS_AT_MOST = 3.0
+"""In root mean squares of what was recorded. Both are assumptions: more would be seen at once."""
+NEWTON = 3
+STEP = 1e-4
+READ_AGAIN = 3
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """One input recorded wrongly (None: the zero of an output), and what that leaves.
+
+    `amount` is how much too large it was recorded, `left` the squared whitened residual beside it,
+    `moved` (N,) what the model then predicts, whitened.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    amount: float
+    error: float
+    left: float
+    moved: Array
+    is_input: bool = True
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Records:
+    """The units of an analysis, and every way in which one recorded input may be wrong."""
+
+    end: Ending
+
+    @cached_property
+    def plain(self) -> Array:
+        """What the model predicts (N,) as it is."""
+        return self._predicted({})
+
+    @cached_property
+    def y(self) -> Array:
+        """Measured less that, whitened: the zeros of the outputs are in it."""
+        data = self.end.setup.data
+        return self._white(data.whole(data.measured) - self.plain)
+
+    @cached_property
+    def order(self) -> Array:
+        """Of the units, from 0 to 1."""
+        numbers = unit_numbers(self.end.setup.data.readings).astype(float)
+        return np.asarray(numbers / max(numbers.max(), 1.0))
+
+    @property
+    def inputs(self) -> tuple[Column, ...]:
+        """Columns of numbers that the model works with."""
+        return tuple(c for c in self.end.setup.data.target.columns
+                     if c.role is Role.INPUT and not c.text)  # fmt: skip
+
+    @cached_property
+    def zeros(self) -> tuple[Wrong, ...]:
+        """The gauge of one output off by the same, or drifting."""
+        data, found = self.end.setup.data, list[Wrong]()
+        count = len(data)
+        for kind, shape in (("bias", np.ones(count)), ("trend", self.order)):
+            for at, output in enumerate(data.outputs):
+                column = np.zeros(count * len(data.outputs))
+                column[at * count : (at + 1) * count] = shape
+                found.append(self._of_column(f"gauge of {output.name}", kind, output.unit, column))
+        return tuple(found)
+
+    @cached_property
+    def wrong(self) -> tuple[Wrong, ...]:
+        """Every input in every way."""
+        return tuple(self._every())
+
+    def _every(self) -> Iterator[Wrong]:
+        table = self.end.setup.data.readings.table
+        for column in self.inputs:
+            size = float(np.sqrt(np.mean(np.asarray(table[column.name], dtype=float) ** 2)))
+            weight = column.unit == ""  # of a cost: no reading that could be off by a step
+            for kind in ("gain",) if weight else ("bias", "gain", "trend"):
+                if size > 0.0:
+                    yield self._fitted(column, kind, size)
+
+    def _of_column(self, name: str, kind: str, unit: str, column: Array) -> Wrong:
+        white = self._white(column)
+        square = max(float(white @ white), 1e-300)
+        amount = float(white @ self.y) / square
+        left = float(np.sum((self.y - amount * white) ** 2))
+        return Wrong(name, kind, unit, amount, square**-0.5, left, amount * white, False)
+
+    def _fitted(self, column: Column, kind: str, size: float) -> Wrong:
+        """The likeliest admissible amount, by Newton's method."""
+        low, high = (GAIN_LOW, GAIN_HIGH) if kind == "gain" else (-BIAS_AT_MOST * size,
+                                                                  BIAS_AT_MOST * size)  # fmt: skip
+        step = STEP * (1.0 if kind == "gain" else size)
+        amount, wanted, slope = 0.0, 0.0, np.zeros_like(self.y)
+        for _ in range(NEWTON):
+            here = self._moved(column, kind, amount)
+            slope = (self._moved(column, kind, amount + step) - here) / step
+            square = float(slope @ slope)
+            if square <= 0.0:
+                break
+            wanted = amount + float(slope @ (self.y - here)) / square
+            amount = float(np.clip(wanted, low, high))
+        moved = self._moved(column, kind, amount)
+        square = float(slope @ slope)
+        error = square**-0.5 if square > 0.0 else np.inf
+        shown = "" if kind == "gain" else column.unit
+        why = f"it would need {wanted:.3g} {shown}".rstrip() if wanted != amount else ""
+        left = float(np.sum((self.y - moved) ** 2))
+        return Wrong(column.name, kind, shown, amount, error, left, moved, True, why)
+
+    def _moved(self, column: Column, kind: str, amount: float) -> Array:
+        """What the model predicts of the right input beside the recorded one, whitened."""
+        recorded = np.asarray(self.end.setup.data.readings.table[column.name], dtype=float)
+        if kind == "gain":
+            right = recorded / (1.0 + amount)
+        else:
+            right = recorded - amount * (self.order if kind == "trend" else 1.0)
+        return self._white(self._predicted({column.name: right}) - self.plain)
+
+    def _predicted(self, changed: dict[str, Array]) -> Array:
+        setup = self.end.setup
+        data = setup.data
+        table = {**data.readings.table, **changed}
+        data = replace(data, readings=readings_of(data.target.columns, table))
+        found = predictor(setup.plan, data)({})
+        return data.whole({o.name: found[o.name] for o in data.outputs})
+
+    def _white(self, columns: Array) -> Array:
+        return self.end.analysis.search.fitter.space.whiten(columns)
+
+    def explains(self, one: Wrong) -> bool:
+        """Whether nothing is left beside it but noise, whatever the zeros."""
+        analysis = self.end.analysis
+        fitter = analysis.search.fitter.of_record(self.y - one.moved)
+        left = left_over(fitter.fit(()), fitter, analysis.ground.generic)
+        return bool(left.evidence.max(initial=0.0) <= analysis.search.thresholds.generic)
+
+    @cached_property
+    def named(self) -> float:
+        """The squared residual beside what was named and every zero, and the price of both."""
+        fit, fitter = self.end.fit, self.end.analysis.search.fitter
+        count = sum(one.candidate.count for one in fit.members)
+        return float(fit.rss + self.price * (count + fitter.q.shape[1]))
+
+    @property
+    def price(self) -> float:
+        """Of a number that is fitted."""
+        return self.end.analysis.search.fitter.penalty
+
+    @cached_property
+    def gauges(self) -> float:
+        """The same of the gauges alone that pay for themselves."""
+        whole = float(self.y @ self.y)
+        pays = (max(whole - one.left - self.price, 0.0) for one in self.zeros if one.kind == "bias")
+        return whole - sum(pays)
+
+
+def of_recorded(end: Ending) -> tuple[Attribution, ...]:
+    """Which recorded input alone may be behind what units are off by; none where it is noise."""
+    if len(end.setup.data) < LEAST_NAMED:
+        return ()
+    records = Records(end)
+    every = (*records.wrong, *records.zeros)
+    rate = end.setup.plan.settings.false_rate / max(len(every), 1)
+    least = float(stats.chi2.isf(rate, 1))
+    best = min(records.wrong, key=lambda one: one.left, default=None)
+    if best is None or float(records.y @ records.y) - best.left <= least:
+        return ()
+    top = min(*(one.left + records.price for one in every), records.named, records.gauges)
+    far = end.setup.plan.settings.set_distance
+    standing = [one for one in every if not one.why and one.left + records.price - top <= far]
+    standing = [one for one in standing if records.explains(one)]
+    if not any(one.is_input for one in standing):
+        return () if end.fit.members or not end.analysis.significant else (_none(end, best),)
+    standing.sort(key=lambda one: one.left)
+    return _records_of(end, records, standing, top, far)
+
+
+def _none(end: Ending, best: Wrong) -> Attribution:
+    text = "no input recorded wrongly explains these units alone; nearest is a " \
+           f"{best.kind} of {best.name}"  # fmt: skip
+    return Attribution("", _outputs(end), best.kind, (), "none", (), text)
+
+
+def _records_of(
+    end: Ending, records: Records, standing: list[Wrong], top: float, far: float
+) -> tuple[Attribution, ...]:
+    """One record per kind that is left."""
+    effect = ", ".join(end.fit.names)
+    alone = len(standing) == 1 and not (effect and records.named - top <= far)
+    verdict = "attributed" if alone else "cannot tell"
+    text = _text(end, records, standing, alone)
+    found = []
+    for kind in dict.fromkeys(one.kind for one in standing):
+        mine = [one for one in (*records.wrong, *records.zeros) if one.kind == kind]
+        mine.sort(key=lambda one: one.left)
+        some = tuple(_record(end, one, one in standing, one.left + records.price - top)
+                     for one in mine)  # fmt: skip
+        names = tuple(one.name for one in standing if one.kind == kind)
+        found.append(Attribution(effect, _outputs(end), kind, names, verdict, some, text))
+    return tuple(found)
+
+
+def _record(end: Ending, one: Wrong, stands: bool, behind: float) -> InputChange:
+    half = float(stats.norm.ppf(0.5 + 0.5 * end.setup.plan.settings.interval)) * one.error
+    why = "" if stands else one.why or "it leaves the residual unexplained"
+    return InputChange(
+        one.name, one.amount, one.amount - half, one.amount + half, one.unit, float("nan"),
+        max(behind, 0.0), why, READ_AGAIN if stands and one.is_input else 0,
+    )  # fmt: skip
+
+
+def _text(end: Ending, records: Records, standing: list[Wrong], alone: bool) -> str:
+    first = next(one for one in standing if one.is_input)
+    if alone:
+        size = f"{first.amount:.3g} {first.unit}".rstrip()
+        return f"{first.kind} of {first.name} as it was recorded ({size}) explains these units"
+    names = [f"{one.kind} of {one.name}" for one in standing]
+    names += list(end.fit.names)
+    return (
+        f"cannot tell between {', '.join(names)}; measure {first.name} of {READ_AGAIN} parts again"
+    )
+
+
+def _outputs(end: Ending) -> str:
+    return ", ".join(o.name for o in end.setup.data.outputs)

@@ -1,0 +1,152 @@
+"""How batches of units are told from each other: location, spread, shape, mixture, trend, lots.
+
+Every statistic takes batches (b, n), units in the order of their making, and gives (b,).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ....models.inputs.distribution import Array
+
+Statistic = Callable[[Array], Array]
+LEAST_UNITS = 3
+"""Units of a lot from which on its mean is compared with others."""
+STEPS = (-3.5, -2.5, -1.8, 1.8, 2.5, 3.5)
+SHARES = (0.1, 0.25, 0.5)
+"""Offsets, in standard deviations of one, and shares of second suppliers that are tried."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """One statistic: what it says, its unit, and whether it has a sign.
+
+    `signed` ones have an interval; the others are never negative, and chance alone lifts them.
+    """
+
+    aspect: str
+    name: str
+    unit: str
+    of: Statistic
+    signed: bool = True
+
+
+def spread(x: Array) -> Array:
+    """Standard deviation."""
+    return np.asarray(x.std(axis=1, ddof=1))
+
+
+def skewness(x: Array) -> Array:
+    """Third standardised moment."""
+    return np.asarray(stats.skew(x, axis=1))
+
+
+def peakedness(x: Array) -> Array:
+    """Excess kurtosis: 0 of a normal, -1.2 of a uniform population."""
+    return np.asarray(stats.kurtosis(x, axis=1))
+
+
+def along(order: Array) -> Statistic:
+    """Change from the first unit to the last one, by least squares on their `order` (n,)."""
+    centred = order - order.mean()
+    size = float(centred @ centred)
+    weight = centred * (np.ptp(order) / size) if size > 0.0 else centred
+    return lambda x: np.asarray(x @ weight)
+
+
+def unlike(quantiles: Array) -> Statistic:
+    """Distance from a population with these `quantiles` (n,) once mean and scatter are the same.
+
+    In standard deviations: the 2-Wasserstein distance of what is standardised.
+    """
+    wanted = (quantiles - quantiles.mean()) / quantiles.std()
+
+    def distance(x: Array) -> Array:
+        scaled = (x - x.mean(axis=1, keepdims=True)) / x.std(axis=1, keepdims=True)
+        return np.asarray(np.sqrt(np.mean((np.sort(scaled, axis=1) - wanted) ** 2, axis=1)))
+
+    return distance
+
+
+def between_lots(of_lot: NDArray[np.int64]) -> Statistic | None:
+    """F of the means of lots (number (n,) of each unit's lot); None with fewer than two that hold
+    enough units.
+    """
+    counts = np.bincount(of_lot)
+    told = np.flatnonzero(counts >= LEAST_UNITS)
+    if len(told) < 2:
+        return None
+    kept = np.isin(of_lot, told)
+    one_of = (of_lot[kept][:, None] == told).astype(float)
+    sizes = one_of.sum(axis=0)
+
+    def ratio(x: Array) -> Array:
+        part = x[:, kept]
+        means = part @ one_of / sizes
+        between = (sizes * (means - part.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
+        within = ((part - means @ one_of.T) ** 2).sum(axis=1)
+        return np.asarray(between / (len(told) - 1) / (within / (sizes.sum() - len(told))))
+
+    return ratio
+
+
+def two_of(log: Callable[[Array], Array], std: float) -> Statistic:
+    """Twice the log likelihood ratio of two suppliers to one, mean and scatter the same.
+
+    `log` is the log density of one about its mean (any shape). The better of a few fixed mixtures:
+    what it reaches by chance is simulated.
+    """
+    low, step = -8.0, 1.0 / 64.0
+    lattice = np.asarray(low + step * np.arange(1025), dtype=np.float64)
+    one = log(std * lattice)
+    mixed = np.array([_mixed(log, std, lattice, by, p) - one for by in STEPS for p in SHARES])
+
+    def gain(x: Array) -> Array:
+        about = (x - x.mean(axis=1, keepdims=True)) / x.std(axis=1, keepdims=True)
+        cell = np.clip(np.rint((about - low) / step), 0, len(lattice) - 1).astype(np.int64)
+        rows, size = len(cell), len(lattice)
+        flat = (cell + size * np.arange(rows)[:, None]).ravel()
+        counts = np.bincount(flat, minlength=rows * size).reshape(rows, size)
+        return np.asarray(2.0 * (counts.astype(float) @ mixed.T).max(axis=1).clip(0.0))
+
+    return gain
+
+
+def _mixed(log: Callable[[Array], Array], std: float, z: Array, by: float, share: float) -> Array:
+    """Log density, but for a constant of `log`, of a standardised mixture at z."""
+    growth = np.sqrt(1.0 + share * (1.0 - share) * by**2)
+    first = np.log1p(-share) + log(std * (growth * z + share * by))
+    second = np.log(share) + log(std * (growth * z - (1.0 - share) * by))
+    return np.asarray(np.logaddexp(first, second) + np.log(growth))
+
+
+def looks_of(
+    unit: str, order: Array, mixture: Statistic, shape: Statistic, lots: Statistic | None
+) -> tuple[Look, ...]:
+    """All of them on one output."""
+    found = [
+        Look("location", "mean", unit, lambda x: np.asarray(x.mean(axis=1))),
+        Look("location", "median", unit, lambda x: np.asarray(np.median(x, axis=1))),
+        Look("spread", "standard deviation", unit, spread),
+        Look("shape", "skewness", "", skewness),
+        Look("shape", "kurtosis", "", peakedness),
+        Look("shape", "distance of shapes", "", shape, signed=False),
+        Look("mixture", "two suppliers", "", mixture, signed=False),
+        Look("trend", "first to last unit", unit, along(order)),
+    ]
+    if lots is not None:
+        found.append(Look("lots", "scatter of lots", "", lots, signed=False))
+    return tuple(found)
+
+
+Values = Mapping[str, Array]
+
+
+def values_of(looks: tuple[Look, ...], x: Array) -> dict[str, Array]:
+    """Every statistic of batches (b, n), by name."""
+    return {one.name: one.of(x) for one in looks}

@@ -1,0 +1,118 @@
+"""The exact law of the units of a population with one of its inputs changed.
+
+X = F + max(0, C), F and C sums of independent inputs. A shift moves C, or F; a wider zone replaces
+one factor of the characteristic function. All on one lattice in the unit of the output.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, stats
+
+from ....models.inputs.distribution import Array
+from ....models.propagation import Term
+from ....models.propagation.lattice import Spectrum, spectrum, window
+from ....models.propagation.sums import total_cumulants
+from ....models.sources import Source, Sources
+
+POINTS = 2048
+FINE = 64.0
+"""Points per standard deviation of the units."""
+ODD = 1e-3
+"""Share of units that may be anything: a single one beyond the limits decides nothing."""
+WIDE = 4.0
+"""Standard deviations that those scatter by, in that of the units."""
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class UnitLaw:
+    """Densities of units with changed inputs, on the lattice `x` (k,) in the output's unit."""
+
+    sources: Sources
+
+    @cached_property
+    def std(self) -> float:
+        """Of the units if nothing were clipped: the scale of the lattice."""
+        terms = self.sources.total.clipped + self.sources.total.free
+        return float(np.sqrt(total_cumulants(terms)[1, 0])) / self.sources.unit
+
+    @cached_property
+    def step(self) -> float:
+        """Of the lattice, in the output's unit."""
+        return self.std / FINE
+
+    @cached_property
+    def first(self) -> int:
+        """Lattice index of the first point."""
+        terms = self.sources.total.clipped + self.sources.total.free
+        middle = float(total_cumulants(terms)[0, 0]) / self.sources.unit
+        return int(np.floor(middle / self.step)) - POINTS // 2
+
+    @cached_property
+    def x(self) -> Array:
+        """The points of the lattice."""
+        return np.asarray(self.step * (self.first + np.arange(POINTS)), dtype=np.float64)
+
+    def shifted(self, by: Array) -> Array:
+        """Log density (m, k) with the clipped sum moved `by` (m,), in the output's unit."""
+        transform, start = self._sum(self.sources.total.clipped)
+        index = np.arange(transform.shape[1])
+        turn = np.exp(-2j * np.pi * index * (by / self.step)[:, None] / POINTS)
+        turn[:, -1] = turn[:, -1].real
+        return self._log(transform * turn, np.full(len(by), start[0]), *self._free)
+
+    def widened(self, one: Source, factors: Array) -> Array:
+        """Log density (m, k) with the zone of one input `factors` (m,) as wide."""
+        term = self.sources.term(one)
+        linear, ones = term.linear * factors, np.ones(len(factors))
+        low = term.constant - term.linear
+        constant = low * ones + linear if one.from_zero else term.constant * ones
+        bent = None if term.quadratic is None else term.quadratic * factors**2
+        changed = self._sum((replace(term, constant=constant, linear=linear, quadratic=bent),))
+        side = self.sources.total.clipped if one.clipped else self.sources.total.free
+        rest = self._sum((*side[: one.at], *side[one.at + 1 :]))
+        both = rest[0] * changed[0], rest[1] + changed[1]
+        return self._log(*both, *self._free) if one.clipped else self._log(*self._clipped, *both)
+
+    def blurred(self, noise: Array) -> Array:
+        """Log density (m, k) of units read with a normal error of standard deviation `noise`."""
+        index = np.arange(POINTS // 2 + 1)
+        rate = 2.0 * np.pi * index / (POINTS * self.step)
+        blur = np.exp(-0.5 * (noise[:, None] * rate) ** 2)
+        transform, start = self._free
+        return self._log(*self._clipped, transform * blur, np.full(len(noise), start[0]))
+
+    @cached_property
+    def _free(self) -> tuple[Spectrum, Integers]:
+        return self._sum(self.sources.total.free)
+
+    @cached_property
+    def _clipped(self) -> tuple[Spectrum, Integers]:
+        return self._sum(self.sources.total.clipped)
+
+    def _sum(self, terms: tuple[Term, ...]) -> tuple[Spectrum, Integers]:
+        if not terms:
+            return np.ones((1, POINTS // 2 + 1), dtype=np.complex128), np.zeros(1, dtype=np.int64)
+        rows = len(terms[0].constant)
+        return spectrum(terms, np.full(rows, self.step * self.sources.unit), POINTS)
+
+    def _log(
+        self, clipped: Spectrum, start: Integers, free: Spectrum, free_start: Integers
+    ) -> Array:
+        """Of the sum of both parts, (m, k): mass of C below zero is put at zero."""
+        at = np.full(len(clipped), -(POINTS // 2))
+        mass = window(clipped, start, at, POINTS)
+        zero = POINTS // 2
+        mass[:, zero] += mass[:, :zero].sum(axis=1)
+        kept = fft.rfft(mass[:, zero:], n=POINTS, axis=1)
+        product = kept * free
+        begin = np.full(len(product), self.first)
+        found = window(product, np.broadcast_to(free_start, len(product)), begin, POINTS)
+        odd = stats.norm.pdf(self.x, self.x[POINTS // 2], WIDE * self.std)
+        density = (1.0 - ODD) * np.maximum(found, 0.0) / self.step + ODD * odd
+        return np.asarray(np.log(np.maximum(density, ODD**4 / self.std)))

@@ -1,0 +1,129 @@
+"""Changes of inputs weighed against each other on one batch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import stats
+
+from ....gap_records import InputChange
+from ....models.sources import Source
+from .input_changes import Change, Tables
+
+UNLIKELY = 0.005
+"""Chance of each look at whether the best change explains the batch."""
+SURE = float((stats.norm.ppf(0.95) + stats.norm.ppf(0.9)) ** 2)
+"""Squared size, in standard errors, of what is seen nine times out of ten."""
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """All changes of inputs on one batch: which of them the batch leaves standing.
+
+    `rival` is the log likelihood of two suppliers where they were named, less the price of their
+    further number.
+    """
+
+    tables: Tables
+    distance: float
+    level: float
+    rival: float = -np.inf
+
+    @cached_property
+    def _free(self) -> float:
+        """The highest log likelihood of any amount, admissible or not."""
+        return max(one.free[1] for one in self.tables.changes)
+
+    @property
+    def top(self) -> float:
+        """The highest log likelihood of all, the rival among them."""
+        return max(self._free, self.rival)
+
+    @property
+    def gain(self) -> float:
+        """Twice the log likelihood ratio of the best change."""
+        return 2.0 * (self._free - self.tables.none)
+
+    @property
+    def mixed(self) -> bool:
+        """Whether two suppliers explain the batch as well."""
+        return 2.0 * (self.top - self.rival) <= self.distance
+
+    def behind(self, one: Change) -> float:
+        """How much worse than the best the admissible amounts of a change do."""
+        return 2.0 * (self.top - one.best[1])
+
+    @cached_property
+    def standing(self) -> tuple[Change, ...]:
+        """The changes that explain the batch as well as any, the best first."""
+        found = [one for one in self.tables.changes if self.behind(one) <= self.distance]
+        return tuple(sorted(found, key=self.behind))
+
+    @cached_property
+    def explained(self) -> bool:
+        """Whether the best of them leaves nothing but chance."""
+        best = self.standing[0]
+        below = np.clip(self.tables.shares_below(best, best.best[0]), 1e-9, 1.0 - 1e-9)
+        shape = stats.cramervonmises(below, "uniform").pvalue
+        order = stats.linregress(self.tables.u, stats.norm.ppf(below)).pvalue
+        return bool(min(shape, order) > UNLIKELY)
+
+    def record(self, one: Change, unit: str) -> InputChange:
+        """A change as a record, amounts in the input's unit."""
+        standing = one in self.standing
+        amount = one.best[0] if standing else one.free[0]
+        ends = one.interval(float(stats.chi2.ppf(self.level, 1)))
+        low, high = sorted(one.shown(end) for end in ends)
+        return InputChange(
+            one.name, one.shown(amount), low, high, one.unit if one.source else unit,
+            one.share(amount), self.behind(one), "" if standing else self._why(one),
+            parts_of(one, amount) if standing else 0, self._readings(one) if standing else 0,
+        )  # fmt: skip
+
+    def _why(self, one: Change) -> str:
+        """Why a change is excluded."""
+        amount, log = one.free
+        if 2.0 * (self.top - log) > self.distance:
+            return "the shape of the batch is another"
+        if one.kind != "widening":
+            return f"it would need {abs(one.share(amount)):.3g} of its tolerance; its parts are " \
+                   "inspected"  # fmt: skip
+        if amount < one.low:
+            return f"it would need {amount:.3g} of its tolerance, and parts are made to all of it"
+        return f"it would need {amount:.3g} times its tolerance"
+
+    def _readings(self, one: Change) -> int:
+        """Units that would tell it from the best, by the divergence of their laws."""
+        best = self.standing[0]
+        if "trend" in (one.kind, best.kind) or one is best:
+            return 0
+        mine, other = (self.tables.density(o, o.best[0]) for o in (one, best))
+        share = np.exp(other) * self.tables.law.step
+        apart = float(share @ (other - mine))
+        # below a distance of 0.01 in 10,000 units they are the same law
+        return int(np.ceil(self.distance / (2.0 * apart))) if apart > 5e-7 else 0
+
+
+def parts_of(one: Change, amount: float) -> int:
+    """Parts whose measurement would show the change of an input."""
+    if one.source is None:
+        return 0
+    share = one.share(amount)
+    scatter, peaked = _scatter(one.source)
+    if one.kind == "widening":
+        size = np.log(share) ** 2 if share > 1.0 else 0.0
+        variance = 0.25 * (peaked - 1.0)
+    else:
+        size = share**2 * (1.0 if one.kind == "shift" else 1.0 / 12.0)
+        variance = scatter
+    return int(max(np.ceil(SURE * variance / size), 3)) if size > 0.0 else 0
+
+
+def _scatter(source: Source) -> tuple[float, float]:
+    """Variance of an input in squared tolerances, and its kurtosis."""
+    raw = source.law.raw_moments(4)
+    mean, second = raw[1], raw[2] - raw[1] ** 2
+    fourth = raw[4] - 4.0 * mean * raw[3] + 6.0 * mean**2 * raw[2] - 3.0 * mean**4
+    return float(second), float(fourth / second**2)
