@@ -34,7 +34,7 @@ SIZES = {"good": 400, "poor": 360, "pair": 200, "clean": 400, "size": 120, "dela
          "outside": 240, "manipulator good": 12, "manipulator poor": 12, "manipulator clean": 12,
          "manipulator outside": 12}  # fmt: skip
 OF_MODELS = 20
-"""Records of each group, and of one that is not listed; a record of poses takes ten times as long."""
+"""Records of each group, and of one that is not listed; one of poses takes ten times as long."""
 FIRST = 10_000
 """Lower numbers may have been looked at while the workflow was made."""
 MINUTE = 60.0
