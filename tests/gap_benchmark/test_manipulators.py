@@ -23,7 +23,7 @@ from benchmarks.gap.generator.robot import ARMS, JOINTS, LINES, ORIGINS, RODS, S
 from benchmarks.gap.generator.tables import Array
 from benchmarks.gap.scoring.manipulator_rivals import MANIPULATOR_RIVALS
 from benchmarks.gap.scoring.rivals import coefficients, least_left
-from benchmarks.gap.scoring.scorer import told
+from benchmarks.gap.scoring.told import told
 from tolevo import registry
 from tolevo.models.effects.compose import Active, predicted
 from tolevo.models.manipulator.pose import ManipulatorPose
