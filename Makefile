@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup run test lint coverage bench lock figures clean
+.PHONY: help setup run test lint coverage bench bench-gap lock figures clean
 
 PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
 	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$python" && break; done)
@@ -10,7 +10,7 @@ BENCH := .venv-bench/bin
 PEERS := .venv-bench/ready
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-10s%s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-10s%s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
 
 setup: $(READY)  ## makes .venv with the locked packages and this project
 
@@ -60,6 +60,9 @@ bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are pro
 	$(BENCH)/python benchmarks/dynamics.py
 	$(BENCH)/python benchmarks/contact.py
 	$(BIN)/python -m benchmarks.study
+
+bench-gap: $(READY)  ## the benchmark of naming, about 25 minutes on two cores; goes on where it was stopped
+	$(BIN)/python -m benchmarks.gap --write docs/gap_benchmark.md
 
 lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
 	$(BIN)/pip install --quiet uv

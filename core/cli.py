@@ -329,6 +329,7 @@ def check(config: Config, set_: Set = [], quiet: Quiet = False) -> None:  # noqa
     """Validate a configuration and print all it comes to; the output is itself one."""
     with exit_status():
         from .configuration.description import describe, describe_plan
+        from .configuration.gap_kind import is_gap
         from .configuration.simulated import build_model
         from .configuration.study import is_study, read_study
 
@@ -336,6 +337,13 @@ def check(config: Config, set_: Set = [], quiet: Quiet = False) -> None:  # noqa
             plan = read_study(config, set_)
             if not quiet:
                 typer.echo(describe_plan(plan))
+            return
+        if is_gap(config):
+            from .configuration.gap import read_gap
+
+            analysis = read_gap(config, set_)
+            if not quiet:
+                typer.echo(analysis.configuration)
             return
         configuration = _read(config, set_)
         if configuration.problem is None:

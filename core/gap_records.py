@@ -258,6 +258,81 @@ class Rival:
 
 
 @dataclass(frozen=True, slots=True)
+class Separation:
+    """What the next measurement tells of `names` and `instead_of`, the data that are there
+    included.
+
+    `now` and `expected` are the discrimination without and with it: the squared norm, in noise
+    units, of what the one says and the other cannot follow when it is fitted again. `chance` is
+    that the right one fits better then, `alike` that of as many readings like the present ones,
+    `alone` that only the right one stays within the distance of a set; `needed` readings like
+    the planned ones bring the chance to 0.95 (0 where none do). `text` says so.
+    """
+
+    names: tuple[str, ...]
+    instead_of: tuple[str, ...]
+    now: float
+    expected: float
+    chance: float
+    alike: float
+    alone: float
+    needed: int
+    text: str
+
+    def __str__(self) -> str:
+        mine, other = " + ".join(self.names), " + ".join(self.instead_of)
+        return f"{mine} instead of {other}: {self.text}"
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """What the next measurement shows of an effect that is barely there.
+
+    `amount` is the value of `parameter` that is looked for; `now`, `then` and `alike` the chances
+    that an effect of that size passes the threshold of the whole library in the present data, with
+    the planned readings, and with as many like the present ones; `least_now` and `least_then` the
+    smallest values that are seen nine times out of ten.
+    """
+
+    name: str
+    parameter: str
+    unit: str
+    amount: float
+    now: float
+    then: float
+    alike: float
+    least_now: float
+    least_then: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.name} of {self.parameter} = {self.amount:.3g} {self.unit}: seen with chance "
+            f"{self.then:.2f} (now {self.now:.2f}, with as many readings like these "
+            f"{self.alike:.2f}); seen from {self.least_then:.3g} instead of {self.least_now:.3g}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class NextMeasurement:
+    """The points of the next measurement, in `file` (empty where there are none), and what they
+    are expected to tell: of each pair of names, or of effects that are barely there.
+
+    `telling` are the inputs whose values matter most.
+    """
+
+    text: str
+    readings: int = 0
+    pairs: tuple[Separation, ...] = ()
+    effects: tuple[Sensitivity, ...] = ()
+    notes: tuple[str, ...] = ()
+    telling: tuple[str, ...] = ()
+    file: str = ""
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, slots=True)
 class Shape:
     """Stage 7: what is left without a name.
 
@@ -377,7 +452,7 @@ class GapResult:
     and after; `population` compares them line by line, and `attribution` says which inputs may be
     behind a difference.
     `gap_before`, `gap_after` and `noise_floor` hold one number per output, and `total` in noise
-    units.
+    units. `next_points` are the operating points of `next_measurement` in the order of measuring.
     """
 
     title: str
@@ -403,6 +478,8 @@ class GapResult:
     attribution: tuple[Attribution, ...] = ()
     configuration: str = field(default="", repr=False)
     corrected: str = field(default="", repr=False)
+    next_measurement: NextMeasurement | None = None
+    next_points: pd.DataFrame | None = None
 
     @property
     def names(self) -> tuple[str, ...]:

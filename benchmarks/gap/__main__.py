@@ -1,8 +1,9 @@
 # ruff: noqa: E402 - the number of threads is fixed before numpy is imported
-"""The hidden-effect trial at its full size: `python -m benchmarks.gap --records 100`.
+"""The benchmark of naming at its full size: `python -m benchmarks.gap`.
 
-Every record is named and scored once and kept in a file of lines, so that a broken run goes on
-where it was; another code needs another file. Prints each figure with its interval.
+Every record is shown to every namer and scored once. The answers are kept in a file of lines, so
+that a broken run goes on where it was; those of other code are asked anew. Prints each figure with
+its interval.
 """
 
 from __future__ import annotations
@@ -13,98 +14,123 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[_name] = "1"
 
 import argparse
-import json
-from collections.abc import Iterable
+import shlex
+import signal
+import sys
+import time
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from benchmarks.gap.answers import Asked, Key, as_text, kept, missing
 from benchmarks.gap.generator.records import BENCH_GROUPS, GROUPS
-from benchmarks.gap.scoring.scorer import Scored, figures
-from benchmarks.gap.trial import NAMERS, WORKFLOW, line, printed, scored
+from benchmarks.gap.namers.baselines import BASELINES
+from benchmarks.gap.page import families, page, parts_of, written
+from benchmarks.gap.scoring.scorer import figures
+from benchmarks.gap.trial import NAMERS, lines, namer_of, printed, scored
 
-Key = tuple[str, str, int]
+SIZES = {"good": 400, "poor": 360, "pair": 200, "clean": 400, "size": 120, "delay": 100,
+         "outside": 240}  # fmt: skip
+OF_MODELS = 20
+"""Records of each group: of those that need no model, and of one that does."""
+FIRST = 10_000
+"""Lower numbers may have been looked at while the workflow was made."""
+MINUTE = 60.0
 
 
-def arguments() -> argparse.Namespace:
+def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--records", type=int, default=30, help="of each group")
-    parser.add_argument("--first", type=int, default=0, help="number of the first one")
-    parser.add_argument("--groups", nargs="*", default=list(BENCH_GROUPS), choices=list(GROUPS))
-    parser.add_argument("--namers", nargs="*", default=[WORKFLOW], choices=list(NAMERS))
+    parser.add_argument("--records", type=int, help="of each group; otherwise as many as the page")
+    parser.add_argument("--first", type=int, default=FIRST, help="number of the first one")
+    parser.add_argument("--groups", nargs="*", default=list(GROUPS), choices=list(GROUPS))
+    parser.add_argument("--namers", nargs="*", default=list(NAMERS),
+                        help=f"of {', '.join(NAMERS)}; or your own, module:function")  # fmt: skip
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, default=Path("runs/gap_benchmark.jsonl"))
-    parser.add_argument(
-        "--misses", action="store_true", help="print the records that count against"
-    )
-    return parser.parse_args()
+    parser.add_argument("--write", type=Path, help="put the tables into this page")
+    given = parser.parse_args(argv)
+    try:
+        for name in given.namers:
+            namer_of(name)
+        if given.write:
+            parts_of(given.write)
+    except (ValueError, OSError) as error:
+        parser.error(str(error))
+    return given
 
 
-def key(one: dict[str, Any]) -> Key:
-    return one["namer"], one["group"], one["number"]
+def wanted(given: argparse.Namespace) -> list[Key]:
+    """What is to be asked; the baselines read tables that hold their prediction."""
+    sizes = {name: given.records or SIZES.get(name, OF_MODELS) for name in given.groups}
+    return [
+        (namer, group, given.first + k)
+        for group, size in sizes.items() for k in range(size) for namer in given.namers
+        if group in BENCH_GROUPS or namer not in BASELINES
+    ]  # fmt: skip
 
 
-def kept(path: Path) -> dict[Key, dict[str, Any]]:
-    """The lines that are there; a last one that was cut off is left out."""
-    found: dict[Key, dict[str, Any]] = {}
-    if path.exists():
-        for text in path.read_text(encoding="utf-8").splitlines():
-            try:
-                one = json.loads(text)
-            except json.JSONDecodeError:
-                continue
-            found[key(one)] = one
-    return found
+def asked(todo: Sequence[Asked], workers: int) -> Iterator[list[dict[str, Any]]]:
+    """The answers to each record as they come; what is not begun when it stops is left."""
+    if workers == 1:
+        yield from (lines(*one) for one in todo)
+        return
+    ignored = (signal.SIGINT, signal.SIG_IGN)
+    with ProcessPoolExecutor(workers, initializer=signal.signal, initargs=ignored) as pool:
+        futures = {pool.submit(lines, *one): one for one in todo}
+        try:
+            for done in as_completed(futures):
+                if error := done.exception():
+                    error.add_note(f"in record {futures[done][1:]}")
+                yield done.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
-def run(todo: Iterable[Key], path: Path, workers: int) -> None:
+def ask(todo: Sequence[Asked], path: Path, workers: int) -> None:
+    """Keeps each answer in the file, and says once a minute how far it is."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with (
-        ProcessPoolExecutor(workers) as pool,
-        path.open("a", encoding="utf-8", buffering=1) as file,
-    ):
-        for done in as_completed([pool.submit(line, *one) for one in todo]):
-            file.write(json.dumps(done.result()) + "\n")
+    whole = not path.exists() or path.read_bytes()[-1:] in (b"", b"\n")
+    start = said = time.monotonic()
+    with path.open("a", encoding="utf-8", buffering=1) as file:
+        file.write("" if whole else "\n")
+        for count, found in enumerate(asked(todo, workers), start=1):
+            file.write(as_text(found))
+            now = time.monotonic()
+            if now - said >= MINUTE:
+                said, passed = now, (now - start) / MINUTE
+                rest = passed * (len(todo) - count) / count
+                tell(f"{count} of {len(todo)} records, {passed:.0f} min; about {rest:.0f} more")
 
 
-def missed(one: Scored) -> bool:
-    """Whether a record counts against the namer."""
-    if one.truth.outside:
-        return one.said.verdict != "unnamed"
-    if not one.truth.hidden:
-        return one.said.named
-    return not one.all_named or one.spurious > 0
+def tell(text: str) -> None:
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
 
 
-def described(one: Scored) -> str:
-    truth, said = one.truth, one.said
-    told = "; ".join(f"lambda {each.strength:.0f} {sorted(each.names)}" for each in one.told)
-    return (
-        f"{truth.group} {truth.number} {truth.kind} n {len(truth.points)} {truth.noise} "
-        f"{truth.poor or ''} {truth.names} [{told}] -> {said.verdict} {said.names} "
-        f"{sorted(said.alternatives)}"
-    )
-
-
-def main() -> None:
-    given = arguments()
-    numbers = range(given.first, given.first + given.records)
-    wanted = [(n, g, k) for n in given.namers for k in numbers for g in given.groups]
+def main(argv: Sequence[str]) -> int:
+    given = arguments(argv)
+    keys = wanted(given)
+    try:
+        ask(missing(keys, kept(given.out)), given.out, given.workers)
+    except KeyboardInterrupt:
+        tell(f"stopped; {given.out} keeps what was answered, the same command goes on")
+        return 130
     there = kept(given.out)
-    run([one for one in wanted if one not in there], given.out, given.workers)
-    there = kept(given.out)
-    for namer in given.namers:
-        lines = [there[one] for one in wanted if one[0] == namer]
-        found = [scored(one) for one in lines]
-        seconds = [one["seconds"] for one in lines]
-        print(f"\n{namer}: {len(lines)} records, CPU s per record median "
-              f"{np.median(seconds):.2f}, largest {max(seconds):.1f}")  # fmt: skip
-        print(printed(figures(found)))
-        if given.misses:
-            print("\n".join(described(one) for one in found if missed(one)))
+    by = {name: [there[one] for one in keys if one[0] == name] for name in given.namers}
+    answers = {name: [scored(one) for one in found] for name, found in by.items() if found}
+    seconds = {name: [float(one["seconds"]) for one in by[name]] for name in answers}
+    command = shlex.join(["python", "-m", "benchmarks.gap", *argv])
+    if given.write:
+        written(given.write, page(answers, seconds, command))
+    for name, found in answers.items():
+        bench = [one for one in found if one.truth.group in BENCH_GROUPS]
+        for family, own in ({"tables": bench} | families(found)).items():
+            if own:
+                head = f"{name}, {family}: {len(own)} records"
+                sys.stdout.write(f"\n{head}\n{printed(figures(own))}\n")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main(sys.argv[1:]))

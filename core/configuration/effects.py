@@ -57,7 +57,7 @@ def _values(section: Section, effect: Effect, target: Target) -> dict[str, float
             found[number.name] = value
             continue
         faulty = True
-    missing = [one.name for one in declared if not one.linear and one.name not in found]
+    missing = effect.missing(found, target)
     if faulty:
         return None
     for name in missing:

@@ -18,6 +18,8 @@ from .configuration import Configuration
 from .effects import resolved_effects
 from .gap_columns import read_columns
 from .gap_free import read_free
+from .gap_kind import OWN
+from .gap_next import read_next
 from .gap_run import OF_A_RUN, counterparts, read_run
 from .reader import read_table
 from .simulated import build_model, rebuilt
@@ -26,7 +28,6 @@ from .table import TABLE
 from .zero import ZERO
 
 OF_THE_MODEL = (*OF_A_RUN, "effect", ZERO)
-OWN = ("run", "free", "effects", "noise", "validation", "columns", "data", "settings")
 
 
 def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:
@@ -64,8 +65,10 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     blocks = _blocks(top.section("validation"))
     drop = _drop(top.section("data"))
     run = read_run(top, name or "", table, path.parent)
-    top.finish()
     found = configuration or _stand_in(table, name)
+    model = build_model(found) if found is not None else None
+    planned = read_next(top, model)
+    top.finish()
     if found is None:
         return None, faults
     active = tuple(found.settings.effects)
@@ -73,7 +76,7 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     of_table = name == TABLE
     plan = GapPlan(
         model_name=str(name),
-        model=None if of_table else build_model(found),
+        model=None if of_table else model,
         seed=found.seed,
         parameters=_parameters(found),
         given=dict(table.get("parameters", {})) if configuration and not of_table else {},
@@ -89,6 +92,7 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
         active=active,
         zero=dict(found.settings.zero),
         counterparts=counterparts if run else None,
+        next_measurement=planned,
         tables=resolved_effects(active) if of_table else dict(found.resolved),
     )
     return _with_text(plan, table), faults

@@ -81,8 +81,9 @@ class Target:
     what may be changed inside, and whether each row is a unit of a population.
 
     Where the table is known, `largest` holds the largest magnitude of a column by role (in the
-    units of `Readings`), and `labels` the labels of unit and lot. `several` outputs of the model
-    make the names of an effect's parameters begin with that of their output.
+    units of `Readings`), `labels` the labels of unit and lot, and `locked` whether the rows follow
+    the load of a unit whose input stands still (None where no table is known). `several` outputs of
+    the model make the names of an effect's parameters begin with that of their output.
     """
 
     model: str
@@ -94,6 +95,7 @@ class Target:
     largest: Mapping[Role, float] = field(default_factory=_nothing)
     labels: Mapping[Role, tuple[str, ...]] = field(default_factory=_nothing)
     units: Mapping[Role, str] = field(default_factory=_nothing)
+    locked: bool | None = None
 
     def roles(self) -> frozenset[Role]:
         """The roles of the columns that are there."""
@@ -200,6 +202,17 @@ class Effect(ABC):
             if name in (one.name, one.stem):
                 return one
         return None
+
+    def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
+        """Names of parameters that must be given beside those of `values`: nonlinear ones."""
+        numbers = self.parameters(target)
+        return tuple(n.name for n in numbers if not n.linear and n.name not in values)
+
+    def shown(self, measured: Mapping[str, Array], target: Target) -> Mapping[str, float] | None:
+        """Nonlinear parameters that the readings of the outputs (n,), by name, show by themselves;
+        None where they show that the effect is not there.
+        """
+        return {}
 
     def act(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         """What it does to the rows, with `values` of its parameters by name."""

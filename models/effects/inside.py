@@ -23,7 +23,10 @@ class Inside(Effect):
 
 
 class InsideSeveral(Inside):
-    """Adds linear parameters to quantities of a model, each times a factor per row."""
+    """Adds linear parameters to quantities of a model, each times a factor per row.
+
+    Those quantities act on their own row of a table alone.
+    """
 
     def own_applies(self, target: Target) -> bool:
         quantities = (name for _, name in self.numbers(target))

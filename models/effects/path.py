@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..inputs.distribution import Array
 from ..measurable import Role
 from .effect import Readings
+
+FEW = 0.1
+"""Turns of a path per row, above which it is none."""
+MOSTLY = 0.9
+"""Share of the load's path that must go in the direction that is given."""
+TWIST = 0.1
+"""[rad] More than a locked unit twists."""
 
 
 def play(x: Array, width: float, starts: NDArray[np.bool_] | None = None) -> Array:
@@ -38,15 +43,48 @@ def play(x: Array, width: float, starts: NDArray[np.bool_] | None = None) -> Arr
 
 def along_path(readings: Readings, x: Array, width: float) -> Array:
     """`play` over rows in the order of measuring; each unit and repeat is a path of its own."""
-    order = np.arange(len(x)) if readings.order is None else readings.order
-    marks = [readings[role][order] for role in (Role.UNIT, Role.REPEAT) if role in readings]
-    starts = np.zeros(len(x), dtype=bool)
-    for mark in marks:
-        starts[1:] |= _differs(mark)
+    order, starts = _order(readings), _starts(readings)
     found = np.empty(len(x))
     found[order] = play(x[order], width, starts)
     return found
 
 
-def _differs(labels: NDArray[Any]) -> NDArray[np.bool_]:
-    return np.asarray(labels[1:] != labels[:-1], dtype=bool)
+def follows_load(readings: Readings) -> bool:
+    """Whether the rows are the path of a load on a unit that stands: its direction is that of the
+    load's steps, which seldom turns round, and nothing moves.
+    """
+    load = next((r for r in (Role.TORQUE, Role.FORCE) if r in readings), None)
+    if load is None or Role.DIRECTION not in readings or _moves(readings):
+        return False
+    order, within = _order(readings), ~_starts(readings)[1:]
+    steps = np.diff(np.asarray(readings[load], dtype=float)[order])[within]
+    sign = np.asarray(readings[Role.DIRECTION], dtype=float)[order]
+    turns = np.count_nonzero(np.diff(sign))
+    way = 0.5 * (sign[1:] + sign[:-1])[within]
+    along = float(way @ steps)
+    seldom = 0 < int(turns) <= FEW * len(sign)
+    return seldom and along > MOSTLY * float(np.abs(steps).sum())
+
+
+def _moves(readings: Readings) -> bool:
+    """Whether a speed is not 0, or the angle differs from row to row by more than a twist does."""
+    if Role.SPEED in readings and np.any(readings[Role.SPEED]):
+        return True
+    angle = readings[Role.ANGLE] if Role.ANGLE in readings else np.zeros(len(readings))
+    steps = np.abs(np.diff(np.asarray(angle, dtype=float)[_order(readings)]))
+    return bool(np.ptp(angle) > TWIST and np.median(steps) > 0.0)
+
+
+def _order(readings: Readings) -> NDArray[np.int64]:
+    return np.arange(len(readings)) if readings.order is None else readings.order
+
+
+def _starts(readings: Readings) -> NDArray[np.bool_]:
+    """Where (n,) a path begins, in the order of measuring."""
+    order, found = _order(readings), np.zeros(len(readings), dtype=bool)
+    found[:1] = True
+    for role in (Role.UNIT, Role.REPEAT):
+        if role in readings:
+            labels = readings[role][order]
+            found[1:] |= np.asarray(labels[1:] != labels[:-1], dtype=bool)
+    return found

@@ -13,6 +13,7 @@ from ...declarations import Output
 from ...units import converted
 from ..measurable import Changeable, Column, MeasurableModel, Role
 from .effect import Readings, Target
+from .path import follows_load
 
 Table = Mapping[str, NDArray[Any]]
 
@@ -103,7 +104,7 @@ def target_from(
     labels = {
         role: tuple(labels_of(readings[role])[0].tolist()) for role in LABELS if role in readings
     }
-    return replace(target, largest=largest, labels=labels)
+    return replace(target, largest=largest, labels=labels, locked=follows_load(readings))
 
 
 def _present(columns: Iterable[Column], table: Table) -> list[Column]:

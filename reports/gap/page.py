@@ -14,6 +14,7 @@ from ..document import bullets, document, picture, section
 from ..summary import summary_table
 from ..tables import shown, table
 from .distribution import distribution_figure
+from .next_measurement import CAPTION, next_figure, next_section
 from .path import path_figure
 from .populations import attribution_table, population_table
 from .residuals import residuals_figure
@@ -61,6 +62,8 @@ def gap_page(result: GapResult) -> str:
         section("Effects", _effects(result)),
         section("Rivals and the measurement that separates them", _rivals(result)),
         section("Inputs behind it", attribution_table(result)),
+        section("The next measurement",
+                next_section(result.next_measurement, _those(pictures, "next_measurement"))),
         section("Without a name", bullets([str(one) for one in result.shapes])),
         section("Recalibrated parameters", _recalibrated(result)),
         section("What would have been seen", _detectable(result)),
@@ -85,6 +88,9 @@ def _drawn(result: GapResult) -> Iterator[tuple[str, Figure, str]]:
                     figure,
                     CAPTIONS[kind].format(output.name),
                 )
+    points = next_figure(result)
+    if points is not None:
+        yield "next_measurement", points, CAPTION
     path = path_figure(result)
     if path is not None:
         yield "path", path, CAPTIONS["path"]

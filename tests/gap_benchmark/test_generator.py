@@ -10,20 +10,30 @@ import numpy as np
 import pytest
 
 from benchmarks.gap.generator.assemblies import Builds, Faults, assembled
+from benchmarks.gap.generator.hysteresis import LOCKED
 from benchmarks.gap.generator.mechanisms import ROTATING
 from benchmarks.gap.generator.noise import NOISES
-from benchmarks.gap.generator.records import BENCH_GROUPS, LEAST_LAMBDA, orthogonal, record
-from benchmarks.gap.generator.tables import points
+from benchmarks.gap.generator.outside import OUTSIDE
+from benchmarks.gap.generator.records import (
+    BENCH_GROUPS,
+    LEAST_LAMBDA,
+    Truth,
+    orthogonal,
+    record,
+)
+from benchmarks.gap.generator.tables import POOR, points
+from benchmarks.gap.scoring.rivals import RIVALS, least_left
+from benchmarks.gap.scoring.told import UNTOLD
 
 BENCHMARK = Path(__file__).resolve().parents[2] / "benchmarks" / "gap"
 MAKERS = (
     *sorted((BENCHMARK / "generator").glob("*.py")), *sorted((BENCHMARK / "scoring").glob("*.py")),
-    BENCHMARK / "namers" / "baselines.py",
+    *(one for one in sorted((BENCHMARK / "namers").glob("*.py")) if one.stem != "workflow"),
 )  # fmt: skip
 KNOWN = (
     "__future__", "collections", "dataclasses", "functools", "itertools", "typing", "math",
     "warnings", "numpy", "scipy", "sklearn", "pandas", "benchmarks.gap.generator",
-    "benchmarks.gap.scoring",
+    "benchmarks.gap.scoring", "benchmarks.gap.namers",
 )  # fmt: skip
 
 
@@ -34,8 +44,40 @@ def test_nothing_of_the_project_is_imported(module: Path) -> None:
     modules = [one.module or "." for one in found if isinstance(one, ast.ImportFrom)]
     modules += [alias.name for one in found if isinstance(one, ast.Import) for alias in one.names]
     assert [one for one in modules if not one.startswith(KNOWN)] == []
+    assert "benchmarks.gap.namers.workflow" not in modules
     called = {one.id for one in ast.walk(tree) if isinstance(one, ast.Name)}
     assert not called & {"__import__", "exec", "eval"}
+
+
+@pytest.fixture(scope="module")
+def many() -> list[Truth]:
+    """150 records each with one effect, of good and of poor designs."""
+    return [record(group, k)[1] for group in ("good", "poor") for k in range(150)]
+
+
+def test_grid_is_that_of_the_notes(many: list[Truth]) -> None:
+    """Every design, noise and mechanism; 60 to 2400 rows, signal to noise 0.2 to 3."""
+    assert {one.poor for one in many} == {None, *POOR}
+    assert {one.noise for one in many} == set(NOISES)
+    assert {name for one in many for name in one.names} == {*ROTATING, *LOCKED}
+    rows = [len(one.points) for one in many]
+    assert 60 <= min(rows) < 100 and 2000 < max(rows) <= 2400
+    snr = [
+        np.sqrt(np.mean(orthogonal(one.free, one.hidden[0].added) ** 2)) / one.sigma for one in many
+    ]
+    assert 0.2 <= min(snr) < 0.25 and 2.5 < max(snr) <= 3.0 + 1e-9
+
+
+def test_causes_outside_the_library_are_told_from_every_name_of_it() -> None:
+    """At a thousand rows and twice as much signal as noise."""
+    at = points(np.random.default_rng(0), 1000, None)
+    free = np.ones((len(at), 1))
+    for name, cause in OUTSIDE.items():
+        left = orthogonal(free, cause(np.random.default_rng(1), at).added)
+        left = 2.0 * left / np.sqrt(np.mean(left**2))
+        least = min(least_left(one, at, free, left)[0] for one in RIVALS["rotating"])
+        assert least > UNTOLD, name
+    assert not {*OUTSIDE} & {*ROTATING, *LOCKED}
 
 
 @pytest.mark.parametrize("group", BENCH_GROUPS)

@@ -17,10 +17,13 @@ from tolevo.gap_records import (
     GapResult,
     Gate,
     Measurement,
+    NextMeasurement,
     OutputGate,
     Recalibrated,
     Region,
     Rival,
+    Sensitivity,
+    Separation,
     Shape,
     Step,
 )
@@ -251,3 +254,28 @@ def test_what_is_missing_in_the_stored_page_is_named(result: GapResult) -> None:
     again, bad = loaded(GapResult, content)
     assert sorted(bad) == ["notes", "title"]
     assert again.notes == ()
+
+
+def test_the_next_measurement(result: GapResult) -> None:
+    """Its tables, its points beside those of the record, and both again from what is stored."""
+    pair = Separation(("lost_motion",), ("bearing_clearance",), 1.5, 33.25, 0.97, 0.61, 0.88, 23,
+                      f"30 readings {EVIL}")  # fmt: skip
+    seen = Sensitivity("drift", "rate", "arcsec/s", 0.02, 0.1, 0.9, 0.2, 0.05, 0.015)
+    planned = NextMeasurement("30 readings", 30, (pair,), (seen,), (), ("torque_Nm", "direction"),
+                              "next_measurement.csv")  # fmt: skip
+    points = pd.DataFrame({"torque_Nm": [400.0] * 20 + [-400.0] * 10, "direction": [1.0] * 30})
+    whole = replace(result, next_measurement=planned, next_points=points)
+    again, bad = loaded(GapResult, json.loads(dumped(whole)))
+    assert bad == []
+    assert again.next_measurement == planned
+    assert gap_page(again) == gap_page(whole)
+    part = gap_page(whole).split("<h2>The next measurement</h2>")[1].split("<h2>")[0]
+    cells = re.findall(r"<td[^>]*>([^<]*)</td>", part)
+    for cell in ("33.2", "0.97", "0.61", "0.88", "23", "drift", "0.02", "0.015"):
+        assert any(one.startswith(cell) for one in cells), cell
+    assert "<script>alert" not in gap_page(whole)
+    (axes,) = figures(whole)["next_measurement"].axes
+    assert axes.get_xlabel() == "torque [Nm]"
+    places = np.asarray(axes.collections[0].get_offsets(), dtype=float)
+    np.testing.assert_allclose(places, np.array([[-400.0, 1.0], [400.0, 1.0]]))
+    assert "next_measurement" not in figures(result)

@@ -11,10 +11,12 @@ import pytest
 
 from tolevo import registry
 from tolevo.configuration.gap import read_gap
+from tolevo.models.effects.inside import InsideSeveral
 from tolevo.workflows.gap import gap
+from tolevo.workflows.gap.fit import Fit, Member
 from tolevo.workflows.gap.read import read_data
-
-pytestmark = pytest.mark.long
+from tolevo.workflows.gap.separate import separating
+from tolevo.workflows.gap.setup import Setup, prepared
 
 Array = np.ndarray
 Table = Mapping[str, Array]
@@ -107,6 +109,47 @@ CASES: dict[str, Callable[[Table], Array]] = {
 }
 
 
+@pytest.fixture(scope="module")
+def setup(tmp_path_factory: pytest.TempPathFactory) -> Setup:
+    """A record whose poses reach to the edge of the workspace."""
+    place, rng = tmp_path_factory.mktemp("edge"), np.random.default_rng(8)
+    table = {**poses(rng), "r_mm": rng.uniform(310.0, 650.0, ROWS),
+             "z_mm": rng.uniform(105.0, 295.0, ROWS)}  # fmt: skip
+    measured = dict(zip(OUTPUTS, rng.normal(0.0, 0.02, (6, ROWS)), strict=True))
+    pd.DataFrame({**table, **measured}).to_csv(place / "poses.csv", index=False)
+    (place / "gap.toml").write_text('model = "manipulator_pose"\n[free]\n', encoding="utf-8")
+    plan = read_gap(place / "gap.toml")
+    return prepared(plan, read_data(plan, place / "poses.csv"))
+
+
+def test_columns_are_what_a_little_of_each_effect_does(setup: Setup) -> None:
+    """Slopes times a factor per row, against the model with the effect in it."""
+    seen = [one for one in setup.library if isinstance(one.effect, InsideSeveral)]
+    assert len(seen) == 6
+    for one in seen:
+        shape = {"moving_mass_kg": 3.0} if one.shape else {}
+        columns = setup.columns.of(one, shape)
+        for at, parameter in enumerate(one.linear):
+            done = setup.columns.total(one, {**shape, parameter.name: 1e-3}) / 1e-3
+            size = np.abs(done).max()
+            np.testing.assert_allclose(columns[:, at], done, atol=2e-4 * size, err_msg=one.name)
+
+
+def test_the_measurement_that_separates_stays_in_reach(setup: Setup) -> None:
+    """Poses further out than those of the record would be out of reach."""
+    by_name = {one.name: one for one in setup.library}
+    sized = {"arm_length_error": [50.0, -30.0, 20.0], "joint_zero_offset": [0.1, 0.1, 0.1]}
+    mine, other = (
+        Fit((Member(by_name[name]),), 0.0, 0.0, (np.array(sizes),), np.zeros(0), np.zeros(0))
+        for name, sizes in sized.items()
+    )
+    found = separating(setup, np.full(6, 0.02), mine, other)
+    assert found.readings >= 1
+    for low, high in (found.inputs[name] for name in ("r_mm", "z_mm") if name in found.inputs):
+        assert 100.0 < low < high < 650.0
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["arm_length_error", "drive_eccentricity"])
 def test_it_is_named(tmp_path: Path, name: str) -> None:
     rng = np.random.default_rng(3)

@@ -46,6 +46,8 @@ def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
     lost = set(_displaced(search, fit, generic))
     for at in significant[:20]:
         lost |= _touched(search, fit, generic, at)
+    if lost:
+        lost |= _only_beside(search, fit, generic, lost)
     kept = tuple(k for k in range(len(fit.members)) if k not in lost)
     return Judged(kept, tuple(sorted(lost)), left, significant)
 
@@ -66,6 +68,23 @@ def _displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
         if by > worst[0]:
             worst = (by, gone)
     return worst[1]
+
+
+def _only_beside(search: Search, fit: Fit, generic: Remaining, lost: set[int]) -> set[int]:
+    """The other members that are not significant beside the form which displaced those: they made
+    up for what a wrong form left.
+    """
+    fitter, kept = search.fitter, [k for k in range(len(fit.members)) if k not in lost]
+    less = fitter.fit([fit.members[k] for k in kept])
+    form = generic.white.of(int(left_over(less, fitter, generic).best[0]))
+    found = set()
+    for k in kept:
+        others = [fitter.white(fit.members[other]) for other in kept if other != k]
+        q = basis(np.hstack([fitter.base, form, *others]))
+        own = basis(beside(fitter.white(fit.members[k]), q))
+        if float(np.sum((own.T @ beside(fitter.y, q)) ** 2)) < search.thresholds.library:
+            found.add(k)
+    return found
 
 
 def _more(form: Form) -> int:

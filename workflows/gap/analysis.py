@@ -22,6 +22,7 @@ from .generic import stacked
 from .linear import Groups, joined
 from .noise import Noise
 from .population import Batch, Misfit, Scatter, carrying, misfit, scatter
+from .reading import as_read, resolution
 from .scan import Dictionary, Left, Remaining, Thresholds, dictionary, left_over, thresholds
 from .select import Search, Selection, beside, select
 from .setup import Setup, moved_to, values_of
@@ -102,6 +103,7 @@ class Analysis:
 
 def analysed(setup: Setup) -> Analysis:
     """The loop, with the noise estimated again beside what was named."""
+    setup = as_read(setup)
     noises = noise_of(setup, ())
     book = dictionary(setup.library, setup.columns, _spread(noises))
     forms, which = stacked(setup.generic, len(setup.data.outputs))
@@ -113,8 +115,10 @@ def analysed(setup: Setup) -> Analysis:
             setup, (found, noises, search, generic), (book, raw, which)
         )
     for _ in range(ROUNDS if found.fit.members else 0):
-        if setup.free:
-            setup = _about(setup, search, found.fit)
+        moved = _about(setup, search, found.fit) if setup.free else setup
+        moved = as_read(moved, found.fit)
+        if moved is not setup:
+            setup = moved
             book = dictionary(setup.library, setup.columns, _spread(noises))
             fitter = searching(setup, noises, book, raw, which, search.thresholds)[0].fitter
             found = replace(found, fit=fitter.refined(found.fit.members))
@@ -275,6 +279,7 @@ def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
         setup.data.repeats,
         [_known(setup, output.name) for output in outputs],
         [setup.laws[o.name].std if setup.laws else 0.0 for o in outputs],
+        [0.0 if setup.laws else resolution(setup, o.name) for o in outputs],
     )
     return tuple(estimated(one) for one in of)
 

@@ -25,7 +25,8 @@ PASSES = 2
 class Remainder:
     """One output: its residual (n,), the columns (n, k) that may explain it and are kept, generic
     forms, the inputs by name, labels of repeats, and the noise where it is known. `law` is the
-    standard deviation that the units of a population have in the model, 0 for readings.
+    standard deviation that the units of a population have in the model, 0 for readings;
+    `resolution` what steps of the readings alone scatter by, 0 without steps.
     """
 
     residual: Array
@@ -38,10 +39,11 @@ class Remainder:
     known: Array | None = None
     source: str = "estimated"
     law: float = 0.0
+    resolution: float = 0.0
 
     def least(self, sigma: Array) -> float:
         """What noise of these sizes (n,) is at least, as a share of them."""
-        return max(self.law / float(np.median(sigma)), 1e-12)
+        return max(max(self.law, self.resolution) / float(np.median(sigma)), 1e-12)
 
     def good(self, left: Array, sigma: Array) -> NDArray[np.bool_]:
         """False (n,) where a reading is an outlier; many units far out are a group of their own."""
@@ -69,7 +71,7 @@ def _slow(n: int) -> Array:
 
 def _first_scale(of: Remainder, kept: Array, sigma: Array) -> float:
     q = basis(kept / sigma[:, None])
-    return max(robust_scale(beside(of.residual / sigma, q)), of.law, 1e-300)
+    return max(robust_scale(beside(of.residual / sigma, q)), of.law, of.resolution, 1e-300)
 
 
 def _improved(of: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
@@ -154,7 +156,8 @@ def _scaled(of: Remainder, chosen: Array, noise: Noise) -> Noise:
         return replace(noise, sigma=noise.sigma * pure / level, source="repeats")
     q = basis(noise.whiten(chosen))
     left = beside(noise.whiten(of.residual), q)
-    return replace(noise, sigma=noise.sigma * scale_left(left, q.shape[1]))
+    scale = max(scale_left(left, q.shape[1]), of.resolution / noise.level)
+    return replace(noise, sigma=noise.sigma * scale)
 
 
 def _pure(of: Remainder) -> float | None:
@@ -173,7 +176,7 @@ def remainders(
     residuals: Sequence[Array], kept: Sequence[Array], forms: tuple[Form, ...],
     generic: list[Array], inputs: Mapping[str, Array], trends: Sequence[str],
     repeats: NDArray[np.int64] | None, known: Sequence[tuple[Array, str] | None],
-    laws: Sequence[float],
+    laws: Sequence[float], resolutions: Sequence[float],
 ) -> list[Remainder]:  # fmt: skip
     """One record per output."""
     groups = groups_of(generic)
@@ -181,6 +184,7 @@ def remainders(
     return [
         Remainder(residual, columns, forms, groups, inputs, slow, repeats,
                   None if given is None else given[0],
-                  "estimated" if given is None else given[1], law)
-        for residual, columns, given, law in zip(residuals, kept, known, laws, strict=True)
+                  "estimated" if given is None else given[1], law, least)
+        for residual, columns, given, law, least in
+        zip(residuals, kept, known, laws, resolutions, strict=True)
     ]  # fmt: skip

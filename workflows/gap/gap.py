@@ -16,10 +16,12 @@ from .correct import corrected_toml, in_problem
 from .data import GapData
 from .gaps import OF_UNITS, gaps
 from .locate import regions
+from .next.measurement import next_measurement
 from .plan import GapPlan
 from .populations.found import attribution_of, population_of, said
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
+from .recalibration import moved_far
 from .replicates import Replicates, identity_of, is_whole, opened
 from .result import (
     Ending,
@@ -124,6 +126,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
     gap = gaps(end)
     text = corrected_toml(plan, end.model, analysis.scatter[:1])
     named = in_problem(plan, text, effects(end, spread))
+    planned = next_measurement(end)
     return GapResult(
         title=plan.model_name,
         verdict=end.verdict,
@@ -135,7 +138,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         scores=scores(end),
         steps=renumbered(analysis.selection.steps),
         effects=named,
-        rivals=rival_records(end),
+        rivals=rival_records(end, planned.rivals if planned else {}),
         shapes=shape_records(end),
         noise_floor=gap.floor,
         gap_before=gap.before,
@@ -149,6 +152,8 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         attribution=attribution_of(end),
         configuration=plan.configuration,
         corrected=text,
+        next_measurement=planned.record if planned else None,
+        next_points=planned.points if planned else None,
     )  # fmt: skip
 
 
@@ -192,6 +197,8 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
                          "reading to the next)")  # fmt: skip
     if lost := [analysis.fit.names[at] for at in analysis.judged.lost]:
         found.append(f"{', '.join(lost)}: something like it is there, but its form is not that")
+    if far := moved_far(end):
+        found.append(far)
     if len(end.setup.library) == 0:
         found.append("no effect of the library has a place in this model with these columns")
     return tuple(found)
@@ -211,6 +218,9 @@ def _lines(result: GapResult) -> tuple[str, ...]:
     lines += [f"rival {one}" for one in result.rivals]
     lines += [f"without a name: {one}" for one in result.shapes]
     lines += said(result.population, result.attribution)
+    if (planned := result.next_measurement) is not None:
+        lines.append(f"next measurement: {planned}")
+        lines += [f"next measurement: {one}" for one in (*planned.effects[1:], *planned.notes)]
     if result.verdict == "no_gap":
         seen = sorted(result.gate.detectable, key=lambda one: one.rms)[:5]
         lines += [f"would have been seen from {one}" for one in seen]

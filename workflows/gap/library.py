@@ -11,6 +11,7 @@ import numpy as np
 from ... import registry
 from ...models.effects import Effect, EffectParameter, Target
 from ...models.effects.compose import Active
+from ...models.effects.inside import InsideSeveral
 from ...models.effects.population.units import OfUnits
 from ...models.effects.readings import labels_of
 from ...models.inputs.distribution import Array
@@ -27,6 +28,10 @@ BEND = 2.5
 """What the first nonlinear parameter of an effect must gain."""
 MOST = 400
 """Points of the grid of an effect's nonlinear parameters."""
+SMALL = 0.05
+"""Of a quantity inside, in its unit: what moves outputs in proportion to itself."""
+STILL = 1e-6
+"""[rad] Range of an angle that did not change."""
 LEAST_UNITS = 3
 """Units of a lot from which on an offset of its own can be told."""
 
@@ -89,22 +94,50 @@ class Candidate:
 
 
 class Columns:
-    """What candidates add to the outputs at the rows of the data, in the outputs' units."""
+    """What candidates add to the outputs at the rows of the data, in the outputs' units.
 
-    def __init__(self, data: GapData, predict: Predict) -> None:
+    What an instrument makes of an output depends on all that is in it: the prediction and `beside`
+    it (n,), by output.
+    """
+
+    def __init__(
+        self, data: GapData, predict: Predict, beside: Mapping[str, Array] | None = None
+    ) -> None:
         self.data = data
-        self._predict = predict
+        self.predict = predict
         self._base = predict({})
+        self._slopes: dict[str, Array] = {}
+        self._read = {name: one + (beside or {}).get(name, 0.0) for name, one in self._base.items()}
+
+    def read_beside(self, more: Mapping[str, Array]) -> Columns:
+        """The same, with more (n,) in the outputs that the instrument reads."""
+        return Columns(self.data, self.predict, more)
 
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
         """Columns (N, m) of a candidate, m its linear parameters (1 where it has none)."""
         if candidate.alone:
             return self._added(candidate, shape)[:, None]
+        if isinstance(candidate.effect, InsideSeveral):
+            return self._by_rows(candidate.effect, shape)
         parts = [
             self._added(candidate, {**shape, one.name: step}) / step
             for one, step in ((one, _step(one)) for one in candidate.linear)
         ]
         return np.column_stack(parts)
+
+    def _by_rows(self, effect: InsideSeveral, shape: Mapping[str, float]) -> Array:
+        """Of quantities that are changed by a factor of each row: slopes, times that factor."""
+        factor = np.tile(effect.factor(self.data.readings, shape), len(self.data.outputs))
+        slopes = [self._slope(name) for _, name in effect.numbers(self.data.target)]
+        return np.asarray(np.column_stack(slopes) * factor[:, None])
+
+    def _slope(self, name: str) -> Array:
+        """Outputs (N,) per unit of a quantity inside, by central differences."""
+        if name not in self._slopes:
+            ends = [np.full(len(self.data), end) for end in (SMALL, -SMALL)]
+            up, down = (self.data.whole(self.predict({name: one})) for one in ends)
+            self._slopes[name] = (up - down) / (2.0 * SMALL)
+        return self._slopes[name]
 
     def total(self, candidate: Candidate, values: Mapping[str, float]) -> Array:
         """What the effect with these values adds (N,)."""
@@ -114,7 +147,7 @@ class Columns:
         data = self.data
         action = candidate.effect.act(data.readings, values, data.target)
         if action.changes:
-            return data.whole(self._predict(action.changes)) - data.whole(self._base)
+            return data.whole(self.predict(action.changes)) - data.whole(self._base)
         zero = np.zeros(len(data))
         if action.population is not None:
             return self._of_units(action.population)
@@ -122,7 +155,7 @@ class Columns:
             return zero  # rounding moves no mean of units that differ by more
         if action.reading:
             return np.concatenate([
-                action.reading[o.name](self._base[o.name]) - self._base[o.name]
+                action.reading[o.name](self._read[o.name]) - self._read[o.name]
                 if o.name in action.reading else zero
                 for o in data.outputs
             ])  # fmt: skip
@@ -147,12 +180,26 @@ def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
     found = []
     for name in names:
         effect = registry.load("effects", name)()
-        if effect.applies(data.target):
+        placed = effect.applies(data.target) and not _at_one_angle(effect, data)
+        shown = effect.shown(data.measured, data.target) if placed else None
+        if shown is not None:
             numbers = effect.parameters(data.target)
             linear = tuple(one for one in numbers if one.linear)
-            shape = tuple(one for one in numbers if not one.linear)
+            shape = tuple(_chosen(one, shown) for one in numbers if not one.linear)
             found.append(Candidate(effect, linear, shape, _unread(effect, data)))
     return found
+
+
+def _chosen(one: EffectParameter, shown: Mapping[str, float]) -> EffectParameter:
+    """A parameter, no longer to be fitted where the readings show it."""
+    return replace(one, choices=(shown[one.name],)) if one.name in shown else one
+
+
+def _at_one_angle(effect: Effect, data: GapData) -> bool:
+    """Whether an effect of the angle meets one angle only: its waves then stand for any sign."""
+    if Role.ANGLE not in effect.needs or Role.ANGLE not in data.readings:
+        return False
+    return float(np.ptp(np.asarray(data.readings[Role.ANGLE], dtype=float))) < STILL
 
 
 def _unread(effect: Effect, data: GapData) -> bool:

@@ -54,6 +54,31 @@ class GapSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class Span:
+    """What an input of the next measurement may be, in its column's unit: from `low` to `high`, or
+    one of `values` where there are any.
+    """
+
+    low: float
+    high: float
+    values: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class NextPlan:
+    """What a next measurement may be: how many `readings`, and where (`ranges` by column).
+
+    `effects` are those that are to be seen where none has a name, `amounts` the sizes of effects
+    that matter: the rms in the outputs' unit on the rows of the data.
+    """
+
+    readings: int = 40
+    ranges: Mapping[str, Span] = field(default_factory=dict)
+    effects: tuple[str, ...] = ()
+    amounts: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class GapPlan:
     """A resolved gap analysis; `configuration` is the TOML text that repeats it.
 
@@ -63,8 +88,9 @@ class GapPlan:
     known standard deviation by output, `blocks` is "auto" or a column. `run` are the raw tables of
     the configuration whose allocation the corrected model is to repeat (empty for none), `tables`
     the resolved ones of the model, `active` the effects that are in it already, `zero` what is
-    added to outputs that have a zero. `counterparts` says
-    what each effect of a corrected configuration does in the problem of `run`; None without it.
+    added to outputs that have a zero. `counterparts` says what each effect of a corrected
+    configuration does in the problem of `run`; None without it. `next_measurement` is None where
+    none was asked for.
     """
 
     model_name: str
@@ -86,6 +112,7 @@ class GapPlan:
     counterparts: Callable[[str], Mapping[str, str]] | None = None
     tables: Mapping[str, Any] = field(default_factory=dict)
     configuration: str = ""
+    next_measurement: NextPlan | None = None
 
 
 def output_of(name: str, columns: Mapping[str, ColumnRole]) -> str | None:

@@ -18,7 +18,9 @@ from ...models.measurable import Column, Role
 from ...units import converted
 from .columns import alike, told_apart
 from .data import GapData, assembled
+from .next.faults import range_faults
 from .plan import GapPlan, output_of
+from .plausible import implausible
 from .units import LEAST, one_per_unit
 
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
@@ -81,7 +83,9 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
                      "after the other")  # fmt: skip
     notes += [*told_apart(frame, there), *_late(frame, there)]
     data = assembled(plan, frame, there, outputs, predictions, stds, notes)
-    return replace(data, digest=_digest(path)), []
+    if faults := range_faults(plan, data, place):
+        return None, faults
+    return replace(data, notes=(*data.notes, *implausible(data)), digest=_digest(path)), []
 
 
 def _late(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:

@@ -103,7 +103,7 @@ def gate(end: Ending) -> Gate:
             outliers=noise.outliers, whiteness=whiteness(end.fit.residual[rows]),
             uncertainty=noise.level * 2.0 / np.sqrt(count),
         ))  # fmt: skip
-    return Gate(tuple(found), _recalibrated(end), *detectable(end))
+    return Gate(tuple(found), recalibrated(end), *detectable(end))
 
 
 def rmse(values: Array, good: object = None) -> float:
@@ -112,7 +112,8 @@ def rmse(values: Array, good: object = None) -> float:
     return float(np.sqrt(np.mean(inside**2)))
 
 
-def _recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
+def recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
+    """What became of the free parameters."""
     plan = end.setup.plan
     return tuple(
         Recalibrated(name, "", nominal(plan, name), value, plan.free[name],
@@ -234,13 +235,17 @@ def _ends(
     return linear if spread is None else spread.interval(owner, one.name, linear)
 
 
-def rival_records(end: Ending) -> tuple[Rival, ...]:
-    """Stage 5 as records."""
+def rival_records(
+    end: Ending, planned: Mapping[tuple[tuple[str, ...], tuple[str, ...]], Measurement]
+) -> tuple[Rival, ...]:
+    """Stage 5 as records; `planned` are the measurements by names and those they stand for."""
     levels = end.analysis.search.fitter.space.level()
     found: list[Rival] = []
     for at, one in enumerate(end.analysis.others):
-        measurement = separating(end.setup, levels, end.fit, one.fit) if at < SEPARATED else \
-            found[0].measurement  # fmt: skip
+        measurement = planned.get((one.names, one.instead_of))
+        if measurement is None:
+            measurement = separating(end.setup, levels, end.fit, one.fit) if at < SEPARATED else \
+                found[0].measurement  # fmt: skip
         found.append(Rival(one.names, one.instead_of, one.distance, measurement))
     if end.twin:
         found.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
@@ -248,7 +253,8 @@ def rival_records(end: Ending) -> tuple[Rival, ...]:
         mine = end.analysis.scatter[0].names
         both = set(mine) & set(other.names)
         names, instead = (tuple(n for n in of if n not in both) for of in (other.names, mine))
-        found.append(Rival(names, instead, other.distance, Measurement(MORE)))
+        measurement = planned.get((names, instead), Measurement(MORE))
+        found.append(Rival(names, instead, other.distance, measurement))
     return tuple(found)
 
 

@@ -50,6 +50,8 @@ def separating(setup: Setup, levels: Array, fit: Fit, other: Fit) -> Measurement
         return Measurement(UNSEEN[names])
     best: tuple[float, Design] | None = None
     for design in _designs(setup.data, np.random.default_rng([setup.plan.seed, 3])):
+        if not _within(setup, design):
+            continue
         size = _difference(setup, levels, design, fit, other)
         if np.isfinite(size) and (best is None or size > 1.05 * best[0]):
             best = (size, design)
@@ -59,6 +61,13 @@ def separating(setup: Setup, levels: Array, fit: Fit, other: Fit) -> Measurement
     readings = int(min(np.ceil(CERTAIN / size**2), 10**6))
     text = f"{design.text}: {readings} readings separate them ({size:.2g} of the noise per reading)"
     return Measurement(text, design.inputs, size, readings)
+
+
+def _within(setup: Setup, design: Design) -> bool:
+    """Whether the model has a prediction at all points of a design."""
+    model = setup.plan.model
+    outside = {} if model is None else model.outside(design.table)
+    return not any(wrong.any() for wrong, _ in outside.values())
 
 
 def _designs(data: GapData, rng: np.random.Generator) -> Iterator[Design]:

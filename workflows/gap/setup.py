@@ -143,7 +143,7 @@ def _parts(
         "predicted": predicted,
         "at": at,
         "residual": data.whole(data.measured) - data.whole(predicted),
-        "base": np.column_stack([gradient, _zeros(data)]),
+        "base": np.column_stack([gradient, zeros_of(data)]),
         "free": free,
         "columns": Columns(data, predict),
     }
@@ -173,7 +173,7 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
     middle = np.array([nominal(plan, name) for name in names])
     half = np.array([plan.free[name] for name in names])
     measured = data.whole(data.measured)
-    zeros = _zeros(data)
+    zeros = zeros_of(data)
     scale = np.repeat([max(float(np.std(data.measured[o.name] - predicted[o.name])), 1e-300)
                        for o in data.outputs], len(data))  # fmt: skip
     q = basis(zeros / scale[:, None])
@@ -229,7 +229,7 @@ def _moved(
     return data.whole(predicted)
 
 
-def _zeros(data: GapData) -> Array:
+def zeros_of(data: GapData) -> Array:
     """A column of ones for each output whose zero is free (N, zeros)."""
     n, outputs = len(data), data.outputs
     found = np.zeros((n * len(outputs), len(data.zeros)))

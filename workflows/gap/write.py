@@ -16,7 +16,8 @@ from .. import page_data
 from ..run.write import as_json
 
 SUMMARY = "summary.txt"
-KINDS = ("residuals_", "spectrum_", "distribution_", "path.")
+KINDS = ("residuals_", "spectrum_", "distribution_", "path.", "next_measurement.")
+POINTS = "next_measurement.csv"
 
 
 def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
@@ -26,6 +27,10 @@ def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
     write_text(folder / "corrected.toml", result.corrected)
     write_with(folder / "residuals.parquet",
                lambda path: result.residuals.to_parquet(path, index=False))  # fmt: skip
+    if result.next_points is None:
+        (folder / POINTS).unlink(missing_ok=True)
+    else:
+        write_text(folder / POINTS, result.next_points.to_csv(index=False))
     drawn = figures(result)
     for name, figure in drawn.items():
         write_bytes(folder / f"{name}.png", as_png(figure))
@@ -51,6 +56,7 @@ def record(result: GapResult) -> dict[str, Any]:
         "verdict": result.verdict,
         "effects": [_effect(one) for one in result.effects],
         "alternatives": [_rival(one) for one in result.rivals],
+        "next_measurement": asdict(planned) if (planned := result.next_measurement) else None,
         "unnamed": [asdict(one) for one in result.shapes],
         "where": [_region(one) for one in result.where],
         "population": [asdict(one) for one in result.population],

@@ -13,6 +13,16 @@ from numpy.typing import NDArray
 from benchmarks.gap.generator import tables
 from benchmarks.gap.generator.assemblies import ASSEMBLY, Builds, Faults, assembled, builds
 from benchmarks.gap.generator.hysteresis import LOCKED
+from benchmarks.gap.generator.manipulators import (
+    MANIPULATOR,
+    OUTPUTS,
+    OUTSIDE_POSES,
+    POOR_POSES,
+    SCALES,
+    of_poses,
+    poses,
+    upright,
+)
 from benchmarks.gap.generator.mechanisms import ROTATING, Injected
 from benchmarks.gap.generator.noise import NOISES
 from benchmarks.gap.generator.populations import BATCH, POOR_BATCH, Units, units
@@ -22,14 +32,17 @@ Draw = Callable[[np.random.Generator, Any], Injected]
 Simulator = Callable[[Any, int], Array]
 """Predictions at points, all outputs one after the other (m n,); the number is a seed."""
 WITHOUT_ZERO = "backlash_arcmin"
-"""The one output here that is no angle: its zero is not free."""
+LENGTH = "_mm"
+"""What is no angle here: its zero is not free."""
 
 
 @dataclass(frozen=True)
 class Kind:
     """A kind of measurement; a `population` has no noise but that of its units.
 
-    `columns` makes the table, `roles` its roles and units for `model = "table"`.
+    `columns` makes the table, `roles` its roles and units for `model = "table"`. Outputs that are
+    not equally noisy are in units of their `scales` until they come into the table. `outside` are
+    its own causes that no effect of the library has.
     """
 
     model: str
@@ -43,15 +56,23 @@ class Kind:
     noises: tuple[str, ...] = tuple(NOISES)
     roles: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     population: bool = False
+    scales: tuple[float, ...] = ()
+    outside: Mapping[str, Draw] = field(default_factory=dict)
+
+    @property
+    def zeros(self) -> NDArray[np.bool_]:
+        """Which outputs (m,) have a zero that is free."""
+        return np.array([one != WITHOUT_ZERO and not one.endswith(LENGTH) for one in self.outputs])
+
+    @property
+    def sizes(self) -> Array:
+        """The scale (m,) of each output."""
+        return np.array(self.scales or np.ones(len(self.outputs)))
 
     def free(self, n: int) -> Array:
         """Gradient (m n, k) of the zeros that are always free."""
-        zeros = 0 if self.outputs == (WITHOUT_ZERO,) else len(self.outputs)
-        return (
-            np.asarray(np.kron(np.eye(zeros), np.ones((n, 1))), dtype=np.float64)
-            if zeros
-            else np.empty((n, 0))
-        )
+        zeros = np.eye(len(self.outputs))[:, self.zeros]
+        return np.asarray(np.repeat(zeros, n, axis=0), dtype=np.float64)
 
 
 def bench(at: Points, _: int, scale: float = 1.0) -> Array:
@@ -109,5 +130,9 @@ KINDS: dict[str, Kind] = {
     "assembly": Kind(
         "assembly", tuple(f"delta_{one}_mrad" for one in range(1, 5)), "mrad", builds, of_assembly,
         ASSEMBLY, assembly, ("chain 2 like chain 1",), ("white", "outliers", "quantised"),
+    ),
+    "manipulator_pose": Kind(
+        "manipulator_pose", OUTPUTS, "mm", poses, of_poses, MANIPULATOR, upright, POOR_POSES,
+        scales=tuple(SCALES.tolist()), outside=OUTSIDE_POSES,
     ),
 }  # fmt: skip

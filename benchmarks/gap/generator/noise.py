@@ -21,10 +21,8 @@ def autocorrelated(rng: np.random.Generator, at: Points) -> Array:
 
 
 def heteroscedastic(rng: np.random.Generator, at: Points) -> Array:
-    """A scatter that grows with the load, the speed or the time, rms 1."""
-    ways = [np.abs(at.torque), at.time]
-    if at.speed.max() > 0.0:
-        ways.append(at.speed)
+    """A scatter that grows with the load, the speed, the reach or the time, rms 1."""
+    ways = at.scatter_follows
     by = ways[rng.integers(len(ways))]
     size = 0.3 + rng.uniform(1.0, 3.0) * by / by.max()
     return np.asarray(rng.normal(size=len(at)) * size / np.sqrt(np.mean(size**2)))

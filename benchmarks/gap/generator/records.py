@@ -26,8 +26,8 @@ NO_SIMULATORS: Mapping[str, Simulator] = {}
 
 @dataclass(frozen=True)
 class Hidden:
-    """One hidden effect: its name, what it adds (m n,) to the m outputs one after the other, and
-    the names that may stand beside it.
+    """One hidden effect: its name, what it adds (m n,) to the m outputs one after the other, in
+    their scales, and the names that may stand beside it.
     """
 
     name: str
@@ -38,7 +38,8 @@ class Hidden:
 @dataclass(frozen=True)
 class Truth:
     """What is true of a record; `free` (m n, k) is the gradient of what may be recalibrated,
-    `noise_rms` that of the first output's noise, outliers (5 sigma) aside.
+    `sigma` is the noise in the scales of the outputs, `noise_rms` that of the first output's noise
+    in its unit, outliers (5 sigma) aside.
     """
 
     group: str
@@ -84,6 +85,7 @@ class Task:
 QUIET = ("white", "autocorrelated", "outliers", "quantised")
 BENCH = ("rotating", "rotating", "rotating", "lost_motion")
 MODELS = ("rv_transmission", "rv_transmission", "rv_lost_motion")
+POSE = ("manipulator_pose",)
 GROUPS: dict[str, Task] = {
     "good": Task(BENCH),
     "poor": Task(BENCH, poor=True),
@@ -102,6 +104,10 @@ GROUPS: dict[str, Task] = {
     "assembly good": Task(("assembly",)),
     "assembly poor": Task(("assembly",), poor=True),
     "assembly clean": Task(("assembly",), effects=0),
+    "manipulator good": Task(POSE),
+    "manipulator poor": Task(POSE, poor=True),
+    "manipulator clean": Task(POSE, effects=0, noises=QUIET),
+    "manipulator outside": Task(POSE, outside=True, n=(300, 2400), snr=(0.5, 3.0)),
 }
 BENCH_GROUPS = tuple(name for name in GROUPS if " " not in name)
 """The groups that need no model: `model = "table"`."""
@@ -139,8 +145,9 @@ def record(
     reading, noise = _measured(rng, kind, law, sigma, predicted, hidden, at)
     table = _table(kind, at, reading, predicted)
     good = np.abs(noise[:n]) < 5.0 * sigma
-    truth = Truth(group, name, number, at, hidden, task.outside, poor, law, sigma,
-                  float(np.sqrt(np.mean(noise[:n][good] ** 2))), kind.free(n))  # fmt: skip
+    size = kind.sizes[0] * float(np.sqrt(np.mean(noise[:n][good] ** 2)))
+    truth = Truth(group, name, number, at, hidden, task.outside, poor, law, sigma, float(size),
+                  kind.free(n))  # fmt: skip
     blind = f"r{rng.integers(10**9):09d}"
     return Record(blind, configuration(kind, number), table), truth
 
@@ -174,7 +181,9 @@ def _hidden(
 
 def _drawn(rng: np.random.Generator, task: Task, kind: Kind, at: Any, free: Array) -> list[Hidden]:
     """Distinct effects, none of which the others or the free parameters nearly make up."""
-    library: Mapping[str, Draw] = OUTSIDE if task.outside else kind.mechanisms
+    library: Mapping[str, Draw] = kind.mechanisms
+    if task.outside:
+        library = kind.outside or OUTSIDE
     while True:
         names = rng.choice(task.only or list(library), task.effects, replace=False).tolist()
         drawn = {name: library[name](rng, at) for name in names}
@@ -203,7 +212,7 @@ def _measured(
     if kind.population:
         return clean, predicted - predicted.mean()
     m = len(kind.outputs)
-    zero = np.repeat(sigma * rng.uniform(-3.0, 3.0, m), len(at))
+    zero = np.repeat(sigma * rng.uniform(-3.0, 3.0, m) * kind.zeros, len(at))
     noise = np.concatenate([NOISES[law](rng, at) for _ in range(m)])
     reading = clean + zero + sigma * noise
     if law == "quantised":
@@ -215,7 +224,8 @@ def _measured(
 def _table(kind: Kind, at: Any, reading: Array, predicted: Array) -> pd.DataFrame:
     columns: dict[str, NDArray[Any]] = dict(kind.columns(at))
     shape = (len(kind.outputs), len(at))
-    columns |= dict(zip(kind.outputs, reading.reshape(shape), strict=True))
+    readings = kind.sizes[:, None] * reading.reshape(shape)
+    columns |= dict(zip(kind.outputs, readings, strict=True))
     if kind.model == TABLE:
         columns[f"{kind.outputs[0]}_predicted"] = predicted
     return pd.DataFrame(columns)

@@ -34,6 +34,12 @@ class Points:
     def largest_torque(self) -> float:
         return float(np.abs(self.torque).max())
 
+    @property
+    def scatter_follows(self) -> tuple[Array, ...]:
+        """What the size of a scatter may grow with."""
+        ways = np.abs(self.torque), self.time
+        return (*ways, self.speed) if self.speed.max() > 0.0 else ways
+
 
 def independent(rng: np.random.Generator, n: int) -> dict[str, Array]:
     """Inputs that do not follow each other."""

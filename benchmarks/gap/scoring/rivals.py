@@ -6,45 +6,21 @@ with it. It shares nothing with the effects of the project, nor with the hidden 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import lru_cache, partial
-from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, nnls
 
 from benchmarks.gap.generator.assemblies import Faults, departure
 from benchmarks.gap.generator.populations import Units
 from benchmarks.gap.generator.tables import Array, Points
+from benchmarks.gap.scoring.manipulator_rivals import MANIPULATOR_RIVALS
+from benchmarks.gap.scoring.rival import Columns, fixed
+from benchmarks.gap.scoring.rival import Rival as Rival
 
-Columns = Callable[[Any, Array], Array]
-"""Columns (n, m) at points and nonlinear parameters (p,)."""
 ORDERS_OF_RESONANCE = (39.0, 40.0, 78.0, 80.0, 120.0, 121.0)
-
-
-@dataclass(frozen=True)
-class Rival:
-    """Columns of a name, the grids of its nonlinear parameters, and whether a single amplitude
-    may have either sign.
-    """
-
-    name: str
-    columns: Columns
-    grids: tuple[tuple[float, ...], ...] = ()
-    either_sign: bool = False
-    linear: int = 1
-
-    @property
-    def count(self) -> int:
-        """Numbers that a fit of it has."""
-        return self.linear + len(self.grids)
-
-    def starts(self) -> Iterator[Array]:
-        """Every point of the first grid, the others in their middle (geometric mean of ends)."""
-        middles = [((min(grid) * max(grid)) ** 0.5,) for grid in self.grids[1:]]
-        return (np.array(one, dtype=float) for one in product(*self.grids[:1], *middles))
 
 
 def torque_law(law: Callable[[Array], Array]) -> Columns:
@@ -94,10 +70,6 @@ def play_less_torque(at: Points, p: Array) -> Array:
         output = min(max(output, torque - half), torque + half)
         found[row] = output
     return (found - at.torque)[:, None]
-
-
-def fixed(values: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
-    return (values,)
 
 
 SHARES = tuple(np.geomspace(0.02, 0.5, 12).tolist())
@@ -179,7 +151,10 @@ FIRST = {
     "eccentric_error": "cos_40", "two_disc_error": "cos_78", "sun_runout": "cos_120",
     "encoder_harmonics": "cos_1", "process_mean_shift": "shift", "tool_wear_drift": "rate",
     "spread_inflation": "growth", "adjustment_gain": "adjustment_gain",
-    "chain_coupling": "chain_coupling", "springback": "springback",
+    "chain_coupling": "chain_coupling", "springback": "springback", "joint_zero_offset": "zero_1",
+    "arm_length_error": "length_1", "base_tilt": "x_", "gravity_sag": "compliance_1",
+    "thermal_growth": "expansion", "drive_eccentricity": "drive_cos_1",
+    "joint_clearance": "joint_clearance", "gauge_bias": "dr_offset",
 }  # fmt: skip
 """How the published name of the parameter begins that the first column's coefficient is."""
 
@@ -200,6 +175,7 @@ RIVALS: dict[str, tuple[Rival, ...]] = {
     "rv_lost_motion": LOCKED_RIVALS,
     "rv_batch": BATCH_RIVALS,
     "assembly": ASSEMBLY_RIVALS,
+    "manipulator_pose": MANIPULATOR_RIVALS,
 }
 
 
@@ -227,15 +203,22 @@ def left_at(rival: Rival, p: Array, at: Any, free: Array, what: Array) -> float:
         slope = float(columns[:, 0] @ what) / norm if norm > 1e-12 else 0.0
         slope = slope if rival.either_sign else max(slope, 0.0)
         return float(((what - slope * columns[:, 0]) ** 2).sum())
-    solved = np.linalg.lstsq(columns, what, rcond=None)[0]
+    solved = amplitudes(rival, columns, what)
     return float(((what - columns @ solved) ** 2).sum())
+
+
+def amplitudes(rival: Rival, columns: Array, what: Array) -> Array:
+    """Least-squares amplitudes (m,) of several columns (n, m)."""
+    if rival.positive:
+        size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        return np.asarray(nnls(columns / size, what)[0] / size)
+    return np.asarray(np.linalg.lstsq(columns, what, rcond=None)[0], dtype=np.float64)
 
 
 def coefficients(rival: Rival, p: Array, at: Any, free: Array, what: Array) -> Array:
     """Least-squares coefficients (m,) of the rival's columns beside the free parameters."""
     columns = without(free, rival.columns(at, p))
-    solved = np.linalg.lstsq(columns, without(free, what), rcond=None)[0]
-    return np.asarray(solved, dtype=np.float64)
+    return amplitudes(rival, columns, without(free, what))
 
 
 def least_left(rival: Rival, at: Any, free: Array, what: Array) -> tuple[float, Array]:

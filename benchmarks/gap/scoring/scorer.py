@@ -4,33 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, log, nan, sqrt
+from math import isfinite, nan, sqrt
 from typing import Any
 
 import numpy as np
 from scipy.stats import binomtest
 
-from benchmarks.gap.generator.records import Hidden, Truth
-from benchmarks.gap.scoring.rivals import RIVALS, coefficients, first_parameter, least_left, without
+from benchmarks.gap.generator.records import Truth
+from benchmarks.gap.scoring.rivals import first_parameter
+from benchmarks.gap.scoring.told import Told
 
-UNTOLD = 10.0
 INSTRUMENT = frozenset(
     ["gauge_bias", "read_out_lag", "encoder_harmonics", "quantisation", "clock_drift", "drift"]
 )
 """Names that blame the instrument."""
-
-
-@dataclass(frozen=True)
-class Told:
-    """Of one hidden effect: lambda, the names that the record cannot tell from it, and those of
-    them whose columns are the same; `value` is its first number by the notes' formula.
-    """
-
-    strength: float
-    names: frozenset[str]
-    twins: frozenset[str]
-    name: str = ""
-    value: float = nan
 
 
 @dataclass(frozen=True)
@@ -73,33 +60,6 @@ def verdict(found: Mapping[str, Any]) -> Verdict:
 def known(number: float | None) -> float:
     """A number of a JSON file, nan where it has none."""
     return nan if number is None else float(number)
-
-
-def told(truth: Truth, one: Hidden) -> Told:
-    """What the record can tell from that effect, the other hidden ones known."""
-    others = [other.added[:, None] for other in truth.hidden if other is not one]
-    free = np.hstack([truth.free, *others])
-    own = without(free, one.added)
-    strength = float((own**2).sum()) / truth.sigma**2
-    extra = own_count(truth, one)
-    names, twins, value = {one.name}, {one.name}, nan
-    for rival in RIVALS[truth.kind]:
-        least, p = least_left(rival, truth.points, free, one.added)
-        left = least / truth.sigma**2
-        if rival.name == one.name and rival.linear:
-            value = float(coefficients(rival, p, truth.points, free, one.added)[0])
-        left_out = left + log(len(truth.points)) * max(rival.count - extra, 0)
-        if left_out < UNTOLD:
-            names.add(rival.name)
-        if left < 1e-9 * strength:
-            twins.add(rival.name)
-    return Told(strength, frozenset(names), frozenset(twins & names), one.name, value)
-
-
-def own_count(truth: Truth, one: Hidden) -> int:
-    """Numbers of the truth, by the notes' formula of its name; 1 where it has no name there."""
-    found = [rival.count for rival in RIVALS[truth.kind] if rival.name == one.name]
-    return found[0] if found else 1
 
 
 @dataclass(frozen=True)
@@ -156,6 +116,7 @@ class Figure:
     count: int
     at_most: bool
     by_bound: bool = False
+    rate: bool = True
 
     @property
     def met(self) -> bool:
@@ -167,6 +128,13 @@ class Figure:
     def refuted(self) -> bool:
         """Whether the whole interval lies on the wrong side."""
         return bool(self.low > self.must if self.at_most else self.high < self.must)
+
+    @property
+    def word(self) -> str:
+        """How it stands: met, MISSED beyond doubt, or open, where so few records do not tell."""
+        if self.count == 0:
+            return "none"
+        return "met" if self.met else "MISSED" if self.refuted else "open"
 
 
 def clopper_pearson(hits: int, count: int, level: float = 0.95) -> tuple[float, float]:
@@ -186,13 +154,14 @@ def share(
 
 
 def mean(name: str, values: Sequence[float], must: float, aim: float) -> Figure:
-    """A mean with the interval of its standard error."""
+    """A mean of what is never negative, with the interval of its standard error."""
     if not values:
-        return Figure(name, nan, nan, nan, must, aim, 0, True)
+        return Figure(name, nan, nan, nan, must, aim, 0, True, rate=False)
     middle = float(np.mean(values))
     spread = float(np.std(values, ddof=1)) if len(values) > 1 else nan
     half = 1.96 * spread / sqrt(len(values))
-    return Figure(name, middle, middle - half, middle + half, must, aim, len(values), True)
+    return Figure(name, middle, max(middle - half, 0.0), middle + half, must, aim, len(values), True,
+                  rate=False)  # fmt: skip
 
 
 def blames_physics(one: Scored) -> bool:
@@ -248,7 +217,8 @@ def figures(records: Sequence[Scored]) -> list[Figure]:
         share("noise that changes or delay, physics named", rate(changed, blames_physics), 0.05,
               0.02, True),
         mean("held-out RMSE over noise after naming",
-             [one.said.after / one.truth.noise_rms for one in named], 1.10, 1.03),
+             [one.said.after / one.truth.noise_rms for one in named if isfinite(one.said.after)],
+             1.10, 1.03),
         *coverage([hit for one in (*single, *by["pair"]) for hit in covered(one)]),
     ]  # fmt: skip
 

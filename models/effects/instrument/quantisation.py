@@ -9,6 +9,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ..effect import Action, Effect, EffectParameter, Readings, Target, known, quantity
+from .lattice import step_of
 
 
 class Quantisation(Effect):
@@ -27,6 +28,13 @@ class Quantisation(Effect):
             quantity(f"{target.prefix(output)}step", output.unit, meaning, linear=False)
             for output in target.outputs
         )
+
+    def shown(self, measured: Mapping[str, Array], target: Target) -> dict[str, float] | None:
+        numbers = zip(target.outputs, self.own_parameters(target), strict=True)
+        steps = {number.name: step_of(measured[output.name]) for output, number in numbers}
+        if not any(steps.values()):
+            return None
+        return {name: step or 0.0 for name, step in steps.items()}
 
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         numbers = zip(target.outputs, self.own_parameters(target), strict=True)

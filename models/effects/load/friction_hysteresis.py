@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -10,13 +10,21 @@ from ...inputs.distribution import Array
 from ...measurable import Role
 from ..effect import EffectParameter, Readings, Target, quantity
 from ..path import along_path
-from ..shapes import Load, OneColumn, Weight
+from ..shapes import Load, Shape, Weight
 
 LOCKED = "rv_lost_motion"
+TABLE = "table"
+LOOP, HELD = "compliance", "friction"
+MOVING = Weight("half_width", "a, half of the loop")
 
 
-class FrictionHysteresis(OneColumn):
-    """Loop of dry friction, between there and back."""
+class FrictionHysteresis(Shape):
+    """Loop of dry friction, between there and back.
+
+    In motion it goes with the direction, with the input locked along the path of the load. A table
+    may be of either kind: its readings decide which numbers are fitted, those that are given what
+    is done.
+    """
 
     name = "friction_hysteresis"
     family = "load"
@@ -32,20 +40,47 @@ class FrictionHysteresis(OneColumn):
         return super().own_applies(target)
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
+        meaning = "c, twist per unit of the torque that friction holds back"
+        loop = Weight(LOOP, meaning, Load.unit(target))
         if target.model == LOCKED:
-            meaning = "c, twist per unit of the torque that friction holds back"
-            return (Weight("compliance", meaning, Load.unit(target)),)
-        return (Weight("half_width", "a, half of the loop"),)
+            return (loop,)
+        either = target.model == TABLE and Load.role(target) is not None
+        return (MOVING, loop) if either else (MOVING,)
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        if target.model != LOCKED:
+        if all(weight.stem != LOOP for weight in self.weights(target)):
             return ()
         low, high = Load.share(target, 0.01, 0.5)
         meaning = "w, the load that friction can hold (0.01 to 0.5 of the largest)"
-        return (quantity("friction", Load.unit(target), meaning, low, high, linear=False),)
+        return (quantity(HELD, Load.unit(target), meaning, low, high, linear=False),)
 
-    def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
-        if target.model != LOCKED:
-            return np.asarray(readings[Role.DIRECTION], dtype=float)
-        load = Load.of(readings)
-        return along_path(readings, load, values[self.shape_parameters(target)[0].name]) - load
+    def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        found = super().own_parameters(target)
+        if target.model != TABLE or target.locked is None:
+            return found
+        return tuple(one for one in found if _of_loop(one) == target.locked)
+
+    def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
+        loop = [one for one in self.parameters(target) if _of_loop(one)]
+        if target.model != LOCKED and not {one.name for one in loop} & set(values):
+            return ()
+        twists = [one.name for one in loop if one.linear]
+        needed = [one.name for one in loop if not one.linear]
+        needed += twists[: not set(twists) & set(values)]
+        return tuple(name for name in needed if name not in values)
+
+    def columns(
+        self, readings: Readings, values: Mapping[str, float], target: Target
+    ) -> Mapping[str, Callable[[], Array]]:
+        def loop() -> Array:
+            load = Load.of(readings)
+            return along_path(readings, load, values[self.shape_parameters(target)[0].name]) - load
+
+        return {
+            MOVING.stem: lambda: np.asarray(readings[Role.DIRECTION], dtype=float),
+            LOOP: loop,
+        }
+
+
+def _of_loop(one: EffectParameter) -> bool:
+    return not one.stem.endswith(MOVING.stem)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
+from ...measurable import Role
 from ..effect import EffectParameter, Target, quantity
 from ..inside import InsideSeveral
 
@@ -17,6 +18,7 @@ class ArmLengthError(InsideSeveral):
     family = "manipulator"
     cause = "The arms are longer or shorter than the drawing says."
     formula = "arm length of each chain"
+    needs = (Role.POSITION,)
     mistaken_for = ("thermal_growth", "joint_zero_offset")
     reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 

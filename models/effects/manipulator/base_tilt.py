@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
+from ...measurable import Role
 from ..effect import EffectParameter, Target, quantity
 from ..inside import InsideSeveral
 
@@ -15,6 +16,7 @@ class BaseTilt(InsideSeveral):
     family = "manipulator"
     cause = "The base, or the frame of measuring, is turned about its x and y."
     formula = "rotation of the machine about x and y of its base"
+    needs = (Role.ANGLE, Role.POSITION)
     mistaken_for = ("joint_zero_offset", "gravity_sag")
     reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 

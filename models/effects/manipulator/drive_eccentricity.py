@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
+from ...measurable import Role
 from ..effect import EffectParameter, Target, quantity
 from ..inside import InsideSeveral
 
@@ -17,6 +18,7 @@ class DriveEccentricity(InsideSeveral):
     family = "manipulator"
     cause = "The wheel or encoder of a drive is mounted off its axis."
     formula = "c cos theta_i + s sin theta_i on the angle of each arm"
+    needs = (Role.ANGLE, Role.POSITION)
     mistaken_for = ("joint_zero_offset",)
     reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 

@@ -21,7 +21,7 @@ class GravitySag(InsideSeveral):
     family = "manipulator"
     cause = "Drives turn back elastically under the static torque of what they carry."
     formula = "-a_i (m + m0) g dz/dtheta_i on the angle of each arm"
-    needs = (Role.PAYLOAD,)
+    needs = (Role.PAYLOAD, Role.POSITION)
     mistaken_for = ("base_tilt", "joint_clearance")
     reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 

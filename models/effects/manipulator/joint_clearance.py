@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ...measurable import Role
 from ..inside import Inside
 
 
@@ -12,5 +13,6 @@ class JointClearance(Inside):
     family = "manipulator"
     cause = "The joints have play, and the weight of the platform decides to which side it lies."
     formula = "each rod longer by c in tension, shorter by c in compression"
+    needs = (Role.POSITION,)
     mistaken_for = ("gravity_sag", "arm_length_error")
     reference = "Innocenti, J. Mech. Des. 124, 2002"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
+from ...measurable import Role
 from ..effect import EffectParameter, Target, quantity
 from ..inside import InsideSeveral
 
@@ -17,6 +18,7 @@ class JointZeroOffset(InsideSeveral):
     family = "manipulator"
     cause = "The zeros of the drives were not taught where they are."
     formula = "drive zero of each chain"
+    needs = (Role.POSITION,)
     mistaken_for = ("drive_eccentricity", "base_tilt")
     reference = "Mooring, Roth and Driels, Fundamentals of Manipulator Calibration, 1991"
 

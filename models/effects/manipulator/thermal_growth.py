@@ -18,7 +18,7 @@ class ThermalGrowth(InsideSeveral):
     family = "manipulator"
     cause = "Links and base warm up alike, and the machine stays similar to itself."
     formula = "all lengths times 1 + a tau"
-    needs = (Role.TEMPERATURE,)
+    needs = (Role.TEMPERATURE, Role.POSITION)
     mistaken_for = ("arm_length_error",)
     reference = "ISO 230-3:2020"
 

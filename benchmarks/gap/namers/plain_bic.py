@@ -1,0 +1,35 @@
+"""Forward selection by the Bayesian information criterion (Schwarz 1978), as it stands."""
+
+from __future__ import annotations
+
+from math import log
+from typing import Any
+
+import numpy as np
+
+from benchmarks.gap.generator.records import Record
+from benchmarks.gap.namers.seen import said, seen
+from benchmarks.gap.scoring.rivals import least_left, without
+
+MOST = 4
+"""Effects that it may add."""
+
+
+def plain_bic(record: Record) -> dict[str, Any]:
+    """Adds the name that lowers n ln(RSS) + k ln(n) most, as long as one does; its nonlinear
+    parameters are fitted.
+    """
+    found = seen(record)
+    n, free = len(found), found.free
+    names: list[str] = []
+    left = float((without(free, found.left) ** 2).sum())
+    while len(names) < MOST:
+        fits = [(*least_left(one, found.points, free, found.left), one) for one in found.rivals]
+        scores = [n * log(rss / left) + one.count * log(n) for rss, _, one in fits]
+        best = int(np.argmin(scores))
+        if scores[best] >= 0.0:
+            break
+        left, p, rival = fits[best]
+        names.append(rival.name)
+        free = np.hstack([free, rival.columns(found.points, p)])
+    return said(found, names, free[:, 1:])

@@ -1,0 +1,123 @@
+"""What a baseline sees of a record: its table, read again, and a dictionary of columns at it.
+
+Nothing of the truth is at hand, and nothing of the library: the columns are the notes' formulas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.gap.generator.kinds import KINDS, TABLE
+from benchmarks.gap.generator.records import Record
+from benchmarks.gap.generator.tables import NAMES, Array, Points
+from benchmarks.gap.scoring.rivals import RIVALS, Rival
+
+STRETCHES = 5
+"""Stretches of the record that are held out one after the other."""
+TO_SIGMA = 1.4826
+"""Standard deviation of normal errors over their median size."""
+FAR = 5.0
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A table with its operating points (n,), what the simulation leaves (n,), and the names that
+    may be given to it.
+    """
+
+    points: Points
+    left: Array
+    rivals: tuple[Rival, ...]
+
+    def __len__(self) -> int:
+        return len(self.left)
+
+    @property
+    def free(self) -> Array:
+        """Gradient (n, 1) of the zero, which is always free."""
+        return np.ones((len(self), 1))
+
+
+@dataclass(frozen=True)
+class Dictionary:
+    """Columns (n, m), each of mean 0 and variance 1, and the name that each belongs to."""
+
+    names: tuple[str, ...]
+    columns: Array
+
+
+def seen(record: Record) -> Seen:
+    """The record as a namer of tables has it.
+
+    Raises ValueError where its table is of another kind.
+    """
+    table = record.table
+    kinds = [
+        kind for kind in NAMES
+        if {*NAMES[kind], *KINDS[kind].outputs} <= set(table) and KINDS[kind].model == TABLE
+    ]  # fmt: skip
+    if not kinds:
+        raise ValueError(f"{record.name}: no table of {', '.join(NAMES)} with its prediction")
+    output = KINDS[kinds[0]].outputs[0]
+    if f"{output}_predicted" not in table:
+        raise ValueError(f"{record.name}: no column {output}_predicted beside {output}")
+    read = {name: table[name].to_numpy(dtype=np.float64) for name in table}
+    at = Points(
+        angle=np.radians(read["output_angle_deg"]),
+        torque=read["torque_Nm"],
+        direction=read["direction"],
+        speed=read.get("output_speed_rpm", np.zeros(len(table))),
+        tau=read["temperature_C"] - 20.0,
+        time=read["time_s"],
+    )
+    return Seen(at, read[output] - read[f"{output}_predicted"], RIVALS[kinds[0]])
+
+
+def middle(rival: Rival) -> Array:
+    return np.array([grid[len(grid) // 2] for grid in rival.grids])
+
+
+def dictionary(of: Seen) -> Dictionary:
+    """All names at once, their nonlinear parameters in the middle of the grids."""
+    blocks = [(one.name, one.columns(of.points, middle(one))) for one in of.rivals]
+    names = tuple(name for name, block in blocks for _ in range(block.shape[1]))
+    return Dictionary(names, standardised(np.hstack([block for _, block in blocks])))
+
+
+def standardised(what: Array) -> Array:
+    """Columns (n, m) or a vector (n,) with mean 0 and, unless constant, variance 1."""
+    return np.asarray((what - what.mean(axis=0)) / np.maximum(what.std(axis=0), 1e-12))
+
+
+def held_out(of: Seen, columns: Array) -> float:
+    """RMSE on stretches of the record that the least squares of the columns (n, m) never saw;
+    readings that are out by far do not count, as they do not in the noise.
+    """
+    all_of = np.hstack([of.free, columns])
+    errors = np.empty(len(of))
+    for rows in np.array_split(np.arange(len(of)), STRETCHES):
+        rest = np.delete(np.arange(len(of)), rows)
+        solved = np.linalg.lstsq(all_of[rest], of.left[rest], rcond=None)[0]
+        errors[rows] = of.left[rows] - all_of[rows] @ solved
+    robust = TO_SIGMA * np.median(np.abs(errors))
+    return float(np.sqrt(np.mean(errors[np.abs(errors) <= FAR * robust] ** 2)))
+
+
+def said(of: Seen, names: Sequence[str], columns: Array) -> dict[str, Any]:
+    """An answer that gives those names, each once; without any, that there is no gap."""
+    effects = [{"name": name} for name in dict.fromkeys(names)]
+    word = "named" if effects else "no_gap"
+    return {
+        "verdict": word, "effects": effects, "alternatives": [],
+        "gap_after": held_out(of, columns),
+    }  # fmt: skip
+
+
+def said_of(of: Seen, found: Dictionary, kept: Array) -> dict[str, Any]:
+    """An answer with the columns of a dictionary that `kept` (m,) marks."""
+    names = [name for name, one in zip(found.names, kept, strict=True) if one]
+    return said(of, names, found.columns[:, np.asarray(kept, dtype=bool)])

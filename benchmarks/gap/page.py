@@ -1,0 +1,203 @@
+"""The tables of a run of the benchmark, as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isnan
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.gap.generator.records import BENCH_GROUPS
+from benchmarks.gap.namers.baselines import BASELINES
+from benchmarks.gap.scoring.breakdown import (
+    Level,
+    hidden,
+    levels,
+    misses,
+    noise,
+    of_group,
+    of_single,
+)
+from benchmarks.gap.scoring.scorer import Figure, Scored, clopper_pearson, falsely_named, figures
+
+BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
+NOTES = {"plain BIC": "11 to 24 %", "LassoCV": "33 %", "thresholded least squares": "100 %"}
+"""Clean records that are given a name, by the project's notes."""
+HERTZ = "97 to 100 %"
+"""Records of a law T^(2/3) that the library has not, by the same."""
+LAWS_OF_TORQUE = {"cubic_torque", "third_root_of_torque", "progressive_torque", "degressive_torque"}
+MISSES = "Every record that counts against it, alike ones together:"
+SHOWN = 6
+"""Numbers of records that a line of misses lists."""
+
+Answers = Mapping[str, Sequence[Scored]]
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+def number(value: float, rate: bool) -> str:
+    return "-" if isnan(value) else f"{100.0 * value:.1f}" if rate else f"{value:.2f}"
+
+
+def goal(value: float, one: Figure) -> str:
+    text = f"{100.0 * value:g} %" if one.rate else f"{value:g}"
+    return f"{'<=' if one.at_most else '>='} {text}"
+
+
+def cell(one: Figure) -> str:
+    """A figure with its interval, of how many, and where it is not met, that."""
+    if one.count == 0:
+        return "-"
+    low, high = number(one.low, one.rate), number(one.high, one.rate)
+    word = "" if one.met else f" {one.word}"
+    unit = " %" if one.rate else ""
+    return f"{number(one.value, one.rate)}{unit} [{low}, {high}] of {one.count}{word}"
+
+
+def figure_table(answers: Answers) -> str:
+    """Figures by namers."""
+    columns = {name: figures(found) for name, found in answers.items()}
+    lines = [
+        [same[0].name, goal(same[0].must, same[0]), goal(same[0].aim, same[0]), *map(cell, same)]
+        for same in zip(*columns.values(), strict=True)
+    ]
+    return table(["figure", "must", "aim", *columns], lines)
+
+
+def share_of(hits: int, count: int) -> str:
+    if count == 0:
+        return "-"
+    low, high = clopper_pearson(hits, count)
+    bounds = f"[{100.0 * low:.1f}, {100.0 * high:.1f}]"
+    return f"{100.0 * hits / count:.1f} % {bounds}, {hits} of {count}"
+
+
+def baseline_table(answers: Answers) -> str:
+    """Names given to clean records and to causes outside the library, beside the notes."""
+    lines = []
+    for name in [one for one in answers if one in BASELINES]:
+        clean = of_group(answers[name], "clean")
+        outside = [one for one in of_group(answers[name], "outside") if one.nothing_like_it]
+        laws = [one for one in outside if set(one.truth.names) <= LAWS_OF_TORQUE]
+        lines.append([
+            name, share_of(sum(map(falsely_named, clean)), len(clean)), NOTES.get(name, ""),
+            share_of(sum(one.said.named for one in laws), len(laws)), HERTZ,
+            share_of(sum(one.said.named for one in outside), len(outside)),
+        ])  # fmt: skip
+    head = ["a name is given to", "clean records", "notes", "other laws of the torque", "notes",
+            "all that is outside the library"]  # fmt: skip
+    return table(head, lines)
+
+
+def level_table(found: Sequence[Level]) -> str:
+    lines = [
+        [one.by if k == 0 or found[k - 1].by != one.by else "", one.level,
+         share_of(one.hits, one.count)]
+        for k, one in enumerate(found)
+    ]  # fmt: skip
+    return table(["by", "", "share"], lines)
+
+
+def miss_table(found: Sequence[Scored]) -> str:
+    lines = []
+    for one in misses(found):
+        places = [f"{group} {k}" for group, k in one.records]
+        more = f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
+        lines.append([
+            ", ".join(one.hidden) or "nothing", one.said, str(len(places)),
+            ", ".join(places[:SHOWN]) + more,
+        ])  # fmt: skip
+    return table(["hidden", "said", "times", "records"], lines)
+
+
+def time_table(seconds: Mapping[str, Sequence[float]]) -> str:
+    lines = [
+        [name, str(len(of)), f"{np.median(of):.3g}", f"{max(of):.3g}", f"{sum(of):.0f}"]
+        for name, of in seconds.items()
+    ]
+    return table(["", "records", "median [s]", "largest [s]", "together [s]"], lines)
+
+
+def in_detail(name: str, found: Sequence[Scored]) -> list[str]:
+    """What the figures of one namer are made of."""
+    parts = [f"### {name} in detail"]
+    if single := of_single(found):
+        parts += ["A single hidden effect named rightly, nothing spurious beside it:",
+                  level_table(single)]  # fmt: skip
+    if clean := of_group(found, "clean"):
+        parts += ["Clean records that are given a name:",
+                  level_table(levels(clean, "noise", noise, falsely_named))]  # fmt: skip
+    if outside := [one for one in of_group(found, "outside") if one.nothing_like_it]:
+        parts += ["A cause outside the library called `unnamed`:",
+                  level_table(levels(outside, "cause", hidden, unnamed))]  # fmt: skip
+    return [*parts, MISSES, miss_table(found)] if misses(found) else parts
+
+
+def unnamed(one: Scored) -> bool:
+    return one.said.verdict == "unnamed"
+
+
+def families(found: Sequence[Scored]) -> dict[str, list[Scored]]:
+    """The records that a model of the project predicts, by the first word of their group."""
+    rest = [one for one in found if one.truth.group not in BENCH_GROUPS]
+    names = dict.fromkeys(one.truth.group.rsplit(" ", 1)[0] for one in rest)
+    return {name: [one for one in rest if one.truth.group.startswith(name)] for name in names}
+
+
+def of_models(name: str, found: Sequence[Scored]) -> list[str]:
+    """The figures of one namer on records that a model of the project predicts."""
+    of = families(found)
+    if not of:
+        return []
+    parts = [f"### {name} with the project's own models", figure_table(of)]
+    rest = [one for same in of.values() for one in same]
+    return [*parts, MISSES, miss_table(rest)] if misses(rest) else parts
+
+
+def of_bench(answers: Answers) -> list[str]:
+    """The figures of all namers on the records that need no model."""
+    bench: dict[str, Sequence[Scored]] = {}
+    for name, found in answers.items():
+        if own := [one for one in found if one.truth.group in BENCH_GROUPS]:
+            bench[name] = own
+    if not bench:
+        return []
+    parts = ["### Figures", figure_table(bench)]
+    if any(name in BASELINES for name in bench):
+        parts += ["### Where the baselines fail", baseline_table(bench)]
+    for name, found in bench.items():
+        parts += [] if name in BASELINES else in_detail(name, found)
+    return parts
+
+
+def page(answers: Answers, seconds: Mapping[str, Sequence[float]], command: str) -> str:
+    """All tables, under the command that made them."""
+    parts = [f"By `{command}`. In brackets the 95 % interval (of the first line, 90 %: its upper "
+             "end is the bound that is judged), then of how many records, or of how many names "
+             "given.", *of_bench(answers)]  # fmt: skip
+    for name, found in answers.items():
+        parts += of_models(name, found)
+    return "\n\n".join([*parts, "### Time", "CPU seconds per record.", time_table(seconds)])
+
+
+def parts_of(path: Path) -> tuple[str, str]:
+    """What a page has before and after its tables.
+
+    Raises ValueError where it has no place for them, OSError where it cannot be read.
+    """
+    text = path.read_text(encoding="utf-8")
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise ValueError(f"{path}: needs a line {BEGIN} and after it a line {END}")
+    return before, after
+
+
+def written(path: Path, measured: str) -> None:
+    """Puts the tables between the markers of a page; raises what `parts_of` does."""
+    before, after = parts_of(path)
+    path.write_text(f"{before}{BEGIN}\n\n{measured}\n\n{END}{after}", encoding="utf-8")

@@ -1,0 +1,54 @@
+"""What a record can tell of an effect that hides in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log, nan
+
+import numpy as np
+
+from benchmarks.gap.generator.records import Hidden, Truth
+from benchmarks.gap.scoring.rivals import RIVALS, coefficients, least_left, without
+
+UNTOLD = 10.0
+"""What the best fit of a rival leaves, with ln n per extra number, where it cannot be told."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """Of one hidden effect: lambda, the names that the record cannot tell from it, and those of
+    them whose columns are the same; `value` is its first number by the notes' formula.
+    """
+
+    strength: float
+    names: frozenset[str]
+    twins: frozenset[str]
+    name: str = ""
+    value: float = nan
+
+
+def told(truth: Truth, one: Hidden) -> Told:
+    """What the record can tell from that effect, the other hidden ones known."""
+    others = [other.added[:, None] for other in truth.hidden if other is not one]
+    free = np.hstack([truth.free, *others])
+    own = without(free, one.added)
+    strength = float((own**2).sum()) / truth.sigma**2
+    extra = own_count(truth, one)
+    names, twins, value = {one.name}, {one.name}, nan
+    for rival in RIVALS[truth.kind]:
+        least, p = least_left(rival, truth.points, free, one.added)
+        left = least / truth.sigma**2
+        if rival.name == one.name and rival.linear:
+            value = float(coefficients(rival, p, truth.points, free, one.added)[0])
+        left_out = left + log(len(truth.points)) * max(rival.count - extra, 0)
+        if left_out < UNTOLD:
+            names.add(rival.name)
+        if left < 1e-9 * strength:
+            twins.add(rival.name)
+    return Told(strength, frozenset(names), frozenset(twins & names), one.name, value)
+
+
+def own_count(truth: Truth, one: Hidden) -> int:
+    """Numbers of the truth, by the notes' formula of its name; 1 where it has no name there."""
+    found = [rival.count for rival in RIVALS[truth.kind] if rival.name == one.name]
+    return found[0] if found else 1

@@ -1,0 +1,164 @@
+"""`[next_measurement]` of a gap analysis: how many readings, and where they may be taken."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from .. import registry
+from ..errors import nearest
+from ..models.effects.readings import EXTRAS
+from ..models.measurable import Column, MeasurableModel, Role
+from ..models.table import MeasuredTable
+from ..section import POSITIVE, Range, Section, shown
+from ..units import converted
+from ..workflows.gap.next.points import inside
+from ..workflows.gap.plan import NextPlan, Span
+
+KEY = "next_measurement"
+READINGS = Range(1, 100_000)
+ABSOLUTE_ZERO = -273.15
+"""[degC]"""
+STEPS = 33
+"""Values of each range at which it is asked whether all of them together hold a point."""
+
+
+def read_next(top: Section, model: MeasurableModel | None) -> NextPlan | None:
+    """What is asked for; None without the table. `model` is None where it is not known."""
+    section = top.section(KEY)
+    if KEY not in top:
+        return None
+    readings = section.integer("readings", READINGS)
+    effects = _known(section, "effects", section.names("effects"))
+    amounts = section.section("amount")
+    sizes = {name: amounts.number(name, "", POSITIVE) for name in amounts.given()}
+    _known(amounts, "", sizes)
+    ranges = section.section("range")
+    spans = {name: _span(ranges, name, model) for name in ranges.given()}
+    section.finish()
+    found = {name: span for name, span in spans.items() if span is not None}
+    if model is not None and found and len(found) == len(spans):
+        _reached(ranges, model, found)
+    return NextPlan(
+        readings=NextPlan().readings if readings is None else readings,
+        ranges=found,
+        effects=tuple(effects),
+        amounts={name: size for name, size in sizes.items() if size is not None},
+    )
+
+
+def _known(section: Section, key: str, given: Iterable[str] | None) -> list[str]:
+    """Names of effects; a fault for each that is none."""
+    names, found = registry.names("effects"), list(given or ())
+    for name in found:
+        if name not in names:
+            text = f'"{name}" is no effect{nearest(name, names)}' if key else \
+                f"is no effect{nearest(name, names)}"  # fmt: skip
+            section.fault(key or name, text)
+    return [name for name in found if name in names]
+
+
+def _span(section: Section, name: str, model: MeasurableModel | None) -> Span | None:
+    """The range of one input; None where it is at fault."""
+    value = section.take(name)
+    column = _column(section, name, model)
+    unit = column.unit if column is not None else ""
+    span = _given(section, name, value, unit, column is not None and column.role is Role.DIRECTION)
+    if span is None or column is None or model is None:
+        return None
+    _physical(section, column, model, span)
+    return span
+
+
+def _column(section: Section, name: str, model: MeasurableModel | None) -> Column | None:
+    """The input of that name; a fault where there is none that can be chosen."""
+    if model is None:
+        return None
+    known = {one.name: one for one in (*model.columns, *EXTRAS)}
+    free = [n for n, c in known.items() if not c.text and c.role is not Role.REPEAT]
+    column = known.get(name)
+    if name in {one.name for one in model.outputs}:
+        section.fault(name, "is measured, not chosen: name inputs only")
+    elif column is None:
+        section.fault(name, f"is no column of the model{nearest(name, free)}")
+    elif column.text or column.role is Role.REPEAT:
+        section.fault(name, "holds labels: only inputs that are numbers have a range")
+        return None
+    elif isinstance(model, MeasuredTable) and name in {p for p, _ in model.predictions.values()}:
+        section.fault(name, "is a prediction, not an input")
+        return None
+    return column
+
+
+def _given(section: Section, name: str, value: Any, unit: str, signs: bool) -> Span | None:
+    """The interval or the set as it is written."""
+    chosen = isinstance(value, dict)
+    if chosen:
+        inner = section.of(name, value)
+        value = inner.take("values")
+        inner.finish()
+    if isinstance(value, int | float | str) and not isinstance(value, bool):
+        value, chosen = [value], True
+    if not isinstance(value, list):
+        text = "must be [low, high], a number, or { values = [...] }"
+        section.fault(name, f"{text}, got {shown(value)}")
+        return None
+    if not value:
+        section.fault(name, "is empty: give at least one value")
+        return None
+    numbers = [section.as_number(name, one, unit) for one in value]
+    found = [one for one in numbers if one is not None]
+    if len(found) < len(numbers):
+        return None
+    if chosen or signs:
+        return Span(min(found), max(found), tuple(sorted(set(found))))
+    return _interval(section, name, found)
+
+
+def _interval(section: Section, name: str, ends: list[float]) -> Span | None:
+    if len(ends) != 2:
+        text = "must be [low, high]; write { values = [...] } for a set"
+        section.fault(name, f"{text}, got {len(ends)} numbers")
+        return None
+    low, high = ends
+    if low > high:
+        section.fault(name, f"goes from {low:g} down to {high:g}: write the lower end first")
+        return None
+    return Span(low, high)
+
+
+def _physical(section: Section, column: Column, model: MeasurableModel, span: Span) -> None:
+    """Faults of values that cannot be, or that are beyond the range of the model."""
+    ends = np.array(span.values or (span.low, span.high))
+    if column.role is Role.DIRECTION and not set(ends.tolist()) <= {-1.0, 1.0}:
+        none = not set(ends.tolist()) & {-1.0, 1.0}
+        text = (
+            "holds neither +1 nor -1" if none else f"must hold +1 and -1 only, got {ends.tolist()}"
+        )
+        section.fault(column.name, f"{text}; a direction is +1 or -1")
+        return
+    if column.role is Role.TEMPERATURE:
+        zero = float(converted(ABSOLUTE_ZERO, "degC", column.unit))
+        if (ends < zero).any():
+            section.fault(column.name, f"{ends.min():g} is below absolute zero")
+            return
+    unknown = {c.name: np.full(len(ends), np.nan) for c in model.columns if not c.text}
+    for wrong, text in model.outside({**unknown, column.name: ends}).values():
+        if wrong.any():
+            section.fault(column.name, f"{ends[wrong][0]:g} {text}; narrow the range")
+
+
+def _reached(section: Section, model: MeasurableModel, spans: dict[str, Span]) -> None:
+    """A fault where no point of the ranges is in the range of the model."""
+    steps = np.linspace(0.0, 1.0, STEPS)
+    axes = [np.array(one.values) if one.values else one.low + steps * (one.high - one.low)
+            for one in spans.values()]  # fmt: skip
+    if len(axes) > 3:
+        return  # asked again of the points themselves
+    mesh = np.meshgrid(*axes, indexing="ij")
+    table = {name: one.ravel() for name, one in zip(spans, mesh, strict=True)}
+    if not inside(model, table).any():
+        section.fault("", "holds no point that the model reaches: widen "
+                      f"{' or '.join(spans)}")  # fmt: skip

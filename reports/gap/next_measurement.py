@@ -1,0 +1,91 @@
+"""The next measurement: its points beside those of the record, and what they are to tell."""
+
+from __future__ import annotations
+
+from html import escape
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ...gap_records import GapResult, NextMeasurement
+from ..document import bullets
+from ..drawing import new_figure, plain
+from ..tables import table
+from .marks import words
+from .residuals import thinned
+
+OLD, NEW = "#9a9a9a", "#1f5fa8"
+CAPTION = (
+    "The next measurement in the two inputs that matter most: its points (diamonds, larger where "
+    "several readings are taken at one) beside those of the record (dots)."
+)
+
+
+def next_figure(result: GapResult) -> Figure | None:
+    """Old and new points in the inputs that matter most; None where no points were planned."""
+    planned, points = result.next_measurement, result.next_points
+    if planned is None or points is None:
+        return None
+    names = [name for name in planned.telling if name in points and name in result.residuals]
+    if not names:
+        return None
+    figure = new_figure(height=3.4)
+    axes = figure.add_subplot()
+    _scatter(axes, thinned(result.residuals), points, names)
+    units = {one.name: one.unit for one in result.inputs}
+    axes.set_xlabel(words(names[0], units.get(names[0], "")))
+    axes.set_ylabel(words(names[1], units.get(names[1], "")) if len(names) > 1 else "")
+    if len(names) == 1:
+        axes.set_yticks([0, 1], ["record", "next"])
+        axes.set_ylim(-0.5, 1.5)
+    figure.legend(loc="outside lower center", frameon=False, fontsize="small", ncols=2)
+    plain(axes)
+    return figure
+
+
+def _scatter(axes: Axes, old: pd.DataFrame, new: pd.DataFrame, names: list[str]) -> None:
+    at = new.groupby(names).size().reset_index(name="count")
+    flat = pd.Series(0.0, index=old.index), pd.Series(1.0, index=at.index)
+    heights = (old[names[1]], at[names[1]]) if len(names) > 1 else flat
+    axes.plot(old[names[0]], heights[0], linestyle="none", marker=".", markersize=4.0, color=OLD,
+              label="record")  # fmt: skip
+    size = 22.0 * at["count"] ** 0.8
+    axes.scatter(at[names[0]], heights[1], s=size, marker="D", facecolor="none", edgecolor=NEW,
+                 linewidth=1.2, label="next")  # fmt: skip
+
+
+def next_section(planned: NextMeasurement | None, pictures: str) -> str:
+    """The text, the figure and the tables; a hint where nothing was asked for."""
+    if planned is None:
+        return "<p>Not asked for: <code>[next_measurement]</code> with a range plans one.</p>"
+    found = [f"<p>{escape(planned.text)}</p>", pictures]
+    if planned.pairs:
+        found.append(_pairs(planned))
+    if planned.effects:
+        found.append(_effects(planned))
+    return "\n".join([*found, bullets([*(str(one) for one in planned.pairs), *planned.notes])])
+
+
+def _pairs(planned: NextMeasurement) -> str:
+    rows = [
+        {"rival": " + ".join(one.names), "of": " + ".join(one.instead_of),
+         "discrimination now": one.now, "expected": one.expected,
+         "chance that the right one fits better": one.chance,
+         "with as many like the present": one.alike,
+         "chance that one name is left": one.alone, "readings for 0.95": one.needed or None}
+        for one in planned.pairs
+    ]  # fmt: skip
+    return table(pd.DataFrame(rows), caption="Discrimination: squared, in noise units.")
+
+
+def _effects(planned: NextMeasurement) -> str:
+    rows = [
+        {"effect": one.name, "parameter": one.parameter, "unit": one.unit, "looked for": one.amount,
+         "chance now": one.now, "chance then": one.then,
+         "with as many like the present": one.alike, "seen from, now": one.least_now,
+         "seen from, then": one.least_then}
+        for one in planned.effects
+    ]  # fmt: skip
+    caption = "Chance of being seen above the threshold of the whole library."
+    return table(pd.DataFrame(rows), caption=caption)

@@ -1,0 +1,93 @@
+"""The chance that the right one of two explanations fits better after further readings.
+
+Both are taken as linear about their fits. What each says of the new readings is a normal law: its
+prediction, with the noise and what the record leaves open of its numbers. The fall of the one sum
+of squares less that of the other is a quadratic form of the readings; its law is drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, optimize
+
+from ....models.inputs.distribution import Array
+from .rows import Said
+
+MOST = 1e4
+"""Times as many readings, beyond which nothing is promised."""
+DRAWN = 2000
+"""Draws of the new readings."""
+
+
+@dataclass(frozen=True)
+class Duel:
+    """Two explanations of the same new readings, in the few dimensions where they speak.
+
+    `apart` (r,) is the difference of their predictions, `wide` (r, p) of each what the record
+    leaves open, such that its square is a covariance; `ahead` is by how much the first fits better
+    already, the price of numbers included.
+    """
+
+    apart: Array
+    wide: tuple[Array, Array]
+    ahead: float
+
+    @classmethod
+    def of(cls, record: tuple[Said, Said], points: tuple[Said, Said], ahead: float) -> Duel:
+        """Of what both say at the record and at the new readings, whitened."""
+        wide = tuple(_open(old.columns, new.columns) for old, new in zip(record, points,
+                                                                          strict=True))  # fmt: skip
+        apart = points[0].values - points[1].values
+        r = np.asarray(np.linalg.qr(np.column_stack([apart, *wide]), mode="r"))
+        first = 1 + wide[0].shape[1]
+        return cls(r[:, 0], (r[:, 1:first], r[:, first:]), ahead)
+
+    def chance(self, times: float = 1.0, by: float = 0.0) -> float:
+        """That the right one ends up ahead by more than `by`, with so many times the readings;
+        each is as likely now as its fit is.
+        """
+        mine = 1.0 / (1.0 + np.exp(-0.5 * np.clip(self.ahead, -60.0, 60.0)))
+        first, second = self._ahead(times, by, 0, 1), self._ahead(times, by, 1, 0)
+        return float(mine * first + (1.0 - mine) * second)
+
+    def _ahead(self, times: float, by: float, right: int, wrong: int) -> float:
+        """The chance that `right`, being so, ends up ahead."""
+        own, other = (np.eye(len(self.apart)) + times * self.wide[k] @ self.wide[k].T
+                      for k in (right, wrong))  # fmt: skip
+        draws = np.random.default_rng(0).standard_normal((len(self.apart), DRAWN))
+        sign = 1.0 if right == 0 else -1.0
+        apart = sign * np.sqrt(times) * self.apart[:, None]
+        roots = [linalg.cholesky(one, lower=True) for one in (own, other)]
+        theirs = linalg.solve_triangular(roots[1], apart + roots[0] @ draws, lower=True)
+        gained = np.sum(theirs**2, axis=0) - np.sum(draws**2, axis=0)
+        return float(np.mean(gained + sign * self.ahead > by))
+
+    def times_until(self, chance: float) -> float:
+        """How many times the readings until the right one fits better with that chance; inf where
+        that many do not do.
+        """
+        if self.chance(MOST) < chance:
+            return float("inf")
+        least = next((k for k in (1.0 / MOST, 1.0) if self.chance(k) < chance), None)
+        if least is None:
+            return 1.0 / MOST
+
+        def short(power: float) -> float:
+            return self.chance(float(np.exp(power))) - chance
+
+        ends = (np.log(least), np.log(MOST))
+        return float(np.exp(optimize.brentq(short, *ends, xtol=1e-3)))
+
+
+def _open(record: Array, new: Array) -> Array:
+    """New columns (n, p) times a root of what the record leaves open of their coefficients."""
+    size = np.sqrt(np.sum(record**2, axis=0) + np.sum(new**2, axis=0))
+    kept = size > 0.0
+    if not kept.any():
+        return np.zeros((len(new), 0))
+    gram = (record[:, kept] / size[kept]).T @ (record[:, kept] / size[kept])
+    values, vectors = np.linalg.eigh(gram)
+    root = vectors / np.sqrt(np.maximum(values, 1e-10))
+    return np.asarray((new[:, kept] / size[kept]) @ root)

@@ -1,0 +1,77 @@
+"""How far readings at some points tell two explanations apart, the readings there are included.
+
+The criterion is that of T-optimality: the squared norm of what the one says and the other cannot
+follow when it is fitted again. Reference: Atkinson & Fedorov, Biometrika 62, 1975.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....models.inputs.distribution import Array
+from .rows import Said
+
+RIDGE = 1e-10
+"""Share of a column's square that keeps a fit regular."""
+Chosen = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Contest:
+    """An explanation against a rival, in noise units: of the record the rival's normal equations
+    `gram` (p, p), `cross` (p,), and `square`; of C candidates with k readings each what is left of
+    the explanation beside the rival (C, k), and the rival's columns (C, k, p).
+    """
+
+    gram: Array
+    cross: Array
+    square: float
+    left: Array
+    columns: Array
+
+    @classmethod
+    def of(cls, record: tuple[Said, Said], points: tuple[Said, Said], readings: int) -> Contest:
+        """Of what both say at the record and at candidates of that many readings, all whitened;
+        the rows of a candidate stand together.
+        """
+        mine, rival = record
+        square = np.sum(rival.columns**2, axis=0) + np.sum(points[1].columns ** 2, axis=0)
+        kept = square > 0.0
+        scale = 1.0 / np.sqrt(square[kept])
+        x, new = rival.columns[:, kept] * scale, points[1].columns[:, kept] * scale
+        y = mine.values - rival.values
+        start, *_ = np.linalg.lstsq(x, y, rcond=1e-9)
+        y, left = y - x @ start, points[0].values - points[1].values - new @ start
+        return cls(
+            gram=x.T @ x + RIDGE * np.eye(len(scale)),
+            cross=x.T @ y,
+            square=float(y @ y),
+            left=left.reshape(-1, readings),
+            columns=new.reshape(-1, readings, len(scale)),
+        )
+
+    def level(self, chosen: Chosen) -> tuple[float, Array, Array]:
+        """Discrimination with these candidates, the rival's coefficients (p,), and the inverse
+        (p, p) of its normal equations.
+        """
+        x = self.columns[chosen].reshape(-1, self.columns.shape[2])
+        y = self.left[chosen].ravel()
+        inverse = np.asarray(np.linalg.inv(self.gram + x.T @ x), dtype=np.float64)
+        cross = self.cross + x.T @ y
+        found = inverse @ cross
+        return max(self.square + float(y @ y) - float(cross @ found), 0.0), found, inverse
+
+    def with_each(self, chosen: Chosen) -> Array:
+        """Discrimination (C,) with these candidates and one more."""
+        level, found, inverse = self.level(chosen)
+        left = self.left - self.columns @ found
+        spread = self.columns @ inverse
+        if left.shape[1] == 1:
+            lever = np.einsum("ckp,ckp->c", spread, self.columns)
+            return np.asarray(level + left[:, 0] ** 2 / (1.0 + lever))
+        own = np.eye(left.shape[1]) + spread @ np.swapaxes(self.columns, 1, 2)
+        solved = np.linalg.solve(own, left[..., None])[..., 0]
+        return np.asarray(level + np.einsum("ck,ck->c", left, solved))

@@ -1,0 +1,61 @@
+"""Cycles of the torque, for units whose twist depends on the path that the torque took."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy.stats import qmc
+
+from ....models.inputs.distribution import Array
+from ....models.measurable import Column, Role
+from ..data import GapData
+from .points import Axis, Table, with_labels
+
+CYCLES = 7
+"""Cycles that are tried, as a power of two."""
+READINGS = 20
+"""Readings of a cycle."""
+LOCKED = "rv_lost_motion"
+PATH = Column("repeat", "", "number of the cycle", False, role=Role.REPEAT)
+
+
+def along_path(data: GapData) -> bool:
+    """Whether readings depend on the path of the load."""
+    return data.target.model == LOCKED
+
+
+def in_cycles(readings: int) -> tuple[int, int]:
+    """How many cycles, and readings in each, make about so many."""
+    count = max(1, round(readings / READINGS))
+    return count, max(readings // count, 1)
+
+
+def cycles(data: GapData, axes: Iterable[Axis], each: int, seed: int) -> Table:
+    """A table of cycles of `each` rows: the torque from its lower end to its upper one and back,
+    other inputs as they are throughout; the first cycles take the whole range, or one side.
+    """
+    axes = tuple(axes)
+    moving = [one for one in axes if one.column.role not in (Role.TORQUE, Role.DIRECTION)]
+    ends, others = _drawn(len(moving), seed)
+    torque = next(one for one in axes if one.column.role is Role.TORQUE)
+    low, high = torque.at(ends[:, 0]), torque.at(ends[:, 1])
+    share = (np.arange(each) + 1.0) / each
+    wave = 1.0 - np.abs(2.0 * share - 1.0)
+    found = {torque.column.name: (low[:, None] + (high - low)[:, None] * wave).ravel()}
+    for at, one in enumerate(moving):
+        found[one.column.name] = np.repeat(one.at(others[:, at]), each)
+    for one in axes:
+        if one.column.role is Role.DIRECTION:
+            found[one.column.name] = np.tile(np.where(share <= 0.5, 1.0, -1.0), len(ends))
+    whole = with_labels(data, found)
+    return {**whole, PATH.name: np.repeat(np.arange(len(ends), dtype=float), each)}
+
+
+def _drawn(others: int, seed: int) -> tuple[Array, Array]:
+    """Lower and upper ends of the torque (C, 2) and shares (C, others) of the other inputs."""
+    sobol = qmc.Sobol(2 + others, rng=np.random.default_rng([seed, 9]))
+    shares = np.asarray(sobol.random_base2(CYCLES))
+    ends = np.sort(shares[:, :2], axis=1)
+    ends[:32], ends[32:48, 0], ends[48:64, 1] = (0.0, 1.0), 0.0, 1.0
+    return ends, shares[:, 2:]

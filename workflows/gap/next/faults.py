@@ -1,0 +1,35 @@
+"""Ranges of the next measurement that do not go with the data."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ....errors import Fault
+from ....models.measurable import Role
+from ..data import GapData
+from ..plan import GapPlan
+from .points import NO_POINT, RANGE, axes_of, candidates, inside
+
+
+def range_faults(plan: GapPlan, data: GapData, place: str) -> list[Fault]:
+    """Faults of ranges of columns that the data have not, of times that are past, and of ranges
+    that hold no point of the model together with the data.
+    """
+    wanted = plan.next_measurement
+    if wanted is None:
+        return []
+    known = {column.name: column for column in data.target.columns}
+    found = []
+    for name, span in wanted.ranges.items():
+        text = ""
+        if name not in known:
+            text = f"{place} has no such column, nor has the next table then; leave it out"
+        elif known[name].role is Role.TIME:
+            last = float(np.max(data.readings.table[name]))
+            text = f"ends before the record does, at {last:g}" if span.high <= last else ""
+        if text:
+            found.append(Fault(f"{RANGE}.{name}", text))
+    if not found and not data.target.population:
+        points = candidates(data, axes_of(data, wanted.ranges, wanted.readings), plan.seed)
+        found += [] if inside(plan.model, points).any() else [Fault(RANGE, NO_POINT)]
+    return found

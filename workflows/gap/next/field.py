@@ -1,0 +1,190 @@
+"""The points that a next measurement chooses from, as readings of the record's kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....errors import refuse
+from ....models.inputs.distribution import Array
+from ....models.measurable import Role
+from ..data import GapData
+from ..fit import Fit
+from ..library import Candidate, Columns
+from ..noise import Noise
+from ..plan import NextPlan
+from ..setup import Setup
+from ..space import Space
+from .contest import Chosen
+from .cycles import LOCKED, PATH, along_path, cycles, in_cycles
+from .points import NO_POINT, RANGE, Axis, Table, axes_of, candidates, inside, turning
+from .rows import Said, base_at, columns_at, placed, said
+
+
+class _Onward(Columns):
+    """What candidates add at readings that follow on the record (K,), along its path."""
+
+    def __init__(self, setup: Setup, table: Table) -> None:
+        old = setup.data.readings.table
+        count, new = len(setup.data), len(next(iter(table.values())))
+        whole = {name: np.concatenate([old[name], table[name]]) for name in old}
+        data = placed(setup.data, whole)
+        super().__init__(data, columns_at(setup, data).predict)
+        blocks = [np.arange(new) + count + k * (count + new) for k in range(len(data.outputs))]
+        self._rows = np.concatenate(blocks)
+
+    def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
+        """Columns (K, m) at the readings that follow."""
+        return super().of(candidate, shape)[self._rows]
+
+
+class Ahead:
+    """Readings that follow on the record at the points of `table`; the columns (N, p) of what is
+    free there, and the record's noise.
+    """
+
+    def __init__(self, setup: Setup, noises: Sequence[Noise], table: Table, base: Array) -> None:
+        self.table, self.base = table, base
+        self.columns: Columns = _Onward(setup, table)
+        self._space = Space(tuple(
+            replace(one, sigma=np.full(len(self), one.level), good=None) for one in noises
+        ))  # fmt: skip
+
+    def __len__(self) -> int:
+        return len(next(iter(self.table.values())))
+
+    def says(self, fit: Fit) -> Said:
+        """What a fit says of them, whitened along their path."""
+        return self.white(said(self.columns, self.base, fit))
+
+    def white(self, found: Said) -> Said:
+        """In noise units."""
+        return Said(self._space.whiten(found.values), self._space.whiten(found.columns))
+
+
+@dataclass(frozen=True)
+class Field:
+    """Candidates of `each` readings, their rows together in `data`; the columns (N, p) of what is
+    free there, and the noise of the record.
+    """
+
+    setup: Setup
+    axes: tuple[Axis, ...]
+    data: GapData
+    each: int
+    base: Array
+    columns: Columns
+    noises: Sequence[Noise]
+
+    def says(self, fit: Fit) -> Said:
+        """What a fit says of every candidate, whitened, the rows of a candidate together."""
+        return self.white(said(self.columns, self.base, fit))
+
+    def white(self, found: Said) -> Said:
+        """In noise units; one reading follows the other within a candidate."""
+        together = np.column_stack([found.values, found.columns])
+        parts = np.split(together, len(self.noises))
+        shape = (-1, self.each, together.shape[1])
+        blocks = [_chained((part / noise.level).reshape(shape), noise.rho if self.each > 1 else 0.0)
+                  for part, noise in zip(parts, self.noises, strict=True)]  # fmt: skip
+        whole = np.stack(blocks, axis=1).reshape(-1, together.shape[1])
+        return Said(whole[:, 0], whole[:, 1:])
+
+    @property
+    def readings(self) -> int:
+        """Numbers that are read of one candidate, all outputs."""
+        return self.each * len(self.noises)
+
+    def table(self, chosen: Chosen) -> tuple[Table, Array]:
+        """The points in the order of measuring, and what is free there (N, p)."""
+        rows = (chosen[:, None] * self.each + np.arange(self.each)).ravel()
+        table = {name: values[rows] for name, values in self.data.readings.table.items()}
+        count = len(self.data)
+        whole = [rows + k * count for k in range(len(self.noises))]
+        known = self.setup.data.readings.table
+        if PATH.name in known:
+            table[PATH.name] = np.full(len(rows), float(np.max(known[PATH.name])) + 1.0)
+        return {name: table[name] for name in known}, self.base[np.concatenate(whole)]
+
+
+def _chained(blocks: Array, rho: float) -> Array:
+    """Readings (C, k, p) whose noise is autocorrelated, such that it is independent."""
+    if rho == 0.0:
+        return blocks
+    found = blocks.copy()
+    found[:, 1:] = (blocks[:, 1:] - rho * blocks[:, :-1]) / np.sqrt(1.0 - rho**2)
+    return found
+
+
+def field_of(setup: Setup, noises: Sequence[Noise], wanted: NextPlan) -> Field:
+    """Every candidate within the ranges. Raises InputError where the model reaches none."""
+    count, each = in_cycles(wanted.readings) if along_path(setup.data) else (wanted.readings, 1)
+    axes = axes_of(setup.data, wanted.ranges, count * each)
+    seed = setup.plan.seed
+    path = along_path(setup.data)
+    table = cycles(setup.data, axes, each, seed) if path else candidates(setup.data, axes, seed)
+    good = inside(setup.plan.model, table).reshape(-1, each).all(axis=1)
+    if not good.any():
+        raise refuse(RANGE, NO_POINT)
+    sure = good if path else good & ~turning(axes, table)
+    good = sure if sure.any() else good
+    table = {name: values[np.repeat(good, each)] for name, values in table.items()}
+    more = (PATH,) if path and PATH.name not in setup.data.readings.table else ()
+    data = placed(setup.data, table, more)
+    return Field(setup, axes, data, each, base_at(setup, data), columns_at(setup, data), noises)
+
+
+def ahead(field: Field, chosen: Chosen) -> Ahead:
+    """The chosen candidates in the order of measuring: as time has it, else at random."""
+    setup, time = field.setup, _time(field.setup.data)
+    if time is None:
+        order = np.random.default_rng([setup.plan.seed, 10]).permutation(len(chosen))
+    else:
+        at = np.asarray(field.data.readings.table[time])[chosen * field.each]
+        order = np.argsort(at, kind="stable")
+    table, base = field.table(chosen[order])
+    return Ahead(setup, field.noises, timed(setup, field.axes, table), base)
+
+
+def timed(setup: Setup, axes: Sequence[Axis], table: Table) -> Table:
+    """The points with times that one can keep: one after the other, a usual step apart."""
+    name = _time(setup.data)
+    if name is None:
+        return table
+    old = np.asarray(setup.data.readings.table[name], dtype=float)
+    span = next(one.span for one in axes if one.column.name == name)
+    count = len(table[name])
+    usual = float(np.median(np.diff(old))) if len(old) > 1 else 1.0
+    step = min(usual, (span.high - span.low) / max(count - 1, 1))
+    places = step * np.arange(count)
+    times = np.maximum.accumulate(np.asarray(table[name], dtype=float) - places) + places
+    late = span.high - places[::-1]
+    return {**table, name: np.round(np.minimum(times, late), 9)}
+
+
+def like_now(setup: Setup, noises: Sequence[Noise], count: int) -> Ahead:
+    """As many readings like those of the record, going on in time; of a path its beginning."""
+    n, rng = len(setup.data), np.random.default_rng([setup.plan.seed, 11])
+    if setup.data.target.model == LOCKED or count >= n:
+        rows = np.resize(np.arange(n), count)
+    else:
+        rows = np.sort(rng.choice(n, count, replace=False))
+    table: dict[str, NDArray[Any]] = {
+        name: values[rows] for name, values in setup.data.readings.table.items()
+    }
+    name = _time(setup.data)
+    if name is not None:
+        old = np.asarray(setup.data.readings.table[name], dtype=float)
+        step = float(np.median(np.diff(old))) if n > 1 else 1.0
+        table[name] = old.max() + step * (1.0 + np.arange(count))
+    whole = np.concatenate([rows + k * n for k in range(len(setup.data.outputs))])
+    return Ahead(setup, noises, table, setup.base[whole])
+
+
+def _time(data: GapData) -> str | None:
+    """The column of the order of measuring."""
+    return next((c.name for c in data.target.columns if c.role is Role.TIME), None)

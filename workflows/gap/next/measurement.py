@@ -1,0 +1,187 @@
+"""The next measurement of an analysis that has ended: its points, and what they will tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pandas as pd
+
+from ....gap_records import Measurement, NextMeasurement, Sensitivity, Separation
+from ..ambiguity import Other
+from ..fit import Fit
+from ..plan import NextPlan
+from ..result import Ending
+from ..separate import UNSEEN
+from .exchange import exchanged
+from .field import Ahead, Field, ahead, field_of, like_now
+from .sensitivities import contest, sensitivity, wanted_effects
+from .separations import HOPELESS, LITTLE, NONE, SUPPORT, design, most, paired, separation
+from .telling import telling
+from .units import further_units, of_scatter
+
+FILE = "next_measurement.csv"
+NOTHING = "one name fits these data: there is nothing to separate"
+NO_FORM = "the gap is seen already, and more readings give it no form of the library"
+READING = "what it does depends on the reading itself: no points can be planned for it"
+PREDICT = "put the simulator's prediction at these points into the table before it is analysed"
+LIKE = "points of the record's kind: the mounting and its zero are taken to stay as they are"
+Key = tuple[tuple[str, ...], tuple[str, ...]]
+
+
+@dataclass(frozen=True)
+class Planned:
+    """The record, its points, and what is said beside each rival: by its names and theirs."""
+
+    record: NextMeasurement
+    points: pd.DataFrame | None = None
+    rivals: Mapping[Key, Measurement] = field(default_factory=dict)
+
+
+def next_measurement(end: Ending) -> Planned | None:
+    """None where none was asked for. Raises InputError where the ranges hold no point."""
+    wanted = end.setup.plan.next_measurement
+    if wanted is None:
+        return None
+    if end.verdict == "ambiguous":
+        return _of_rivals(end, wanted)
+    if end.verdict in ("no_gap", "unnamed"):
+        return _of_effects(end, wanted)
+    return Planned(NextMeasurement(NOTHING))
+
+
+def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
+    """Points that separate the best name from each of its rivals."""
+    open_, said = [], dict[Key, Measurement]()
+    for other in end.analysis.others:
+        if _reads(end, end.fit) or _reads(end, other.fit):
+            said[_key(other)] = Measurement(READING)
+        else:
+            open_.append(other)
+    batch = end.setup.data.target.population
+    found, new, inputs = (_of_batch if batch else _of_points)(end, wanted, open_)
+    for one in found:
+        said[one.names, one.instead_of] = _measurement(one, new, inputs)
+    for wider in end.analysis.scatter[1:]:
+        one = of_scatter(end, end.analysis.scatter[0], wider, wanted.readings)
+        found.append(one)
+        said[one.names, one.instead_of] = Measurement(one.text, readings=one.needed)
+    planned = new is not None and any(not one.text.startswith(NONE) for one in found)
+    return _planned(end, new if planned else None, inputs, tuple(found), (), (), said)
+
+
+def _of_points(
+    end: Ending, wanted: NextPlan, others: Sequence[Other]
+) -> tuple[list[Separation], Ahead | None, tuple[str, ...]]:
+    """Separations by chosen points; the points; the inputs that matter most."""
+    if not others:
+        return [], None, ()
+    noises = end.analysis.search.fitter.space.noises
+    place = field_of(end.setup, noises, wanted)
+    pairs = [paired(end, other, place) for other in others]
+    count = _count(place, wanted)
+    gains = np.array([most(pair, count) for pair in pairs])
+    good = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > HOPELESS * count]
+    worth = [pair for pair, gain in zip(pairs, gains, strict=True) if gain > LITTLE] or good
+    chosen, better = design(end, place, worth or pairs[:1], count)
+    pairs = [next((b for b in better if b.other is p.other), p) for p in pairs]
+    new = ahead(place, chosen)
+    alike = like_now(end.setup, noises, len(new))
+    kept = {id(pair.other) for pair in good}
+    found = [separation(end, pair, new, alike) for pair in pairs]
+    found = [one if id(pair.other) in kept else _none(one, pair.other)
+             for one, pair in zip(found, pairs, strict=True)]  # fmt: skip
+    return found, new, telling(place, (worth or pairs)[0].contests[0], chosen)
+
+
+def _of_batch(
+    end: Ending, wanted: NextPlan, others: Sequence[Other]
+) -> tuple[list[Separation], Ahead | None, tuple[str, ...]]:
+    """Separations by further units."""
+    if not others:
+        return [], None, ()
+    noises = end.analysis.search.fitter.space.noises
+    new, alike = (further_units(end.setup, noises, wanted, spread) for spread in (True, False))
+    found = []
+    for other in others:
+        one = separation(end, paired(end, other), new, alike)
+        gained = one.expected - one.now
+        found.append(one if gained > HOPELESS * len(new) else _none(one, other))
+    return found, new, tuple(name for name in wanted.ranges)
+
+
+def _none(one: Separation, other: Other) -> Separation:
+    """Of a pair that no design tells apart, and what would."""
+    names = frozenset(set(other.names) ^ set(other.instead_of))
+    text = f"{NONE}: {UNSEEN[names]}" if names in UNSEEN else f"{NONE}: another quantity is needed"
+    return replace(one, needed=0, text=text)
+
+
+def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
+    """Points that would show the effects nearest to the threshold, or those that were listed."""
+    bare = end.analysis.bare
+    noises, setup = bare.search.fitter.space.noises, bare.setup
+    sought, notes = wanted_effects(end, wanted)
+    sought = [one for one in sought if not _reads(end, one.fit)]
+    if not sought:
+        text = NO_FORM if end.verdict == "unnamed" else "no effect can be planned for"
+        return Planned(NextMeasurement(text, notes=tuple(notes)))
+    if setup.data.target.population:
+        new, inputs = further_units(setup, noises, wanted, True), tuple(wanted.ranges)
+        alike = further_units(setup, noises, wanted, False)
+    else:
+        place = field_of(setup, noises, wanted)
+        count = _count(place, wanted)
+        contests = [contest(place, one) for one in sought]
+        chosen = exchanged(contests, min(count, SUPPORT))
+        chosen = np.resize(chosen, count)
+        new, inputs = ahead(place, chosen), telling(place, contests[0], chosen)
+        alike = like_now(setup, noises, len(new))
+    found = tuple(sensitivity(end, one, new, alike) for one in sought)
+    return _planned(end, new, inputs, (), found, tuple(notes), {})
+
+
+def _planned(
+    end: Ending, new: Ahead | None, inputs: tuple[str, ...], pairs: tuple[Separation, ...],
+    effects: tuple[Sensitivity, ...], notes: tuple[str, ...], said: Mapping[Key, Measurement],
+) -> Planned:  # fmt: skip
+    if new is None:
+        text = "; ".join(dict.fromkeys(one.text for one in pairs)) or NONE
+        return Planned(NextMeasurement(text, pairs=pairs, effects=effects, notes=notes),
+                       None, said)  # fmt: skip
+    text = f"{len(new)} readings at the points in {FILE}"
+    if effects:
+        text += f": {effects[0]}"
+    notes = (*notes, LIKE, *((PREDICT,) if end.setup.plan.model is None else ()))
+    record = NextMeasurement(text, len(new), pairs, effects, notes, inputs, FILE)
+    return Planned(record, pd.DataFrame(dict(new.table)), said)
+
+
+def _measurement(one: Separation, new: Ahead | None, inputs: Sequence[str]) -> Measurement:
+    """What stands beside a rival."""
+    if new is None or one.text.startswith(NONE):
+        return Measurement(one.text)
+    ends = {name: (float(np.min(new.table[name])), float(np.max(new.table[name])))
+            for name in inputs}  # fmt: skip
+    rms = float(np.sqrt(max(one.expected - one.now, 0.0) / len(new)))
+    return Measurement(f"{one.text} ({FILE})", ends, rms, one.needed)
+
+
+def _key(other: Other) -> Key:
+    return other.names, other.instead_of
+
+
+def _reads(end: Ending, fit: Fit) -> bool:
+    """Whether an effect in a fit acts on the reading itself, as rounding does."""
+    data = end.setup.data
+    return any(
+        bool(m.candidate.effect.act(data.readings, m.candidate.values(m.shape, c), data.target)
+             .reading)
+        for m, c in zip(fit.members, fit.coefficients, strict=True)
+    )  # fmt: skip
+
+
+def _count(place: Field, wanted: NextPlan) -> int:
+    """Candidates that make as many readings."""
+    return max(1, wanted.readings // place.each)

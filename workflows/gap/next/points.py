@@ -1,0 +1,189 @@
+"""Operating points that a next measurement may visit: inside the given ranges and the model's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from ....models.inputs.distribution import Array
+from ....models.measurable import Column, MeasurableModel, Role
+from ..data import GapData
+from ..plan import Span
+
+Table = Mapping[str, NDArray[Any]]
+RANGE = "next_measurement.range"
+NO_POINT = "holds no point that the model reaches; widen it"
+INSIDE = 9
+"""Points of the Sobol sequence inside of the box, as a power of two."""
+CORNERS = 6
+"""Inputs up to which every corner of the box is a candidate."""
+VISITED = 256
+"""Points of the record that are candidates as well, at most."""
+TURNS = 0.01
+"""Share of the largest load below which its sign is not sure."""
+DIGITS = 4
+"""Decimal places of a point, as a share of its range."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An input that is chosen, and what it may be."""
+
+    column: Column
+    span: Span
+
+    def at(self, shares: Array) -> Array:
+        """Values (n,) at shares (n,) of its range."""
+        if self.span.values:
+            steps = (shares * len(self.span.values)).astype(np.int64)
+            return np.asarray(self.span.values)[np.minimum(steps, len(self.span.values) - 1)]
+        return self.settable(self.span.low + shares * (self.span.high - self.span.low))
+
+    def settable(self, values: Array) -> Array:
+        """Values (n,) rounded as one can set them, within the range."""
+        if self.span.values:
+            return values
+        low, high = self.span.low, self.span.high
+        places = DIGITS - int(np.floor(np.log10(max(high - low, 1e-300)))) - 1
+        return np.asarray(np.clip(np.round(values, max(places, 0)), low, high))
+
+
+def axes_of(data: GapData, ranges: Mapping[str, Span], readings: int) -> tuple[Axis, ...]:
+    """Every input that is a number: in its given range, else in that of the data."""
+    return tuple(
+        Axis(column, _span(data, column, ranges.get(column.name), readings))
+        for column in data.target.columns
+        if not column.text and column.role is not Role.REPEAT
+    )
+
+
+def _span(data: GapData, column: Column, given: Span | None, readings: int) -> Span:
+    """What a column may be; a time that is past is over."""
+    now = _now(data, column, readings)
+    if given is None:
+        return now
+    if column.role is Role.TIME:
+        return Span(min(max(given.low, now.low), given.high), given.high)
+    return given
+
+
+def _now(data: GapData, column: Column, readings: int) -> Span:
+    """What the data hold; time goes on, one usual step per reading."""
+    values = np.asarray(data.readings.table[column.name], dtype=float)
+    low, high = float(values.min()), float(values.max())
+    if column.role is Role.TIME:
+        step = float(np.median(np.diff(values))) if len(values) > 1 else 1.0
+        return Span(high + step, high + readings * step)
+    if column.role is Role.DIRECTION:
+        return Span(low, high, tuple(np.unique(values).tolist()))
+    return Span(low, high)
+
+
+def candidates(data: GapData, axes: Iterable[Axis], seed: int) -> Table:
+    """A table of points that cover the box of these axes, its corners and its edges, and points of
+    the record inside of it.
+    """
+    axes = tuple(axes)
+    moving = [one for one in axes if one.span.high > one.span.low]
+    shares = np.vstack([_inside(len(moving), seed), _corners(len(moving)), _edges(len(moving))])
+    found = {one.column.name: np.full(len(shares), one.span.low) for one in axes}
+    found |= {one.column.name: one.at(shares[:, at]) for at, one in enumerate(moving)}
+    visited = _visited(data, axes)
+    return with_labels(data, {n: np.concatenate([v, visited[n]]) for n, v in found.items()})
+
+
+def with_labels(data: GapData, table: Table) -> dict[str, NDArray[Any]]:
+    """The table with the columns of labels: those of a unit that was not measured yet, a lot that
+    was, and the number of the repeat.
+    """
+    count = len(next(iter(table.values()))) if table else 1
+    found: dict[str, NDArray[Any]] = dict(table)
+    for column in data.target.columns:
+        values = data.readings.table[column.name]
+        if column.role is Role.UNIT:
+            found[column.name] = np.array([f"next {k + 1}" for k in range(count)])
+        elif column.role is Role.REPEAT:
+            found[column.name] = np.full(count, float(np.max(values)) + 1.0)
+        elif column.text:
+            found[column.name] = np.resize(np.unique(values.astype(str)), count)
+    return {c.name: found[c.name] for c in data.target.columns}
+
+
+def inside(model: MeasurableModel | None, table: Table) -> NDArray[np.bool_]:
+    """Rows (n,) of a table that are in the range of the model; a column that is missing is
+    unknown.
+    """
+    count = len(next(iter(table.values())))
+    found = np.ones(count, dtype=bool)
+    if model is not None:
+        unknown = {c.name: np.full(count, np.nan) for c in model.columns if not c.text}
+        for wrong, _ in model.outside({**unknown, **table}).values():
+            found &= ~wrong
+    return found
+
+
+def turning(axes: Iterable[Axis], table: Table) -> NDArray[np.bool_]:
+    """Points (n,) where a load is about to turn: what jumps there in a formula is blurred in
+    truth, and so is the load that one can set.
+    """
+    found = np.zeros(len(next(iter(table.values()))), dtype=bool)
+    for one in axes:
+        if one.column.role in (Role.TORQUE, Role.FORCE):
+            most = max(abs(one.span.low), abs(one.span.high))
+            found |= np.abs(table[one.column.name]) < TURNS * most
+    return found
+
+
+def _inside(inputs: int, seed: int) -> Array:
+    if inputs == 0:
+        return np.zeros((1, 0))
+    sobol = qmc.Sobol(inputs, rng=np.random.default_rng([seed, 8]))
+    return np.asarray(sobol.random_base2(INSIDE + (inputs > 3)))
+
+
+def _corners(inputs: int) -> Array:
+    """Corners of the unit box, those of pairs of inputs where there are too many."""
+    if inputs <= CORNERS:
+        return np.array(list(product((0.0, 1.0), repeat=inputs))).reshape(2**inputs, inputs)
+    pairs = [(i, j, a, b) for i in range(inputs) for j in range(i)
+             for a in (0.0, 1.0) for b in (0.0, 1.0)]  # fmt: skip
+    found = np.full((len(pairs), inputs), 0.5)
+    for row, (i, j, a, b) in zip(found, pairs, strict=True):
+        row[i], row[j] = a, b
+    return found
+
+
+def _edges(inputs: int) -> Array:
+    """Each input from end to end, the others in the middle or at one end together."""
+    steps = np.linspace(0.0, 1.0, 17)
+    found = [np.full((0, inputs), 0.5)]
+    for at in range(inputs):
+        for others in (0.0, 0.5, 1.0):
+            line = np.full((len(steps), inputs), others)
+            line[:, at] = steps
+            found.append(line)
+    return np.vstack(found)
+
+
+def _visited(data: GapData, axes: tuple[Axis, ...]) -> dict[str, Array]:
+    """Points of the record that lie in the box, evenly along it."""
+    table = {one.column.name: np.asarray(data.readings.table[one.column.name], dtype=float)
+             for one in axes}  # fmt: skip
+    within = np.ones(len(data), dtype=bool)
+    for one in axes:
+        values = table[one.column.name]
+        if one.column.role is Role.TIME:
+            table[one.column.name] = np.full(len(data), one.span.low)
+        elif one.span.values:
+            within &= np.isin(values, one.span.values)
+        else:
+            within &= (values >= one.span.low) & (values <= one.span.high)
+    rows = np.flatnonzero(within)
+    rows = rows[:: max(1, -(-len(rows) // VISITED))]
+    return {one.column.name: one.settable(table[one.column.name][rows]) for one in axes}

@@ -1,0 +1,121 @@
+"""Readings at other operating points: what an explanation says of them, and what it may still
+change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....models.effects.readings import readings_of
+from ....models.inputs.distribution import Array
+from ....models.measurable import Column
+from ..data import GapData
+from ..fit import Fit, Fitter, Member
+from ..library import Columns, Predict
+from ..linear import basis, beside
+from ..predictor import predictor
+from ..setup import STEP, Setup, zeros_of
+from .points import Table
+
+STRIDE = 0.02
+"""Share of a nonlinear parameter by which it is moved for its column."""
+
+
+def placed(data: GapData, table: Table, more: tuple[Column, ...] = ()) -> GapData:
+    """The data's columns at the rows of a table, nothing measured there; `more` are columns that
+    the data have not.
+    """
+    count = len(next(iter(table.values())))
+    target = replace(data.target, columns=(*data.target.columns, *more))
+    return replace(
+        data,
+        target=target,
+        readings=readings_of(target.columns, table),
+        measured={},
+        predicted={},
+        std={},
+        rows=np.arange(count),
+        repeats=None,
+        blocks=None,
+    )
+
+
+def columns_at(setup: Setup, data: GapData) -> Columns:
+    """What effects add at rows where nothing was measured."""
+    plan = setup.plan
+    if plan.model is None:
+        return Columns(data, _nothing(data))
+    moved = plan.rebuild(setup.at) if plan.rebuild and setup.at else None
+    return Columns(data, predictor(plan, data, moved))
+
+
+def base_at(setup: Setup, data: GapData) -> Array:
+    """Columns (N, p) of the free parameters, each for its whole tolerance, and of the zeros."""
+    plan, columns = setup.plan, []
+    for name in setup.free:
+        assert plan.rebuild is not None
+        up, down = (
+            data.whole(predictor(plan, data, plan.rebuild({**setup.at, name: value}))({}))
+            for value in (setup.at[name] + sign * STEP * plan.free[name] for sign in (1.0, -1.0))
+        )
+        columns.append((up - down) / (2.0 * STEP))
+    return np.column_stack([*columns, zeros_of(data)])
+
+
+def _nothing(data: GapData) -> Predict:
+    zero = {o.name: np.zeros(len(data)) for o in data.outputs}
+    return lambda changes: zero
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a fit says at N rows (N,), and the columns (N, p) of all that is fitted in it: free
+    parameters, zeros, effects, and what their nonlinear parameters do about their values.
+    """
+
+    values: Array
+    columns: Array
+
+
+def said(columns: Columns, base: Array, fit: Fit) -> Said:
+    """By a fit, at the rows of `columns`, in the outputs' units."""
+    values, parts = base @ fit.free, [base]
+    for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
+        own = columns.of(member.candidate, member.shape)
+        values = values + own @ coefficients
+        if not member.candidate.alone:
+            parts.append(own)
+        parts += [one[:, None] for one in _moving(columns, member, coefficients)]
+    return Said(np.asarray(values), np.hstack(parts))
+
+
+def _moving(columns: Columns, member: Member, coefficients: Array) -> Iterator[Array]:
+    """What each nonlinear parameter that was fitted does (N,), per unit of it."""
+    for one in member.candidate.shape:
+        if one.choices:
+            continue
+        value = member.shape[one.name]
+        step = STRIDE * (abs(value) or 1.0)
+        ends = max(value - step, one.low), min(value + step, one.high)
+        low, high = (columns.of(member.candidate, {**member.shape, one.name: end}) for end in ends)
+        yield (high - low) @ coefficients / max(ends[1] - ends[0], 1e-300)
+
+
+def of_record(fitter: Fitter, fit: Fit) -> Said:
+    """By a fit, at the readings of the record, whitened, the tolerances below (N,)."""
+    found = said(fitter.columns, fitter.raw_base, fit)
+    free = fitter.base.shape[1]
+    columns = fitter.space.whiten(found.columns)
+    columns[:, :free] = fitter.base
+    values = fitter.space.whiten(found.values)
+    tail = slice(len(values) - fitter.space.prior, None)
+    values[tail] = fitter.base[tail] @ fit.free
+    return Said(values, columns)
+
+
+def distance(one: Said, other: Said) -> float:
+    """Squared norm of what the one says and the other cannot follow."""
+    return float(np.sum(beside(one.values - other.values, basis(other.columns)) ** 2))

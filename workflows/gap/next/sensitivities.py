@@ -1,0 +1,144 @@
+"""Points at which an effect that is barely there would be seen, and how likely it then is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from ....gap_records import Sensitivity
+from ....models.inputs.distribution import Array
+from ..fit import Fit, Member
+from ..plan import NextPlan
+from ..result import OWN, Ending
+from ..scan import scan
+from .contest import Contest
+from .field import Ahead, Field
+from .rows import Said, distance, of_record
+from .separations import joined
+
+NEAREST = 2
+"""Effects that are looked for where none is listed."""
+NINE_OF_TEN = 1.2816
+"""Standard normal quantile of 0.9."""
+TINY = 1e-12
+
+
+@dataclass(frozen=True)
+class Sought:
+    """An effect of the size that is looked for, alone beside the model; what it says of the record,
+    and what the model's own freedom can follow of it.
+    """
+
+    fit: Fit
+    size: Array
+    record: tuple[Said, Said]
+
+    @property
+    def member(self) -> Member:
+        """The effect with its nonlinear parameters."""
+        return self.fit.members[0]
+
+
+def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[str]]:
+    """The effects that were listed, or those nearest to the threshold; why others cannot be."""
+    search = end.analysis.bare.search
+    found = {one.member.name: one.member for one in scan(search.fitter, search.white, search.book,
+                                                         ())}  # fmt: skip
+    names = wanted.effects or tuple(wanted.amounts) or tuple(found)
+    sought, notes = [], []
+    listed = bool(wanted.effects or wanted.amounts)
+    for name in names:
+        member = found.get(name)
+        if member is None or member.candidate.alone:
+            why = "it has no place in these data" if member is None else "its size bends its form"
+            notes.append(f"{name}: no points can be planned, {why}")
+            continue
+        one = _sought(end, member, wanted.amounts.get(name))
+        if one is not None and not listed and _seen(end, one):
+            continue
+        if one is None:
+            notes.append(
+                f"{name}: cannot be seen in these data, because what is free does the same"
+            )
+            continue
+        sought.append(one)
+        if not listed and len(sought) == NEAREST:
+            break
+    return sought, notes if listed else []
+
+
+def _seen(end: Ending, one: Sought) -> bool:
+    """Whether the record shows it already: then its form is in question, not its presence."""
+    seen = float(np.sqrt(end.analysis.bare.search.thresholds.library)) + NINE_OF_TEN
+    return distance(*one.record) > seen**2
+
+
+def _sought(end: Ending, member: Member, amount: float | None) -> Sought | None:
+    """The effect as large as it was found, or as it matters; as large as is seen where none was."""
+    search = end.analysis.bare.search
+    fit = search.fitter.fit([member])
+    raw = search.fitter.columns.of(member.candidate, member.shape)
+    size = fit.coefficients[0]
+    if amount is not None:
+        rms = float(np.sqrt(np.mean((raw @ size) ** 2)))
+        size = size * (amount / rms) if rms > 0.0 else _unit(raw) * amount
+    record = _record(end, fit, size)
+    level = distance(*record)
+    if level <= 1e-6:
+        size = _unit(raw)
+        record = _record(end, fit, size)
+        level = distance(*record)
+        if level <= OWN**2 * float(np.sum(record[0].values ** 2)) or level <= 0.0:
+            return None
+        if amount is None:
+            size = size * (np.sqrt(search.thresholds.library) + NINE_OF_TEN) / np.sqrt(level)
+            record = _record(end, fit, size)
+    return Sought(fit, size, record)
+
+
+def _unit(raw: Array) -> Array:
+    """The first coefficient alone, such that its column (N, m) has an rms of 1."""
+    size = np.zeros(raw.shape[1])
+    size[0] = 1.0 / max(float(np.sqrt(np.mean(raw[:, 0] ** 2))), 1e-300)
+    return size
+
+
+def _record(end: Ending, fit: Fit, size: Array) -> tuple[Said, Said]:
+    """What an effect of that size says of the record, beside what the model can follow."""
+    fitter = end.analysis.bare.search.fitter
+    (member,) = fit.members
+    values = fitter.white(member) @ size
+    base = of_record(fitter, fitter.fit(()))
+    return Said(values, base.columns), Said(np.zeros_like(values), base.columns)
+
+
+def _at(sought: Sought, at: Ahead | Field) -> tuple[Said, Said]:
+    """The same of further readings."""
+    candidate, shape = sought.member.candidate, sought.member.shape
+    values = at.columns.of(candidate, shape) @ sought.size
+    found = at.white(Said(values, at.base))
+    return found, Said(np.zeros_like(found.values), found.columns)
+
+
+def contest(field: Field, sought: Sought) -> Contest:
+    """The effect against none."""
+    return Contest.of(sought.record, _at(sought, field), field.readings)
+
+
+def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensitivity:
+    """What the planned readings show of an effect, and as many like the present ones."""
+    limit = end.analysis.bare.search.thresholds.library
+    levels = [distance(*sought.record)]
+    levels += [joined(*sought.record, *_at(sought, at)) for at in (new, alike)]
+    size, candidate = sought.size, sought.member.candidate
+    now, then, like = (
+        float(stats.ncx2.sf(limit, max(len(size), 1), max(one, TINY))) for one in levels
+    )
+    column = int(np.argmax(np.abs(size)))
+    seen = abs(float(size[column])) * (np.sqrt(limit) + NINE_OF_TEN)
+    least = [seen / float(np.sqrt(max(one, TINY))) for one in levels]
+    one = candidate.linear[column]
+    return Sensitivity(candidate.name, one.name, one.unit, float(size[column]), now, then, like,
+                       least[0], least[1])  # fmt: skip

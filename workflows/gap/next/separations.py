@@ -1,0 +1,160 @@
+"""The design that tells the best name from its rivals, and what is to be expected of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....gap_records import Separation
+from ..ambiguity import Other
+from ..fit import Fit, Member
+from ..linear import beside
+from ..result import Ending
+from ..select import Search
+from .chance import Duel
+from .contest import Chosen, Contest
+from .exchange import added, exchanged
+from .field import Ahead, Field
+from .rows import Said, distance, of_record
+
+SUPPORT = 60
+"""Readings that are chosen one by one; more of them are the same ones again."""
+HOPELESS = 1e-4
+"""Discrimination per reading below which no design separates."""
+LITTLE = 2.0
+"""What a pair must be able to gain, to have a say in a design for several."""
+FEWEST = 2
+VARIANTS = 6
+"""Values of a rival's nonlinear parameters that the record allows, at most."""
+WORSE = 0.9
+ROUNDS = 2
+CERTAIN = 0.95
+NONE = "no design in this range separates them"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """The best explanation against one rival: what it says of the record, and the same of the rival
+    at each value of its nonlinear parameters that is in play, the fitted one first.
+    """
+
+    other: Other
+    mine: Said
+    fits: tuple[Fit, ...]
+    records: tuple[Said, ...]
+    contests: tuple[Contest, ...] = ()
+
+    def with_fit(self, fit: Fit, record: Said, contest: Contest) -> Pair:
+        """The pair with one more value in play."""
+        return replace(self, fits=(*self.fits, fit), records=(*self.records, record),
+                       contests=(*self.contests, contest))  # fmt: skip
+
+    def least(self, chosen: Chosen) -> float:
+        """Discrimination with these candidates, at the value that follows best."""
+        return min(one.level(chosen)[0] for one in self.contests)
+
+
+def paired(end: Ending, other: Other, field: Field | None = None) -> Pair:
+    """A pair, the rival at its fit; with a field, its contest there."""
+    fitter = end.analysis.search.fitter
+    mine, record = of_record(fitter, end.fit), of_record(fitter, other.fit)
+    contests = (_contest(end, field, mine, record, other.fit),) if field else ()
+    return Pair(other, mine, (other.fit,), (record,), contests)
+
+
+def _contest(end: Ending, field: Field, mine: Said, record: Said, rival: Fit) -> Contest:
+    points = field.says(end.fit), field.says(rival)
+    return Contest.of((mine, record), points, field.readings)
+
+
+def most(pair: Pair, count: int) -> float:
+    """What a design for this pair alone would add to its discrimination."""
+    few = added(pair.contests, min(count, SUPPORT))
+    return pair.least(np.resize(few, count)) - pair.least(few[:0])
+
+
+def design(
+    end: Ending, field: Field, pairs: Sequence[Pair], count: int
+) -> tuple[Chosen, list[Pair]]:
+    """The candidates that separate the worst of these pairs best, and the pairs with the values of
+    nonlinear parameters that follow best.
+    """
+    found = list(pairs)
+    for _ in range(ROUNDS):
+        chosen = _exchanged(found, count)
+        wider = [_with_worst(end, field, pair, chosen) for pair in found]
+        if all(one is other for one, other in zip(wider, found, strict=True)):
+            return np.resize(chosen, count), found
+        found = wider
+    return np.resize(_exchanged(found, count), count), found
+
+
+def _exchanged(pairs: Sequence[Pair], count: int) -> Chosen:
+    return exchanged([one for pair in pairs for one in pair.contests], min(count, SUPPORT))
+
+
+def _with_worst(end: Ending, field: Field, pair: Pair, chosen: Chosen) -> Pair:
+    """The pair with the rival's values that follow this design best, where they are new."""
+    fitter, best = end.analysis.search.fitter, pair
+    for fit in variants(end.analysis.search, pair.other.fit):
+        record = of_record(fitter, fit)
+        tried = _contest(end, field, pair.mine, record, fit)
+        if tried.level(chosen)[0] < WORSE * best.least(chosen):
+            best = pair.with_fit(fit, record, tried)
+    return best
+
+
+def variants(search: Search, fit: Fit) -> list[Fit]:
+    """A rival at values of its last effect's nonlinear parameters that the record allows."""
+    last, others = fit.members[-1], fit.members[:-1]
+    if not last.shape or last.candidate.alone:
+        return []
+    at = np.array([k for k, one in enumerate(search.book.members) if one.name == last.name])
+    q = search.fitter.spanned(others)
+    gains = search.white.some(at).orthonormal(q).gains(beside(search.fitter.y, q))
+    allowed = at[gains >= gains.max() - search.settings.set_distance]
+    kept = allowed[np.unique(np.linspace(0, len(allowed) - 1, VARIANTS).round().astype(int))]
+    shapes = [search.book.members[k].shape for k in kept]
+    return [search.fitter.fit((*others, Member(last.candidate, shape))) for shape in shapes]
+
+
+def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:
+    """What the planned readings tell of a pair, and as many like the present ones."""
+    fit, mine = end.fit, new.says(end.fit)
+    levels = [joined(pair.mine, record, mine, new.says(one))
+              for one, record in zip(pair.fits, pair.records, strict=True)]  # fmt: skip
+    planned, like = (
+        Duel.of((pair.mine, pair.records[0]), (at.says(fit), at.says(pair.fits[0])),
+                pair.other.distance)
+        for at in (new, alike)
+    )  # fmt: skip
+    now = min(distance(pair.mine, one) for one in pair.records)
+    apart = end.analysis.search.settings.set_distance
+    return told(pair.other, (now, min(levels)), (planned, like), len(new), apart)
+
+
+def told(
+    pair: Other, levels: tuple[float, float], duels: tuple[Duel, Duel], count: int, apart: float
+) -> Separation:
+    """The record of a pair, and its sentence; `levels` are the discrimination now and then."""
+    planned, alike = duels
+    needed = count * planned.times_until(CERTAIN)
+    readings = max(FEWEST, int(np.ceil(needed))) if np.isfinite(needed) else 0
+    chance, like = planned.chance(), alike.chance()
+    text = (
+        f"{count} readings at the planned points: chance {chance:.2f} that the right one fits "
+        f"better ({like:.2f} with as many like the present ones); "
+    )
+    text += f"{readings} such readings for {CERTAIN}" if readings else f"no number brings {CERTAIN}"
+    return Separation(pair.names, pair.instead_of, *levels, chance, like,
+                      planned.chance(by=apart), readings, text)  # fmt: skip
+
+
+def joined(mine: Said, rival: Said, new_mine: Said, new_rival: Said) -> float:
+    """The discrimination of the record and new readings together."""
+    one = np.concatenate([mine.values, new_mine.values])
+    other = np.concatenate([rival.values, new_rival.values])
+    columns = np.vstack([rival.columns, new_rival.columns])
+    return distance(Said(one, columns), Said(other, columns))

@@ -1,0 +1,42 @@
+"""The inputs in which points tell two explanations apart."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ....models.inputs.distribution import Array
+from ....models.measurable import Role
+from .contest import Chosen, Contest
+from .field import Field
+from .points import Axis
+
+CELLS = 12
+"""Stretches of an input that means are taken over."""
+
+
+def telling(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
+    """The two inputs that the difference of the explanations follows most: by the correlation ratio
+    of it, or of its square, over all candidates.
+    """
+    _, found, _ = contest.level(chosen)
+    left = (contest.left - contest.columns @ found).reshape(len(contest.left), -1, field.each)
+    signed = left.sum(axis=1).ravel()
+
+    def told(one: Axis) -> float:
+        values = np.asarray(field.data.readings.table[one.column.name], dtype=float)
+        return max(_ratio(values, signed), _ratio(values, signed**2))
+
+    moving = [one for one in field.axes
+              if one.span.high > one.span.low and one.column.role is not Role.TIME]  # fmt: skip
+    return tuple(one.column.name for one in sorted(moving, key=told, reverse=True)[:2])
+
+
+def _ratio(values: Array, of: Array) -> float:
+    """Share of the variance of `of` (n,) that its means over stretches of `values` (n,) have."""
+    edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, CELLS + 1)))
+    cell = np.searchsorted(edges[1:-1], values, side="right")
+    count = np.bincount(cell)
+    means = np.bincount(cell, of) / np.maximum(count, 1)
+    total = float(np.var(of))
+    between = float(count @ (means - of.mean()) ** 2) / len(of)
+    return between / total if total > 0.0 else 0.0

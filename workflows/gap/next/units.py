@@ -1,0 +1,95 @@
+"""The next measurement of a batch: further units, warm and cold where that was given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ....gap_records import Separation
+from ....models.measurable import Role
+from ..law import Law
+from ..likelihood import Kind, kind_of
+from ..noise import Noise
+from ..plan import NextPlan
+from ..population import Scatter
+from ..result import MORE, Ending
+from ..setup import Setup
+from .field import Ahead
+from .points import with_labels
+from .rows import base_at, placed
+from .separations import CERTAIN, FEWEST
+
+MOST = 10**6
+QUANTILES = 1000
+"""Units that stand for a law."""
+
+
+def further_units(setup: Setup, noises: Sequence[Noise], wanted: NextPlan, spread: bool) -> Ahead:
+    """Units like those of the batch; `spread`: at the ends of the given ranges in turn."""
+    count, table = wanted.readings, setup.data.readings.table
+    rng = np.random.default_rng([setup.plan.seed, 11])
+    rows = rng.integers(len(setup.data), size=count)
+    found: dict[str, NDArray[Any]] = {}
+    for column in setup.data.target.columns:
+        if column.text or column.role is Role.REPEAT:
+            continue
+        found[column.name] = np.asarray(table[column.name])[rows]
+        span = wanted.ranges.get(column.name)
+        if spread and span is not None:
+            found[column.name] = np.resize(span.values or (span.low, span.high), count)
+    if not found:
+        found = {"": np.zeros(count)}
+    whole = with_labels(setup.data, found)
+    return Ahead(setup, noises, whole, base_at(setup, placed(setup.data, whole)))
+
+
+def of_scatter(end: Ending, mine: Scatter, other: Scatter, count: int) -> Separation:
+    """What further units tell of two effects on the scatter: the log of the likelihood ratio of a
+    unit has a mean and a variance, those of many add up.
+    """
+    law = end.analysis.bare.batch.law
+    kinds = [kind_of(one.candidate.name, law) for one in (mine, other)]
+    laws = [kind.law(one.fitted) for kind, one in zip(kinds, (mine, other), strict=True)]
+    moments = [_moments(right, wrong) for right, wrong in zip(laws, kinds[::-1], strict=True)]
+    both = set(mine.names) & set(other.names)
+    names, instead = (tuple(n for n in of.names if n not in both) for of in (other, mine))
+    ahead, n = other.distance, len(end.setup.data)
+    chance = _chance(moments, ahead, count)
+    tried = np.unique(np.geomspace(FEWEST, MOST, 400).astype(int)).tolist()
+    short = [k for k in tried if _chance(moments, ahead, k) < CERTAIN]
+    needed = next((k for k in tried if not short or k > short[-1]), 0)
+    settings = end.analysis.search.settings
+    alone = _chance(moments, ahead, count, settings.set_distance)
+    now, then = (2.0 * moments[0][0] * k for k in (n, n + count))
+    text = f"{MORE}: {count} further units: chance {chance:.2f} that the right one fits better; "
+    text += f"{needed} units for {CERTAIN}" if needed else f"no number brings {CERTAIN}"
+    return Separation(names, instead, now, then, chance, chance, alone, needed, text)
+
+
+def _moments(right: Law, wrong: Kind) -> tuple[float, float]:
+    """Mean and variance of the log likelihood ratio of a unit of the right law, against the wrong
+    effect where it follows that law best.
+    """
+    shares = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    x = np.asarray(right.histogram.ppf(shares), dtype=np.float64)
+    ratio = right(x) - wrong.law(wrong.best(x))(x)
+    return float(max(ratio.mean(), 0.0)), float(ratio.var())
+
+
+def _chance(
+    moments: Sequence[tuple[float, float]], ahead: float, count: int, by: float = 0.0
+) -> float:
+    """That the right one is ahead by more than `by` after `count` units, each as likely as it fits
+    now.
+    """
+    mine = 1.0 / (1.0 + np.exp(-0.5 * ahead))
+    found = 0.0
+    for weight, (mean, variance), start in zip((mine, 1.0 - mine), moments, (ahead, -ahead),
+                                               strict=True):  # fmt: skip
+        gained = start + 2.0 * count * mean - by
+        found += weight * stats.norm.cdf(gained / np.sqrt(max(4.0 * count * variance, 1e-12)))
+    return float(found)

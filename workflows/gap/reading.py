@@ -1,0 +1,65 @@
+"""What an instrument reads: the prediction, and all that is found beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...declarations import Output
+from ...models.effects.instrument.lattice import step_of
+from ...models.inputs.distribution import Array
+from .fit import Fit
+from .library import Candidate
+from .setup import Setup
+
+COARSE = 0.25
+"""Share of the residual's scatter from which the steps of readings are worth a word."""
+
+
+def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
+    """The setup in which an instrument reads the zeros and the effects of a fit as well.
+
+    Without a fit the zero of an output is the median of its residual. The setup itself where no
+    effect of its library is in the reading.
+    """
+    if not any(_reads(setup, one) for one in setup.library):
+        return setup
+    outputs = setup.data.outputs
+    if fit is None:
+        parts = np.split(setup.residual, len(outputs))
+        notes = [_coarse(setup, o, x) for o, x in zip(outputs, parts, strict=True)]
+        setup = replace(setup, notes=(*setup.notes, *(one for one in notes if one)))
+        more = {o.name: np.full(len(x), np.median(x) if o.name in setup.data.zeros else 0.0)
+                for o, x in zip(outputs, parts, strict=True)}  # fmt: skip
+    else:
+        total = setup.base[:, setup.prior :] @ fit.free[setup.prior :]
+        for member, size in zip(fit.members, fit.coefficients, strict=True):
+            if not _reads(setup, member.candidate):
+                total = total + setup.columns.of(member.candidate, member.shape) @ size
+        more = dict(zip((o.name for o in outputs), np.split(total, len(outputs)), strict=True))
+    return replace(setup, columns=setup.columns.read_beside(more))
+
+
+def resolution(setup: Setup, output: str) -> float:
+    """What the steps of an output's readings alone scatter by, 0 where it is read in none."""
+    return float((step_of(setup.data.measured[output]) or 0.0) / np.sqrt(12.0))
+
+
+def _coarse(setup: Setup, output: Output, residual: Array) -> str:
+    """What to say of readings whose steps are no small part of their residual (n,)."""
+    scatter, whole = resolution(setup, output.name), float(np.std(residual))
+    if scatter <= COARSE * whole:
+        return ""
+    step, share = scatter * np.sqrt(12.0), 100.0 * min(scatter / whole, 1.0)
+    return (
+        f"{output.name} is read in steps of {step:.4g} {output.unit}: their scatter alone is "
+        f"{share:.0f} % of what the model leaves"
+    )
+
+
+def _reads(setup: Setup, one: Candidate) -> bool:
+    """Whether a candidate acts on the reading itself."""
+    values = {number.name: max(number.choices, default=1.0) for number in one.shape}
+    data = setup.data
+    return one.alone and bool(one.effect.act(data.readings, values, data.target).reading)

@@ -1,0 +1,31 @@
+"""Recalibration that goes so far that it may hide a cause."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from .result import Ending, recalibrated
+
+FAR = 0.5
+"""Share of its tolerance from which a parameter has moved far."""
+SURE = 4.0
+"""Standard errors that it must have moved."""
+
+
+def moved_far(end: Ending) -> str:
+    """What to say of parameters that moved far, beyond their errors; empty where none has."""
+    model = end.model
+    pairs = zip(model.numbers, model.errors.tolist(), strict=True)
+    errors = {one.name: float(error) for one, error in pairs if one.kind == "free"}
+    return said((one.name, one.after - one.before, one.tolerance, errors[one.name])
+                for one in recalibrated(end))  # fmt: skip
+
+
+def said(moves: Iterable[tuple[str, float, float, float]]) -> str:
+    """The same of names, moves, tolerances and standard errors."""
+    far = [name for name, move, tolerance, error in moves
+           if abs(move) > max(FAR * tolerance, SURE * error)]  # fmt: skip
+    if not far:
+        return ""
+    return (f"recalibrated by more than {100 * FAR:.0f} % of its tolerance: {', '.join(far)}; with "
+            "an empty [free] that would be a gap, and named where the library has it")  # fmt: skip
