@@ -18,6 +18,8 @@ from .select import Search
 PRICE = {1: 5.0, 2: -6.0}
 """What a form without a name must fit better by than so many named effects, to displace them: one
 cause is likelier than two."""
+FOLLOWS = 3.3
+"""Standard errors of the autocorrelation from which one unit follows the other (1 in 1000)."""
 SMALL = 0.01
 """Share of what the effects explain below which a remainder is no fault of their form."""
 
@@ -36,13 +38,7 @@ class Judged:
 def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
     """Names that a freer form in the same variable displaces, or leaves much beside, are lost."""
     left = left_over(fit, search.fitter, generic)
-    explained = max(empty.rss - fit.rss, 0.0)
-    limit = search.thresholds.generic
-    matters = search.fitter.space.count * search.settings.practical_limit**2
-    significant = tuple(
-        int(at) for at in left.best
-        if left.evidence[at] > limit and left.gains[at] > max(SMALL * explained, matters)
-    )  # fmt: skip
+    significant = _significant(search, fit, left, empty)
     lost = set(_displaced(search, fit, generic))
     for at in significant[:20]:
         lost |= _touched(search, fit, generic, at)
@@ -50,6 +46,29 @@ def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
         lost |= _only_beside(search, fit, generic, lost)
     kept = tuple(k for k in range(len(fit.members)) if k not in lost)
     return Judged(kept, tuple(sorted(lost)), left, significant)
+
+
+def _significant(search: Search, fit: Fit, left: Left, empty: Fit) -> tuple[int, ...]:
+    """The forms that are left beyond chance, and are no small change; the strongest first."""
+    explained = max(empty.rss - fit.rss, 0.0)
+    matters = search.fitter.space.count * search.settings.practical_limit**2
+    least = max(SMALL * explained, matters)
+    limit = search.thresholds.generic
+    return tuple(
+        int(at) for at in left.best if left.evidence[at] > limit and left.gains[at] > least
+    )
+
+
+def structured(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> bool:
+    """Whether units of a population follow something beside a fit, be it each other: not only all
+    of them alike.
+    """
+    space = search.fitter.space
+    if any(abs(one.rho) * np.sqrt(space.readings) > FOLLOWS for one in space.noises):
+        return True
+    left = left_over(fit, search.fitter, generic)
+    found = _significant(search, fit, left, empty)
+    return any(generic.forms[at].kind != "distribution" for at in found)
 
 
 def _displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...models.effects.compose import Active, acting, changes_of
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
-from .abstain import Judged, judged
+from .abstain import Judged, judged, structured
 from .ambiguity import Other, first_of_twins, rivals
 from .blocks import block_labels
 from .close import corrected
@@ -189,7 +189,13 @@ def concluded(
         verdict = judged(search, first, generic, ground.empty)
         others = rivals(search, first, verdict.kept)
     seen = bool(bare.left.evidence.max(initial=0.0) > search.thresholds.generic)
-    odd = None if wider else misfit(bare.batch, found.fit)
+    odd = misfit(bare.batch, found.fit, next(iter(wider), None))
+    if odd is not None and odd.bent:
+        ground, wider = bare, ()
+        found = replace(found, fit=bare.batch.unmoved(found.fit))
+        search = bare.search
+        verdict = judged(search, found.fit, generic, bare.empty)
+        others = rivals(search, found.fit, verdict.kept)
     return Analysis(bare, ground, found, verdict, tuple(others),
                     bool(found.fit.members or wider or odd) or seen, wider, odd)  # fmt: skip
 
@@ -199,6 +205,8 @@ def _beside_scatter(
 ) -> tuple[Ground, Selection, tuple[Scatter, ...]]:
     """The names once more beside what changes the scatter: a mixture moves the mean itself."""
     ground, before = bare, found
+    if structured(bare.search, found.fit, bare.generic, bare.empty):
+        return bare, found, ()  # units that follow something do not scatter
     fit, wider = _beside_any(bare, bare, found.fit)
     for _ in range(ROUNDS if wider else 0):
         ground = bare.with_scatter(wider[0])

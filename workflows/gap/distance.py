@@ -24,15 +24,23 @@ def distance(law: Law, units: Array) -> float:
 
 
 def floor(
-    law: Law, count: int, rng: np.random.Generator, share: float = FLOOR, centred: bool = False
-) -> float:
+    law: Law, count: int, rng: np.random.Generator, share: float = FLOOR, centred: bool = False,
+    scaled: bool = False,
+) -> float:  # fmt: skip
     """Distance that a share of the batches of `count` units, drawn from the law, stay below;
-    `centred`: about the mean of each batch.
+    `centred`: about the mean of each batch; `scaled`: as wide as the law as well.
     """
     drawn = law.histogram.rvs(size=(BATCHES, count), random_state=rng)
-    if centred:
-        drawn -= drawn.mean(axis=1, keepdims=True)
+    drawn = matched(law, drawn, scaled) if centred else drawn
     return float(np.quantile(_distances(law, drawn), share))
+
+
+def matched(law: Law, units: Array, scaled: bool = False) -> Array:
+    """Units (..., n) moved to the mean of the law, and stretched to its width if `scaled`."""
+    about = units - units.mean(axis=-1, keepdims=True)
+    if scaled:
+        about *= law.histogram.std() / units.std(axis=-1, keepdims=True)
+    return np.asarray(about + law.histogram.mean())
 
 
 def _distances(law: Law, units: Array) -> Array:

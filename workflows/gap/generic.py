@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
+from ...models.effects.readings import unit_numbers
 from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
 from .data import GapData
@@ -22,6 +24,7 @@ HIGHEST = 130.0
 """Highest order of the periodogram; its grid is of quarters."""
 OVER_A_WORKSPACE = 12.0
 """The same where the angle is that of a pose: no teeth pass by."""
+MEAN = "mean of the units"
 PREDICTED = "predicted "
 """Before the name of an output: the variable that its prediction is."""
 USUAL = (1.0, 2.0, 4.0, 39.0, 40.0, 78.0, 80.0, 120.0)
@@ -59,7 +62,8 @@ def generic(
     if predicted is not None and not {Role.TORQUE, Role.FORCE} & set(data.readings.by_role):
         found += _against_predicted(data, predicted)
     if data.target.population:  # whose mean is not free
-        found.append((Form("distribution", "mean of the units"), np.ones((len(data), 1))))
+        found.append((Form("distribution", MEAN), np.ones((len(data), 1))))
+    found += _along_units(data)
     found += _steps(data)
     found += _levels(data)
     if Role.ANGLE in data.readings:
@@ -144,15 +148,34 @@ def _products(
 
 def _steps(data: GapData) -> list[tuple[Form, Array]]:
     """Steps in the order of measuring, each a form of its own."""
-    n = len(data)
     name = next((c.name for c in data.inputs if c.role is Role.TIME), "")
-    if not name:
-        return []
-    at = np.arange(n)
+    return _steps_in(np.arange(len(data)), name, "readings") if name else []
+
+
+def _steps_in(at: NDArray[Any], name: str, what: str) -> list[tuple[Form, Array]]:
+    """Steps at places of an order `at` (n,)."""
+    n = len(at)
     return [
-        (Form("trend", name, detail=f"step after {k} of {n} readings"), (at >= k)[:, None] * 1.0)
+        (Form("trend", name, detail=f"step after {k} of {n} {what}"), (at >= k)[:, None] * 1.0)
         for k in np.unique(np.linspace(n * 0.08, n * 0.92, 22).astype(int))
     ]
+
+
+def _along_units(data: GapData) -> list[tuple[Form, Array]]:
+    """Smooth functions of the order in which the units of a population were made, and steps."""
+    name = order_of_units(data)
+    if not name:
+        return []
+    at = np.argsort(np.argsort(unit_numbers(data.readings), kind="stable"))
+    curve = spline(at.astype(float), min(6, max(2, len(at) // 25)))
+    return [(Form("trend", name), curve), *_steps_in(at, name, "units")]
+
+
+def order_of_units(data: GapData) -> str:
+    """The column that numbers the units of a population, empty where there is none."""
+    if not data.target.population or Role.UNIT not in data.readings:
+        return ""
+    return next(c.name for c in data.target.columns if c.role is Role.UNIT)
 
 
 def _levels(data: GapData) -> list[tuple[Form, Array]]:

@@ -20,7 +20,7 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .ambiguity import INSTRUMENT
 from .blocks import Improvement
-from .distance import distance, floor
+from .distance import distance, floor, matched
 from .fit import Fit, Member
 from .law import Law
 from .library import Candidate, carried
@@ -136,6 +136,11 @@ class Batch:
         level = tuple(member for member in self.search.book.members if member.name == one.beside)
         return (*others, *level)
 
+    def unmoved(self, fit: Fit) -> Fit:
+        """The fit without what moves all units alike."""
+        kept = [one for one in fit.members if one.name not in self.levels]
+        return self.search.fitter.fit(kept)
+
     def units(self, fit: Fit) -> Units:
         """The units that count beside what moves each of them by its own amount."""
         setup = self.setup
@@ -148,23 +153,40 @@ class Batch:
 @dataclass(frozen=True)
 class Misfit:
     """Units that scatter about their mean unlike the population: how far from it, and how far
-    chance gets; `ratio` of the standard deviations, measured over simulated.
+    chance gets, `stretched` to its width or not; `ratio` of the standard deviations, measured over
+    simulated.
+
+    `bent` says that what moves or widens all units alike is no name for them.
     """
 
     distance: float
     limit: float
     ratio: float
+    stretched: bool
+    bent: bool
 
 
-def misfit(batch: Batch, fit: Fit) -> Misfit | None:
-    """Whether the units beside `fit` scatter unlike the model's, in whatever way."""
+def misfit(batch: Batch, fit: Fit, wider: Scatter | None) -> Misfit | None:
+    """Whether the units beside `fit` scatter unlike the model's with `wider` in it, in whatever
+    way.
+    """
     if not batch.setup.data.target.population:
         return None
     units, plan = batch.units(fit), batch.setup.plan
-    rng = np.random.default_rng([plan.seed, 9])
-    far = distance(batch.law, units.centred)
-    limit = floor(batch.law, len(units.x), rng, 1.0 - plan.settings.false_rate, centred=True)
-    return Misfit(far, limit, float(units.x.std()) / batch.law.std) if far > limit else None
+    law = units.law if wider is None else law_with(units.law, wider)
+
+    def compared(scaled: bool) -> tuple[float, float]:
+        rng = np.random.default_rng([plan.seed, 9])
+        limit = floor(law, len(units.x), rng, 1.0 - 0.5 * plan.settings.false_rate, True, scaled)
+        return distance(law, matched(law, units.x, scaled)), limit
+
+    plainly, stretched = compared(scaled=False), compared(scaled=True)
+    odd = [far > limit for far, limit in (plainly, stretched)]
+    if not any(odd):
+        return None
+    ratio = float(units.x.std() / law.histogram.std())
+    bent = wider is not None or odd[1]
+    return Misfit(*(plainly if odd[0] else stretched), ratio, not odd[0], bent)
 
 
 def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:

@@ -82,7 +82,7 @@ def select(search: Search, quick: bool = False) -> Selection:
     """
     fit = search.fitter.fit(())
     steps: list[Step] = []
-    rejected: set[str] = set()
+    rejected: set[frozenset[str]] = set()
     real: dict[str, Improvement] = {}
     before = search.tested(fit)
     _note(steps, search, fit, before, "start", "", True, "the model as recalibrated")
@@ -101,7 +101,7 @@ def select(search: Search, quick: bool = False) -> Selection:
         after = search.tested(grown)
         better = improvement(before, after, search.labels)
         if not better.real:
-            rejected.update(new)
+            rejected.add(frozenset(new))
             _note(steps, search, fit, after, "reject", name, False,
                   "rows the fit never saw are not predicted better", gain, better)  # fmt: skip
             continue
@@ -111,7 +111,8 @@ def select(search: Search, quick: bool = False) -> Selection:
         rejected.clear()  # effects mask each other: what failed before may not fail now
         before = search.tested(fit)
     fit = search.fitter.refined(fit.members)
-    return Selection(fit, tuple(steps), tuple(sorted(rejected)), real)
+    gone = sorted(name for one in rejected for name in one)
+    return Selection(fit, tuple(steps), tuple(gone), real)
 
 
 def beside(
@@ -141,27 +142,30 @@ def _matters(search: Search, gain: float, names: int) -> bool:
     return bool(rms > search.settings.practical_limit)
 
 
-def _next(search: Search, fit: Fit, rejected: set[str]) -> Fit | None:
+def _next(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
     """The best fit with one name more that passes the threshold; None where there is none."""
     found = search.open(fit.members)
     limit = search.thresholds.library
     # the threshold is that of the dictionary: what a finer fit adds is no evidence
-    found = [one for one in found if one.member.name not in rejected and one.gain > limit]
+    alone = {name for one in rejected if len(one) == 1 for name in one}
+    found = [one for one in found if one.member.name not in alone and one.gain > limit]
     fits = [one for one in search.refined(fit.members, found) if fit.rss - one.rss > limit]
     fits = [one for one in fits if one.score < fit.score]
     return fits[0] if fits else None
 
 
-def masked(search: Search, fit: Fit, rejected: set[str]) -> Fit | None:
-    """The best fit with two names more, neither of which shows without the other; else None."""
+def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | None:
+    """The best fit with two names more, neither of which shows without the other; else None.
+
+    A name that was rejected alone may be one of them: without the other it was fitted wrongly.
+    """
     limit = search.thresholds.library
-    firsts = [one for one in search.open(fit.members)
-              if one.member.name not in rejected][:MASKED]  # fmt: skip
+    firsts = search.open(fit.members)[:MASKED]
     best: Fit | None = None
     for first in firsts:
         members = (*fit.members, first.member)
         seconds = [one for one in search.open(members)
-                   if one.member.name not in rejected]  # fmt: skip
+                   if frozenset([first.member.name, one.member.name]) not in rejected]  # fmt: skip
         if not seconds or first.gain + seconds[0].gain < TWO * limit:
             continue
         whole = search.fitter.refined([*members, seconds[0].member])

@@ -67,9 +67,10 @@ def _formula(end: Ending, shape: Shape) -> str:
 def _of_misfit(end: Ending, odd: Misfit) -> Shape:
     """Units that scatter unlike the model's, as a record."""
     output = end.setup.data.outputs[0]
+    width = ", stretched to its width," if odd.stretched else ""
     text = (
         f"the units scatter unlike the population: {odd.distance:.3g} {output.unit} from it about "
-        f"their mean where chance reaches {odd.limit:.3g}; their standard deviation is "
+        f"their mean{width} where chance reaches {odd.limit:.3g}; their standard deviation is "
         f"{odd.ratio:.2f} times as large"
     )
     return Shape(output.name, "population", "scatter of the units", odd.distance, output.unit, text,

@@ -6,11 +6,12 @@ import numpy as np
 import pandas as pd
 
 from ...gap_records import Region, Shape
+from ...models.effects.readings import unit_numbers
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .abstain import Judged
 from .fit import Fit, Fitter
-from .generic import PREDICTED, Form
+from .generic import PREDICTED, Form, order_of_units
 from .linear import beside
 from .scan import Left, Remaining
 from .setup import Setup
@@ -43,6 +44,8 @@ def along(setup: Setup, variable: str) -> Array | None:
     """Values (n,) of an input, or of what is predicted."""
     if variable.startswith(PREDICTED):
         return setup.predicted[variable.removeprefix(PREDICTED)]
+    if variable == order_of_units(setup.data):
+        return np.asarray(unit_numbers(setup.data.readings), dtype=float)
     if variable not in {c.name for c in setup.data.inputs}:
         return None
     return np.asarray(setup.data.readings.table[variable], dtype=float)

@@ -29,7 +29,8 @@ def test_step_is_found_of_numbers_that_were_cut_to_some_digits() -> None:
 
 
 def test_decimals_are_steps() -> None:
-    assert step_of(np.round(numbers(400, 5.0), 2)) == pytest.approx(0.01, rel=1e-9)
+    cut: np.ndarray = np.round(numbers(400, 5.0), 2)
+    assert step_of(cut) == pytest.approx(0.01, rel=1e-9)
 
 
 @pytest.mark.parametrize("n", [20, 60, 300, 2400])
