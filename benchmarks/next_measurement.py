@@ -183,8 +183,8 @@ def told(table: pd.DataFrame) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--records", type=int, default=250)
-    parser.add_argument("--first", type=int, default=300)
+    parser.add_argument("--records", type=int, default=150)
+    parser.add_argument("--first", type=int, default=450)
     given = parser.parse_args()
     numbers = range(given.first, given.first + given.records)
     rows = [row for number in numbers for row in trial(number)]

@@ -25,9 +25,7 @@ def of_units(result: GapResult) -> GapResult:
     shape = replace(mean, aspect="shape", statistic="distance of shapes", low=NAN, high=NAN,
                     verdict="no difference seen; one of 0.3 would have been")  # fmt: skip
     stands = InputChange("pin<", 1.51, 1.3, 1.7, "um", 1.01, 0.4, parts=3, readings=1200)
-    out = InputChange(
-        "runout", 5.9, 5.0, 6.6, "um", 5.9, 40.0, "it would need 5.9 of its tolerance"
-    )
+    out = InputChange("runout", 5.9, 5.0, 6.6, "um", 5.9, 40.0, "it needs 5.9 of its tolerance")
     found = Attribution("process_mean_shift", "y<", "shift", ("pin<",), "attributed", (stands, out),
                         "shift of pin< alone explains the batch")  # fmt: skip
     return replace(result, population=(mean, shape), attribution=(found,))

@@ -145,5 +145,7 @@ def size_follows(
 
 
 def _parabola(values: Array) -> Array:
+    """A parabola of values (n,) as columns; a line where they are only two."""
     x = (values - values.mean()) / max(float(values.std()), 1e-300)
-    return np.column_stack([np.ones_like(x), x, x * x])
+    powers = range(3 if len(np.unique(values)) > 2 else 2)
+    return np.column_stack([x**k for k in powers])

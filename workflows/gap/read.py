@@ -207,9 +207,6 @@ def _content_faults(
     if len(frame) < max(LEAST, 2 * count):
         found.append(Fault(place, f"has {len(frame)} rows; {count - 1} free numbers of the model "
                            f"and the noise need at least {max(LEAST, 2 * count)}"))  # fmt: skip
-    if len(frame) > 1 and not _varies(plan, frame, columns):
-        found.append(Fault(place, "no input varies: every row is the same reading again, and no "
-                           "cause can be told; vary an input, or add time_s"))  # fmt: skip
     for column in columns:
         if column.role is Role.DIRECTION and column.name in frame:
             bad = ~frame[column.name].isin([-1.0, 1.0]) & frame[column.name].notna()
@@ -222,6 +219,9 @@ def _content_faults(
     for output in outputs:
         if output.name in frame:
             found += _measured_faults(frame, output.name, predictions.get(output.name), place)
+    if not found and not _varies(plan, frame, columns):
+        found.append(Fault(place, "no input varies: every row is the same reading again, and no "
+                           "cause can be told; vary an input, or add time_s"))  # fmt: skip
     return found
 
 

@@ -182,7 +182,7 @@ def gauge_bias(rng: np.random.Generator, at: Poses) -> Injected:
 def drift(rng: np.random.Generator, at: Poses) -> Injected:
     """The zeros of all read-outs walk up, each at its own pace."""
     pace = rng.uniform(1.0, 10.0) * rng.uniform(0.2, 1.0, len(OUTPUTS))
-    return Injected(np.outer(pace, at.time / at.time[-1]).ravel())
+    return Injected(np.concatenate([one * at.time / at.time[-1] for one in pace]))
 
 
 MANIPULATOR = {

@@ -12,7 +12,7 @@ from ..result import Ending
 from ..setup import LEAST_NAMED, left_of
 from .chance import chance_of
 from .changed_laws import ChangedLaws
-from .input_changes import KINDS, Tables
+from .input_changes import KINDS, Change, Tables
 from .unit_law import UnitLaw
 from .weighed import Weighed, parts_of
 
@@ -56,10 +56,11 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
         return (Attribution(effect, output, best.kind, (), "none", some, text),)
     if all(one.source is None for one in weighed.standing):
         some = _records(weighed, weighed.standing[0].kind, unit)
-        text = f"no input alone does it within its limits; {told(weighed)}, or several inputs do"
+        other = told(weighed, unit)
+        text = f"no input alone does it within its limits; {other}, or several inputs would"
         return (Attribution(effect, output, weighed.standing[0].kind, (), "none", some, text),)
     kinds = [k for k in KINDS if any(one.kind == k for one in weighed.standing)]
-    text = told(weighed)
+    text = told(weighed, unit)
     alone = len(weighed.standing) == 1 and not weighed.mixed
     verdict = "attributed" if alone else "cannot tell"
     return tuple(
@@ -75,15 +76,15 @@ def _records(weighed: Weighed, kind: str, unit: str) -> tuple[InputChange, ...]:
     return tuple(sorted(found, key=lambda one: (bool(one.excluded_because), one.distance)))
 
 
-def told(weighed: Weighed) -> str:
+def told(weighed: Weighed, unit: str) -> str:
     """What is left standing, and what would tell, in one sentence."""
-    names = [f"{one.kind} of {one.name}" for one in weighed.standing]
+    names = [_way(one) for one in weighed.standing]
     names += ["two suppliers"] if weighed.mixed else []
     if len(names) == 1:
         one = weighed.standing[0]
-        amount, unit = one.shown(one.best[0]), one.unit
-        what = f"{amount:.3g} {unit}".rstrip() if one.kind != "widening" else f"{amount:.3g} times"
-        return f"{names[0]} ({what}) alone explains the batch"
+        times = one.kind == "widening" and one.source is not None
+        what = "times" if times else one.unit or unit
+        return f"{names[0]} ({one.shown(one.best[0]):.3g} {what}) alone would explain the batch"
     said = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
     text = f"cannot tell with n = {len(weighed.tables.y)} between {said}"
     parts = {one.source: parts_of(one, one.best[0]) for one in weighed.standing if one.source}
@@ -92,6 +93,12 @@ def told(weighed: Weighed) -> str:
         return text
     first = min(known, key=lambda source: known[source])
     return f"{text}; measure the {first.part} of {known[first]} parts"
+
+
+def _way(one: Change) -> str:
+    """What an input, or the gauge, does."""
+    kind = "noise" if one.source is None and one.kind == "widening" else one.kind
+    return f"{kind} of {one.name}"
 
 
 def _names(end: Ending) -> str:
