@@ -30,8 +30,8 @@ from benchmarks.gap.page import families, page, parts_of, written
 from benchmarks.gap.scoring.scorer import figures
 from benchmarks.gap.trial import NAMERS, lines, namer_of, printed, scored
 
-SIZES = {"good": 400, "poor": 360, "pair": 200, "clean": 400, "size": 120, "delay": 100,
-         "outside": 240, "manipulator good": 12, "manipulator poor": 12, "manipulator clean": 12,
+SIZES = {"good": 300, "poor": 300, "pair": 150, "clean": 400, "size": 100, "delay": 80,
+         "outside": 200, "manipulator good": 12, "manipulator poor": 12, "manipulator clean": 12,
          "manipulator outside": 12}  # fmt: skip
 OF_MODELS = 20
 """Records of each group, and of one that is not listed; one of poses takes ten times as long."""

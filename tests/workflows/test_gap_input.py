@@ -160,6 +160,14 @@ def test_time_out_of_order(tmp_path: Path) -> None:
     np.testing.assert_array_equal(result.residuals["te"], frame["te"])
 
 
+def test_one_angle_takes_no_effect_of_the_angle(tmp_path: Path) -> None:
+    """A bench that is stiffer than its model, at one angle: no wave of the teeth."""
+    stiff = bench().assign(angle=33.0)
+    stiff["te"] -= 2.0 * COMPLIANCE * stiff["torque"]
+    text = HEAD + '"angle" = { role = "angle", unit = "deg" }\n'
+    assert found(tmp_path, stiff, text).verdict == "unnamed"
+
+
 def test_a_clock_that_begins_late_is_said(tmp_path: Path) -> None:
     """Wear and creep count from 0: with the seconds of a day they are another effect."""
     late = bench().assign(clock=np.arange(240) + 5000.0)

@@ -324,3 +324,43 @@ def test_a_mixture_that_is_in_the_model_is_no_gap() -> None:
         again = gap.found(plan, read_data(plan, data))
     assert again.verdict == "no_gap", [str(one) for one in again.effects]
     assert again.gap_before[BACKLASH] < 1.1 * result.noise_floor[BACKLASH]
+
+
+STRUCTURES: Mapping[str, Callable[[Array, Array], Array]] = {
+    "two waves along the units": lambda y, at: y + 0.9 * y.std() * np.sin(4.0 * np.pi * at),
+    "a step at three fifths": lambda y, at: y + 1.3 * y.std() * (at > 0.6),
+    "a skew": lambda y, at: y + 0.6 * (y - y.mean()) ** 2 / y.std(),
+    "clipped": lambda y, at: np.minimum(y, y.mean() + 0.4 * y.std()),
+}
+"""What no effect of the library does, at places `at` (n,) in 0..1 of the production."""
+
+
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_what_is_no_effect_of_the_library_has_no_name(name: str) -> None:
+    """Units that follow something are not wider, those of another shape not only shifted."""
+    table = units(seed=11)
+    table[BACKLASH] = STRUCTURES[name](table[BACKLASH], np.linspace(0.0, 1.0, N))
+    result = analysed(table)
+    assert result.verdict == "unnamed"
+    assert result.shapes
+
+
+def test_a_drift_about_the_mean_is_a_drift_and_a_shift() -> None:
+    """Neither shows alone: the drift begins at 0, and the mean is where it was."""
+    table = units(seed=12)
+    table[BACKLASH] = table[BACKLASH] + 1.6 * table[BACKLASH].std() * np.linspace(-1.0, 1.0, N)
+    assert set(analysed(table).names) == {"tool_wear_drift", "process_mean_shift"}
+
+
+def test_where_tells_the_units() -> None:
+    table = units(seed=13)
+    table[BACKLASH] = table[BACKLASH] + 1.5 * table[BACKLASH].std() * (np.arange(N) >= 300)
+    region = analysed(table).where[0]
+    assert (region.variable, region.kind) == ("unit", "trend")
+    assert region.high > 300.0
+
+
+@pytest.mark.parametrize("consider", [["gravity_sag"], ["spread_inflation", "lot_mixture"]])
+def test_a_library_that_moves_no_unit(consider: list[str]) -> None:
+    result = analysed(BATCHES["widened"](), f"[free]\n[effects]\nconsider = {consider}\n")
+    assert set(result.names) <= set(consider)

@@ -98,8 +98,8 @@ def _each_orthonormal(left: Array, before: Array, at: NDArray[np.int64]) -> Arra
     return np.asarray(np.moveaxis(blocks @ turned, 0, 1).reshape(len(left), count * size))
 
 
-def joined(parts: list[Array], one_sided: list[bool]) -> Groups:
-    """Groups from their columns (N, m) each."""
-    sizes = [part.shape[1] for part in parts]
-    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
-    return Groups(np.hstack(parts), starts, np.array(one_sided, dtype=bool))
+def joined(parts: list[Array], one_sided: list[bool], rows: int = 0) -> Groups:
+    """Groups from their columns (N, m) each; of none, N is `rows`."""
+    ends = np.cumsum([0, *(part.shape[1] for part in parts)], dtype=np.int64)
+    columns = np.hstack(parts) if parts else np.zeros((rows, 0))
+    return Groups(columns, ends[: len(parts)], np.array(one_sided, dtype=bool))

@@ -39,7 +39,9 @@ def dictionary(library: Sequence[Candidate], columns: Columns, spread: float) ->
     """Every candidate on its grid."""
     members = [Member(one, shape) for one in library for shape in grid(one, spread)]
     parts = [columns.of(one.candidate, one.shape) for one in members]
-    return Dictionary(tuple(members), joined(parts, [m.candidate.one_sided for m in members]))
+    rows = len(columns.data) * len(columns.data.outputs)
+    sided = [m.candidate.one_sided for m in members]
+    return Dictionary(tuple(members), joined(parts, sided, rows))
 
 
 @dataclass(frozen=True)
