@@ -172,6 +172,7 @@ def _summary(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -
         "false_rate": settings.false_rate,
         "practical_limit": settings.practical_limit,
         "interval": settings.interval,
+        "assumptions": {"parts_out_of_limits": settings.parts_out_of_limits},
         "intervals_from": "linearised" if spread is None else "block bootstrap of the selection",
         "bootstrap": 0 if spread is None else len(spread.replicates),
         "outside_training_region": _region(data),

@@ -40,6 +40,8 @@ class GapSettings:
     loop: the rms of what a further name explains, as a share of the noise. `bootstrap` replicates
     give the intervals, 0 for none. Records of more than `rows_used` rows are thinned to every k-th
     row while effects are searched. `empirical` looks for a formula where nothing has a name.
+    `parts_out_of_limits` is assumed: the share of an input's parts that may be out of its limits
+    without having been noticed.
     """
 
     false_rate: float = 0.01
@@ -51,6 +53,7 @@ class GapSettings:
     rows_used: int = 6000
     effects_at_most: int = 6
     empirical: bool = False
+    parts_out_of_limits: float = 0.75
 
 
 @dataclass(frozen=True, slots=True)

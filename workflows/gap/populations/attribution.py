@@ -31,8 +31,8 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
     if why := _refused(end):
         return (Attribution(names, output.name, "", (), "cannot tell", (), why),)
     y, u = _units(end)
-    tables = Tables(ChangedLaws(UnitLaw(sources)), y, u)
     settings = end.setup.plan.settings
+    tables = Tables(ChangedLaws(UnitLaw(sources)), y, u, settings.parts_out_of_limits)
     rival = _rival(end, tables)
     weighed = Weighed(tables, settings.set_distance, settings.interval, rival)
     limit = chance_of(tables, settings.false_rate, end.setup.plan.seed)

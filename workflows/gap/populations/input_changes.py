@@ -16,11 +16,6 @@ from .unit_law import UnitLaw
 
 GAUGE = "gauge"
 """What is no input, but moves or blurs every reading alike."""
-OUT = 0.75
-"""Share of parts of an input that may be out of limits, at most: more would be found at once
-(an assumption). A uniform input reaches it when it is shifted by 1.5 tolerances, or 4 times as
-wide."""
-SHIFT_AT_MOST, FACTOR_AT_MOST = 2.0 * OUT, 1.0 / (1.0 - OUT)
 TRENDS = np.sinh(np.linspace(-np.arcsinh(20.0), np.arcsinh(20.0), 61)) * (REACH / 20.0)
 DENSE = 401
 LIKELY = 4.0
@@ -114,11 +109,16 @@ class Change:
 
 @dataclass(frozen=True)
 class Tables:
-    """Units `y` (n,) in the output's unit, their order `u` (n,) from 0 to 1, and laws of them."""
+    """Units `y` (n,) in the output's unit, their order `u` (n,) from 0 to 1, and laws of them.
+
+    `out` is the share of an input's parts that may be out of its limits. A uniform input reaches it
+    when it is shifted by 2 `out` tolerances, or 1/(1 - `out`) times as wide.
+    """
 
     laws: ChangedLaws
     y: Array
     u: Array
+    out: float = 0.75
 
     @property
     def law(self) -> UnitLaw:
@@ -206,14 +206,14 @@ class Tables:
         for one in self.law.sources.inputs:
             if one.clipped is clipped and one.tolerance > 0.0:
                 per = one.per_unit / self.law.sources.unit
-                most = SHIFT_AT_MOST * one.tolerance * abs(per)
+                most = 2.0 * self.out * one.tolerance * abs(per)
                 yield Change(kind, one, by, log, -most, most, per)
         if not clipped:
             yield Change(kind, None, by, log, -np.inf, np.inf)
 
     def _widenings(self) -> Iterator[Change]:
         for one, table in self.laws.wider:
-            most = min(FACTOR_AT_MOST, one.widest)
+            most = min(1.0 / (1.0 - self.out), one.widest)
             yield Change("widening", one, FACTORS, table @ self.counts, 1.0, most)
         noise = NOISES * self.law.std
         yield Change("widening", None, noise, self.laws.blurred @ self.counts, 0.0, np.inf)
