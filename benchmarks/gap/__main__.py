@@ -30,8 +30,8 @@ from benchmarks.gap.page import families, page, parts_of, written
 from benchmarks.gap.scoring.scorer import figures
 from benchmarks.gap.trial import NAMERS, lines, namer_of, printed, scored
 
-SIZES = {"good": 300, "poor": 300, "pair": 150, "clean": 400, "size": 100, "delay": 80,
-         "outside": 200, "manipulator good": 12, "manipulator poor": 12, "manipulator clean": 12,
+SIZES = {"good": 150, "poor": 150, "pair": 80, "clean": 300, "size": 60, "delay": 60,
+         "outside": 100, "manipulator good": 12, "manipulator poor": 12, "manipulator clean": 12,
          "manipulator outside": 12}  # fmt: skip
 OF_MODELS = 20
 """Records of each group, and of one that is not listed; one of poses takes ten times as long."""
@@ -40,9 +40,18 @@ FIRST = 10_000
 MINUTE = 60.0
 
 
+def _count(text: str) -> int:
+    """At least one; argparse says so where it is not."""
+    if int(text) < 1:
+        raise argparse.ArgumentTypeError("at least 1")
+    return int(text)
+
+
 def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--records", type=int, help="of each group; otherwise as many as the page")
+    parser.add_argument(
+        "--records", type=_count, help="of each group; otherwise as many as the page"
+    )
     parser.add_argument("--first", type=int, default=FIRST, help="number of the first one")
     parser.add_argument("--groups", nargs="*", default=list(GROUPS), choices=list(GROUPS))
     parser.add_argument("--namers", nargs="*", default=list(NAMERS),

@@ -35,6 +35,9 @@ def read_next(top: Section, model: MeasurableModel | None) -> NextPlan | None:
     amounts = section.section("amount")
     sizes = {name: amounts.number(name, "", POSITIVE) for name in amounts.given()}
     _known(amounts, "", sizes)
+    for name in sizes if effects else ():
+        if name not in effects:
+            amounts.fault(name, f"is not among the effects asked for: {', '.join(effects)}")
     ranges = section.section("range")
     spans = {name: _span(ranges, name, model) for name in ranges.given()}
     section.finish()

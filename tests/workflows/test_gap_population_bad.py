@@ -160,3 +160,23 @@ def test_few_assemblies_have_no_input(tmp_path: Path) -> None:
     assert found["attribution"] == []
     said = {one["verdict"] for one in found["population"]} - {"differs"}
     assert all(one.startswith("cannot tell with n = ") for one in said)
+
+
+def test_one_assembly_measured_many_times(tmp_path: Path) -> None:
+    """60 rows of the same unit are one assembly."""
+    rng = np.random.default_rng(4)
+    names = [*(f"dtheta_{k}_mrad" for k in range(1, 5)), *(f"delta_{k}_mrad" for k in range(1, 5))]
+    frame = pd.DataFrame(rng.normal(size=(60, 8)), columns=names).assign(unit=1, precision_weight=5)
+    (tmp_path / "gap.toml").write_text('model = "assembly"\n', encoding="utf-8")
+    frame.to_csv(tmp_path / "units.csv", index=False)
+    words = ["gap", str(tmp_path / "gap.toml"), str(tmp_path / "units.csv"), "--out"]
+    ended = CliRunner().invoke(app, [*words, str(tmp_path / "out"), "--quiet"])
+    assert ended.exit_code == 2
+    assert "cannot tell with n = 1" in " ".join(ended.output.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_readings_beyond_all_measure(tmp_path: Path) -> None:
+    ended = command(tmp_path, units(40).assign(backlash_arcmin=1e300))
+    assert ended.exit_code == 2
+    assert "beyond anything that is measured" in " ".join(ended.output.split())

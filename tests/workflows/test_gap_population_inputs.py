@@ -287,3 +287,14 @@ def test_no_gap_has_no_input(tmp_path: Path) -> None:
     result = analysed(tmp_path, units(150, 12))
     assert (result.verdict, result.attribution) == ("no_gap", ())
     assert not any(one.differs for one in result.population)
+
+
+def test_a_shift_before_the_cut_is_no_second_supplier_alone(tmp_path: Path) -> None:
+    """Interference that is cut off bends the shape of shifted units: the shift stands beside it."""
+    result = analysed(tmp_path, units(2000, 3, ("pin_hole_radius_um", "shift", 0.75)))
+    if "lot_mixture" in result.names:
+        assert result.verdict == "ambiguous"
+        assert ("process_mean_shift",) in [one.names for one in result.rivals]
+    (one,) = result.attribution
+    assert one.verdict == "cannot tell"
+    assert "pin_hole_radius_um" in one.inputs

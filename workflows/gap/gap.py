@@ -18,7 +18,7 @@ from .gaps import OF_UNITS, gaps
 from .locate import regions
 from .next.measurement import next_measurement
 from .plan import GapPlan
-from .populations.found import attribution_of, population_of, said
+from .populations.found import attribution_of, inputs_instead, population_of, said
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
 from .recalibration import moved_far
@@ -124,12 +124,15 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
     which = {side: {o.name: table[f"{o.name}_{side}"].to_numpy() for o in outputs}
              for side in ("before", "after")}  # fmt: skip
     gap = gaps(end)
+    attribution = attribution_of(end)
     text = corrected_toml(plan, end.model, analysis.scatter[:1])
     named = in_problem(plan, text, effects(end, spread))
     planned = next_measurement(end)
+    rivals = rival_records(end, planned.rivals if planned else {})
+    rivals += inputs_instead(end, attribution)
     return GapResult(
         title=plan.model_name,
-        verdict=end.verdict,
+        verdict="ambiguous" if end.verdict == "named" and rivals else end.verdict,
         outputs=tuple(Axis(o.name, o.unit, o.meaning) for o in outputs),
         inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
         gate=gate(end),
@@ -138,7 +141,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         scores=scores(end),
         steps=renumbered(analysis.selection.steps),
         effects=named,
-        rivals=rival_records(end, planned.rivals if planned else {}),
+        rivals=rivals,
         shapes=shape_records(end),
         noise_floor=gap.floor,
         gap_before=gap.before,
@@ -149,7 +152,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         summary=_summary(plan, data, end, spread) | {"gap_is": gap.meaning},
         notes=_notes(analysis, data, end),
         population=population_of(end),
-        attribution=attribution_of(end),
+        attribution=attribution,
         configuration=plan.configuration,
         corrected=text,
         next_measurement=planned.record if planned else None,

@@ -28,6 +28,8 @@ SAME = 1e-12
 """Relative range of readings that are all the same."""
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
 SESSION = "session"
+LARGEST = 1e100
+"""Readings whose squares are still numbers."""
 LATE = 0.05
 """Share of its span that a clock may begin away from 0."""
 ABSOLUTE_ZERO = -273.15
@@ -64,7 +66,11 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
     notes: list[str] = []
     frame, found = _dropped(plan, frame, found, notes)
     faults += found + _block_faults(plan, given, frame, place)
-    if not faults and plan.model is not None and plan.model.population:
+    if (
+        not faults
+        and plan.model is not None
+        and any(c.role is Role.UNIT and c.needed for c in plan.model.columns)
+    ):
         frame, found = one_per_unit(frame, columns, place, notes)
         faults += found
     if len(given):
@@ -262,7 +268,8 @@ def _measured_faults(
     frame: pd.DataFrame, name: str, prediction: str | None, place: str
 ) -> list[Fault]:
     """A measurement that never changes, or that the prediction is a copy of."""
-    found = []
+    text = "is beyond anything that is measured"
+    found = _cells(frame, name, frame[name].abs() > LARGEST, place, text)
     values = frame[name].dropna().to_numpy()
     if len(values) > 1 and np.ptp(values) <= SAME * np.abs(values).max():
         text = "is the same in every row: nothing was measured"

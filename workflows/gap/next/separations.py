@@ -31,6 +31,8 @@ VARIANTS = 6
 WORSE = 0.9
 ROUNDS = 2
 CERTAIN = 0.95
+TIE = 1e-9
+"""Discrimination of a pair with the same columns."""
 NONE = "no design in this range separates them"
 
 
@@ -140,6 +142,9 @@ def told(
 ) -> Separation:
     """The record of a pair, and its sentence; `levels` are the discrimination now and then."""
     planned, alike = duels
+    if levels[1] <= TIE:
+        nan = float("nan")
+        return Separation(pair.names, pair.instead_of, *levels, nan, nan, nan, 0, NONE)
     needed = count * planned.times_until(CERTAIN)
     readings = max(FEWEST, int(np.ceil(needed))) if np.isfinite(needed) else 0
     chance, like = planned.chance(), alike.chance()

@@ -57,7 +57,7 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
     if all(one.source is None for one in weighed.standing):
         some = _records(weighed, weighed.standing[0].kind, unit)
         other = told(weighed, unit)
-        text = f"no input alone does it within its limits; {other}, or several inputs would"
+        text = f"no input alone does it within its limits; {other}"
         return (Attribution(effect, output, weighed.standing[0].kind, (), "none", some, text),)
     kinds = [k for k in KINDS if any(one.kind == k for one in weighed.standing)]
     text = told(weighed, unit)
@@ -84,7 +84,8 @@ def told(weighed: Weighed, unit: str) -> str:
         one = weighed.standing[0]
         times = one.kind == "widening" and one.source is not None
         what = "times" if times else one.unit or unit
-        return f"{names[0]} ({one.shown(one.best[0]):.3g} {what}) alone would explain the batch"
+        found = f"{names[0]} ({one.shown(one.best[0]):.3g} {what}) alone would explain the batch"
+        return f"{found}; so may several inputs together"
     said = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
     text = f"cannot tell with n = {len(weighed.tables.y)} between {said}"
     parts = {one.source: parts_of(one, one.best[0]) for one in weighed.standing if one.source}

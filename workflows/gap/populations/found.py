@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ....gap_records import Attribution, PopulationLine
+from ....gap_records import Attribution, Measurement, PopulationLine, Rival
 from ..result import Ending
 from . import of_batch, of_pairs
+from .attribution import MIXTURE
 from .attribution import of_batch as inputs_of_batch
 from .recorded import of_recorded
 
+SHIFT = "process_mean_shift"
 SHOWN = 3
 
 
@@ -25,6 +27,20 @@ def attribution_of(end: Ending) -> tuple[Attribution, ...]:
     if end.setup.data.target.population:
         return inputs_of_batch(end)
     return of_recorded(end) if of_pairs.has_units(end) else ()
+
+
+def inputs_instead(end: Ending, found: Sequence[Attribution]) -> tuple[Rival, ...]:
+    """A process off its middle, where an input that is would make units look like a mixture.
+
+    Interference that is cut off changes their shape as a second supplier does.
+    """
+    names = (*end.fit.names, *(one.candidate.name for one in end.analysis.scatter[:1]))
+    shifts = [one for one in found if one.kind == "shift" and one.inputs and one.verdict != "none"]
+    if MIXTURE not in names or not shifts or end.verdict not in ("named", "ambiguous"):
+        return ()
+    nearest = min((one.distance for one in shifts[0].candidates if not one.excluded_because),
+                  default=0.0)  # fmt: skip
+    return (Rival((SHIFT,), (MIXTURE,), nearest, Measurement(shifts[0].text)),)
 
 
 def said(lines: Sequence[PopulationLine], attribution: Sequence[Attribution]) -> list[str]:
