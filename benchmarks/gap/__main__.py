@@ -118,6 +118,15 @@ def tell(text: str) -> None:
     sys.stderr.flush()
 
 
+def _repeatable(argv: Sequence[str]) -> list[str]:
+    """The arguments without those that are of one machine: where answers are kept, and workers."""
+    own = ("--out", "--workers")
+    return [
+        one for at, one in enumerate(argv)
+        if one not in own and (at == 0 or argv[at - 1] not in own)
+    ]  # fmt: skip
+
+
 def main(argv: Sequence[str]) -> int:
     given = arguments(argv)
     keys = wanted(given)
@@ -130,7 +139,7 @@ def main(argv: Sequence[str]) -> int:
     by = {name: [there[one] for one in keys if one[0] == name] for name in given.namers}
     answers = {name: [scored(one) for one in found] for name, found in by.items() if found}
     seconds = {name: [float(one["seconds"]) for one in by[name]] for name in answers}
-    command = shlex.join(["python", "-m", "benchmarks.gap", *argv])
+    command = shlex.join(["python", "-m", "benchmarks.gap", *_repeatable(argv)])
     if given.write:
         written(given.write, page(answers, seconds, command))
     for name, found in answers.items():
