@@ -61,7 +61,7 @@ bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are pro
 	$(BENCH)/python benchmarks/contact.py
 	$(BIN)/python -m benchmarks.study
 
-bench-gap: $(READY)  ## the benchmark of naming, about 25 minutes on two cores; goes on where it was stopped
+bench-gap: $(READY)  ## the benchmark of naming, about 20 minutes on two cores; goes on where it was stopped
 	$(BIN)/python -m benchmarks.gap --write docs/gap_benchmark.md
 
 lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
