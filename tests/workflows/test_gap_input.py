@@ -227,7 +227,7 @@ OUTSIDE = {
     "rv_lost_motion": ("torque_Nm,direction,twist_arcmin", "-9999,1,{}",
                        "torque_Nm: is beyond the momentary torque"),
     "assembly": ("unit,dtheta_1_mrad,dtheta_2_mrad,dtheta_3_mrad,dtheta_4_mrad,precision_weight,"
-                 "delta_1_mrad", "a,0,0,0,0,-1,{}", "precision_weight: must be at least 0"),
+                 "delta_1_mrad", "{0},0,0,0,0,-1,{0}", "precision_weight: must be at least 0"),
     "rv_batch": ("unit,temperature_C,backlash_arcmin", "{0},-300,{0}",
                  "temperature_C: is below absolute zero"),
 }  # fmt: skip

@@ -21,7 +21,7 @@ from .data import GapData, assembled
 from .next.faults import range_faults
 from .plan import GapPlan, output_of
 from .plausible import implausible
-from .units import LEAST, one_per_unit
+from .units import LEAST, one_per_unit, too_few
 
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
 SAME = 1e-12
@@ -66,13 +66,12 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
     notes: list[str] = []
     frame, found = _dropped(plan, frame, found, notes)
     faults += found + _block_faults(plan, given, frame, place)
-    if (
-        not faults
-        and plan.model is not None
-        and any(c.role is Role.UNIT and c.needed for c in plan.model.columns)
-    ):
-        frame, found = one_per_unit(frame, columns, place, notes)
-        faults += found
+    if not faults and plan.model is not None:
+        if plan.model.population:
+            frame, found = one_per_unit(frame, columns, place, notes)
+            faults += found
+        else:
+            faults += too_few(frame, columns, place)
     if len(given):
         faults += _content_faults(plan, frame, columns, outputs, predictions, stds, place)
     if faults:

@@ -10,6 +10,8 @@ import pandas as pd
 from ...errors import Fault
 from ...models.measurable import Column, Role
 
+SEVERAL = 3
+"""Units of a model of single units, each of which may be there under several conditions."""
 LEAST = 12
 """Rows, or units of a batch, below which nothing can be told from noise."""
 
@@ -43,3 +45,14 @@ def one_per_unit(
     found = merged.agg({name: "first" if name in labels else "mean"
                         for name in frame.columns if name != repeat})  # fmt: skip
     return found.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
+
+
+def too_few(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
+    """A fault where a model that needs the units' labels is given one unit, or two."""
+    name = next((c.name for c in columns if c.role is Role.UNIT and c.needed), None)
+    if name is None or name not in frame or frame.empty:
+        return []
+    units = frame[name].nunique()
+    text = f"holds {units} units in {len(frame)} rows: cannot tell with n = {units}; give at " \
+           f"least {SEVERAL} units"  # fmt: skip
+    return [Fault(place, text)] if units < SEVERAL else []
