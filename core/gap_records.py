@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from math import nan
 from typing import TYPE_CHECKING, Any
 
+from .gap_next_records import NextMeasurement
+from .gap_population_records import Attribution, PopulationLine
 from .records import Axis
 
 if TYPE_CHECKING:
@@ -258,81 +260,6 @@ class Rival:
 
 
 @dataclass(frozen=True, slots=True)
-class Separation:
-    """What the next measurement tells of `names` and `instead_of`, the data that are there
-    included.
-
-    `now` and `expected` are the discrimination without and with it: the squared norm, in noise
-    units, of what the one says and the other cannot follow when it is fitted again. `chance` is
-    that the right one fits better then, `alike` that of as many readings like the present ones,
-    `alone` that only the right one stays within the distance of a set; `needed` readings like
-    the planned ones bring the chance to 0.95 (0 where none do). `text` says so.
-    """
-
-    names: tuple[str, ...]
-    instead_of: tuple[str, ...]
-    now: float
-    expected: float
-    chance: float
-    alike: float
-    alone: float
-    needed: int
-    text: str
-
-    def __str__(self) -> str:
-        mine, other = " + ".join(self.names), " + ".join(self.instead_of)
-        return f"{mine} instead of {other}: {self.text}"
-
-
-@dataclass(frozen=True, slots=True)
-class Sensitivity:
-    """What the next measurement shows of an effect that is barely there.
-
-    `amount` is the value of `parameter` that is looked for; `now`, `then` and `alike` the chances
-    that an effect of that size passes the threshold of the whole library in the present data, with
-    the planned readings, and with as many like the present ones; `least_now` and `least_then` the
-    smallest values that are seen nine times out of ten.
-    """
-
-    name: str
-    parameter: str
-    unit: str
-    amount: float
-    now: float
-    then: float
-    alike: float
-    least_now: float
-    least_then: float
-
-    def __str__(self) -> str:
-        return (
-            f"{self.name} of {self.parameter} = {self.amount:.3g} {self.unit}: seen with chance "
-            f"{self.then:.2f} (now {self.now:.2f}, with as many readings like these "
-            f"{self.alike:.2f}); seen from {self.least_then:.3g} instead of {self.least_now:.3g}"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class NextMeasurement:
-    """The points of the next measurement, in `file` (empty where there are none), and what they
-    are expected to tell: of each pair of names, or of effects that are barely there.
-
-    `telling` are the inputs whose values matter most.
-    """
-
-    text: str
-    readings: int = 0
-    pairs: tuple[Separation, ...] = ()
-    effects: tuple[Sensitivity, ...] = ()
-    notes: tuple[str, ...] = ()
-    telling: tuple[str, ...] = ()
-    file: str = ""
-
-    def __str__(self) -> str:
-        return self.text
-
-
-@dataclass(frozen=True, slots=True)
 class Shape:
     """Stage 7: what is left without a name.
 
@@ -353,85 +280,6 @@ class Shape:
     direction: str = "unknown"
     between: tuple[str, ...] = ()
     empirical: str = ""
-
-    def __str__(self) -> str:
-        return self.text
-
-
-@dataclass(frozen=True, slots=True)
-class PopulationLine:
-    """One line of the comparison of simulated and measured units.
-
-    `model` is "before" or "after" (with the effects in it), `aspect` "location", "spread", "shape",
-    "mixture", "trend" or "lots", `statistic` what of it. `low` and `high` are the 90 % interval of
-    `difference` (nan where the statistic is never negative), `chance` the size that it reaches by
-    chance in any of the lines, `would_show` what would have been seen nine times out of ten.
-    """
-
-    model: str
-    output: str
-    aspect: str
-    statistic: str
-    unit: str
-    simulated: float
-    measured: float
-    difference: float
-    low: float
-    high: float
-    chance: float
-    would_show: float
-    verdict: str
-
-    @property
-    def differs(self) -> bool:
-        """Whether measured and simulated units differ in it."""
-        return self.verdict == "differs"
-
-    def __str__(self) -> str:
-        return (
-            f"{self.statistic} {self.simulated:.4g} simulated, {self.measured:.4g} measured "
-            f"{self.unit}".rstrip()
-            + f": {self.verdict}"
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class InputChange:
-    """What one input alone would have to do.
-
-    `amount` is in `unit`, a factor for a widening without one; `share_of_tolerance` is of the
-    half-width of its zone. `distance` is twice the log likelihood by which it explains the data
-    worse than the best. `parts` is how many parts measured would show it, `readings` how many units
-    like these would tell it from the best (0: none would, or not known).
-    """
-
-    input: str
-    amount: float
-    low: float
-    high: float
-    unit: str
-    share_of_tolerance: float
-    distance: float
-    excluded_because: str = ""
-    parts: int = 0
-    readings: int = 0
-
-
-@dataclass(frozen=True, slots=True)
-class Attribution:
-    """Which inputs may be behind a difference; `effect` names those that it would stand for.
-
-    `kind` is "shift", "widening", "trend", "bias" or "gain", `verdict` "attributed" (to the one
-    input), "cannot tell" (between the inputs) or "none".
-    """
-
-    effect: str
-    output: str
-    kind: str
-    inputs: tuple[str, ...]
-    verdict: str
-    candidates: tuple[InputChange, ...]
-    text: str
 
     def __str__(self) -> str:
         return self.text

@@ -8,7 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...gap_records import GapResult, NextMeasurement
+from ...gap_next_records import NextMeasurement
+from ...gap_records import GapResult
 from ..document import bullets
 from ..drawing import new_figure, plain
 from ..tables import table

@@ -6,7 +6,8 @@ from html import escape
 
 import pandas as pd
 
-from ...gap_records import Attribution, GapResult
+from ...gap_population_records import Attribution
+from ...gap_records import GapResult
 from ..tables import table
 
 CAPTION = "Simulated and measured units, with the model as it is and with the effects in it."

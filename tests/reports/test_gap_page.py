@@ -11,19 +11,17 @@ import pandas as pd
 import pytest
 
 from tests.reports.html import parsed
+from tolevo.gap_next_records import NextMeasurement, Sensitivity, Separation
 from tolevo.gap_records import (
     FoundEffect,
     FoundParameter,
     GapResult,
     Gate,
     Measurement,
-    NextMeasurement,
     OutputGate,
     Recalibrated,
     Region,
     Rival,
-    Sensitivity,
-    Separation,
     Shape,
     Step,
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.gap_records import PopulationLine
+from tolevo.gap_population_records import PopulationLine
 from tolevo.workflows.gap.law import Law
 from tolevo.workflows.gap.populations.lines import Compared, batches, rarely
 from tolevo.workflows.gap.populations.statistics import (

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pandas as pd
 
-from ....gap_records import Measurement, NextMeasurement, Sensitivity, Separation
+from ....gap_next_records import NextMeasurement, Sensitivity, Separation
+from ....gap_records import Measurement
 from ..ambiguity import Other
 from ..fit import Fit
 from ..plan import NextPlan

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from ....gap_records import Sensitivity
+from ....gap_next_records import Sensitivity
 from ....models.inputs.distribution import Array
 from ..fit import Fit, Member
 from ..plan import NextPlan

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ....gap_records import Separation
+from ....gap_next_records import Separation
 from ..ambiguity import Other
 from ..fit import Fit, Member
 from ..linear import beside

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from ....gap_records import Separation
+from ....gap_next_records import Separation
 from ....models.measurable import Role
 from ..law import Law
 from ..likelihood import Kind, kind_of

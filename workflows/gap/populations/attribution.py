@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ....gap_records import Attribution, InputChange
+from ....gap_population_records import Attribution, InputChange
 from ....models.effects.readings import unit_numbers
 from ....models.inputs.distribution import Array
 from ..library import ON_SCATTER

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ....gap_records import Attribution, Measurement, PopulationLine, Rival
+from ....gap_population_records import Attribution, PopulationLine
+from ....gap_records import Measurement, Rival
 from ..result import Ending
 from . import of_batch, of_pairs
 from .attribution import MIXTURE

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from ....gap_records import PopulationLine
+from ....gap_population_records import PopulationLine
 from ....models.inputs.distribution import Array
 from .statistics import Look, values_of
 

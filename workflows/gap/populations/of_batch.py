@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ....gap_records import PopulationLine
+from ....gap_population_records import PopulationLine
 from ....models.effects.readings import labels_of, unit_numbers
 from ....models.inputs.distribution import Array
 from ....models.measurable import Role

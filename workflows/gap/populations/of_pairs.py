@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from scipy import stats
 
-from ....gap_records import PopulationLine
+from ....gap_population_records import PopulationLine
 from ....models.effects.readings import unit_numbers
 from ....models.inputs.distribution import Array
 from ....models.measurable import Role

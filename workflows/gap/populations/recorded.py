@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
-from ....gap_records import Attribution, InputChange
+from ....gap_population_records import Attribution, InputChange
 from ....models.effects.readings import readings_of, unit_numbers
 from ....models.inputs.distribution import Array
 from ....models.measurable import Column, Role

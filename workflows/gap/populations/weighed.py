@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
-from ....gap_records import InputChange
+from ....gap_population_records import InputChange
 from ....models.sources import Source
 from .input_changes import Change, Tables
 

@@ -1,0 +1,80 @@
+"""Result records of the next measurement that `tolevo gap` plans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Separation:
+    """What the next measurement tells of `names` and `instead_of`, the data that are there
+    included.
+
+    `now` and `expected` are the discrimination without and with it: the squared norm, in noise
+    units, of what the one says and the other cannot follow when it is fitted again. `chance` is
+    that the right one fits better then, `alike` that of as many readings like the present ones,
+    `alone` that only the right one stays within the distance of a set; `needed` readings like
+    the planned ones bring the chance to 0.95 (0 where none do). `text` says so.
+    """
+
+    names: tuple[str, ...]
+    instead_of: tuple[str, ...]
+    now: float
+    expected: float
+    chance: float
+    alike: float
+    alone: float
+    needed: int
+    text: str
+
+    def __str__(self) -> str:
+        mine, other = " + ".join(self.names), " + ".join(self.instead_of)
+        return f"{mine} instead of {other}: {self.text}"
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """What the next measurement shows of an effect that is barely there.
+
+    `amount` is the value of `parameter` that is looked for; `now`, `then` and `alike` the chances
+    that an effect of that size passes the threshold of the whole library in the present data, with
+    the planned readings, and with as many like the present ones; `least_now` and `least_then` the
+    smallest values that are seen nine times out of ten.
+    """
+
+    name: str
+    parameter: str
+    unit: str
+    amount: float
+    now: float
+    then: float
+    alike: float
+    least_now: float
+    least_then: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.name} of {self.parameter} = {self.amount:.3g} {self.unit}: seen with chance "
+            f"{self.then:.2f} (now {self.now:.2f}, with as many readings like these "
+            f"{self.alike:.2f}); seen from {self.least_then:.3g} instead of {self.least_now:.3g}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class NextMeasurement:
+    """The points of the next measurement, in `file` (empty where there are none), and what they
+    are expected to tell: of each pair of names, or of effects that are barely there.
+
+    `telling` are the inputs whose values matter most.
+    """
+
+    text: str
+    readings: int = 0
+    pairs: tuple[Separation, ...] = ()
+    effects: tuple[Sensitivity, ...] = ()
+    notes: tuple[str, ...] = ()
+    telling: tuple[str, ...] = ()
+    file: str = ""
+
+    def __str__(self) -> str:
+        return self.text
