@@ -205,7 +205,7 @@ def _beside_scatter(
 ) -> tuple[Ground, Selection, tuple[Scatter, ...]]:
     """The names once more beside what changes the scatter: a mixture moves the mean itself."""
     ground, before = bare, found
-    if structured(bare.search, found.fit, bare.generic, bare.empty):
+    if not bare.setup.laws or structured(bare.search, found.fit, bare.generic, bare.empty):
         return bare, found, ()  # units that follow something do not scatter
     fit, wider = _beside_any(bare, bare, found.fit)
     for _ in range(ROUNDS if wider else 0):
@@ -230,8 +230,6 @@ def _beside_any(bare: Ground, ground: Ground, fit: Fit) -> tuple[Fit, tuple[Scat
 
     A name that took the mean of a mixture for its own hides the mixture.
     """
-    if not bare.setup.laws:
-        return fit, ()
     fewer = [fit.without(at) for at in range(len(fit.members))]
     tried = [fit, *(ground.search.fitter.fit(one) for one in fewer)]
     tried += [ground.empty] if len(fewer) > 1 else []
