@@ -1,0 +1,99 @@
+"""First contact of many units by array operations, where numba is not installed.
+
+The same formulas as `compiled`: at each position, disc and flank all contacts of all units at once.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Single = NDArray[np.float32]
+BLOCK = 512
+"""Units worked on at once."""
+
+
+def _disc(axes: Single, disc: Single, circle: Single) -> tuple[Single, Single, Single]:
+    """Terms of the gap (7, n), play and forward turn (n,) of one disc at one position."""
+    ex, ey, dx, dy, cx, cy = axes
+    turning, offset = disc[4] + 1j * disc[5], disc[6] + 1j * disc[7]
+    around, pitch = disc[8] + 1j * disc[9], disc[10] + 1j * disc[11]
+    centre = turning * (ex + 1j * ey) + offset * (dx + 1j * dy)
+    turned = pitch * (dx + 1j * dy)
+    away = circle[0] + 1j * circle[1] - centre
+    terms = np.stack([
+        np.ones_like(disc[0]), disc[0], disc[1], away.real, away.imag, turned.real, turned.imag,
+    ]).astype(np.float32)  # fmt: skip
+    ahead = disc[3] - np.imag(around * (cx + 1j * cy))
+    return terms, disc[2], ahead.astype(np.float32)
+
+
+def touch(
+    rows: Single, pins: Any, start: Any, stop: Any, axes: Single, across: Single, along: Single,
+    discs: Single, circle: Single, high: Single, low: Single, ahead: Any, behind: Any,
+) -> None:  # fmt: skip
+    """As `compiled.touch`."""
+    columns = [0, 1, 2, 4, 5, 6, 7]
+    for first in range(0, across.shape[1], BLOCK):
+        part = slice(first, first + BLOCK)
+        own, moved = across[:, part], along[:, part]
+        for a in range(start.shape[0]):
+            ends: list[list[tuple[Any, Any]]] = [[], []]
+            for d in range(start.shape[1]):
+                terms, play, turn = _disc(axes[a, d], discs[d][:, part], circle[:, part])
+                for flank, sign in ((0, 1.0), (1, -1.0)):
+                    i, k = start[a, d, flank], stop[a, d, flank]
+                    some, pin = rows[i:k], pins[i:k]
+                    h = some[:, columns] @ terms
+                    h += some[:, 1:2] * own[pin] + some[:, 3:4] * moved[pin]
+                    which = np.argmin(sign * h, axis=0)
+                    at = np.take_along_axis(h, which[None, :], axis=0)[0]
+                    ends[flank].append((at + sign * play - turn, i + which))
+            for flank, into, contact in ((0, high, ahead), (1, low, behind)):
+                turns = np.stack([one for one, _ in ends[flank]])
+                best = np.argmin(turns, axis=0) if flank == 0 else np.argmax(turns, axis=0)
+                chosen = np.stack([one for _, one in ends[flank]])
+                into[a, part] = np.take_along_axis(turns, best[None, :], axis=0)[0]
+                contact[a, part] = np.take_along_axis(chosen, best[None, :], axis=0)[0]
+
+
+def pull_back(
+    weight: Single, ahead: Any, behind: Any, rows: Single, pins: Any, disc_of: Any, axes: Single,
+    of_unit: Single, of_discs: Single, of_pins: Single, total: Any,
+) -> None:  # fmt: skip
+    """As `compiled.pull_back`."""
+    a, u = np.nonzero(weight)
+    w = weight[a, u]
+    for contact, sign in ((ahead[a, u], 1.0), (behind[a, u], -1.0)):
+        d, sw, row = disc_of[contact], sign * w, rows[contact].T
+        own, pin = of_discs[d, :, u].T, of_pins[:, pins[contact], u]
+        ex, ey, dx, dy, cx, cy = axes[a, d].T
+        eccentric, disc, crank = ex + 1j * ey, dx + 1j * dy, cx + 1j * cy
+        normal, direction = row[4] + 1j * row[5], row[6] + 1j * row[7]
+        parts = [
+            sw * row[2] * of_unit[0, u],
+            sw * row[3] * pin[0],
+            sw * row[1] * pin[1],
+            -sw * row[1] * pin[2],
+            sw * _along(direction, (own[2] + 1j * own[3]) * disc),
+            -sw * _along(normal, (own[4] + 1j * own[5]) * disc),
+            sw * (np.imag((own[7] + 1j * own[8]) * crank) - _along(normal, eccentric * own[6])),
+            sw * row[1] * own[0],
+            -sw * row[2] * own[1],
+            w * own[9],
+            sw * _along(normal, of_unit[1, u] + 1j * of_unit[2, u]),
+            sw * (_along(normal, (own[10] + 1j * own[11]) * disc) - own[12]),
+            sw * (np.imag((own[14] + 1j * own[15]) * crank)
+                  - _along(normal, 1j * eccentric * own[13])),
+            -sw * own[16],
+            sw * row[1],
+            sw * row[8],
+        ]  # fmt: skip
+        total += [float(np.sum(part, dtype=np.float64)) for part in parts]
+
+
+def _along(direction: Any, vector: Any) -> Any:
+    """The scalar product of two plane vectors as complex numbers."""
+    return np.real(vector * np.conj(direction))

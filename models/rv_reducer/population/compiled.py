@@ -1,0 +1,157 @@
+"""First contact of many units, compiled by numba: positions, discs, pins, and units innermost.
+
+The formulas are those of `arrays`. All functions stand in this file because numba's cache does not
+see changes of others. Importing this needs numba.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Single = NDArray[np.float32]
+LANES = 256
+"""Units worked on side by side, so that they stay in the cache."""
+
+
+def _compiled(function: Any) -> Any:
+    return numba.njit(cache=True, error_model="numpy", fastmath=True, nogil=True)(function)
+
+
+@_compiled
+def _disc(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
+    """Fills `terms` (8, lanes) of one disc at one position.
+
+    `axes` (6) are cos and sin of eccentric, disc, and eccentric against the cranks; `disc`
+    (12, lanes): normal, radial, play, ahead, then real and imaginary parts of turning, offset,
+    around, pitch; `circle` (2, lanes). `terms`: what adds to the gap along the normal, with its
+    radial part, x and y of the pin against the disc, pitch x and y, play, forward turn.
+    """
+    ex, ey, dx, dy, cx, cy = axes[0], axes[1], axes[2], axes[3], axes[4], axes[5]
+    for u in range(terms.shape[1]):
+        terms[0, u] = disc[0, u]
+        terms[1, u] = disc[1, u]
+        x = disc[4, u] * ex - disc[5, u] * ey + disc[6, u] * dx - disc[7, u] * dy
+        y = disc[4, u] * ey + disc[5, u] * ex + disc[6, u] * dy + disc[7, u] * dx
+        terms[2, u] = circle[0, u] - x
+        terms[3, u] = circle[1, u] - y
+        terms[4, u] = disc[10, u] * dx - disc[11, u] * dy
+        terms[5, u] = disc[10, u] * dy + disc[11, u] * dx
+        terms[6, u] = disc[2, u]
+        terms[7, u] = disc[3, u] - (disc[8, u] * cy + disc[9, u] * cx)
+
+
+@_compiled
+def _nearest(
+    rows: Single, pins: Any, across: Single, along: Single, terms: Single, sign: float,
+    best: Single, which: Any,
+) -> None:  # fmt: skip
+    """The least of sign * h over contacts, and its pin, by lane."""
+    for i in range(rows.shape[0]):
+        j = pins[i]
+        gap, lever, radial, tangential = (
+            sign * rows[i, 0], sign * rows[i, 1], sign * rows[i, 2], sign * rows[i, 3],
+        )  # fmt: skip
+        nx, ny, c, s = sign * rows[i, 4], sign * rows[i, 5], sign * rows[i, 6], sign * rows[i, 7]
+        own, moved = across[j], along[j]
+        place = np.int32(i)
+        for u in range(best.size):
+            h = gap + lever * (own[u] + terms[0, u]) + radial * terms[1, u]
+            h += tangential * moved[u] + nx * terms[2, u] + ny * terms[3, u]
+            h += c * terms[4, u] + s * terms[5, u]
+            nearer = h < best[u]
+            best[u] = h if nearer else best[u]
+            which[u] = place if nearer else which[u]
+
+
+@_compiled
+def touch(
+    rows: Single, pins: Any, start: Any, stop: Any, axes: Single, across: Single, along: Single,
+    discs: Single, circle: Single, high: Single, low: Single, ahead: Any, behind: Any,
+) -> None:  # fmt: skip
+    """Fills the turns at first contact forward, `high`, and backward, `low` (positions, units).
+
+    `ahead` and `behind` (positions, units) are the contacts, as rows of `rows` (contacts, 9).
+    `start`, `stop` (positions, discs, 2), `axes` (positions, discs, 6), `discs` (discs, 12, units).
+    """
+    far = np.float32(1e9)
+    one, minus = np.float32(1.0), np.float32(-1.0)
+    for first in range(0, across.shape[1], LANES):
+        last = min(first + LANES, across.shape[1])
+        lanes = last - first
+        own, moved = across[:, first:last].copy(), along[:, first:last].copy()
+        of_discs, centre = discs[:, :, first:last].copy(), circle[:, first:last].copy()
+        terms = np.empty((8, lanes), np.float32)
+        best = np.empty(lanes, np.float32)
+        which = np.empty(lanes, np.int32)
+        for a in range(start.shape[0]):
+            high[a, first:last] = far
+            low[a, first:last] = -far
+            for d in range(start.shape[1]):
+                _disc(axes[a, d], of_discs[d], centre, terms)
+                i, k = start[a, d, 0], stop[a, d, 0]
+                best[:] = far
+                which[:] = 0
+                _nearest(rows[i:k], pins[i:k], own, moved, terms, one, best, which)
+                for u in range(lanes):
+                    at = best[u] + terms[6, u] - terms[7, u]
+                    if at < high[a, first + u]:
+                        high[a, first + u] = at
+                        ahead[a, first + u] = i + which[u]
+                i, k = start[a, d, 1], stop[a, d, 1]
+                best[:] = far
+                which[:] = 0
+                _nearest(rows[i:k], pins[i:k], own, moved, terms, minus, best, which)
+                for u in range(lanes):
+                    at = -best[u] - terms[6, u] - terms[7, u]
+                    if at > low[a, first + u]:
+                        low[a, first + u] = at
+                        behind[a, first + u] = i + which[u]
+
+
+@_compiled
+def pull_back(
+    weight: Single, ahead: Any, behind: Any, rows: Single, pins: Any, disc_of: Any, axes: Single,
+    of_unit: Single, of_discs: Single, of_pins: Single, total: Any,
+) -> None:  # fmt: skip
+    """Adds to `total` (16) the slopes of sum(weight * (high - low)), as `gradient` orders them.
+
+    `weight` (positions, units); `of_unit` (3, units), `of_discs` (discs, 17, units) and `of_pins`
+    (3, pins, units) are the standardised errors as `gradient.Slopes` packs them.
+    """
+    for a in range(weight.shape[0]):
+        for u in range(weight.shape[1]):
+            w = weight[a, u]
+            if w == 0.0:
+                continue
+            for flank in range(2):
+                sw = w if flank == 0 else -w
+                i = ahead[a, u] if flank == 0 else behind[a, u]
+                j, d = pins[i], disc_of[i]
+                row, axis, own = rows[i], axes[a, d], of_discs[d, :, u]
+                ex, ey, dx, dy, cx, cy = axis[0], axis[1], axis[2], axis[3], axis[4], axis[5]
+                lever, nx, ny = row[1], row[4], row[5]
+                total[0] += sw * row[2] * of_unit[0, u]
+                total[1] += sw * row[3] * of_pins[0, j, u]
+                total[2] += sw * lever * of_pins[1, j, u]
+                total[3] -= sw * lever * of_pins[2, j, u]
+                px, py = own[2] * dx - own[3] * dy, own[2] * dy + own[3] * dx
+                total[4] += sw * (row[6] * px + row[7] * py)
+                rx, ry = own[4] * dx - own[5] * dy, own[4] * dy + own[5] * dx
+                total[5] -= sw * (nx * rx + ny * ry)
+                total[6] -= sw * (nx * ex + ny * ey) * own[6]
+                total[6] += sw * (own[7] * cy + own[8] * cx)
+                total[7] += sw * lever * own[0]
+                total[8] -= sw * row[2] * own[1]
+                total[9] += w * own[9]
+                total[10] += sw * (nx * of_unit[1, u] + ny * of_unit[2, u])
+                bx, by = own[10] * dx - own[11] * dy, own[10] * dy + own[11] * dx
+                total[11] += sw * (nx * bx + ny * by) - sw * own[12]
+                total[12] -= sw * (ex * ny - ey * nx) * own[13]
+                total[12] += sw * (own[14] * cy + own[15] * cx)
+                total[13] -= sw * own[16]
+                total[14] += sw * lever
+                total[15] += sw * row[8]

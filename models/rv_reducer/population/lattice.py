@@ -1,0 +1,145 @@
+"""The positions of a turn at which units are measured, and which pins can touch there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import gcd
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact.gaps import Axes
+from ..contact.geometry import ContactGeometry, lever, unit
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Single = NDArray[np.float32]
+LEAST_LEVER = 0.3
+"""Share of the largest lever arm below which pins are left out: they close no backlash."""
+NODES = 96
+"""Chebyshev nodes of the profile over the phase."""
+
+
+def turn_lattice(positions: int, teeth: int) -> Array:
+    """Crank angles [rad] (positions,) over one output turn, halfway between multiples of a part."""
+    return 2.0 * np.pi * teeth * (np.arange(positions) + 0.5) / positions
+
+
+def shares_a_factor(positions: int, geometry: ContactGeometry) -> bool:
+    """Whether the positions meet the same phases of the mesh again and again."""
+    nominal = geometry.nominal
+    return positions > 1 and (
+        gcd(positions, nominal.cycloid_teeth) > 1 or gcd(positions, nominal.pins) > 1
+    )
+
+
+def nearest_prime(positions: int, geometry: ContactGeometry) -> int:
+    """The prime nearest to `positions` that shares no factor with teeth and pins."""
+    for step in range(positions + 10):
+        for candidate in (positions + step, positions - step):
+            if _prime(candidate) and not shares_a_factor(candidate, geometry):
+                return candidate
+    raise ArithmeticError("no prime found")  # there is one between n and 2 n
+
+
+def _prime(number: int) -> bool:
+    return number > 1 and all(number % k for k in range(2, int(number**0.5) + 1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lattice:
+    """Positions of a turn and the contacts that can bear at each, in the order of the kernels.
+
+    A contact is a pin of a disc at a position with a lever arm worth counting; `start`
+    (positions, discs, 2) is the first contact of the forward (0) and backward (1) flank, `stop`
+    one past the last. By contact: `pin` its pin and `disc` its disc, `phase` [rad] the magnitude of its phase, `side`
+    the sign of it, `direction` exp(i theta) of the pin.     `nodes` [rad] are phases at which the profile is computed and `weights` (contacts, nodes)
+    interpolate from there. `directions` (positions, discs, 6) are cosine and sine of the
+    eccentric, of the disc, and of the eccentric against the line of the cranks.
+    """
+
+    geometry: ContactGeometry
+    angles: Array
+    start: NDArray[np.int64]
+    stop: NDArray[np.int64]
+    pin: NDArray[np.int64]
+    disc: NDArray[np.int64]
+    phase: Array
+    side: Array
+    direction: Complex
+    nodes: Array
+    weights: Array
+    directions: Single
+
+    @classmethod
+    def of(cls, geometry: ContactGeometry, angles: Array) -> Lattice:
+        """The lattice of crank angles [rad], (positions,)."""
+        phase = np.angle(unit(geometry.phase(angles)))
+        arm = lever(geometry, phase) / geometry.nominal.lever
+        start, stop, discs, pins, phases = _contacts(arm, phase)
+        low, high = _range(geometry)
+        nodes = 0.5 * (low + high) - 0.5 * (high - low) * np.cos(
+            np.pi * (np.arange(NODES) + 0.5) / NODES
+        )
+        size = np.abs(phases)
+        return cls(
+            geometry,
+            np.asarray(angles, dtype=float),
+            start,
+            stop,
+            pins,
+            discs,
+            size,
+            np.sign(phases),
+            unit(geometry.pin_angles)[pins],
+            nodes,
+            _interpolation(nodes, size),
+            _directions(geometry, angles),
+        )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of positions and of discs."""
+        return len(self.angles), self.geometry.discs
+
+
+def _contacts(
+    arm: Array, phase: Array
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Array]:
+    """Start and stop (positions, discs, 2) and, by contact, disc, pin and phase."""
+    flank = np.stack([arm >= LEAST_LEVER, arm <= -LEAST_LEVER], axis=2)
+    count = flank.sum(axis=-1)
+    stop = np.cumsum(count).reshape(count.shape)
+    _, discs, _, pins = np.nonzero(flank)
+    phases = np.broadcast_to(phase[:, :, None, :], flank.shape)[flank]
+    return stop - count, stop, discs.astype(np.int64), pins.astype(np.int64), phases
+
+
+def _directions(geometry: ContactGeometry, angles: Array) -> Single:
+    """Cosines and sines (positions, discs, 6) of eccentric, disc, and eccentric against cranks."""
+    axes = Axes.at(geometry, angles)
+    parts = [
+        part for one in (axes.eccentric, axes.disc, axes.crank) for part in (one.real, one.imag)
+    ]
+    return np.ascontiguousarray(np.stack(parts, axis=-1), dtype=np.float32)
+
+
+def _range(geometry: ContactGeometry) -> tuple[float, float]:
+    """Phases [rad] between which lever arms count."""
+    phase = np.linspace(0.0, np.pi, 20_001)
+    counted = phase[lever(geometry, phase) / geometry.nominal.lever >= LEAST_LEVER]
+    step = phase[1]
+    return max(float(counted[0]) - step, 0.5 * step), float(counted[-1]) + step
+
+
+def _interpolation(nodes: Array, at: Array) -> Array:
+    """Barycentric weights (points, nodes) of Chebyshev interpolation."""
+    count = len(nodes)
+    own = np.sin(np.pi * (np.arange(count) + 0.5) / count) * (-1.0) ** np.arange(count)
+    away = at[:, None] - nodes
+    on = np.abs(away) < 1e-14
+    found = own / np.where(on, 1.0, away)
+    found /= found.sum(axis=1, keepdims=True)
+    rows = on.any(axis=1)
+    found[rows] = on[rows]
+    return np.asarray(found)

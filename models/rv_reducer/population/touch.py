@@ -1,0 +1,75 @@
+"""First contact of rigid units at every position of a turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .lattice import Lattice
+from .scaled import Scaled
+from .table import Table
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+Contacts = NDArray[np.int32]
+Engine = Literal["auto", "arrays", "numba"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Touch:
+    """Where units touch: turns of the disc against the mesh [arcmin], (positions, units).
+
+    `high` is first contact forward, `low` backward; `ahead` and `behind` are the contacts of the
+    lattice that make it.
+    """
+
+    high: Single
+    low: Single
+    ahead: Contacts
+    behind: Contacts
+
+    def cycloid(self, output_ratio: float) -> Single:
+        """Backlash y of the cycloid stage at the carrier [arcmin]; below zero: interference."""
+        return np.asarray((self.high - self.low) * np.float32(1.0 / output_ratio))
+
+
+def touch(lattice: Lattice, table: Table, units: Scaled, engine: Engine = "auto") -> Touch:
+    """First contact of all units at all positions."""
+    discs, circle = packed(units)
+    shape = (lattice.shape[0], units.units)
+    found = Touch(
+        np.empty(shape, np.float32),
+        np.empty(shape, np.float32),
+        np.zeros(shape, np.int32),
+        np.zeros(shape, np.int32),
+    )
+    name = ".compiled" if uses_numba(engine) else ".arrays"
+    import_module(name, __package__).touch(
+        table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions, units.across, units.along,
+        discs, circle, found.high, found.low, found.ahead, found.behind,
+    )  # fmt: skip
+    return found
+
+
+def uses_numba(engine: Engine) -> bool:
+    """Whether the compiled kernels are used."""
+    return engine == "numba" or (engine == "auto" and find_spec("numba") is not None)
+
+
+def packed(units: Scaled) -> tuple[Single, Single]:
+    """Errors of discs (discs, 12, n) and of the circle (2, n), as the kernels take them."""
+    columns = [units.normal, units.radial, units.play, units.ahead]
+    for one in (units.turning, units.offset, units.around, units.pitch):
+        columns += [one.real, one.imag]
+    wide = np.broadcast_shapes(*(one.shape for one in columns))
+    discs = np.stack([np.broadcast_to(one, wide) for one in columns], axis=1)
+    circle = np.stack([units.circle.real, units.circle.imag])
+    return (
+        np.ascontiguousarray(discs, dtype=np.float32),
+        np.ascontiguousarray(circle, dtype=np.float32),
+    )
