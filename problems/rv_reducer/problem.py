@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,7 @@ class RvReducer(ToleranceProblem):
     default_limits = DEFAULT_LIMITS
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
+    sampled = True
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -176,6 +177,36 @@ class RvReducer(ToleranceProblem):
         """The document's value of every variable; fixed errors between discs as they are here."""
         found = {v.name: float(v.document or 0.0) for v in self.variables}
         return found | {name: self.fixed[name] for name in DISC_TO_DISC if name in self.fixed}
+
+    def starts(self) -> Array:
+        """The document's zones, tighter and wider, opened until the interference limit is kept."""
+        rows = []
+        for factor in (0.7, 1.0, 1.4):
+            row = np.array([self._nominal[name] for name in self.names])
+            zones = [self.names.index(v.name) for v in self.variables if v.name.endswith("_um")]
+            row[zones] *= factor
+            rows.append(self._opened(self._inside(row)))
+        return np.array(rows)
+
+    def _inside(self, row: Array) -> Array:
+        """A full design within the search ranges, at the fixed values."""
+        free = [self.names.index(v.name) for v in self.free]
+        return np.asarray(self.complete(np.clip(row[free], self.xl, self.xu)[None, :])[0])
+
+    def _opened(self, row: Array) -> Array:
+        """The design with the equidistance modification at which interference is in its middle.
+
+        The middle is half of the limit on its probability, 2 % where there is none.
+        """
+        at = self.names.index("dr_rp_mm")
+        bound = self.settings.limits.get("interference_probability", Bound())
+        wanted = 0.5 * bound.high if bound.high < 1.0 else 0.02
+        low, high = super().interval("dr_rp_mm")
+        for _ in range(12 if low < high else 0):
+            row[at] = 0.5 * (low + high)
+            interferes = self.evaluation(row, searching=True).value("interference_probability")
+            low, high = (row[at], high) if interferes > wanted else (low, row[at])
+        return row
 
     def least_cost(self) -> tuple[str, RvReducer]:
         """Least cost at the backlash limit, the documents' single objective."""

@@ -76,9 +76,7 @@ class UnitModel:
         return cls(
             geometry,
             base.stage,
-            Hierarchy(
-                number(parameters["share_pins"]), number(parameters["share_discs"]), inputs
-            ),
+            Hierarchy(number(parameters["share_pins"]), number(parameters["share_discs"]), inputs),
             conditions,
             TighterPlanet(cranks, number(parameters.get("planet_share", 0.5))),
             mid,

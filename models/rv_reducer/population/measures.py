@@ -67,9 +67,7 @@ class Measures:
         kind, _, what = name.partition(" ")
         if kind == "yield":
             of = self._largest
-            return Measure(
-                share_within(of[0], self.involute, self.conditions.limit), of[1]
-            )
+            return Measure(share_within(of[0], self.involute, self.conditions.limit), of[1])
         if kind == "interference":
             return self._interference(self.conditions.interference)
         if kind == "rms":

@@ -8,6 +8,7 @@ tolerance and scatters a quarter of what an order statistic does.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,16 @@ from ..tighter_planet import TighterPlanet
 Array = NDArray[np.float64]
 SMOOTHING = 0.01
 """Scale [arcmin] at which a stage without backlash is smoothed, far below that of any unit."""
+GRID = np.linspace(-1.0, 1.0, 16_385)
+"""Standardised clearances at which the distribution of phi_1 is tabulated: errors below 1e-8."""
+
+
+@lru_cache(maxsize=16)
+def _table(planet: TighterPlanet) -> tuple[Array, Array]:
+    """Distribution and density on the grid, 0 at its ends where nothing lies beyond."""
+    density = planet.density(GRID)
+    density[[0, -1]] = 0.0
+    return planet.cdf(GRID), density
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +57,17 @@ class Involute:
         """P(phi_1 <= excess) of [arcmin], smoothed where the stage has no backlash."""
         if self.half == 0.0:
             return np.asarray(ndtr((excess - self.middle) / SMOOTHING))
-        return self.planet.cdf((excess - self.middle) / self.half)
+        return self._looked_up(excess, _table(self.planet)[0])
 
     def density(self, excess: Array) -> Array:
         """Its derivative [1/arcmin]."""
         if self.half == 0.0:
             z = (excess - self.middle) / SMOOTHING
             return np.asarray(np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * SMOOTHING))
-        return self.planet.density((excess - self.middle) / self.half) / self.half
+        return self._looked_up(excess, _table(self.planet)[1]) / self.half
+
+    def _looked_up(self, excess: Array, table: Array) -> Array:
+        return np.asarray(np.interp((excess - self.middle) / self.half, GRID, table))
 
     def ends(self) -> tuple[float, float]:
         """Least and largest phi_1 [arcmin]."""

@@ -76,6 +76,4 @@ class Turn:
     def slopes(self, weight: Array) -> Array:
         """Derivatives of sum(weight y), weight (positions, units), by `gradient.NAMES`."""
         drawn = self.population
-        return pull_back(
-            drawn.lattice, self.table, self.touch, drawn.slopes, weight, drawn.engine
-        )
+        return pull_back(drawn.lattice, self.table, self.touch, drawn.slopes, weight, drawn.engine)
