@@ -115,6 +115,16 @@ class RvReducer(ToleranceProblem):
                 self._more(columns, at, found)
         return columns | {"cost": self.cost_of(designs)} | self.profile(designs)
 
+    def tested(self, x: Array) -> tuple[Array, Array]:
+        designs = self.complete(x)
+        columns = {name: np.empty(len(designs)) for name in self._asked}
+        for at, design in enumerate(designs):
+            found = self.evaluation(design, searching=False)
+            for name in self._asked:
+                columns[name][at] = found.value(name)
+        found = columns | {"cost": self.cost_of(designs)} | self.profile(designs)
+        return self.objective_values(found), self.violations(designs, found)
+
     def _more(self, columns: Mapping[str, Array], at: int, found: Evaluation) -> None:
         """What only reported designs have."""
         for name in MEASURES:
