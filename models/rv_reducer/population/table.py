@@ -25,11 +25,13 @@ class Table:
     `gap` [arcmin] of perfect parts; `lever` kappa [arcmin/um], what a gap is as a turn of the disc;
     kappa times the normal's `radial` and `tangential` part in the pin's axes and its `x` and `y`
     in the housing's; `cos` and `sin` of the pin's angle; `by_shift` [arcmin/mm], the derivative of
-    `gap` by the shift modification. `arm` [m] (contacts,) is the signed lever arm.
+    `gap` by the shift modification. `arm` [m] (contacts,) is the signed lever arm and
+    `arm_by_shift` [m/mm] its derivative.
     """
 
     values: Single
     arm: Array
+    arm_by_shift: Array
 
     @classmethod
     def of(cls, lattice: Lattice, dr_rp: float, dr_p: float) -> Table:
@@ -37,10 +39,9 @@ class Table:
         distance, normal, arm = _profile(lattice, dr_p)
         kappa = UM / ARCMIN / arm
         gap = (distance + dr_rp) / arm / ARCMIN
-        ahead, before = (
-            (found[0] + dr_rp) / found[2] / ARCMIN
-            for found in (_profile(lattice, dr_p + STEP), _profile(lattice, dr_p - STEP))
-        )
+        beside = [_profile(lattice, dr_p + step) for step in (STEP, -STEP)]
+        ahead, before = ((found[0] + dr_rp) / found[2] / ARCMIN for found in beside)
+        longer = (beside[0][2] - beside[1][2]) / (2.0 * STEP * 1e3)
         housing = normal * lattice.direction
         columns = [
             gap,
@@ -53,7 +54,7 @@ class Table:
             lattice.direction.imag,
             (ahead - before) / (2.0 * STEP * 1e3),
         ]
-        return cls(np.stack(columns, axis=1).astype(np.float32), arm)
+        return cls(np.stack(columns, axis=1).astype(np.float32), arm, longer)
 
 
 def _profile(lattice: Lattice, dr_p: float) -> tuple[Array, NDArray[np.complex128], Array]:
