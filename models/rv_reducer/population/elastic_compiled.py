@@ -164,36 +164,33 @@ def _lanes(
 
 
 @_compiled
-def _pins(gaps: Single, stiff: Single, span: Any, u: int, x: float) -> tuple[float, float, float]:
+def _pins(
+    gaps: Single, stiff: Single, spans: Any, d: int, u: int, x: float
+) -> tuple[float, float, float]:
     """Torque forward, torque of all pins, and stiffness of a disc's pins at its turn x."""
-    forward = backward = rise = 0.0
-    for i in range(span[0, 0], span[0, 1]):
-        closed = x - gaps[i, u]
-        if closed > 0.0:
-            forward += stiff[i] * closed
-            rise += stiff[i]
-    for i in range(span[1, 0], span[1, 1]):
-        closed = x - gaps[i, u]
-        if closed < 0.0:
-            backward += stiff[i] * closed
-            rise += stiff[i]
-    return forward, forward + backward, rise
+    forward = torque = rise = 0.0
+    middle = spans[d, 0, 1]
+    for i in range(spans[d, 0, 0], spans[d, 1, 1]):
+        closed, k = x - gaps[i, u], stiff[i]
+        if i < middle and closed > 0.0:
+            forward += k * closed
+        if (i < middle) == (closed > 0.0):
+            torque += k * closed
+            rise += k
+    return forward, torque, rise
 
 
 @_compiled
 def _bent(
-    gaps: Single, stiff: Single, span: Any, u: int, behind: float, wanted: float, low: float,
-    high: float,
+    gaps: Single, stiff: Single, spans: Any, d: int, u: int, behind: float, wanted: float,
+    low: float, high: float,
 ) -> float:  # fmt: skip
     """The turn x in [low, high] with x + behind M(x) = wanted."""
     x = 0.5 * (low + high)
     for _ in range(_STEPS):
-        _, torque, rise = _pins(gaps, stiff, span, u, x)
+        _, torque, rise = _pins(gaps, stiff, spans, d, u, x)
         miss = x + behind * torque - wanted
-        if miss < 0.0:
-            low = x
-        else:
-            high = x
+        low, high = max(low, x) if miss < 0.0 else low, min(high, x) if miss >= 0.0 else high
         ahead = x - miss / (1.0 + behind * rise)
         if not low <= ahead <= high:
             ahead = 0.5 * (low + high)
@@ -204,41 +201,48 @@ def _bent(
 
 
 @_compiled
-def _squeezed(gaps: Single, stiff: Single, span: Any, u: int, low: float, high: float) -> float:
-    """The turn x in [low, high] at which the two flanks of a disc balance."""
-    x = 0.5 * (low + high)
-    for _ in range(_STEPS):
-        _, torque, rise = _pins(gaps, stiff, span, u, x)
-        if torque < 0.0:
-            low = x
-        else:
-            high = x
-        ahead = x - torque / rise
-        if not low <= ahead <= high:
-            ahead = 0.5 * (low + high)
-        if abs(ahead - x) <= 1e-12:
-            return ahead
-        x = ahead
-    return x
+def _squeeze(
+    gaps: Single, stiff: Single, spans: Any, low: Single, high: Single, middle: Single
+) -> None:
+    """Fills `middle` (discs, lanes) with the turn at which both flanks of a disc balance."""
+    for d in range(low.shape[0]):
+        for u in range(low.shape[1]):
+            least, most = np.float64(high[d, u]), np.float64(low[d, u])
+            x, away = 0.5 * (least + most), most - least
+            while away > 1e-9:
+                torque = rise = 0.0
+                for i in range(spans[d, 0, 0], spans[d, 1, 1]):
+                    closed = x - gaps[i, u]
+                    if (i < spans[d, 0, 1]) == (closed > 0.0):
+                        torque += stiff[i] * closed
+                        rise += stiff[i]
+                if torque < 0.0:
+                    least = x
+                else:
+                    most = x
+                ahead = x - torque / rise
+                if not least <= ahead <= most:
+                    ahead = 0.5 * (least + most)
+                away, x = abs(ahead - x), ahead
+            middle[d, u] = x
 
 
 @_compiled
 def _balance(
     gaps: Single, stiff: Single, spans: Any, u: int, terms: Single, low: Single, high: Single,
-    behind: float, torque: float, start: float, x: Single, side: Any,
+    middle: Single, behind: float, torque: float, start: float, x: Single, side: Any,
 ) -> tuple[float, float]:  # fmt: skip
     """Turn and torque of the forward flanks of one unit; fills `x` and `side` (discs, lanes)."""
     discs = x.shape[0]
     lows, highs = np.empty(discs), np.empty(discs)
     least, most = -1e9, 1e9
     for d in range(discs):
-        lows[d], highs[d] = low[d, u], high[d, u]
-        if lows[d] > highs[d]:
-            lows[d] = _squeezed(gaps, stiff, spans[d], u, highs[d], lows[d])
-            highs[d] = lows[d]
+        squeezed = low[d, u] > high[d, u]
+        lows[d] = middle[d, u] if squeezed else low[d, u]
+        highs[d] = middle[d, u] if squeezed else high[d, u]
         least = max(least, lows[d] - terms[d, 6, u] - terms[d, 7, u])
         most = min(most, highs[d] + terms[d, 6, u] - terms[d, 7, u])
-    at, below, above = start, -1e9, 1e9
+    at, below, above = np.float64(start), -1e9, 1e9
     if torque == 0.0:
         at = 0.5 * (least + most)
     forward = 0.0
@@ -246,18 +250,16 @@ def _balance(
         miss, rise, forward = -torque, 0.0, 0.0
         for d in range(discs):
             turned, play = at + terms[d, 7, u], terms[d, 6, u]
-            place, toward = min(max(turned, lows[d]), highs[d]), 0
+            wanted, toward = min(max(turned, lows[d]), highs[d]), 0
             if turned > highs[d] + play:
-                toward, wanted = 1, turned - play
-                place = wanted
-                if behind > 0.0:
-                    place = _bent(gaps, stiff, spans[d], u, behind, wanted, highs[d], wanted)
+                wanted, toward = turned - play, 1
             elif turned < lows[d] - play:
-                toward, wanted = -1, turned + play
-                place = wanted
-                if behind > 0.0:
-                    place = _bent(gaps, stiff, spans[d], u, behind, wanted, wanted, lows[d])
-            ahead, held, stiffness = _pins(gaps, stiff, spans[d], u, place)
+                wanted, toward = turned + play, -1
+            place = wanted
+            if toward != 0 and behind > 0.0:
+                place = _bent(gaps, stiff, spans, d, u, behind, wanted,
+                              min(lows[d], wanted), max(highs[d], wanted))  # fmt: skip
+            ahead, held, stiffness = _pins(gaps, stiff, spans, d, u, place)
             forward += ahead
             if toward != 0:
                 miss += held
@@ -283,25 +285,21 @@ def _balance(
 
 
 @_compiled
-def _preload(
-    gaps: Single, stiff: Single, spans: Any, terms: Single, low: Single, high: Single,
-    behind: float, x: Single, side: Any, found: Single, preload: Single,
-) -> None:  # fmt: skip
-    """Torque of the forward flanks without torque on the carrier, by lane."""
+def _open(
+    terms: Single, low: Single, high: Single, x: Single, side: Any, found: Single, squeezed: Any
+) -> None:
+    """The middle of the play without torque, by lane; `squeezed` where pins bear all the same."""
+    half = np.float32(0.5)
     for u in range(found.size):
-        least, most, squeezed = -_FAR, _FAR, False
+        least, most, squeezed[u] = -_FAR, _FAR, False
         for d in range(x.shape[0]):
-            squeezed = squeezed or low[d, u] > high[d, u]
+            squeezed[u] = squeezed[u] or low[d, u] > high[d, u]
             least = max(least, low[d, u] - terms[d, 6, u] - terms[d, 7, u])
             most = min(most, high[d, u] + terms[d, 6, u] - terms[d, 7, u])
-            x[d, u] = np.float32(0.5) * (low[d, u] + high[d, u])
+            x[d, u] = half * (low[d, u] + high[d, u])
             side[d, u] = 0
-        found[u] = np.float32(0.5) * (least + most)
-        preload[u] = np.float32(0.0)
-        if squeezed or least > most:
-            at, forward = _balance(gaps, stiff, spans, u, terms, low, high, behind, 0.0, 0.0, x,
-                                   side)  # fmt: skip
-            found[u], preload[u] = at, forward
+        found[u] = half * (least + most)
+        squeezed[u] = squeezed[u] or least > most
 
 
 @_compiled
@@ -336,9 +334,12 @@ def balances(
     of the case without torque, and `peak`, `where`, `which` (units) of the case `rated`, where
     there are such.
     """
-    many, wide = start.shape[1], 0
+    many, wide, soft = start.shape[1], 0, np.float64(behind)
+    spans = np.empty((*start.shape, 2), np.int64)
     for a in range(start.shape[0]):
         wide = max(wide, stop[a, many - 1, 1] - start[a, 0, 0])
+        spans[a, :, :, 0] = start[a] - start[a, 0, 0]
+        spans[a, :, :, 1] = stop[a] - start[a, 0, 0]
     for first in range(0, across.shape[1], LANES):
         last = min(first + LANES, across.shape[1])
         lanes = last - first
@@ -346,35 +347,38 @@ def balances(
         of_discs, centre = discs[:, :, first:last].copy(), circle[:, first:last].copy()
         terms, gaps = np.empty((many, 8, lanes), np.float32), np.empty((wide, lanes), np.float32)
         low, high = np.empty((many, lanes), np.float32), np.empty((many, lanes), np.float32)
+        middle = np.empty((many, lanes), np.float32)
         place, found = np.empty((many, lanes), np.float32), np.empty(lanes, np.float32)
         toward, wrong = np.empty((many, lanes), np.int8), np.empty(lanes, np.bool_)
         depth = np.full((torques.size, lanes), np.float32(0.3))
         work = np.empty((2 * many + 2, lanes), np.float32)
-        ahead = np.empty(lanes, np.float32)
         best, at, contact = peak[first:last], where[first:last], which[first:last]
         for a in range(start.shape[0]):
-            i = start[a, 0, 0]
-            spans = np.stack((start[a] - i, stop[a] - i), axis=-1)
-            k = stiff[i : i + wide]
+            i, own_spans = start[a, 0, 0], spans[a]
+            k, of_force = stiff[i : i + wide], force[i : i + wide]
             for d in range(many):
                 _disc(axes[a, d], of_discs[d], centre, terms[d])
                 one, end = start[a, d, 0], stop[a, d, 1]
                 _gaps(rows[one:end], pins[one:end], own, moved, terms[d], one - i, gaps)
-                _bounds(gaps, spans[d], low[d], high[d])
+                _bounds(gaps, own_spans[d], low[d], high[d])
+            _squeeze(gaps, k, own_spans, low, high, middle)
             for case in range(torques.size):
                 torque = torques[case]
                 if torque == 0.0:
-                    _preload(gaps, k, spans, terms, low, high, behind, place, toward, found, ahead)
-                    preload[a, first:last] = ahead
+                    _open(terms, low, high, place, toward, found, wrong)
                 else:
-                    _lanes(gaps, k, spans, terms, low, high, behind, torque, depth[case], place,
-                           toward, found, wrong, work)  # fmt: skip
-                    for u in range(lanes):
-                        if wrong[u]:
-                            found[u], _ = _balance(gaps, k, spans, u, terms, low, high, behind,
-                                                   torque, found[u], place, toward)  # fmt: skip
+                    _lanes(gaps, k, own_spans, terms, low, high, behind, torque, depth[case],
+                           place, toward, found, wrong, work)  # fmt: skip
+                for u in range(lanes):
+                    if wrong[u]:
+                        found[u], forward = _balance(
+                            gaps, k, own_spans, u, terms, low, high, middle, soft, torque, found[u], place,
+                            toward,
+                        )  # fmt: skip
+                        if torque == 0.0:
+                            preload[a, first + u] = forward
                 x[case, a, :, first:last] = place
                 side[case, a, :, first:last] = toward
                 turn[case, a, first:last] = found
                 if case == rated:
-                    _largest(gaps, force[i : i + wide], spans, place, a, best, at, contact, i)
+                    _largest(gaps, of_force, own_spans, place, a, best, at, contact, i)

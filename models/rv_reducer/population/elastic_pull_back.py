@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Single = NDArray[np.float32]
-LANES = 128
+LANES = 256
 """Units worked on side by side, so that they stay in the cache."""
 
 
@@ -60,13 +60,18 @@ def _closed(
 def _collect(
     closed: Single, stiff: float, force: float, contact: int, of_torque: Single, of_force: Single,
     star: Any, rise: Single, fixed: Single,
-) -> None:  # fmt: skip
-    """Adds one contact to the stiffness of its disc, and to what the functional takes from it."""
-    zero = np.float32(0.0)
+) -> bool:  # fmt: skip
+    """Adds one contact to the stiffness of its disc, and to what the functional takes from it.
+
+    Whether it bears in any lane.
+    """
+    zero, most = np.float32(0.0), np.float32(0.0)
     for u in range(closed.size):
         bears = stiff if closed[u] != zero else zero
         rise[u] += bears
         fixed[u] += bears * of_torque[u] + (force * of_force[u] if star[u] == contact else zero)
+        most = max(most, bears)
+    return most > zero
 
 
 @_compiled
@@ -199,6 +204,7 @@ def pull_back(
     terms, kept = np.empty((6, LANES), np.float32), np.empty(LANES, np.float32)
     closed, sums = np.empty((wide, LANES), np.float32), np.empty((7, LANES), np.float32)
     rise, fixed, share = np.empty((3, many, LANES), np.float32)
+    bearing = np.empty(wide, np.bool_)
     for a in range(start.shape[0]):
         u, base = 0, start[a, 0, 0]
         while True:
@@ -219,14 +225,16 @@ def pull_back(
                     for i in range(start[a, d, flank], stop[a, d, flank]):
                         j, into = pins[i], closed[i - base, lanes]
                         _closed(rows[i], own[j], moved[j], terms[:, lanes], turned, flank, into)
-                        _collect(into, stiff[i], force[i], i, taken, load, star, rise[d, lanes],
-                                 fixed[d, lanes])  # fmt: skip
+                        bearing[i - base] = _collect(into, stiff[i], force[i], i, taken, load, star,
+                                                     rise[d, lanes], fixed[d, lanes])  # fmt: skip
             _shares(rise[:, lanes], fixed[:, lanes], toward, behind, turn, share[:, lanes])
             for d in range(many):
                 sums[:, lanes] = zero
                 for flank in range(2):
                     taken = torque if flank == 0 else nothing[lanes]
                     for i in range(start[a, d, flank], stop[a, d, flank]):
+                        if not bearing[i - base]:
+                            continue
                         total[15] += _spread(
                             rows[i], lean[i], stiff[i], force[i], i, closed[i - base, lanes],
                             share[d, lanes], taken, load, star, kept[lanes], sums[:, lanes],
