@@ -208,8 +208,8 @@ def _squeeze(
     for d in range(low.shape[0]):
         for u in range(low.shape[1]):
             least, most = np.float64(high[d, u]), np.float64(low[d, u])
-            x, away = 0.5 * (least + most), most - least
-            while away > 1e-9:
+            x = 0.5 * (least + most)
+            for _ in range(_STEPS):
                 torque = rise = 0.0
                 for i in range(spans[d, 0, 0], spans[d, 1, 1]):
                     closed = x - gaps[i, u]
@@ -224,6 +224,8 @@ def _squeeze(
                 if not least <= ahead <= most:
                     ahead = 0.5 * (least + most)
                 away, x = abs(ahead - x), ahead
+                if away <= 1e-9:
+                    break
             middle[d, u] = x
 
 
