@@ -16,19 +16,19 @@ from pymoo.core.problem import Problem
 from ..declarations import Assumption, Output, Parameter, Value, Variable
 from ..errors import Fault, ModelError
 from ..models.costs import CostCurve
-from ..records import Bars
 from ..section import Section
 from .assumptions import assumptions_of
 from .forms import Form
 from .limits import impossible, limits_of
 from .settings import Bound, Settings, VariableSetting
+from .shown import Shown
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
 """Proven lower and upper bound of an output over the search space; infinite where not known."""
 
 
-class ToleranceProblem(Problem):
+class ToleranceProblem(Shown, Problem):
     """A tolerance allocation problem: some variables are searched, the others fixed.
 
     A subclass declares `parameters`, `variables`, `outputs` and defaults, and gives `_outputs`.
@@ -50,8 +50,6 @@ class ToleranceProblem(Problem):
     """Whether a search sees a fixed sample of units; its points are tested on a fresh one."""
     default_algorithm: ClassVar[str] = ""
     """The best algorithm for the problem; empty: NSGA-II or, of one objective, the GA."""
-    explained: ClassVar[Mapping[str, str]] = {}
-    """By output without a derivative, the one whose derivative tells what contributes to it."""
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
@@ -173,10 +171,6 @@ class ToleranceProblem(Problem):
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives (n, all variables) of the outputs for which the model gives them."""
         return {}
-
-    def bars(self) -> tuple[Bars, ...]:
-        """Charts of what matters in this problem, whatever is optimised."""
-        return ()
 
     def counterparts(self) -> tuple[str, ...]:
         """What each active effect does in this problem; empty where it does nothing."""

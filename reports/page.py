@@ -21,6 +21,7 @@ from .figure import front_figure
 from .scripts import plotly
 from .summary import summary_table
 from .tables import chosen, table
+from .units import unit_sections
 
 DRAWN = 500
 """Points of the front in its still picture at most; front.svg has all."""
@@ -53,6 +54,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         *remarked(remarks),
         section("Front", _front(result, scripted)),
         section("In words", bullets(result.notes)),
+        *unit_sections(result),
         *choice_sections(result),
         *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),
         section("References", _references(result)),

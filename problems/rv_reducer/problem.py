@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 
 from ...declarations import Variable, number
 from ...errors import Fault
+from ...models.inputs import Uniform
 from ...models.rv_reducer import modification
 from ...models.rv_reducer.population.lattice import nearest_prime
+from ...records import UnitsShown
 from ...units import ARCMIN, MM
 from ..rv_backlash.costs import DEFAULT_COSTS
 from ..settings import Bound, Settings, VariableSetting
+from ..shown import Variant
 from ..tolerance_problem import Interval, ToleranceProblem
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
 from .evaluation import Evaluation, Populations, known
@@ -29,7 +32,10 @@ from .outputs import (
     SAMPLED_UNDER_LOAD,
 )
 from .references import REFERENCES
+from .shown import units_shown
 from .units import UnitModel
+from .validity import validity
+from .variants import variants
 
 Array = NDArray[np.float64]
 SEARCH, REPORT = 1, 2
@@ -290,3 +296,26 @@ class RvReducer(ToleranceProblem):
 
     def warnings(self) -> tuple[str, ...]:
         return ()
+
+    # ---------------------------------------------------------------- what a reader is shown
+
+    def title(self) -> str:
+        nominal = self.model.geometry.nominal
+        kind = "RV reducer" if self.settings.parameters["involute_stage"] else "Cycloidal reducer"
+        return f"{kind}, {nominal.cycloid_teeth} teeth on {nominal.pins} pins, by exact contact"
+
+    def validity(self) -> tuple[str, ...]:
+        given = [one.distribution for one in self.settings.variables.values()]
+        return validity(
+            self.settings.parameters, all(d is None or isinstance(d, Uniform) for d in given)
+        )
+
+    def shown_limit(self) -> tuple[str, float] | None:
+        return "backlash_max_arcmin", number(self.settings.parameters["backlash_limit_arcmin"])
+
+    def shown_units(self, design: Array) -> UnitsShown | None:
+        found = self.evaluation(design, searching=False)
+        return units_shown(found, self.settings.parameters)
+
+    def variants(self) -> tuple[Variant, ...]:
+        return variants(self)

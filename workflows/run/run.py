@@ -19,6 +19,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult
 from ..choice import decide
 from . import effects, overlay
+from .assumptions import with_assumptions
 from .choices import with_choices
 from .front import inside, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
@@ -26,6 +27,7 @@ from .proofs import Exact, exact_front, measures, proof_notes, with_bounds
 from .references import compare, documents, side_searches, table
 from .resume import notes_of, opened, seconds_before
 from .sides import Sides
+from .units import with_units
 from .write import write
 
 
@@ -89,6 +91,9 @@ def run(
     decisions = decide(plan.problem, front, plan.choice)
     result = _result(plan, found, front, references, summary, proven, exact)
     result = replace(with_choices(result, decisions, plan, exact), overlays=others)
+    result = with_units(result, plan.problem)
+    if not cut:
+        result = with_assumptions(result, plan.problem, found.history, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     write(result, out)
@@ -144,8 +149,9 @@ def _result(
     convergence = pd.DataFrame([asdict(p) for p in found.history], columns=columns)
     whole = exact.hypervolume if exact is not None else float("nan")
     convergence.insert(4, "hypervolume_ratio", convergence["hypervolume"] / whole)
+    words = plan.problem.title()
     return RunResult(
-        plan.title,
+        f"{words}: {plan.title}" if words else plan.title,
         front,
         references,
         convergence,

@@ -1,0 +1,131 @@
+"""What the assumptions of a run cost: its allocation again, with one of them changed at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...algorithms.exact.branch import NEARLY, Branch
+from ...algorithms.run import Progress, Run
+from ...algorithms.settings import Budget
+from ...problems.shown import Variant
+from ...problems.tolerance_problem import ToleranceProblem
+from ...records import RunResult
+from .units import shown_point
+
+Array = NDArray[np.float64]
+COLUMNS = ("assumption", "value", "cost", "change_percent", "remark")
+INFEASIBLE = "no allocation found that keeps the limits at this grade"
+RIGID = "backlash_"
+"""How outputs begin that are searched within a fraction of a second."""
+
+
+def with_assumptions(
+    result: RunResult,
+    problem: ToleranceProblem,
+    history: Sequence[Progress],
+    progress: Callable[[Progress], None] | None,
+) -> RunResult:
+    """The result with the table of its shown point; `progress` is told of it after `history`."""
+    chosen = shown_point(result.front, problem)
+    if chosen is None:
+        return result
+
+    def phase(share: float) -> None:
+        if progress is not None and history:
+            now = replace(history[-1], phase="what assumptions cost", share=share, remaining=None)
+            progress(now)
+
+    design = problem.designs_of(result.front.iloc[[chosen[0]]])[0]
+    ends = [np.array([result.summary[end][name] for name in problem.objectives])
+            for end in ("ideal", "nadir")]  # fmt: skip
+    unit = np.maximum(ends[1] - ends[0], 1e-12)
+    return replace(result, assumptions_cost=assumptions_cost(problem, design, unit, phase))
+
+
+def assumptions_cost(
+    problem: ToleranceProblem,
+    design: Array,
+    unit: Array,
+    phase: Callable[[float], None] = lambda share: None,
+) -> pd.DataFrame | None:
+    """Least cost at the other objective's level of a full design (all variables,), by assumption.
+
+    The first row is the problem as it is. All are solved on the sample of the search, from the
+    design, at its integers; `unit` (m,) is the scale of the objectives. `phase` is called with the
+    share that is done. None where the question has no answer: another problem than cost against
+    backlash, or least cost without a limit on backlash. An interrupt leaves out what is missing.
+    """
+    if not _asked(problem):
+        return None
+    variants = problem.variants()
+    rows = []
+    try:
+        for row in _rows(problem, variants, design, unit):
+            rows.append(row)
+            phase(len(rows) / len(variants))
+    except KeyboardInterrupt:
+        pass
+    return pd.DataFrame(rows, columns=list(COLUMNS)) if len(rows) > 1 else None
+
+
+def _asked(problem: ToleranceProblem) -> bool:
+    """Whether the run asks for cost against backlash, or for least cost at a backlash."""
+    others = [name for name in problem.objectives if name != "cost"]
+    if len(problem.objectives) != len(others) + 1 or not problem.sampled:
+        return False
+    if others:
+        return len(others) == 1 and others[0].startswith(RIGID)
+    return any(limit.name.startswith(RIGID) for limit in problem.limits)
+
+
+def _rows(
+    problem: ToleranceProblem, variants: tuple[Variant, ...], design: Array, unit: Array
+) -> Iterator[dict[str, object]]:
+    free = [problem.names.index(v.name) for v in problem.free]
+    x = np.clip(design[free], problem.xl, problem.xu)
+    limit: Array | None = None
+    base = np.nan
+    for variant in variants:
+        branch = Branch(Run(variant.problem, Budget(), seed=0), x, unit)
+        if limit is None:
+            limit = _level(branch, x)
+        cost = _least(branch, x, limit)
+        base = cost if np.isnan(base) else base
+        yield {
+            "assumption": variant.assumption,
+            "value": variant.value,
+            "cost": cost,
+            "change_percent": 100.0 * (cost / base - 1.0),
+            "remark": INFEASIBLE if np.isnan(cost) else "",
+        }
+
+
+def _level(branch: Branch, x: Array) -> Array:
+    """The level (m,) of the objectives but the cost, at a search vector on the search's sample."""
+    limit = branch.smooth.values(branch.smooth.scaled(x[None, :])[0])[0].copy()
+    limit[branch.smooth.run.problem.objectives.index("cost")] = np.inf
+    return limit
+
+
+def _least(branch: Branch, x: Array, limit: Array) -> float:
+    """Least cost within the limits, begun at `x` or else at the problem's own starts; or NaN."""
+    run = branch.smooth.run
+    cost = run.problem.objectives.index("cost")
+    own = branch.smooth.scaled(x[None, :])[0]
+    found = _kept(branch, cost, own, limit)
+    if not np.isnan(found):
+        return found
+    starts = (_kept(branch, cost, start, limit) for start in branch.starts(run))
+    return next((one for one in starts if not np.isnan(one)), np.nan)
+
+
+def _kept(branch: Branch, cost: int, start: Array, limit: Array) -> float:
+    found = branch.minimise(cost, start, limit)
+    if found is None or np.any(found > limit + NEARLY * branch.unit):
+        return np.nan
+    return float(found[cost])
