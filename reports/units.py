@@ -14,10 +14,10 @@ from .drawing import COLOURS, flags, new_figure, plain
 from .tables import chosen, shown, table
 
 COST = (
-    "Least cost at the backlash of the point above when one assumption is changed and all others "
-    "stay: the allocation is solved again from that point, at its grade, on the sample of the "
-    "search. The first row is the same with nothing changed, so that the differences are those of "
-    "the assumption. No value of an assumption is the worst case; measured parts would settle it."
+    "Least cost at {level} when one assumption is changed and all others stay: the allocation is "
+    "solved again from the point above, at its grade, on the sample of the search. The first row "
+    "is the same with nothing changed, so that the differences are those of the assumption. No "
+    "value of an assumption is the worst case; measured parts would settle it."
 )
 HEIGHT = 3.4
 """Height [inch] of either figure."""
@@ -30,7 +30,7 @@ def unit_sections(result: RunResult) -> tuple[str, ...]:
     if isinstance(units, dict) and result.unit_turn is not None and result.population is not None:
         found.append(section("What backlash means here", _meaning(result, units)))
     if result.assumptions_cost is not None:
-        cost = _cost(result.assumptions_cost)
+        cost = _cost(result.assumptions_cost, result.summary.get("assumptions_at"))
         found.append(section("Assumptions and what they cost", cost))
     if result.summary.get("validity"):
         limits = bullets([str(one) for one in result.summary["validity"]])
@@ -75,7 +75,7 @@ def turn_figure(result: RunResult) -> Figure:
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("turn of the output [deg]")
     axes.set_ylabel("backlash [arcmin]")
-    axes.legend(frameon=False, fontsize="small")
+    figure.legend(frameon=False, fontsize="small", ncols=3, loc="outside lower center")
     plain(axes)
     return figure
 
@@ -103,17 +103,20 @@ def population_figure(result: RunResult) -> Figure:
                          label=f"{words}: {shown(units[name])} arcmin")  # fmt: skip
     lines = [one.get_legend_handles_labels() for one in (axes, both)]
     handles, labels = lines[0][0] + lines[1][0], lines[0][1] + lines[1][1]
-    both.legend(handles, labels, frameon=False, fontsize="small", loc="center right")
-    plain(both)
-    both.grid(visible=False)
+    figure.legend(handles, labels, frameon=False, fontsize="small", ncols=2,
+                  loc="outside lower center")  # fmt: skip
     plain(axes)
+    both.spines[["top"]].set_visible(False)
     return figure
 
 
-def _cost(found: pd.DataFrame) -> str:
+def _cost(found: pd.DataFrame, level: object) -> str:
     """The table, the problem as it is marked; a cell without a value stays empty."""
     words = {name: [shown(cell) for cell in found[name]]
              for name in ("assumption", "value", "remark") if name in found}  # fmt: skip
     names = ("assumption", "value", "cost", "change_percent", "remark")
     marked = [True] + [False] * (len(found) - 1)
-    return f"<p>{escape(COST)}</p>\n{table(chosen(found.assign(**words), names), marked)}"
+    held = level if isinstance(level, dict) else {}
+    named = ", ".join(f"{name} {shown(value)}" for name, value in held.items())
+    text = COST.format(level=named or "the backlash of the point above")
+    return f"<p>{escape(text)}</p>\n{table(chosen(found.assign(**words), names), marked)}"

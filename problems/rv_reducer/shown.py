@@ -115,5 +115,5 @@ def _words(
         f"{conditions.limit:g} arcmin.",
         stage,
         f"Interference: {kind} (interference_probability). Where flanks interfere at zero torque "
-        "the backlash counts as zero.",
+        "the backlash of the cycloid stage counts as zero: the flat parts of the first figure.",
     )

@@ -140,7 +140,7 @@ def _typed(summary: dict[str, Any], stored: Stored) -> dict[str, Any]:
     kinds: dict[str, type | tuple[type, ...]] = {
         "versions": dict, "ideal": dict, "nadir": dict, "axes": dict, "files": dict,
         "choices": dict, "notes": list, "assumptions": list, "bars": list, "rounding": list,
-        "validity": list, "units": dict,
+        "validity": list, "units": dict, "assumptions_at": dict,
         "title": str, "format": int,
     }  # fmt: skip
     for name, kind in kinds.items():

@@ -15,7 +15,7 @@ from ...algorithms.settings import Budget
 from ...problems.shown import Variant
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
-from .units import shown_point
+from .units import NEAR, shown_point
 
 Array = NDArray[np.float64]
 COLUMNS = ("assumption", "value", "cost", "change_percent", "remark")
@@ -40,23 +40,55 @@ def with_assumptions(
             now = replace(history[-1], phase="what assumptions cost", share=share, remaining=None)
             progress(now)
 
-    design = problem.designs_of(result.front.iloc[[chosen[0]]])[0]
+    own = result.front.iloc[[chosen[0]]]
+    level = _aim(own, problem)
     ends = [np.array([result.summary[end][name] for name in problem.objectives])
             for end in ("ideal", "nadir")]  # fmt: skip
     unit = np.maximum(ends[1] - ends[0], 1e-12)
-    return replace(result, assumptions_cost=assumptions_cost(problem, design, unit, phase))
+    more = np.zeros(len(unit))
+    if level is not None and level[0] in problem.objectives:
+        more[problem.objectives.index(level[0])] = level[1] - float(own[level[0]].iloc[0])
+    design = problem.designs_of(own)[0]
+    found = assumptions_cost(problem, design, unit, more, phase)
+    if found is None:
+        return result
+    summary = {**result.summary, "assumptions_at": _said(own, problem, level)}
+    return replace(result, assumptions_cost=found, summary=summary)
+
+
+def _aim(own: pd.DataFrame, problem: ToleranceProblem) -> tuple[str, float] | None:
+    """The problem's limit where the point is near to it: the level that all costs are for."""
+    limit = problem.shown_limit()
+    if limit is None or limit[0] not in own:
+        return None
+    return limit if abs(float(own[limit[0]].iloc[0]) / limit[1] - 1.0) <= NEAR else None
+
+
+def _said(
+    own: pd.DataFrame, problem: ToleranceProblem, level: tuple[str, float] | None
+) -> dict[str, float]:
+    """The outputs that are held, and at what, as they are reported."""
+    held = [name for name in problem.objectives if name != "cost"]
+    found = {name: float(own[name].iloc[0]) for name in held}
+    if not held:
+        found = {one.name: problem.settings.limits[one.name].high for one in problem.limits
+                 if one.name.startswith(RIGID)}  # fmt: skip
+    return {name: level[1] if level and level[0] == name and held else value
+            for name, value in found.items()}  # fmt: skip
 
 
 def assumptions_cost(
     problem: ToleranceProblem,
     design: Array,
     unit: Array,
+    more: Array,
     phase: Callable[[float], None] = lambda share: None,
 ) -> pd.DataFrame | None:
     """Least cost at the other objective's level of a full design (all variables,), by assumption.
 
     The first row is the problem as it is. All are solved on the sample of the search, from the
-    design, at its integers; `unit` (m,) is the scale of the objectives. `phase` is called with the
+    design, at its integers; `unit` (m,) is the scale of the objectives, `more` (m,) is what is
+    added to the levels of the design. `phase` is called with the
     share that is done. None where the question has no answer: another problem than cost against
     backlash, or least cost without a limit on backlash. An interrupt leaves out what is missing.
     """
@@ -65,7 +97,7 @@ def assumptions_cost(
     variants = problem.variants()
     rows = []
     try:
-        for row in _rows(problem, variants, design, unit):
+        for row in _rows(problem, variants, design, (unit, more)):
             rows.append(row)
             phase(len(rows) / len(variants))
     except KeyboardInterrupt:
@@ -84,16 +116,19 @@ def _asked(problem: ToleranceProblem) -> bool:
 
 
 def _rows(
-    problem: ToleranceProblem, variants: tuple[Variant, ...], design: Array, unit: Array
+    problem: ToleranceProblem,
+    variants: tuple[Variant, ...],
+    design: Array,
+    scale: tuple[Array, Array],
 ) -> Iterator[dict[str, object]]:
     free = [problem.names.index(v.name) for v in problem.free]
     x = np.clip(design[free], problem.xl, problem.xu)
     limit: Array | None = None
     base = np.nan
     for variant in variants:
-        branch = Branch(Run(variant.problem, Budget(), seed=0), x, unit)
+        branch = Branch(Run(variant.problem, Budget(), seed=0), x, scale[0])
         if limit is None:
-            limit = _level(branch, x)
+            limit = _level(branch, x) + scale[1]
         cost = _least(branch, x, limit)
         base = cost if np.isnan(base) else base
         yield {

@@ -149,9 +149,8 @@ def _result(
     convergence = pd.DataFrame([asdict(p) for p in found.history], columns=columns)
     whole = exact.hypervolume if exact is not None else float("nan")
     convergence.insert(4, "hypervolume_ratio", convergence["hypervolume"] / whole)
-    words = plan.problem.title()
     return RunResult(
-        f"{words}: {plan.title}" if words else plan.title,
+        plan.problem.title() or plan.title,
         front,
         references,
         convergence,

@@ -14,6 +14,9 @@ from ...records import RunResult
 SHOWN = ("cost", "yield_percent", "interference_probability")
 """Outputs of the shown point that the page repeats, beside the one that is limited."""
 
+NEAR = 0.1
+"""Share of the limit by which a point may miss it to be shown in place of the knee."""
+
 
 def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with the limits of validity, and one unit and the population of its shown point.
@@ -52,16 +55,13 @@ def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
 def shown_point(front: pd.DataFrame, problem: Shown) -> tuple[int, str] | None:
     """Row of the point whose units are shown, and by what it was chosen; None without any.
 
-    The cheapest within the problem's limit; where there is none, the knee.
+    The point nearest to the problem's limit; where none is `NEAR`, the knee.
     """
     limit = problem.shown_limit()
     if limit is None or front.empty or limit[0] not in front:
         return None
     name, most = limit
-    values = front[name].to_numpy(dtype=float)
-    if "cost" in front and np.any(values <= most):
-        cost = np.where(values <= most, front["cost"].to_numpy(dtype=float), np.inf)
-        return int(np.argmin(cost)), f"the cheapest with {name} {most:g} at most"
-    if "knee" in front and front["knee"].any():
+    away = np.abs(front[name].to_numpy(dtype=float) / most - 1.0)
+    if away.min() > NEAR and "knee" in front and front["knee"].any():
         return int(np.argmax(front["knee"].to_numpy(dtype=bool))), "the knee"
-    return int(np.argmin(values)), f"the least {name}"
+    return int(np.argmin(away)), f"the point nearest to {name} {most:g}"
