@@ -302,7 +302,8 @@ class RvReducer(ToleranceProblem):
     def title(self) -> str:
         nominal = self.model.geometry.nominal
         kind = "RV reducer" if self.settings.parameters["involute_stage"] else "Cycloidal reducer"
-        return f"{kind}, {nominal.cycloid_teeth} teeth on {nominal.pins} pins: allocation on the exact contact"
+        teeth = f"{nominal.cycloid_teeth} teeth on {nominal.pins} pins"
+        return f"{kind}, {teeth}: allocation on the exact contact"
 
     def validity(self) -> tuple[str, ...]:
         given = [one.distribution for one in self.settings.variables.values()]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -88,18 +89,20 @@ def assumptions_cost(
 
     The first row is the problem as it is. All are solved on the sample of the search, from the
     design, at its integers; `unit` (m,) is the scale of the objectives, `more` (m,) is what is
-    added to the levels of the design. `phase` is called with the
-    share that is done. None where the question has no answer: another problem than cost against
-    backlash, or least cost without a limit on backlash. An interrupt leaves out what is missing.
+    added to the levels of the design. `phase` is called with the share that is done. None where the
+    question has no answer: another problem than cost against backlash, least cost without a limit
+    on backlash, or nothing found even as it is. An interrupt leaves out what is missing.
     """
     if not _asked(problem):
         return None
     variants = problem.variants()
-    rows = []
+    rows: list[dict[str, Any]] = []
     try:
         for row in _rows(problem, variants, design, (unit, more)):
             rows.append(row)
             phase(len(rows) / len(variants))
+            if np.isnan(float(rows[0]["cost"])):
+                return None
     except KeyboardInterrupt:
         pass
     return pd.DataFrame(rows, columns=list(COLUMNS)) if len(rows) > 1 else None
@@ -120,7 +123,7 @@ def _rows(
     variants: tuple[Variant, ...],
     design: Array,
     scale: tuple[Array, Array],
-) -> Iterator[dict[str, object]]:
+) -> Iterator[dict[str, Any]]:
     free = [problem.names.index(v.name) for v in problem.free]
     x = np.clip(design[free], problem.xl, problem.xu)
     limit: Array | None = None
