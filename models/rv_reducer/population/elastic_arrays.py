@@ -20,6 +20,8 @@ Single = NDArray[np.float32]
 BLOCK = 256
 """Units worked on at once, so that they stay in the cache."""
 _TINY = 1e-20
+_NONE = 1e-9
+"""Torque of a disc [N m] that counts as none."""
 
 
 def _terms(axes: Single, disc: Single, circle: Single) -> tuple[Array, Array, Array]:
@@ -43,7 +45,8 @@ class _Position:
         self.part = slice(int(start[0, 0]), int(stop[-1, -1]))
         self.rows, self.pins = rows[self.part], pins[self.part]
         self.disc = np.repeat(np.arange(len(start)), (stop[:, 1] - start[:, 0]))
-        self.sign = np.concatenate([np.repeat([1.0, -1.0], b - a) for a, b in zip(start, stop, strict=True)])
+        forward = [np.repeat([1.0, -1.0], count) for count in stop - start]
+        self.sign = np.concatenate(forward)
 
     def gaps(
         self, axes: Single, across: Single, along: Single, discs: Single, circle: Single
@@ -123,7 +126,8 @@ def _discs(mesh: Mesh, rotation: Array) -> tuple[Array, NDArray[np.int8]]:
     turned = rotation[..., None] + mesh.gaps.turn
     beyond = turned - np.clip(turned, mesh.discs.low, mesh.discs.high)
     turned = turned - np.clip(beyond, -mesh.gaps.play, mesh.gaps.play) - torque * mesh.compliance
-    return turned[:, 0].T / ARCMIN, np.sign(torque[:, 0].T).astype(np.int8)
+    bears = np.where(np.abs(torque[:, 0].T) > _NONE, np.sign(torque[:, 0].T), 0.0)
+    return turned[:, 0].T / ARCMIN, bears.astype(np.int8)
 
 
 def pull_back(
@@ -175,9 +179,7 @@ def _shares(rise: Array, fixed: Array, side: Any, behind: float, of_turn: Single
     return np.where(loaded, bent * (common + behind * fixed), alone)
 
 
-def _add_disc(
-    sums: Array, axes: Single, own: Single, unit: Single, side: Any, total: Any
-) -> None:
+def _add_disc(sums: Array, axes: Single, own: Single, unit: Single, side: Any, total: Any) -> None:
     """Adds to `total` what the weights of one disc (7, n) make of errors of disc and unit."""
     ex, ey, dx, dy, cx, cy = axes.astype(float)
     eccentric, disc, crank = ex + 1j * ey, dx + 1j * dy, cx + 1j * cy

@@ -70,14 +70,11 @@ def _bounds(gaps: Single, span: Any, low: Single, high: Single) -> None:
     """First contact of one disc backward and forward; `span` (2, 2) is its contacts by flank."""
     high[:] = _FAR
     low[:] = -_FAR
-    for i in range(span[0, 0], span[0, 1]):
-        own = gaps[i]
+    for i in range(span[0, 0], span[1, 1]):
+        own, forward = gaps[i], i < span[0, 1]
         for u in range(high.size):
-            high[u] = min(high[u], own[u])
-    for i in range(span[1, 0], span[1, 1]):
-        own = gaps[i]
-        for u in range(low.size):
-            low[u] = max(low[u], own[u])
+            high[u] = min(high[u], own[u] if forward else _FAR)
+            low[u] = max(low[u], -_FAR if forward else own[u])
 
 
 @_compiled
@@ -184,7 +181,7 @@ def _pins(
 def _bent(
     gaps: Single, stiff: Single, spans: Any, d: int, u: int, behind: float, wanted: float,
     low: float, high: float,
-) -> float:  # fmt: skip
+) -> Any:  # fmt: skip
     """The turn x in [low, high] with x + behind M(x) = wanted."""
     x = 0.5 * (low + high)
     for _ in range(_STEPS):
@@ -201,83 +198,89 @@ def _bent(
 
 
 @_compiled
-def _squeeze(
-    gaps: Single, stiff: Single, spans: Any, low: Single, high: Single, middle: Single
+def _rests(
+    gaps: Single, stiff: Single, spans: Any, low: Single, high: Single, rest: Single
 ) -> None:
-    """Fills `middle` (discs, lanes) with the turn at which both flanks of a disc balance."""
+    """Fills `rest` (2, discs, lanes) with the turns between which a disc's pins hold no torque.
+
+    Where pins of both flanks bear at once it is the turn at which they balance.
+    """
     for d in range(low.shape[0]):
         for u in range(low.shape[1]):
+            rest[0, d, u], rest[1, d, u] = low[d, u], high[d, u]
+            if low[d, u] <= high[d, u]:
+                continue
             least, most = np.float64(high[d, u]), np.float64(low[d, u])
             x = 0.5 * (least + most)
             for _ in range(_STEPS):
-                torque = rise = 0.0
-                for i in range(spans[d, 0, 0], spans[d, 1, 1]):
-                    closed = x - gaps[i, u]
-                    if (i < spans[d, 0, 1]) == (closed > 0.0):
-                        torque += stiff[i] * closed
-                        rise += stiff[i]
-                if torque < 0.0:
-                    least = x
-                else:
-                    most = x
+                _, torque, rise = _pins(gaps, stiff, spans, d, u, x)
+                least, most = (x, most) if torque < 0.0 else (least, x)
                 ahead = x - torque / rise
                 if not least <= ahead <= most:
                     ahead = 0.5 * (least + most)
                 away, x = abs(ahead - x), ahead
                 if away <= 1e-9:
                     break
-            middle[d, u] = x
+            rest[0, d, u] = x
+            rest[1, d, u] = x
+
+
+@_compiled
+def _loaded(
+    gaps: Single, stiff: Single, spans: Any, d: int, u: int, turned: float, play: float,
+    low: float, high: float, behind: float,
+) -> tuple[float, int, float, float, float]:  # fmt: skip
+    """A disc that the carrier has turned to `turned`, between rests `low` and `high` of its pins.
+
+    Its turn against the mesh, the flank that takes its torque, the torque of the forward flank, and
+    torque and stiffness that the carrier feels.
+    """
+    wanted, toward = min(max(turned, low), high), 0
+    if turned > high + play:
+        wanted, toward = turned - play, 1
+    elif turned < low - play:
+        wanted, toward = turned + play, -1
+    x = wanted
+    if toward != 0 and behind > 0.0:
+        x = _bent(gaps, stiff, spans, d, u, behind, wanted, min(low, wanted), max(high, wanted))
+    forward, torque, rise = _pins(gaps, stiff, spans, d, u, x)
+    if toward == 0:
+        torque = rise = 0.0
+    return x, toward, forward, torque, rise / (1.0 + rise * behind)
 
 
 @_compiled
 def _balance(
-    gaps: Single, stiff: Single, spans: Any, u: int, terms: Single, low: Single, high: Single,
-    middle: Single, behind: float, torque: float, start: float, x: Single, side: Any,
+    gaps: Single, stiff: Single, spans: Any, u: int, terms: Single, rest: Single, behind: float,
+    torque: float, start: float, x: Single, side: Any,
 ) -> tuple[float, float]:  # fmt: skip
-    """Turn and torque of the forward flanks of one unit; fills `x` and `side` (discs, lanes)."""
+    """Turn and torque of the forward flanks of one unit; fills `x` and `side` (discs, lanes).
+
+    Newton's method between bounds, from `start`; `rest` (2, discs, lanes) as of `_rests`.
+    """
     discs = x.shape[0]
-    lows, highs = np.empty(discs), np.empty(discs)
     least, most = -1e9, 1e9
     for d in range(discs):
-        squeezed = low[d, u] > high[d, u]
-        lows[d] = middle[d, u] if squeezed else low[d, u]
-        highs[d] = middle[d, u] if squeezed else high[d, u]
-        least = max(least, lows[d] - terms[d, 6, u] - terms[d, 7, u])
-        most = min(most, highs[d] + terms[d, 6, u] - terms[d, 7, u])
-    at, below, above = np.float64(start), -1e9, 1e9
+        least = max(least, rest[0, d, u] - terms[d, 6, u] - terms[d, 7, u])
+        most = min(most, rest[1, d, u] + terms[d, 6, u] - terms[d, 7, u])
+    at, below, above = float(start), -1e9, 1e9
     if torque == 0.0:
         at = 0.5 * (least + most)
     forward = 0.0
     for _ in range(2 * _STEPS):
         miss, rise, forward = -torque, 0.0, 0.0
         for d in range(discs):
-            turned, play = at + terms[d, 7, u], terms[d, 6, u]
-            wanted, toward = min(max(turned, lows[d]), highs[d]), 0
-            if turned > highs[d] + play:
-                wanted, toward = turned - play, 1
-            elif turned < lows[d] - play:
-                wanted, toward = turned + play, -1
-            place = wanted
-            if toward != 0 and behind > 0.0:
-                place = _bent(gaps, stiff, spans, d, u, behind, wanted,
-                              min(lows[d], wanted), max(highs[d], wanted))  # fmt: skip
-            ahead, held, stiffness = _pins(gaps, stiff, spans, d, u, place)
-            forward += ahead
-            if toward != 0:
-                miss += held
-                rise += stiffness / (1.0 + stiffness * behind)
-            x[d, u] = place
-            side[d, u] = toward
+            x[d, u], side[d, u], ahead, held, stiffness = _loaded(
+                gaps, stiff, spans, d, u, at + terms[d, 7, u], terms[d, 6, u], rest[0, d, u],
+                rest[1, d, u], behind,
+            )  # fmt: skip
+            forward, miss, rise = forward + ahead, miss + held, rise + stiffness
         if abs(miss) <= 1e-9 * abs(torque) + 1e-9:
             break
-        if miss < 0.0:
-            below = at
-        else:
-            above = at
+        below, above = (at, above) if miss < 0.0 else (below, at)
+        ahead = most + _NUDGE if miss < 0.0 else least - _NUDGE
         if rise > 0.0:
             ahead = at - miss / rise
-        else:
-            ahead = most + _NUDGE if miss < 0.0 else least - _NUDGE
         if not below < ahead < above:
             ahead = 0.5 * (below + above)
         if abs(ahead - at) <= 1e-13:
@@ -323,6 +326,33 @@ def _largest(
 
 
 @_compiled
+def _cases(
+    gaps: Single, stiff: Single, force: Single, spans: Any, terms: Single, behind: float,
+    torques: Any, rated: int, place: int, shift: int, depth: Single, work: Single, low: Single,
+    high: Single, rest: Single, x: Single, side: Any, turn: Single, preload: Single, peak: Single,
+    where: Any, which: Any,
+) -> None:  # fmt: skip
+    """The balances of all lanes at one position, whose contacts start at `shift`."""
+    lanes, soft = turn.shape[1], np.float64(behind)
+    wrong = np.empty(lanes, np.bool_)
+    for case in range(torques.size):
+        torque, found = torques[case], turn[case]
+        if torque == 0.0:
+            _open(terms, low, high, x[case], side[case], found, wrong)
+        else:
+            _lanes(gaps, stiff, spans, terms, low, high, behind, torque, depth[case], x[case],
+                   side[case], found, wrong, work)  # fmt: skip
+        for u in range(lanes):
+            if wrong[u]:
+                found[u], forward = _balance(gaps, stiff, spans, u, terms, rest, soft, torque,
+                                             found[u], x[case], side[case])  # fmt: skip
+                if torque == 0.0:
+                    preload[u] = forward
+        if case == rated:
+            _largest(gaps, force, spans, x[case], place, peak, where, which, shift)
+
+
+@_compiled
 def balances(
     rows: Single, stiff: Single, force: Single, pins: Any, start: Any, stop: Any, axes: Single,
     across: Single, along: Single, discs: Single, circle: Single, behind: float, torques: Any,
@@ -336,12 +366,10 @@ def balances(
     of the case without torque, and `peak`, `where`, `which` (units) of the case `rated`, where
     there are such.
     """
-    many, wide, soft = start.shape[1], 0, np.float64(behind)
-    spans = np.empty((*start.shape, 2), np.int64)
+    many, wide = start.shape[1], 0
     for a in range(start.shape[0]):
         wide = max(wide, stop[a, many - 1, 1] - start[a, 0, 0])
-        spans[a, :, :, 0] = start[a] - start[a, 0, 0]
-        spans[a, :, :, 1] = stop[a] - start[a, 0, 0]
+    spans = np.empty((many, 2, 2), np.int64)
     for first in range(0, across.shape[1], LANES):
         last = min(first + LANES, across.shape[1])
         lanes = last - first
@@ -349,38 +377,24 @@ def balances(
         of_discs, centre = discs[:, :, first:last].copy(), circle[:, first:last].copy()
         terms, gaps = np.empty((many, 8, lanes), np.float32), np.empty((wide, lanes), np.float32)
         low, high = np.empty((many, lanes), np.float32), np.empty((many, lanes), np.float32)
-        middle = np.empty((many, lanes), np.float32)
-        place, found = np.empty((many, lanes), np.float32), np.empty(lanes, np.float32)
-        toward, wrong = np.empty((many, lanes), np.int8), np.empty(lanes, np.bool_)
+        place = np.empty((torques.size, many, lanes), np.float32)  # kernels need them contiguous
+        toward, found = np.empty(place.shape, np.int8), np.empty((torques.size, lanes), np.float32)
         depth = np.full((torques.size, lanes), np.float32(0.3))
-        work = np.empty((2 * many + 2, lanes), np.float32)
-        best, at, contact = peak[first:last], where[first:last], which[first:last]
+        work, rest = np.empty((2 * many + 2, lanes), np.float32), np.empty((2, many, lanes))
         for a in range(start.shape[0]):
-            i, own_spans = start[a, 0, 0], spans[a]
-            k, of_force = stiff[i : i + wide], force[i : i + wide]
+            i = start[a, 0, 0]
             for d in range(many):
-                _disc(axes[a, d], of_discs[d], centre, terms[d])
                 one, end = start[a, d, 0], stop[a, d, 1]
+                spans[d, :, 0], spans[d, :, 1] = start[a, d] - i, stop[a, d] - i
+                _disc(axes[a, d], of_discs[d], centre, terms[d])
                 _gaps(rows[one:end], pins[one:end], own, moved, terms[d], one - i, gaps)
-                _bounds(gaps, own_spans[d], low[d], high[d])
-            _squeeze(gaps, k, own_spans, low, high, middle)
-            for case in range(torques.size):
-                torque = torques[case]
-                if torque == 0.0:
-                    _open(terms, low, high, place, toward, found, wrong)
-                else:
-                    _lanes(gaps, k, own_spans, terms, low, high, behind, torque, depth[case],
-                           place, toward, found, wrong, work)  # fmt: skip
-                for u in range(lanes):
-                    if wrong[u]:
-                        found[u], forward = _balance(
-                            gaps, k, own_spans, u, terms, low, high, middle, soft, torque, found[u], place,
-                            toward,
-                        )  # fmt: skip
-                        if torque == 0.0:
-                            preload[a, first + u] = forward
-                x[case, a, :, first:last] = place
-                side[case, a, :, first:last] = toward
-                turn[case, a, first:last] = found
-                if case == rated:
-                    _largest(gaps, of_force, own_spans, place, a, best, at, contact, i)
+                _bounds(gaps, spans[d], low[d], high[d])
+            k = stiff[i : i + wide]
+            _rests(gaps, k, spans, low, high, rest)
+            _cases(
+                gaps, k, force[i : i + wide], spans, terms, behind, torques, rated, a, i, depth,
+                work, low, high, rest, place, toward, found, preload[a, first:last],
+                peak[first:last], where[first:last], which[first:last],
+            )  # fmt: skip
+            x[:, a, :, first:last], side[:, a, :, first:last] = place, toward
+            turn[:, a, first:last] = found

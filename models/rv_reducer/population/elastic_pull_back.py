@@ -29,7 +29,7 @@ def _compiled(function: Any) -> Any:
 def _terms(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
     """Fills `terms` (6, lanes) of one disc at one position: what adds to gaps, as in `compiled`."""
     ex, ey, dx, dy = axes[0], axes[1], axes[2], axes[3]
-    for u in range(terms.shape[1]):
+    for u in range(disc.shape[1]):
         terms[0, u] = disc[0, u]
         terms[1, u] = disc[1, u]
         x = disc[4, u] * ex - disc[5, u] * ey + disc[6, u] * dx - disc[7, u] * dy
@@ -60,17 +60,18 @@ def _closed(
 def _collect(
     closed: Single, stiff: float, force: float, contact: int, of_torque: Single, of_force: Single,
     star: Any, rise: Single, fixed: Single,
-) -> bool:  # fmt: skip
+) -> Any:  # fmt: skip
     """Adds one contact to the stiffness of its disc, and to what the functional takes from it.
 
     Whether it bears in any lane.
     """
-    zero, most = np.float32(0.0), np.float32(0.0)
+    zero = np.float32(0.0)
+    most: Any = zero
     for u in range(closed.size):
         bears = stiff if closed[u] != zero else zero
         rise[u] += bears
         fixed[u] += bears * of_torque[u] + (force * of_force[u] if star[u] == contact else zero)
-        most = max(most, bears)
+        most = bears if bears > most else most
     return most > zero
 
 
@@ -104,11 +105,11 @@ def _shares(
 def _spread(
     row: Single, lean: float, stiff: float, force: float, contact: int, closed: Single,
     share: Single, of_torque: Single, of_force: Single, star: Any, kept: Single, sums: Single,
-) -> float:  # fmt: skip
-    """Adds one contact's weights to `sums` (7, lanes), leaves them in `kept`; by shift modification.
+) -> Any:  # fmt: skip
+    """Adds one contact's weights to `sums` (7, lanes), and leaves them in `kept`.
 
-    `lean` [1/mm] is the relative growth of the lever arm with it: stiffness goes with the square
-    of the arm, the force on a pin with the arm.
+    Returns the part by the shift modification, with which the lever arm grows by `lean` [1/mm]:
+    stiffness goes with the square of the arm, the force on a pin with the arm.
     """
     lever, radial, nx, ny = row[1], row[2], row[4], row[5]
     c, s, zero, two = row[6], row[7], np.float32(0.0), np.float32(2.0)
@@ -131,12 +132,10 @@ def _spread(
 
 
 @_compiled
-def _add_disc(
-    sums: Single, axes: Single, own: Single, unit: Single, side: Any, total: Any
-) -> None:
+def _add_disc(sums: Single, axes: Single, own: Single, unit: Single, side: Any, total: Any) -> None:
     """Adds to `total` what the weights of one disc (7, lanes) make of errors of disc and unit."""
     ex, ey, dx, dy, cx, cy = axes[0], axes[1], axes[2], axes[3], axes[4], axes[5]
-    for u in range(sums.shape[1]):
+    for u in range(side.size):
         a, lever, radial = sums[0, u], sums[1, u], sums[2, u]
         nx, ny, c, s = sums[3, u], sums[4, u], sums[5, u], sums[6, u]
         px, py = own[2, u] * dx - own[3, u] * dy, own[2, u] * dy + own[3, u] * dx
@@ -215,21 +214,21 @@ def pull_back(
             own, moved, star = across[:, units], along[:, units], which[units]
             turn, torque, load = of_turn[a][units], of_preload[a][units], of_peak[a][units]
             toward, by_unit = side[a][:, units], of_unit[:, units]
-            rise[:, lanes] = zero
-            fixed[:, lanes] = zero
+            rise[:] = zero
+            fixed[:] = zero
             for d in range(many):
-                _terms(axes[a, d], discs[d][:, units], circle[:, units], terms[:, lanes])
+                _terms(axes[a, d], discs[d][:, units], circle[:, units], terms)
                 turned = x[a, d][units]
                 for flank in range(2):
                     taken = torque if flank == 0 else nothing[lanes]
                     for i in range(start[a, d, flank], stop[a, d, flank]):
                         j, into = pins[i], closed[i - base, lanes]
-                        _closed(rows[i], own[j], moved[j], terms[:, lanes], turned, flank, into)
+                        _closed(rows[i], own[j], moved[j], terms, turned, flank, into)
                         bearing[i - base] = _collect(into, stiff[i], force[i], i, taken, load, star,
                                                      rise[d, lanes], fixed[d, lanes])  # fmt: skip
-            _shares(rise[:, lanes], fixed[:, lanes], toward, behind, turn, share[:, lanes])
+            _shares(rise, fixed, toward, behind, turn, share)
             for d in range(many):
-                sums[:, lanes] = zero
+                sums[:] = zero
                 for flank in range(2):
                     taken = torque if flank == 0 else nothing[lanes]
                     for i in range(start[a, d, flank], stop[a, d, flank]):
@@ -237,8 +236,8 @@ def pull_back(
                             continue
                         total[15] += _spread(
                             rows[i], lean[i], stiff[i], force[i], i, closed[i - base, lanes],
-                            share[d, lanes], taken, load, star, kept[lanes], sums[:, lanes],
+                            share[d, lanes], taken, load, star, kept[lanes], sums,
                         )  # fmt: skip
                         _add_pin(rows[i], kept[lanes], units, of_pins[:, pins[i]], total)
-                _add_disc(sums[:, lanes], axes[a, d], of_discs[d][:, units], by_unit, toward[d],
+                _add_disc(sums, axes[a, d], of_discs[d][:, units], by_unit, toward[d],
                           total)  # fmt: skip
