@@ -28,7 +28,8 @@ __all__ = ["Keeper", "Progress", "SearchResult", "State", "search"]
 class SearchResult:
     """What a search found: designs and objectives of the archive (all feasible), and its course.
 
-    `miss` is the least violating design (one row, none where nothing was evaluated).
+    `miss` is the least violating design (one row, none where nothing was evaluated). `chosen` are
+    the designs that the algorithm itself gives as its result, none where that is the archive.
     """
 
     x: Array
@@ -37,6 +38,7 @@ class SearchResult:
     evaluations: int
     history: tuple[Progress, ...]
     interrupted: bool
+    chosen: Array
 
 
 class Keeper(Protocol):
@@ -83,7 +85,7 @@ def search(
         interrupted = True
     x, f = run.archive.arrays()
     history = tuple(run.history)
-    return SearchResult(x, f, run.archive.miss, run.evaluations, history, interrupted)
+    return SearchResult(x, f, run.archive.miss, run.evaluations, history, interrupted, run.chosen)
 
 
 def drive(

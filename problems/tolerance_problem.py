@@ -306,6 +306,12 @@ class ToleranceProblem(Problem):
                 raise ModelError(f"{name} is not finite at {where}")
         return f, g
 
+    def tested(self, x: Array) -> tuple[Array, Array]:
+        """F and G of search vectors as reported: where a search sees a sample, on a fresh one."""
+        designs = self.complete(x)
+        found = self.outputs_of(designs, errors=False)
+        return self.objective_values(found), self.violations(designs, found)
+
     def frame(self, designs: Array, found: Mapping[str, Array] | None = None) -> pd.DataFrame:
         """Variables, outputs (at full accuracy) and limit margins of full designs, one row each.
 

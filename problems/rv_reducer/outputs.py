@@ -64,10 +64,18 @@ SAMPLED = (
 
 
 def _error(name: str) -> Output:
-    return Output(f"{name}_error", _unit(name), "standard error of the sample", error_of=name)
+    return Output(f"{name}_error", _unit_of(name), "standard error of the sample", error_of=name)
 
 
-OUTPUTS = (*RIGID, *(_error(name) for name in SAMPLED))
+SAMPLED_UNDER_LOAD = tuple(one.name for one in UNDER_LOAD)
+
+
+def _unit_of(name: str) -> str:
+    return next(o.unit for o in (*RIGID, *UNDER_LOAD) if o.name == name)
+
+
+OUTPUTS = (*RIGID, *UNDER_LOAD, *(_error(name) for name in (*SAMPLED, *SAMPLED_UNDER_LOAD)))
+"""All outputs; those under load come after the rigid ones, the errors last."""
 
 DEFAULT_LIMITS = {
     "dr_rp_mm": Bound(high=0.0),

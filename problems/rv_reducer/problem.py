@@ -13,22 +13,34 @@ from numpy.typing import NDArray
 
 from ...declarations import Variable, number
 from ...models.rv_reducer import modification
-from ...models.rv_reducer.population.turn import Population
+from ...models.rv_reducer.population.lattice import nearest_prime
 from ...units import ARCMIN, MM
 from ..rv_backlash.costs import DEFAULT_COSTS
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
-from .evaluation import MEASURES, Evaluation
-from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
+from .evaluation import Evaluation, Populations, known
+from .outputs import (
+    DEFAULT_LIMITS,
+    DEFAULT_OBJECTIVES,
+    OUTPUTS,
+    SAMPLED,
+    SAMPLED_UNDER_LOAD,
+)
 from .references import REFERENCES
 from .units import UnitModel
 
 Array = NDArray[np.float64]
 SEARCH, REPORT = 1, 2
 """Streams of random numbers of the two populations."""
+LOADED_POSITIONS = 31
+"""Positions of a turn at which units are solved under load at most: means over the turn need no
+more."""
 KEPT = 4
 """Evaluations kept, so that a derivative costs no second evaluation."""
+
+
+SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
 class RvReducer(ToleranceProblem):
@@ -73,16 +85,21 @@ class RvReducer(ToleranceProblem):
         return int(number(self.settings.parameters[name]))
 
     @cached_property
-    def _searched(self) -> Population:
+    def _searched(self) -> Populations:
         positions = self.count("search_positions") or self.count("positions")
-        return self.model.population(
-            positions, self.count("search_units"), self.settings.seed, SEARCH
-        )
+        return self._drawn(positions, self.count("search_units"), SEARCH)
 
     @cached_property
-    def _reported(self) -> Population:
-        return self.model.population(
-            self.count("positions"), self.count("report_units"), self.settings.seed, REPORT
+    def _reported(self) -> Populations:
+        return self._drawn(self.count("positions"), self.count("report_units"), REPORT)
+
+    def _drawn(self, positions: int, units: int, stream: int) -> Populations:
+        seed, elastic = self.settings.seed, self.count("elastic_units")
+        loaded = nearest_prime(min(positions, LOADED_POSITIONS), self.model.geometry)
+        return Populations(
+            self.model.population(positions, units, seed, stream),
+            self.model.population(loaded, elastic, seed, stream),
+            self.model.population(self.count("te_positions"), elastic, seed, stream),
         )
 
     def evaluation(self, design: Array, searching: bool) -> Evaluation:
@@ -98,14 +115,14 @@ class RvReducer(ToleranceProblem):
             self._recent.popitem(last=False)
         return self._recent[key]
 
-    def _fresh(self, design: Array, population: Population) -> Evaluation:
+    def _fresh(self, design: Array, drawn: Populations) -> Evaluation:
         row = dict(zip(self.names, design.tolist(), strict=True))
-        return Evaluation.of(self.model, population, row)
+        return Evaluation(self.model, drawn, row)
 
     # ---------------------------------------------------------------- evaluation
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        asked = self._asked if searching else frozenset(MEASURES)
+        asked = self._asked if searching else SAMPLED_OUTPUTS
         columns = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
         for at, design in enumerate(designs):
             found = self.evaluation(design, searching)
@@ -115,19 +132,29 @@ class RvReducer(ToleranceProblem):
                 self._more(columns, at, found)
         return columns | {"cost": self.cost_of(designs)} | self.profile(designs)
 
+    def tested(self, x: Array) -> tuple[Array, Array]:
+        designs = self.complete(x)
+        columns = {name: np.empty(len(designs)) for name in self._asked}
+        for at, design in enumerate(designs):
+            found = self.evaluation(design, searching=False)
+            for name in self._asked:
+                columns[name][at] = found.value(name)
+        found = columns | {"cost": self.cost_of(designs)} | self.profile(designs)
+        return self.objective_values(found), self.violations(designs, found)
+
     def _more(self, columns: Mapping[str, Array], at: int, found: Evaluation) -> None:
         """What only reported designs have."""
-        for name in MEASURES:
+        for name in SAMPLED_OUTPUTS:
             columns[f"{name}_error"][at] = found.error(name)
         columns["interference_share_of_turn"][at] = found.share_of_turn()
         columns["overlap_p95_arcmin"][at] = found.overlap(0.95)
-        columns["phi_1_arcmin"][at] = found.measures.involute.mean
+        columns["phi_1_arcmin"][at] = found.involute.mean
 
     @cached_property
     def _asked(self) -> frozenset[str]:
         """Sampled outputs that a search needs."""
         names = {*self.objectives, *(limit.name for limit in self.limits)}
-        return frozenset(names & MEASURES.keys())
+        return frozenset(name for name in names if known(name))
 
     def profile(self, designs: Array) -> dict[str, Array]:
         """Outputs of the tooth modification (n,) of full designs."""
