@@ -17,12 +17,13 @@ from tolevo.models.rv_reducer.population.elastic import OUTPUTS, TE_POSITIONS, E
 from tolevo.models.rv_reducer.population.elastic_springs import Loading
 from tolevo.models.rv_reducer.population.gradient import NAMES, Slopes
 from tolevo.models.rv_reducer.population.lattice import Lattice, turn_lattice
+from tolevo.models.rv_reducer.population.part_errors import modified, part_errors
 from tolevo.models.rv_reducer.population.sample import BaseSample
 from tolevo.models.rv_reducer.population.scaled import Scaled
 from tolevo.models.rv_reducer.population.table import Table
 from tolevo.models.rv_reducer.population.touch import Engine, touch
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
-from tolevo.units import ARCMIN, UM
+from tolevo.units import ARCMIN
 
 Array = NDArray[np.float64]
 GEOMETRY = ContactGeometry(true_levers=True)
@@ -38,7 +39,7 @@ OPTIMUM = UnitDesign(
      "pitch": 5.4, "runout": 3.1, "eccentricity": 2.6, "equidistance": 0.75, "shift": 1.01,
      "crank_bearing": 2.4}, MIDS, dr_rp=-37.3e-6, dr_p=-67.3e-6)  # fmt: skip
 """Contact optimum of section 4 of the note on exact allocation."""
-BETWEEN_DISCS = {"circle_offset": 3.0, "crank_phase": 2.0 / 1.3}
+BETWEEN_DISCS = {"circle_offset": 3.0, "bore": 2.0, "crank_phase": 2.0 / 1.3}
 STAGGERED = replace(DOCUMENT, half_width={**DOCUMENT.half_width, **BETWEEN_DISCS}, stagger=0.1)
 ENGINES: list[Engine] = ["arrays", "numba"]
 
@@ -46,10 +47,16 @@ ENGINES: list[Engine] = ["arrays", "numba"]
 class Case:
     """Units of a design at positions of a turn."""
 
-    def __init__(self, design: UnitDesign, units: int, positions: int = 31, seed: int = 1) -> None:
-        self.design = design
-        self.lattice = Lattice.of(GEOMETRY, turn_lattice(positions, 39))
-        self.sample = BaseSample.draw(GEOMETRY, units, np.random.default_rng(seed))
+    def __init__(
+        self,
+        design: UnitDesign,
+        units: int,
+        positions: int = 31,
+        geometry: ContactGeometry = GEOMETRY,
+    ) -> None:
+        self.design, self.geometry = design, geometry
+        self.lattice = Lattice.of(geometry, turn_lattice(positions, 39))
+        self.sample = BaseSample.draw(geometry, units, np.random.default_rng(1))
 
     def elastic(self, loading: Loading | None = None, **given: Any) -> Elastic:
         """The elastic outputs of the units."""
@@ -58,7 +65,7 @@ class Case:
     def built(self, design: UnitDesign, loading: Loading | None = None, **given: Any) -> Elastic:
         """Those of the same sample built to another design."""
         table = Table.of(self.lattice, design.dr_rp, design.dr_p)
-        units = Scaled.of(GEOMETRY, self.sample, design)
+        units = Scaled.of(self.geometry, self.sample, design)
         return elastic(self.lattice, table, units, loading or Loading(), **given)
 
     def play(self) -> Array:
@@ -70,40 +77,15 @@ class Case:
     def contact(self, loading: Loading | None = None) -> LoadedContact:
         """The loaded contact, with all pins and gaps to third order."""
         loading = loading or Loading()
-        geometry = replace(GEOMETRY, dr_rp=self.design.dr_rp, dr_p=self.design.dr_p)
         return LoadedContact(
-            geometry,
+            modified(GEOMETRY, self.design),
             normal_stiffness=loading.normal_stiffness,
             series_stiffness=loading.series_stiffness,
         )
 
     def errors(self) -> PartErrors:
         """The errors of the parts of the same units, in the loaded contact's own terms."""
-        z, phase = self.sample.z, self.sample.phase
-
-        def error(name: str) -> Array:
-            of = self.design
-            return np.moveaxis((of.middle(name) + of.width(name) * z[name]) * UM, -1, 0)
-
-        bearing = self.design.width("crank_bearing") * 0.5 * (1.0 + z["crank_bearing"])
-        return PartErrors(
-            pin_radius=error("pin_radius")[:, None],
-            hole_radius=error("pin_hole_radius")[:, None],
-            tangential_position=error("pin_position")[:, None],
-            equidistance=error("equidistance"),
-            shift=error("shift"),
-            pitch=error("pitch"),
-            pitch_phase=phase["pitch"].T,
-            disc_offset=0.5 * error("runout"),
-            disc_offset_phase=phase["runout"].T,
-            angle=np.array([[1.0, -1.0]]) * self.design.stagger * ARCMIN,
-            crank_phase=error("crank_phase") / UM * 1e-3,
-            eccentricity=error("eccentricity"),
-            bearing_clearance=np.moveaxis(bearing * UM, -1, 0),
-            circle_radius=error("pin_circle_radius"),
-            circle_offset=error("circle_offset"),
-            circle_phase=phase["circle_offset"],
-        )
+        return part_errors(GEOMETRY, self.sample, self.design)
 
 
 def available(engine: Engine) -> Engine:
@@ -148,18 +130,37 @@ def test_all_pins_at_rated_torque() -> None:
     np.testing.assert_allclose(ours, rotation.T / ARCMIN, atol=5e-4)
 
 
-@pytest.mark.parametrize("series", [58.5 / ARCMIN, np.inf])
-def test_both_engines_agree(series: float) -> None:
+WIDE = UnitDesign({
+    "pin_circle_radius": 10.0, "pin_position": 10.0, "pin_hole_radius": 8.0, "pin_radius": 5.0,
+    "pitch": 15.0, "runout": 8.0, "eccentricity": 8.0, "equidistance": 6.0, "shift": 6.0,
+    "crank_bearing": 20.0, "bore": 10.0,
+})  # fmt: skip
+"""Discs that carry nothing, discs loaded backwards, and discs squeezed within their play."""
+
+
+@pytest.mark.parametrize(
+    ("design", "series", "discs"),
+    [
+        (STAGGERED, 58.5 / ARCMIN, 2),
+        (STAGGERED, np.inf, 2),
+        (WIDE, 58.5 / ARCMIN, 2),
+        (WIDE, np.inf, 2),
+        (replace(WIDE, dr_rp=-60e-6), 58.5 / ARCMIN, 4),
+        (DOCUMENT, 58.5 / ARCMIN, 1),
+    ],
+)
+def test_both_engines_agree(design: UnitDesign, series: float, discs: int) -> None:
     """Single precision against double: 1e-6' of some 20 arc minutes of turn and gap."""
     available("numba")
-    case, loading = Case(STAGGERED, units=150), Loading(series_stiffness=series)
+    case = Case(design, units=130, positions=17, geometry=replace(GEOMETRY, discs=discs))
+    loading = Loading(series_stiffness=series)
     compiled, plain = (case.elastic(loading, engine=engine) for engine in ("numba", "arrays"))
-    for name, tolerance in zip(OUTPUTS, (1e-6, 1e-4, 1e-3, 1e-2, 2e-4), strict=True):
+    for name, tolerance in zip(OUTPUTS, (1e-6, 1e-3, 2e-3, 1e-2, 2e-4), strict=True):
         np.testing.assert_allclose(
             compiled.values[name], plain.values[name], atol=tolerance, err_msg=name
         )
-    slopes = Slopes.of(GEOMETRY, case.sample)
-    weight = np.random.default_rng(3).random(150)
+    slopes = Slopes.of(case.geometry, case.sample)
+    weight = np.random.default_rng(3).random(130)
     for name in OUTPUTS:
         ours, theirs = (one.pull_back(slopes, {name: weight}) for one in (compiled, plain))
         np.testing.assert_allclose(ours, theirs, atol=2e-5 * np.abs(theirs).max(), err_msg=name)
@@ -197,7 +198,7 @@ def test_soft_springs_add_their_wind_up() -> None:
 def test_perfect_parts_without_preload() -> None:
     """Play of 0.11' everywhere: no pin is squeezed."""
     found = Case(UnitDesign({}), units=1).elastic().values
-    assert found["preload_torque_max"] == 0.0
+    np.testing.assert_allclose(found["preload_torque_max"], 0.0, atol=1e-9)
 
 
 SIZE = np.array([{"dr_rp": 2e-3, "dr_p": 2e-3, "stagger": 0.05}.get(one, 1.0) for one in NAMES])
@@ -223,8 +224,7 @@ def test_derivatives_against_differences(output: str) -> None:
     Single precision leaves 0.001 of the unit of each output. The means, whose kinks are those of
     single positions, agree to 0.5 % of each derivative above a fifth of the largest.
     """
-    bored = {**STAGGERED.half_width, "bore": 2.0}
-    case = Case(replace(STAGGERED, half_width=bored, stagger=0.03), units=48)
+    case = Case(replace(STAGGERED, stagger=0.03), units=48)
     found, slopes = case.elastic(outputs=(output,)), Slopes.of(GEOMETRY, case.sample)
     ours = (
         np.array([found.pull_back(slopes, {output: one}) for one in np.eye(48)]).T * SIZE[:, None]
