@@ -47,7 +47,9 @@ class ToleranceProblem(Problem):
     """Settings of the single-objective GA beside a run, where the documents name them: population,
     generations, crossover and mutation probability."""
     sampled: ClassVar[bool] = False
-    """Whether a search sees the average of a fixed sample; its points are tested on a fresh one."""
+    """Whether a search sees a fixed sample of units; its points are tested on a fresh one."""
+    default_algorithm: ClassVar[str] = ""
+    """The best algorithm for the problem; empty: NSGA-II or, of one objective, the GA."""
     explained: ClassVar[Mapping[str, str]] = {}
     """By output without a derivative, the one whose derivative tells what contributes to it."""
 
@@ -144,6 +146,10 @@ class ToleranceProblem(Problem):
         """Label and problem of the documents' single-objective allocation, or None."""
         return None
 
+    def coarser(self) -> ToleranceProblem:
+        """The same problem on a smaller sample, for algorithms that evaluate much."""
+        return self
+
     def relaxed(self, limits: Mapping[str, Bound]) -> ToleranceProblem:
         """The same problem with some limits replaced."""
         return type(self)(replace(self.given, limits=dict(self.given.limits) | dict(limits)))
@@ -191,6 +197,10 @@ class ToleranceProblem(Problem):
     def without_effects(self) -> ToleranceProblem:
         """The same problem with no effect in its model."""
         return type(self)(replace(self.given, effects=()))
+
+    def search_faults(self) -> list[Fault]:
+        """What is wrong with a search of the problem, though its designs can be evaluated."""
+        return []
 
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting a run of this problem."""

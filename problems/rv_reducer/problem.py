@@ -6,12 +6,13 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...declarations import Variable, number
+from ...errors import Fault
 from ...models.rv_reducer import modification
 from ...models.rv_reducer.population.lattice import nearest_prime
 from ...units import ARCMIN, MM
@@ -40,6 +41,11 @@ KEPT = 4
 """Evaluations kept, so that a derivative costs no second evaluation."""
 
 
+HOLD_INTERFERENCE = {"interference_probability": 1.0, "interference_share_of_turn": 1.0,
+                     "overlap_p95_arcmin": np.inf, "preload_torque_Nm": np.inf,
+                     "preload_torque_Nm_max": np.inf, "preload_torque_Nm_mean": np.inf,
+                     }  # fmt: skip
+"""Outputs, a limit on any of which below these values holds interference."""
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
@@ -58,6 +64,10 @@ class RvReducer(ToleranceProblem):
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
     sampled = True
+    default_algorithm = "exact"
+    reference_ga: ClassVar[Mapping[str, float]] = {
+        "population": 80, "generations": 80, "crossover": 0.9, "mutation": 0.1,
+    }  # fmt: skip
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -126,6 +136,7 @@ class RvReducer(ToleranceProblem):
         columns = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
         for at, design in enumerate(designs):
             found = self.evaluation(design, searching)
+            columns["phi_1_arcmin"][at] = found.involute.mean
             for name in asked:
                 columns[name][at] = found.value(name)
             if not searching:
@@ -146,9 +157,6 @@ class RvReducer(ToleranceProblem):
         """What only reported designs have."""
         for name in SAMPLED_OUTPUTS:
             columns[f"{name}_error"][at] = found.error(name)
-        columns["interference_share_of_turn"][at] = found.share_of_turn()
-        columns["overlap_p95_arcmin"][at] = found.overlap(0.95)
-        columns["phi_1_arcmin"][at] = found.involute.mean
 
     @cached_property
     def _asked(self) -> frozenset[str]:
@@ -242,7 +250,14 @@ class RvReducer(ToleranceProblem):
         limit = Bound(already.low, min(already.high, most))
         limits = dict(self.given.limits) | {"backlash_max_arcmin": limit}
         given = replace(self.given, objectives=("cost",), limits=limits)
-        return f"GA, least cost at {limit.high:g} arcmin", RvReducer(given)
+        return f"GA, least cost at {limit.high:g} arcmin", RvReducer(given).coarser()
+
+    def coarser(self) -> RvReducer:
+        """On at most 256 units at 31 positions, which no result of the search is tested on."""
+        positions = nearest_prime(min(31, self.count("positions")), self.model.geometry)
+        small = {"search_units": min(256, self.count("search_units")),
+                 "search_positions": positions}  # fmt: skip
+        return RvReducer(replace(self.given, parameters=dict(self.given.parameters) | small))
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: no unit has less backlash than its involute stage."""
@@ -260,6 +275,18 @@ class RvReducer(ToleranceProblem):
         coverage = self.settings.propagation.coverage
         at = float(self.model.planet.quantile(np.array([coverage]))[0])
         return alone.middle + alone.half * at
+
+    def search_faults(self) -> list[Fault]:
+        limits = self.settings.limits
+        held = [
+            n for n in HOLD_INTERFERENCE if n in limits and limits[n].high < HOLD_INTERFERENCE[n]
+        ]
+        if held or self.settings.parameters["allow_interference"]:
+            return []
+        text = ("is missing: without a limit on interference or preload the cheapest units all "
+                "interfere (cost 7 with 99.9 % of the units preloaded); set, for example, 0.05, or "
+                "parameters.allow_interference = true")  # fmt: skip
+        return [Fault("limits.interference_probability", text)]
 
     def warnings(self) -> tuple[str, ...]:
         return ()
