@@ -156,7 +156,7 @@ def _lanes(
             free = zero if loaded else np.float32(2.0) * terms[d, 6, u]
             jammed = low[d, u] > high[d, u] and not loaded
             wrong[u] = wrong[u] or x[d, u] + free < other or jammed
-            x[d, u] *= sign
+            x[d, u] = sign * (x[d, u] if loaded else max(x[d, u], other))  # within its play
             side[d, u] = np.int8(sign) if loaded else np.int8(0)
 
 
