@@ -77,7 +77,7 @@ def run(
     cut = found.interrupted or any(other is None for other in fronts.values())
     status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
     told = (*plan.problem.effect_notes(), *plan.problem.warnings())
-    notes = (*told, *anew, *_notes(references, dropped, joined))
+    notes = (*told, *plan.problem.remarks(front), *anew, *_notes(references, dropped, joined))
     proven = (*proof_notes(front, statement), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
     summary |= measures(found, front, statement, exact)
