@@ -9,10 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..gaussian_length import exceedance, principal, quantile
 from ..inputs.distribution import Array
 
+Rows = NDArray[np.int64]
 KEPT = 1e-9
 """Relative difference of two probabilities that makes no pose worse than another."""
 
@@ -25,7 +27,7 @@ class Field:
 
     effects: Array
 
-    def at(self, poses: Array | slice) -> Field:
+    def at(self, poses: Rows | slice) -> Field:
         """The same error at some of the poses."""
         return Field(self.effects[poses])
 
@@ -42,14 +44,14 @@ def worst_deviation(variances: Array) -> Array:
     return np.asarray(np.sqrt(variances.sum(axis=-1).max(axis=-1)))
 
 
-def worst_exceedance(variances: Array, bound: float) -> tuple[Array, Array]:
+def worst_exceedance(variances: Array, bound: float) -> tuple[Array, Rows]:
     """Largest P(length > bound) (n,) over poses, and the pose (n,) where it is."""
     each = exceedance(variances, bound)
     at = np.argmax(each, axis=1)
     return each[np.arange(len(each)), at], at
 
 
-def worst_quantile(variances: Array, coverage: float) -> tuple[Array, Array]:
+def worst_quantile(variances: Array, coverage: float) -> tuple[Array, Rows]:
     """Largest quantile (n,) of the length over poses, and the pose (n,) where it is.
 
     A pose has a larger quantile than another where more than 1 - coverage exceeds that of the

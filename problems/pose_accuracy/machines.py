@@ -166,41 +166,46 @@ class PoseError:
         """Quantile of the largest over the ring, and machines [%] that keep the limit at every
         pose, by these names, with their errors; nothing by an empty name.
         """
-        of, count = self.population, len(self.sigma)
+        coverage, last = self.population.coverage, len(self.population.poses)
         found: dict[str, list[tuple[float, float]]] = {key: [] for key in (quantile, keeping)}
-        for at in range(count if quantile or keeping else 0):
-            worst = [int(self.worst_quantile[1][at])] if quantile else []
-            worst += [int(self.worst_exceedance[1][at])] if keeping else []
-            effects, variances = self.at_ring(at, worst)
-            machines = Machines.of([effects], variances, of.sample, of.planes[self.name])
+        for at in range(len(self.sigma) if quantile or keeping else 0):
+            first = [int(self.worst_quantile[1][at])] if quantile else []
+            after = [int(self.worst_exceedance[1][at])] if keeping else []
+            machines = self._machines(at, first, after)
             if quantile:
-                least = float(self.worst_quantile[0][at])
-                found[quantile].append(machines.quantile(of.coverage, len(of.poses), least))
+                least, own = float(self.worst_quantile[0][at]), machines.at(slice(0, last + 1))
+                found[quantile].append(own.quantile(coverage, 0, least))
             if keeping:
-                found[keeping].append(machines.beyond(self.limit, len(effects) - 1))
+                own = machines.at(slice(len(first), None))
+                found[keeping].append(own.beyond(self.limit, last))
         both = _with_error(quantile, _columns(found[quantile])) if quantile else {}
         return both | (_with_error(keeping, _percent(found[keeping])) if keeping else {})
 
-    def at_ring(self, at: int, worst: Sequence[int], unit: float = 1.0) -> tuple[Array, Array]:
-        """Effects (poses, c, sources) of one standard deviation of each source of a design, and
-        principal variances (poses, 3), where machines are sampled and, last, at the worst poses.
-        """
-        poses = np.append(self.population.poses, worst)
-        effects = self.population.fields[self.name].effects[poses] * self.sigma[at]
-        return effects / unit, self.variances[at, poses] / unit**2
+    def _machines(self, at: int, first: Sequence[int], last: Sequence[int]) -> Machines:
+        """Machines of one design at the poses `first`, of the sample, and `last`."""
+        of = self.population
+        poses = np.concatenate([first, of.poses, last]).astype(np.int64)
+        plane = main_plane([self.effects(at, of.poses)], of.planes[self.name])
+        return Machines.of([self.effects(at, poses)], self.variances[at, poses], of.sample, plane)
+
+    def effects(self, at: int, poses: Rows) -> Array:
+        """Pose errors (poses, c, sources) of one standard deviation of each source of a design."""
+        return np.asarray(self.population.fields[self.name].effects[poses] * self.sigma[at])
 
 
-def keeping_all(population: Population, errors: Sequence[PoseError]) -> Estimates:
+def keeping_all(of: Population, errors: Sequence[PoseError]) -> Estimates:
     """Machines (n,) that keep the limits of all pose errors at every pose, in percent."""
     found = []
     for at in range(len(errors[0].sigma)):
         over = [float(error.worst_exceedance[0][at]) for error in errors]
-        parts = [error.at_ring(at, [int(error.worst_exceedance[1][at])], error.limit)
-                 for error in errors]  # fmt: skip
-        effects, variances = [one[0] for one in parts], np.concatenate([one[1] for one in parts])
-        machines = Machines.of(effects, variances, population.sample, population.planes[BOTH])
+        poses = [np.append(of.poses, error.worst_exceedance[1][at]) for error in errors]
+        pairs = list(zip(errors, poses, strict=True))
+        effects = [error.effects(at, some) / error.limit for error, some in pairs]
+        variances = [error.variances[at, some] / error.limit**2 for error, some in pairs]
+        plane = main_plane([one[:-1] for one in effects], of.planes[BOTH])
+        machines = Machines.of(effects, np.concatenate(variances), of.sample, plane)
         last = np.cumsum([len(one) for one in effects]) - 1
-        found.append(machines.beyond(1.0, int(last[int(np.argmax(over))])))
+        found.append(machines.beyond(1.0, int(last[np.argmax(over)])))
     return _percent(found)
 
 

@@ -100,6 +100,6 @@ EXPLAINED = {
     output.name: f"{name}_{UNITS[name]}"
     for output in MACHINES
     for name in UNITS
-    if output.name.startswith(name)
+    if output.name in OVER_MACHINES and output.name.startswith(name)
 }
 """What contributes to an output over machines is told by that of the index."""

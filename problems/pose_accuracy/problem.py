@@ -311,11 +311,12 @@ class PoseAccuracy(ToleranceProblem):
         """What the standard deviations of the cheapest point mean for machines."""
         if front.empty:
             return ()
-        row = front.loc[front["cost"].idxmin(), [output.name for output in OUTPUTS]]
+        cheapest = int(np.argmin(front["cost"].to_numpy()))
+        row = {output.name: float(front[output.name].iloc[cheapest]) for output in OUTPUTS}
         given, coverage = self.settings.parameters, self.settings.propagation.coverage
         where = words_of(given[POSE.name])
         index, limits = str(given["index"]), self.population.limits
-        return remarks_of(row.astype(float).to_dict(), index, limits, coverage, where)
+        return remarks_of(row, index, limits, coverage, where)
 
     # ---------------------------------------------------------------- faults and assumptions
 
