@@ -208,6 +208,10 @@ class ToleranceProblem(Problem):
         """What the user should know before trusting a run of this problem."""
         return ()
 
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        """What should be said of the reported points, a row each as `frame` makes them."""
+        return ()
+
     # ---------------------------------------------------------------- set-up
 
     def _completed(self, given: Settings) -> Settings:
