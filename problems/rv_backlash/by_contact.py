@@ -37,7 +37,7 @@ def contact_problem(problem: RvBacklash) -> RvReducer:
 
 
 def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
-    """A sentence for each full design (n, all variables) of the closed form."""
+    """What each full design (n, all variables) of the closed form does, from its verb on."""
     contact = contact_problem(problem)
     rows = np.array([
         [dict(zip(problem.names, design.tolist(), strict=True)).get(name, contact.fixed.get(name))
@@ -47,7 +47,7 @@ def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
     coverage = 100.0 * problem.settings.propagation.coverage
     found = [contact.evaluation(row, searching=False) for row in rows]
     return tuple(
-        f"by contact this allocation keeps {problem.limit:g} arcmin in "
+        f"keeps {problem.limit:g} arcmin in "
         f"{one.value('yield_percent'):.1f} % of the units at all {contact.count('positions')} "
         f"positions of a turn; {coverage:.4g} % of them stay below "
         f"{one.value('backlash_max_arcmin'):.2f} arcmin, and "
