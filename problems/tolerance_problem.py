@@ -45,9 +45,11 @@ class ToleranceProblem(Problem):
     default_model: str = ""
     reference_ga: ClassVar[Mapping[str, float]] = {}
     """Settings of the single-objective GA beside a run, where the documents name them: population,
-    generations, crossover and mutation probability."""
+    generations, crossover and mutation probability; and, where not the GA's own, their eta."""
     sampled: ClassVar[bool] = False
     """Whether a search sees a fixed sample of units; its points are tested on a fresh one."""
+    performance: ClassVar[frozenset[str]] = frozenset()
+    """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""
     default_algorithm: ClassVar[str] = ""
     """The best algorithm for the problem; empty: NSGA-II or, of one objective, the GA."""
     explained: ClassVar[Mapping[str, str]] = {}
@@ -204,6 +206,10 @@ class ToleranceProblem(Problem):
 
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting a run of this problem."""
+        return ()
+
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        """What should be said of the reported points, a row each as `frame` makes them."""
         return ()
 
     # ---------------------------------------------------------------- set-up

@@ -64,9 +64,11 @@ class RvReducer(ToleranceProblem):
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
     sampled = True
+    performance = SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"}
     default_algorithm = "exact"
     reference_ga: ClassVar[Mapping[str, float]] = {
-        "population": 80, "generations": 80, "crossover": 0.9, "mutation": 0.1,
+        "population": 100, "generations": 80, "crossover": 0.9, "crossover_eta": 5.0,
+        "mutation": 0.1, "mutation_eta": 10.0,
     }  # fmt: skip
 
     def __init__(self, settings: Settings | None = None) -> None:
@@ -214,9 +216,11 @@ class RvReducer(ToleranceProblem):
         return found | {name: self.fixed[name] for name in DISC_TO_DISC if name in self.fixed}
 
     def starts(self) -> Array:
-        """The document's zones, tighter and wider, opened until the interference limit is kept."""
+        """The tightest zones, and the document's, tighter and wider, each opened until the limit on
+        interference is kept.
+        """
         rows = []
-        for factor in (0.7, 1.0, 1.4):
+        for factor in (0.0, 0.7, 1.0, 1.4):
             row = np.array([self._nominal[name] for name in self.names])
             zones = [self.names.index(v.name) for v in self.variables if v.name.endswith("_um")]
             row[zones] *= factor

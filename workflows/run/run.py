@@ -82,7 +82,7 @@ def run(
         front = overlay.with_distance(front, other, names)
     beside = [n for label, one in others.items() for n in overlay.notes(front, label, one, names)]
     told = (*plan.problem.effect_notes(), *plan.problem.warnings(), *beside)
-    notes = (*told, *anew, *_notes(references, dropped, joined))
+    notes = (*told, *plan.problem.remarks(front), *anew, *_notes(references, dropped, joined))
     proven = (*proof_notes(front, statement), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
     summary |= measures(found, front, statement, exact)
