@@ -34,6 +34,8 @@ from .units import UnitModel
 Array = NDArray[np.float64]
 SEARCH, REPORT = 1, 2
 """Streams of random numbers of the two populations."""
+MANY, ALONE = 512, 2048
+"""Units of the sample that is searched on: for fronts, and for the optimum of one objective."""
 LOADED_POSITIONS = 31
 """Positions of a turn at which units are solved under load at most: means over the turn need no
 more."""
@@ -99,7 +101,11 @@ class RvReducer(ToleranceProblem):
     @cached_property
     def _searched(self) -> Populations:
         positions = self.count("search_positions") or self.count("positions")
-        return self._drawn(positions, self.count("search_units"), SEARCH)
+        return self._drawn(positions, self._search_units, SEARCH)
+
+    @property
+    def _search_units(self) -> int:
+        return self.count("search_units") or (ALONE if len(self.objectives) == 1 else MANY)
 
     @cached_property
     def _reported(self) -> Populations:
@@ -259,7 +265,7 @@ class RvReducer(ToleranceProblem):
     def coarser(self) -> RvReducer:
         """On at most 256 units at 31 positions, which no result of the search is tested on."""
         positions = nearest_prime(min(31, self.count("positions")), self.model.geometry)
-        small = {"search_units": min(256, self.count("search_units")),
+        small = {"search_units": min(256, self._search_units),
                  "search_positions": positions}  # fmt: skip
         return RvReducer(replace(self.given, parameters=dict(self.given.parameters) | small))
 
