@@ -50,7 +50,7 @@ class Evaluation:
         """The evaluation of one row of variables by name."""
         design = model.design(row)
         turn = population.turn(design)
-        return cls(turn, Measures(turn, model.involute(design.involute_grade), model.conditions))
+        return cls(turn, model.measures(turn))
 
     def value(self, name: str) -> float:
         """A sampled output."""
