@@ -19,6 +19,7 @@ from ...units import ARCMIN, MM
 from ..rv_backlash.costs import DEFAULT_COSTS
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
+from .counterparts import changes_of, sentence
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
 from .evaluation import Evaluation, Populations, known
 from .outputs import (
@@ -76,7 +77,8 @@ class RvReducer(ToleranceProblem):
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
         given = self.settings
-        self.model = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
+        units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
+        self.model = units.changed(changes_of(given.effects, units.geometry))
         self._recent: OrderedDict[bytes, Evaluation] = OrderedDict()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -207,6 +209,9 @@ class RvReducer(ToleranceProblem):
             found["modification_backlash_arcmin"][:, column] = backlash
         return found
 
+    def counterparts(self) -> tuple[str, ...]:
+        return tuple(sentence(one, self.model.geometry) for one in self.settings.effects)
+
     # ---------------------------------------------------------------- what is known
 
     def references(self) -> dict[str, Array]:
@@ -273,9 +278,14 @@ class RvReducer(ToleranceProblem):
         """Proven bounds: no unit has less backlash than its involute stage."""
         if output == "cost":
             return self.cost_interval
-        if output in ("backlash_max_arcmin", "backlash_mean_arcmin"):
-            return self._least_backlash, np.inf
+        if output in ("backlash_max_arcmin", "backlash_mean_arcmin") and not self._stretched:
+            return self._least_backlash + self.model.change.effective, np.inf
         return super().interval(output)
+
+    @property
+    def _stretched(self) -> bool:
+        """Whether an effect makes units scatter more about their mean: no bound is proven then."""
+        return self.model.change.growth != 0.0
 
     @cached_property
     def _least_backlash(self) -> float:
