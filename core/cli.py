@@ -269,6 +269,8 @@ def evaluate(
         assert configuration.problem is not None
         for note in () if quiet else configuration.problem.effect_notes():
             typer.echo(f"note: {note}", err=True)
+        if not quiet and (statement := configuration.problem.model_statement):
+            typer.echo(f"model: {statement}", err=True)
         evaluate(configuration.problem, designs, out)
         typer.echo(f"written: {out}")
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from math import inf
 
@@ -52,6 +52,24 @@ class Parameter:
     high: float = inf
     open_low: bool = False
     choices: tuple[str, ...] = ()
+    readings: Mapping[str, Value] = field(default_factory=dict)
+    """Other defaults, by the value of the parameter `reading`."""
+
+    def default_in(self, reading: Value | None) -> Value:
+        """The default where the parameter `reading` has this value."""
+        return self.readings.get(str(reading), self.default)
+
+
+READING = "reading"
+"""Name of the parameter that sets several others together."""
+
+
+def completed(parameters: Iterable[Parameter], given: Mapping[str, Value]) -> dict[str, Value]:
+    """Every parameter: as given, else its default in the reading that is given or the default."""
+    declared = {one.name: one for one in parameters}
+    own = declared[READING].default if READING in declared else None
+    reading = given.get(READING, own)
+    return {name: one.default_in(reading) for name, one in declared.items()} | dict(given)
 
 
 @dataclass(frozen=True, slots=True)

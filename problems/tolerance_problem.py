@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from pymoo.core.problem import Problem
 
-from ..declarations import Assumption, Output, Parameter, Value, Variable
+from ..declarations import Assumption, Output, Parameter, Variable, completed
 from ..errors import Fault, ModelError
 from ..models.costs import CostCurve
 from ..records import Bars
@@ -52,6 +52,10 @@ class ToleranceProblem(Problem):
     """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""
     default_algorithm: ClassVar[str] = ""
     """The best algorithm for the problem; empty: NSGA-II or, of one objective, the GA."""
+    model_name: ClassVar[str] = ""
+    """Which of several models of one thing the numbers are of; empty where there is one."""
+    model_statement: ClassVar[str] = ""
+    """The same in words, printed wherever the numbers appear."""
     explained: ClassVar[Mapping[str, str]] = {}
     """By output without a derivative, the one whose derivative tells what contributes to it."""
 
@@ -176,6 +180,22 @@ class ToleranceProblem(Problem):
         """Derivatives (n, all variables) of the outputs for which the model gives them."""
         return {}
 
+    def contact_verdict(self, designs: Array) -> tuple[str, ...]:
+        """What the exact contact says of each full design (n, all variables), such as "keeps 1
+        arcmin in 43 % of units"; empty where it is not asked.
+        """
+        return ()
+
+    def model_labels(self, designs: Array) -> tuple[str, ...]:
+        """By which model each full design (n, all variables) is judged, and what contact says.
+
+        Empty texts where there is but one model.
+        """
+        alone, verdicts = self.model_statement, self.contact_verdict(designs)
+        if not alone or not verdicts:
+            return (alone,) * len(designs)
+        return tuple(f"{alone}; by contact this allocation {one}" for one in verdicts)
+
     def bars(self) -> tuple[Bars, ...]:
         """Charts of what matters in this problem, whatever is optimised."""
         return ()
@@ -216,10 +236,9 @@ class ToleranceProblem(Problem):
 
     def _completed(self, given: Settings) -> Settings:
         """The settings with every default filled in."""
-        parameters: dict[str, Value] = {p.name: p.default for p in self.parameters}
         return replace(
             given,
-            parameters=parameters | dict(given.parameters),
+            parameters=completed(self.parameters, given.parameters),
             variables={
                 v.name: self._variable(v, given.variables.get(v.name)) for v in self.variables
             },

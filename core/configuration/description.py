@@ -20,7 +20,8 @@ def describe(configuration: Configuration) -> str:
     if problem is None:
         return _commented(configuration.toml(), _effects(configuration))
     settings = configuration.settings.variables
-    lines = _effects(configuration)
+    lines = ["Model", f"  {problem.model_statement}", ""] if problem.model_statement else []
+    lines += _effects(configuration)
     lines += ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
     lines += ["", "Assumptions (no document prints them)", *_assumptions(problem.assumptions())]
     if warnings := problem.warnings():

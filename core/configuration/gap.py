@@ -10,6 +10,7 @@ from typing import Any
 import tomli_w
 
 from .. import registry
+from ..declarations import completed
 from ..errors import Fault, InputError, nearest, raise_all
 from ..models.measurable import MeasurableModel
 from ..section import POSITIVE, Range, Section, shown
@@ -129,9 +130,7 @@ def _parameters(configuration: Configuration) -> dict[str, Any]:
     if configuration.model_name == TABLE:
         return {}
     kind = registry.load("models", configuration.model_name)
-    return {one.name: one.default for one in kind.parameters} | dict(
-        configuration.settings.parameters
-    )
+    return completed(kind.parameters, configuration.settings.parameters)
 
 
 def _settings(section: Section) -> GapSettings:

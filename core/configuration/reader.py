@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..declarations import Value
+from ..declarations import Value, completed
 from ..errors import Fault, InputError, raise_all
 from ..problems.settings import Settings, VariableSetting
 from ..section import Range, Section
@@ -175,7 +175,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         v.name: _at_document(v, variables.get(v.name, VariableSetting())) for v in kind.variables
     }
     settings = Settings(
-        parameters={p.name: p.default for p in kind.parameters} | parameters,
+        parameters=completed(kind.parameters, parameters),
         variables=complete,
         seed=seed,
         effects=effects,
