@@ -103,11 +103,15 @@ class Section:
         value = self.take(key)
         return None if value is None else self.as_number(key, value, unit, within)
 
-    def as_number(self, key: str, value: Any, unit: str, within: Range = ANY) -> float | None:
-        """`value` as a finite number in `unit`, any fault reported at `key`."""
+    def as_number(
+        self, key: str, value: Any, unit: str, within: Range = ANY, turns: bool = True
+    ) -> float | None:
+        """`value` as a finite number in `unit`, any fault reported at `key`; `turns` as `to_unit`
+        takes it.
+        """
         if isinstance(value, str) and unit:
             try:
-                number = to_unit(value, unit)
+                number = to_unit(value, unit, turns)
             except ValueError as error:
                 self.fault(key, str(error))
                 return None
