@@ -76,7 +76,7 @@ def to_unit(text: str, unit: str, turns: bool = True) -> float:
     try:
         scale, zero = _scale(match[2], unit, turns)
     except UnitError as error:
-        raise ValueError(f"{message}: {error}") from error
+        raise ValueError(f"{message}: {error}" if str(error) else message) from error
     number = float(match[1])
     if not math.isfinite(number):
         return number
@@ -157,7 +157,8 @@ def _affine(unit: str, to: str) -> tuple[float, float]:
     try:
         scale, zero = _scale(unit, to)
     except UnitError as error:
-        raise ValueError(f'"{unit}" is not a unit that can be stated in {to}: {error}') from error
+        message = f'"{unit}" is not a unit that can be stated in {to}'
+        raise ValueError(f"{message}: {error}" if str(error) else message) from error
     return float(scale), float(zero)
 
 
@@ -186,7 +187,7 @@ def _is_speed(unit: str) -> bool:
 
 
 def _misfit(unit: str, own: Unit, to: str, wanted: Unit) -> str:
-    """Why a quantity in `unit` cannot be stated in `to`."""
+    """Why a quantity in `unit` cannot be stated in `to`, where that is not plain."""
     if own.without(ANGLE) == wanted.without(ANGLE) and own.power(ANGLE) != wanted.power(ANGLE):
         if wanted.dimensions == _PER_TIME:
             return f'"{unit}" is an angular speed, and {to} a frequency: write Hz or 1/s'
@@ -194,7 +195,7 @@ def _misfit(unit: str, own: Unit, to: str, wanted: Unit) -> str:
             return f'"{unit}" does not say of what angle: write it with one, as {to} has'
     if not set("'\"′″").isdisjoint(unit):
         return "' and \" are arc minutes and seconds: write ft and in for feet and inches"
-    return f'in SI it is {_in_si(own)}, not {_in_si(wanted)}'
+    return ""
 
 
 def _in_si(unit: Unit) -> str:
