@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from .engine import GDE3Engine, Space
 from .exact.bounds import restricted, upper_limit
+from .exact.branch import Branch
 from .exact.designs import search_vectors
-from .exact.epsilon import Branch, integer_moves, scale_of
+from .exact.epsilon import integer_moves, scale_of
 from .exact.front import front
 from .exact.pieces import convex_pieces
 from .exact.solver import closed_form, exact_vectors

@@ -46,6 +46,8 @@ class ToleranceProblem(Problem):
     reference_ga: ClassVar[Mapping[str, float]] = {}
     """Settings of the single-objective GA beside a run, where the documents name them: population,
     generations, crossover and mutation probability."""
+    sampled: ClassVar[bool] = False
+    """Whether a search sees the average of a fixed sample; its points are tested on a fresh one."""
     explained: ClassVar[Mapping[str, str]] = {}
     """By output without a derivative, the one whose derivative tells what contributes to it."""
 
@@ -157,6 +159,10 @@ class ToleranceProblem(Problem):
     def guide(self) -> Form | None:
         """A convex form close to the problem, to begin a search from; it proves nothing."""
         return self.form()
+
+    def starts(self) -> Array:
+        """Full designs (k, all variables) that a search by gradients does well to begin from."""
+        return np.empty((0, len(self.variables)))
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives (n, all variables) of the outputs for which the model gives them."""

@@ -1,4 +1,4 @@
-"""Populations of RV reducers on their exact contact: units drawn to an allocation, fast to search on.
+"""Populations of RV reducers on their exact contact: units drawn to an allocation.
 
 The gap of every pin is linear in the errors of the parts about the exact nominal profile, so that
 one base sample serves every allocation (common random numbers) and derivatives follow from the pins

@@ -10,14 +10,11 @@ from numpy.typing import NDArray
 
 from ..contact.gaps import Axes
 from ..contact.geometry import ContactGeometry, lever, unit
+from .profile import LEAST_LEVER, Profile
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Single = NDArray[np.float32]
-LEAST_LEVER = 0.3
-"""Share of the largest lever arm below which pins are left out: they close no backlash."""
-NODES = 96
-"""Chebyshev nodes of the profile over the phase."""
 
 
 def turn_lattice(positions: int, teeth: int) -> Array:
@@ -52,10 +49,10 @@ class Lattice:
 
     A contact is a pin of a disc at a position with a lever arm worth counting; `start`
     (positions, discs, 2) is the first contact of the forward (0) and backward (1) flank, `stop`
-    one past the last. By contact: `pin` its pin and `disc` its disc, `phase` [rad] the magnitude of its phase, `side`
-    the sign of it, `direction` exp(i theta) of the pin.     `nodes` [rad] are phases at which the profile is computed and `weights` (contacts, nodes)
-    interpolate from there. `directions` (positions, discs, 6) are cosine and sine of the
-    eccentric, of the disc, and of the eccentric against the line of the cranks.
+    one past the last. By contact: `pin` its pin and `disc` its disc, `phase` [rad] the magnitude of
+    its phase, `side` the sign of it, `direction` exp(i theta) of the pin. `profile` is the nominal
+    profile there. `directions` (positions, discs, 6) are cosine and sine of the eccentric, of the
+    disc, and of the eccentric against the line of the cranks.
     """
 
     geometry: ContactGeometry
@@ -67,8 +64,7 @@ class Lattice:
     phase: Array
     side: Array
     direction: Complex
-    nodes: Array
-    weights: Array
+    profile: Profile
     directions: Single
 
     @classmethod
@@ -77,10 +73,6 @@ class Lattice:
         phase = np.angle(unit(geometry.phase(angles)))
         arm = lever(geometry, phase) / geometry.nominal.lever
         start, stop, discs, pins, phases = _contacts(arm, phase)
-        low, high = _range(geometry)
-        nodes = 0.5 * (low + high) - 0.5 * (high - low) * np.cos(
-            np.pi * (np.arange(NODES) + 0.5) / NODES
-        )
         size = np.abs(phases)
         return cls(
             geometry,
@@ -92,8 +84,7 @@ class Lattice:
             size,
             np.sign(phases),
             unit(geometry.pin_angles)[pins],
-            nodes,
-            _interpolation(nodes, size),
+            Profile.of(geometry, size),
             _directions(geometry, angles),
         )
 
@@ -122,24 +113,3 @@ def _directions(geometry: ContactGeometry, angles: Array) -> Single:
         part for one in (axes.eccentric, axes.disc, axes.crank) for part in (one.real, one.imag)
     ]
     return np.ascontiguousarray(np.stack(parts, axis=-1), dtype=np.float32)
-
-
-def _range(geometry: ContactGeometry) -> tuple[float, float]:
-    """Phases [rad] between which lever arms count."""
-    phase = np.linspace(0.0, np.pi, 20_001)
-    counted = phase[lever(geometry, phase) / geometry.nominal.lever >= LEAST_LEVER]
-    step = phase[1]
-    return max(float(counted[0]) - step, 0.5 * step), float(counted[-1]) + step
-
-
-def _interpolation(nodes: Array, at: Array) -> Array:
-    """Barycentric weights (points, nodes) of Chebyshev interpolation."""
-    count = len(nodes)
-    own = np.sin(np.pi * (np.arange(count) + 0.5) / count) * (-1.0) ** np.arange(count)
-    away = at[:, None] - nodes
-    on = np.abs(away) < 1e-14
-    found = own / np.where(on, 1.0, away)
-    found /= found.sum(axis=1, keepdims=True)
-    rows = on.any(axis=1)
-    found[rows] = on[rows]
-    return np.asarray(found)

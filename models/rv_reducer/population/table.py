@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....units import ARCMIN, UM
-from ..contact.nominal import Nominal
+from ....units import ARCMIN, MM, UM
 from .lattice import Lattice
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
-STEP = 0.5e-6
-"""Step [m] of the shift modification in the difference of the table."""
 COLUMNS = ("gap", "lever", "radial", "tangential", "x", "y", "cos", "sin", "by_shift")
 
 
@@ -34,34 +31,21 @@ class Table:
     @classmethod
     def of(cls, lattice: Lattice, dr_rp: float, dr_p: float) -> Table:
         """The table at modifications [m]."""
-        distance, normal, arm = _profile(lattice, dr_p)
+        (distance, along, across, arm), slope = lattice.profile.at(dr_p)
+        across, arm = across * lattice.side, arm * lattice.side
         kappa = UM / ARCMIN / arm
         gap = (distance + dr_rp) / arm / ARCMIN
-        ahead, before = (
-            (found[0] + dr_rp) / found[2] / ARCMIN
-            for found in (_profile(lattice, dr_p + STEP), _profile(lattice, dr_p - STEP))
-        )
-        housing = normal * lattice.direction
+        by_shift = slope[0] / arm / ARCMIN - gap * slope[3] * lattice.side / arm
+        housing = kappa * (along + 1j * across) * lattice.direction
         columns = [
             gap,
             kappa,
-            kappa * normal.real,
-            kappa * normal.imag,
-            kappa * housing.real,
-            kappa * housing.imag,
+            kappa * along,
+            kappa * across,
+            housing.real,
+            housing.imag,
             lattice.direction.real,
             lattice.direction.imag,
-            (ahead - before) / (2.0 * STEP * 1e3),
+            by_shift * MM,
         ]
         return cls(np.stack(columns, axis=1).astype(np.float32), arm)
-
-
-def _profile(lattice: Lattice, dr_p: float) -> tuple[Array, NDArray[np.complex128], Array]:
-    """Distance from the curve [m], normal in the pin's axes, and lever arm [m], by contact."""
-    geometry = replace(lattice.geometry, dr_rp=0.0, dr_p=dr_p)
-    nominal = Nominal.at(geometry, lattice.nodes)
-    at_nodes = np.stack(
-        [nominal.gap, nominal.normal.real, nominal.normal.imag, nominal.lever], axis=1
-    )
-    distance, along, across, arm = (lattice.weights @ at_nodes).T
-    return distance, along + 1j * across * lattice.side, arm * lattice.side

@@ -1,0 +1,163 @@
+"""One branch of a front by epsilon-constraints: its points at one set of integers."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from ..run import Run
+from .slsqp import slsqp
+from .smooth import Smooth
+
+Array = NDArray[np.float64]
+STARTS, TRIES = 32, 3
+"""Random designs per set of integers, and how many of them a search is begun from at most."""
+RESTORED, NEARLY = 4, 1e-3
+"""Steps back to limits that SLSQP breaks, and the violation up to which they are taken."""
+ANALYTIC, NUMERIC, SAMPLED = (1e-7, 40), (1e-5, 15), (3e-6, 30)
+"""Tolerance and most steps of SLSQP, with derivatives of the model, with differences, and on the
+average of a sample, which has kinks."""
+
+
+class Branch:
+    """The front at one set of integers: points in the order of the second objective."""
+
+    def __init__(self, run: Run, x: Array, unit: Array) -> None:
+        self.smooth = Smooth(run, x)
+        self.unit = unit
+        self.y: list[Array] = []
+        self.f: list[Array] = []
+        self.barren: set[tuple[float, float]] = set()
+
+    def minimise(self, objective: int, start: Array, limit: Array) -> Array | None:
+        """Objectives (m,) of the least `objective` with f <= limit; kept where it is feasible."""
+        own, unit, smooth = np.isfinite(limit), self.unit, self.smooth
+
+        def margins(y: Array) -> Array:
+            f, g = smooth.values(y)
+            return np.concatenate([(limit[own] - f[own]) / unit[own], -g])
+
+        def margin_slopes(y: Array) -> Array:
+            df, dg = smooth.slopes(y)
+            return np.concatenate([-df[own] / unit[own, None], -dg])
+
+        found = slsqp(
+            lambda y: float(smooth.values(y)[0][objective] / unit[objective]),
+            lambda y: smooth.slopes(y)[0][objective] / unit[objective],
+            margins,
+            margin_slopes,
+            start,
+            (np.zeros(smooth.size), np.ones(smooth.size)),
+            *self._effort,
+        )
+        y = self._restored(found.x)
+        f, g = smooth.values(y)
+        if np.any(g > 1e-6):
+            return None
+        at = int(np.searchsorted([one[1] for one in self.f], f[1])) if len(f) > 1 else 0
+        self.y.insert(at, y)
+        self.f.insert(at, f)
+        return f
+
+    @property
+    def _effort(self) -> tuple[float, int]:
+        if not self.smooth.analytic:
+            return NUMERIC
+        return SAMPLED if self.smooth.run.problem.sampled else ANALYTIC
+
+    def _restored(self, y: Array) -> Array:
+        """A point beside y that keeps the limits which SLSQP breaks by its tolerance.
+
+        A design that breaks a limit by the last digits is not feasible, and would be lost.
+        """
+        for _ in range(RESTORED):
+            broken = (g := self.smooth.values(y)[1]) > 0.0
+            if not np.any(broken) or np.any(g > NEARLY):
+                break
+            step = np.linalg.lstsq(self.smooth.slopes(y)[1][broken], 1.1 * g[broken] + 1e-12)[0]
+            y = np.clip(y - step, 0.0, 1.0)
+        return y
+
+    def adopt(self, x: Array, f: Array) -> None:
+        """Take over designs (n, variables) of a front, in the order of the second objective."""
+        self.y, self.f = list(self.smooth.scaled(x)), list(f)
+
+    def begin(self, run: Run) -> None:
+        """The ends of the front, from the best of the problem's own starts or of random designs.
+
+        With one objective, which has no neighbours to begin from, all of them are tried.
+        """
+        none = np.full(len(self.unit), np.inf)
+        y = self._starts(run)
+        f, g = run.evaluate(self.smooth.vectors(y))
+        broken = np.sum(np.maximum(g, 0.0), axis=1)
+        for objective in range(min(2, len(self.unit))):
+            order = np.lexsort([f[:, objective], broken])
+            starts = [*self.y, *y[order[:TRIES]]]
+            for start in starts:
+                end = self.minimise(objective, start, none)
+                if end is not None and len(end) > 1:
+                    self._settle(objective, end)
+                    break
+
+    def _starts(self, run: Run) -> Array:
+        """Scaled coordinates (n, size) to begin from."""
+        own = run.problem.starts()
+        if len(own):
+            free = [run.problem.names.index(v.name) for v in run.problem.free]
+            return self.smooth.scaled(own[:, free])
+        drawn = run.rng.random((STARTS, self.smooth.size))
+        return np.vstack([np.full(self.smooth.size, 0.5), drawn])
+
+    def _settle(self, objective: int, end: Array) -> None:
+        """The least of the other one of two objectives at the end of the front of one."""
+        if len(end) != 2:
+            return
+        at = next(i for i, f in enumerate(self.f) if f is end)
+        limit = np.full(2, np.inf)
+        limit[objective] = end[objective] + 1e-9 * self.unit[objective]
+        self.minimise(1 - objective, self.y[at], limit)
+
+    def widest(self, others: Array | None = None) -> tuple[float, int]:
+        """The largest rectangle between neighbours, and the index of its first point.
+
+        Rectangles in which nothing was found are left out, and those whose best corner is
+        dominated by one of the `others` (n, objectives).
+        """
+        if len(self.f) < 2:
+            return 0.0, 0
+        own = np.array(self.f)
+        f = own / self.unit
+        area = np.abs(np.diff(f[:, 0]) * np.diff(f[:, 1]))
+        area[[self._key(at) in self.barren for at in range(len(area))]] = 0.0
+        if others is not None:
+            corner = np.minimum(own[:-1], own[1:])
+            beaten = np.all(others[:, None, :] < corner[None, :, :], axis=2).any(axis=0)
+            area[beaten] = 0.0
+        return float(area.max()), int(np.argmax(area))
+
+    def _key(self, at: int) -> tuple[float, float]:
+        return float(self.f[at][1]), float(self.f[at + 1][1])
+
+    def halve(self, others: Array | None = None) -> bool:
+        """Solve half-way in the largest rectangle (see `widest`); whether there was one."""
+        area, at = self.widest(others)
+        if area <= 0.0:
+            return False
+        key, limit = self._key(at), np.full(len(self.unit), np.inf)
+        limit[1] = 0.5 * (key[0] + key[1])
+        found = self.minimise(0, 0.5 * (self.y[at] + self.y[at + 1]), limit)
+        if found is None or not key[0] < found[1] < key[1]:
+            self.barren.add(key)
+        return True
+
+    def between(self, count: int) -> Array:
+        """Search vectors (about count, variables) interpolated along the front."""
+        f = np.array(self.f) / self.unit
+        if len(f) < 2 or f.shape[1] != 2:
+            return self.smooth.vectors(np.array(self.y))
+        steps = np.hypot(*np.diff(f, axis=0).T)
+        length = np.concatenate([[0.0], np.cumsum(np.maximum(steps, 1e-12))])
+        course = PchipInterpolator(length, np.array(self.y), axis=0)
+        return self.smooth.vectors(course(np.linspace(0.0, length[-1], count)))

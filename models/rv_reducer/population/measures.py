@@ -1,0 +1,164 @@
+"""What rigid units show over a turn, as statistics over units with their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....units import ARCMIN, UM
+from .statistics import (
+    Involute,
+    Statistic,
+    deviation,
+    mean,
+    quantile,
+    share_below,
+    share_within,
+)
+from .turn import Turn
+
+Array = NDArray[np.float64]
+Spread = Callable[[Array], Array]
+INTERFERENCE = ("turn_mean", "share_of_turn", "overlap", "preload")
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What statistics are asked for: one-sided `coverage`, the `limit` [arcmin] of the yield, and
+    what counts as interference (`turn_mean`: y < 0 in the mean of the turn; `share_of_turn`: at any
+    position, as a share of all; `overlap`: y < -`overlap` [arcmin] anywhere).
+    """
+
+    coverage: float = 0.9973
+    limit: float = 1.0
+    interference: str = "turn_mean"
+    overlap: float = 0.3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measure:
+    """A statistic and how a weight of each unit (n,) spreads over its positions."""
+
+    statistic: Statistic
+    spread: Spread
+
+    def slopes(self, turn: Turn) -> Array:
+        """Derivatives by `gradient.NAMES`, the size of phi_1 left out."""
+        return turn.slopes(self.spread(self.statistic.weight))
+
+
+class Measures:
+    """Statistics of a turn by name, each computed when it is first asked for."""
+
+    def __init__(self, turn: Turn, involute: Involute, conditions: Conditions) -> None:
+        self.turn, self.involute, self.conditions = turn, involute, conditions
+        self._known: dict[str, Measure] = {}
+
+    def __getitem__(self, name: str) -> Measure:
+        if name not in self._known:
+            self._known[name] = self._made(name)
+        return self._known[name]
+
+    def _made(self, name: str) -> Measure:
+        kind, _, what = name.partition(" ")
+        if kind == "yield":
+            of = self._largest
+            return Measure(share_within(of[0], self.involute, self.conditions.limit), of[1])
+        if kind == "interference":
+            return self._interference(self.conditions.interference)
+        if kind == "rms":
+            return self._rms()
+        values, spread = self._largest if what == "max" else self._average
+        if kind == "quantile":
+            return Measure(quantile(values, self.involute, self.conditions.coverage), spread)
+        return Measure((mean if kind == "mean" else deviation)(values, self.involute), spread)
+
+    # ---------------------------------------------------------------- values of units
+
+    @cached_property
+    def _positive(self) -> NDArray[np.float32]:
+        return np.maximum(self.turn.play, 0.0)
+
+    @cached_property
+    def _largest(self) -> tuple[Array, Spread]:
+        """Largest backlash of the cycloid stage over the turn."""
+        play = self.turn.play
+        at, units = np.argmax(play, axis=0), np.arange(play.shape[1])
+        values = np.maximum(play[at, units].astype(np.float64), 0.0)
+
+        def spread(weight: Array) -> Array:
+            found = np.zeros(play.shape)
+            found[at, units] = np.where(values > 0.0, weight, 0.0)
+            return found
+
+        return values, spread
+
+    @cached_property
+    def _average(self) -> tuple[Array, Spread]:
+        """Mean backlash of the cycloid stage over the turn."""
+        values = self._positive.mean(axis=0, dtype=np.float64)
+        return values, self._evenly
+
+    def _evenly(self, weight: Array) -> Array:
+        return (self.turn.play > 0.0) * (weight / len(self.turn.play))
+
+    def _rms(self) -> Measure:
+        """Root mean square of the backlash over units and positions."""
+        play, involute = self._positive.astype(np.float64), self.involute
+        first, square = involute.mean, involute.variance + involute.mean**2
+        level = float(play.mean())
+        by_unit = np.mean(play**2, axis=0) + 2.0 * first * play.mean(axis=0) + square
+        value = float(np.sqrt(by_unit.mean()))
+        error = float(np.std(by_unit)) / np.sqrt(len(by_unit)) / (2.0 * value)
+        count = len(by_unit)
+        weights = np.full(count, 1.0 / (value * count))
+
+        def spread(weight: Array) -> Array:
+            return np.asarray(self._evenly(weight) * (play + first))
+
+        return Measure(Statistic(value, weights, (level * first + square) / value, error), spread)
+
+    # ---------------------------------------------------------------- interference
+
+    def _growth(self) -> tuple[Array, Array]:
+        """What y grows by with the standardised pin-circle radius [arcmin], and that radius."""
+        lattice, z = self.turn.population.lattice, self.turn.population.sample.z
+        nominal = lattice.geometry.nominal
+        gain = 2.0 * nominal.flank / nominal.lever * UM / ARCMIN / lattice.geometry.output_ratio
+        zone = gain * self.turn.design.width("pin_circle_radius")
+        radius = z["pin_circle_radius"]
+        return np.full(len(radius), zone), radius
+
+    def _interference(self, kind: str) -> Measure:
+        play, (growth, radius) = self.turn.play, self._growth()
+        if kind == "share_of_turn":
+            return self._share_of_turn(growth, radius)
+        if kind == "overlap":
+            at, units = np.argmin(play, axis=0), np.arange(play.shape[1])
+            values, limit = play[at, units].astype(np.float64), -self.conditions.overlap
+
+            def least(weight: Array) -> Array:
+                found = np.zeros(play.shape)
+                found[at, units] = weight
+                return found
+
+            return Measure(share_below(values, limit, growth, radius), least)
+        values = play.mean(axis=0, dtype=np.float64)
+        return Measure(share_below(values, 0.0, growth, radius), self._everywhere)
+
+    def _everywhere(self, weight: Array) -> Array:
+        return np.broadcast_to(weight / len(self.turn.play), self.turn.play.shape)
+
+    def _share_of_turn(self, growth: Array, radius: Array) -> Measure:
+        play = self.turn.play.astype(np.float64)
+        wide = [np.broadcast_to(one, play.shape).ravel() for one in (growth, radius)]
+        found = share_below(play.ravel(), 0.0, *wide)
+        by_place = found.weight.reshape(play.shape)
+        error = float(np.std(np.mean(play < 0.0, axis=0))) / np.sqrt(play.shape[1])
+        one = np.ones(play.shape[1])
+        whole = Statistic(found.value, one, 0.0, error, found.by_zone)
+        return Measure(whole, lambda weight: by_place * weight)

@@ -1,0 +1,179 @@
+"""Statistics over units of a sample in which the involute stage is integrated exactly.
+
+The backlash of a unit is phi_1 + Y, independent, with Y known for every unit of the sample and the
+distribution of phi_1 known: P(phi_1 + Y <= v) = mean_i H((v - Y_i - m)/s). That is smooth in every
+tolerance and scatters a quarter of what an order statistic does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import betainc, ndtr
+
+from ..tighter_planet import TighterPlanet
+
+Array = NDArray[np.float64]
+SMOOTHING = 0.01
+"""Scale [arcmin] at which a stage without backlash is smoothed, far below that of any unit."""
+GRID = np.linspace(-1.0, 1.0, 16_385)
+"""Standardised clearances at which the distribution of phi_1 is tabulated: errors below 1e-8."""
+
+
+@lru_cache(maxsize=16)
+def _table(planet: TighterPlanet) -> tuple[Array, Array]:
+    """Distribution and density on the grid, 0 at its ends where nothing lies beyond."""
+    density = planet.density(GRID)
+    density[[0, -1]] = 0.0
+    return planet.cdf(GRID), density
+
+
+@dataclass(frozen=True, slots=True)
+class Involute:
+    """phi_1 = middle + half z over units [arcmin], z the standardised clearance of a unit.
+
+    `half` 0 stands for a reducer without involute stage: a quantile is smoothed by `SMOOTHING`.
+    """
+
+    middle: float
+    half: float
+    planet: TighterPlanet
+
+    @property
+    def mean(self) -> float:
+        """Mean of phi_1 [arcmin]."""
+        return self.middle + self.half * float(self.planet.raw_moments(1)[1])
+
+    @property
+    def variance(self) -> float:
+        """Variance of phi_1 [arcmin^2]."""
+        _, first, second = self.planet.raw_moments(2)
+        return float(self.half**2 * (second - first**2))
+
+    def cdf(self, excess: Array) -> Array:
+        """P(phi_1 <= excess) of [arcmin], smoothed where the stage has no backlash."""
+        if self.half == 0.0:
+            return np.asarray(ndtr((excess - self.middle) / SMOOTHING))
+        return self._looked_up(excess, _table(self.planet)[0])
+
+    def density(self, excess: Array) -> Array:
+        """Its derivative [1/arcmin]."""
+        if self.half == 0.0:
+            z = (excess - self.middle) / SMOOTHING
+            return np.asarray(np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * SMOOTHING))
+        return self._looked_up(excess, _table(self.planet)[1]) / self.half
+
+    def _looked_up(self, excess: Array, table: Array) -> Array:
+        return np.asarray(np.interp((excess - self.middle) / self.half, GRID, table))
+
+    def ends(self) -> tuple[float, float]:
+        """Least and largest phi_1 [arcmin]."""
+        reach = self.half if self.half else 8.0 * SMOOTHING
+        return self.middle - reach, self.middle + reach
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Statistic:
+    """A statistic over units with its derivatives.
+
+    `weight` (n,) is its derivative by the value of each unit, `by_involute` [1/(share of phi_1)]
+    that by the size of phi_1, ln(middle) = ln(half), `by_zone` that by the size ln(t) of the zone
+    whose error a unit is integrated over; `error` is the standard error of a sample of independent
+    units, which a Sobol sample stays below.
+    """
+
+    value: float
+    weight: Array
+    by_involute: float
+    error: float
+    by_zone: float = 0.0
+
+
+def quantile(values: Array, involute: Involute, coverage: float) -> Statistic:
+    """One-sided quantile at `coverage` of phi_1 + Y, `values` (n,) of Y [arcmin]."""
+    low, high = involute.ends()
+    low, high = low + float(values.min()), high + float(values.max())
+    at = float(np.quantile(values, coverage)) + involute.mean
+    for _ in range(200):
+        share = float(np.mean(involute.cdf(at - values)))
+        low, high = (at, high) if share < coverage else (low, at)
+        slope = float(np.mean(involute.density(at - values)))
+        ahead = at - (share - coverage) / slope if slope > 0.0 else low
+        ahead = ahead if low < ahead < high else 0.5 * (low + high)
+        if abs(ahead - at) <= 1e-12 * max(1.0, abs(at)):
+            break
+        at = ahead
+    density = involute.density(at - values)
+    total = max(float(density.sum()), 1e-300)
+    weight = density / total
+    spread = float(np.std(involute.cdf(at - values)))
+    return Statistic(
+        at,
+        weight,
+        float(np.sum(weight * (at - values))),
+        spread / (total / len(values)) / np.sqrt(len(values)),
+    )
+
+
+def mean(values: Array, involute: Involute) -> Statistic:
+    """Mean of phi_1 + Y."""
+    count = len(values)
+    error = np.sqrt((float(np.var(values)) + involute.variance) / count)
+    return Statistic(
+        float(np.mean(values)) + involute.mean, np.full(count, 1.0 / count), involute.mean, error
+    )
+
+
+def deviation(values: Array, involute: Involute) -> Statistic:
+    """Standard deviation of phi_1 + Y."""
+    count, centred = len(values), values - np.mean(values)
+    found = float(np.sqrt(np.mean(centred**2) + involute.variance))
+    safe = max(found, 1e-300)
+    fourth = float(np.mean(centred**4))
+    error = np.sqrt(max(fourth - np.mean(centred**2) ** 2, 0.0) / count) / (2.0 * safe)
+    return Statistic(found, centred / (count * safe), involute.variance / safe, float(error))
+
+
+def share_within(values: Array, involute: Involute, limit: float) -> Statistic:
+    """P(phi_1 + Y <= limit)."""
+    within, density = involute.cdf(limit - values), involute.density(limit - values)
+    count = len(values)
+    return Statistic(
+        float(np.mean(within)),
+        -density / count,
+        -float(np.mean(density * (limit - values))),
+        float(np.std(within)) / np.sqrt(count),
+    )
+
+
+def ordered_quantile(values: Array, coverage: float) -> Statistic:
+    """Quantile of `values` (n,) themselves (Harrell & Davis 1982): smooth in each of them."""
+    count = len(values)
+    a, b = coverage * (count + 1.0), (1.0 - coverage) * (count + 1.0)
+    edges = betainc(a, b, np.linspace(0.0, 1.0, count + 1))
+    weight = np.empty(count)
+    order = np.argsort(values, kind="stable")
+    weight[order] = np.diff(edges)
+    value = float(weight @ values)
+    error = float(np.sqrt(weight @ (values - value) ** 2))
+    return Statistic(value, weight, 0.0, error)
+
+
+def share_below(values: Array, limit: float, growth: Array, z: Array) -> Statistic:
+    """P(Y < limit), each unit integrated over its own uniform error z of a zone.
+
+    Y of unit i grows by `growth` (n,) per unit of `z` (n,): with u_i the z at which it would meet
+    the limit its share below is the part of [-1, 1] on that side (0 or 1 where the zone is nil).
+    """
+    safe = np.where(growth > 0.0, growth, 1.0)
+    meets = z + (limit - values) / safe
+    below = np.where(growth > 0.0, np.clip(0.5 * (meets + 1.0), 0.0, 1.0), values < limit)
+    inside = (growth > 0.0) & (np.abs(meets) < 1.0)
+    count = len(values)
+    weight = np.where(inside, -0.5 / safe, 0.0) / count
+    error = float(np.std(below)) / np.sqrt(count)
+    by_zone = float(np.sum(weight * (limit - values)))
+    return Statistic(float(np.mean(below)), weight, 0.0, error, by_zone)

@@ -1,0 +1,79 @@
+"""A turn of rigid units of one design: the backlash of the cycloid stage at every position."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact.geometry import ContactGeometry
+from .design import UnitDesign
+from .gradient import Slopes, pull_back
+from .lattice import Lattice, turn_lattice
+from .sample import BaseSample, Hierarchy
+from .scaled import Scaled
+from .table import Table
+from .touch import Engine, Touch, touch
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Population:
+    """What every design is tried on: positions of a turn, a base sample, and its slopes."""
+
+    lattice: Lattice
+    sample: BaseSample
+    slopes: Slopes
+    engine: Engine = "auto"
+
+    @classmethod
+    def draw(
+        cls,
+        geometry: ContactGeometry,
+        positions: int,
+        units: int,
+        rng: np.random.Generator,
+        hierarchy: Hierarchy | None = None,
+        engine: Engine = "auto",
+    ) -> Population:
+        """A population of `units` at `positions` of a turn of the output."""
+        lattice = Lattice.of(geometry, turn_lattice(positions, geometry.nominal.cycloid_teeth))
+        sample = BaseSample.draw(geometry, units, rng, hierarchy)
+        return cls(lattice, sample, Slopes.of(geometry, sample), engine)
+
+    @property
+    def units(self) -> int:
+        """Number of units."""
+        return self.sample.units
+
+    def turn(self, design: UnitDesign) -> Turn:
+        """Units built to a design, over the turn."""
+        geometry = self.lattice.geometry
+        table = Table.of(self.lattice, design.dr_rp, design.dr_p)
+        units = Scaled.of(geometry, self.sample, design)
+        found = touch(self.lattice, table, units, self.engine)
+        return Turn(self, design, table, units, found, found.cycloid(geometry.output_ratio))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Turn:
+    """Units of one design over a turn.
+
+    `play` (positions, units) [arcmin] is the backlash y of the cycloid stage at the carrier, play
+    of the crank bearings included; below zero the unit interferes there.
+    """
+
+    population: Population
+    design: UnitDesign
+    table: Table
+    units: Scaled
+    touch: Touch
+    play: Single
+
+    def slopes(self, weight: Array) -> Array:
+        """Derivatives of sum(weight y), weight (positions, units), by `gradient.NAMES`."""
+        drawn = self.population
+        return pull_back(drawn.lattice, self.table, self.touch, drawn.slopes, weight, drawn.engine)

@@ -1,0 +1,238 @@
+"""Allocation of an RV reducer judged by its exact contact, unit by unit."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...declarations import Variable, number
+from ...models.rv_reducer import modification
+from ...models.rv_reducer.population.turn import Population
+from ...units import ARCMIN, MM
+from ..rv_backlash.costs import DEFAULT_COSTS
+from ..settings import Bound, Settings, VariableSetting
+from ..tolerance_problem import Interval, ToleranceProblem
+from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
+from .evaluation import MEASURES, Evaluation
+from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
+from .references import REFERENCES
+from .units import UnitModel
+
+Array = NDArray[np.float64]
+SEARCH, REPORT = 1, 2
+"""Streams of random numbers of the two populations."""
+KEPT = 4
+"""Evaluations kept, so that a derivative costs no second evaluation."""
+
+
+class RvReducer(ToleranceProblem):
+    """Tolerances of an RV reducer by exact contact of its units (default: RV-40E-121).
+
+    A search sees a fixed population (`search_units` at `search_positions`); what is reported comes
+    from fresh units. Variables, outputs and limits: docs/rv_reducer.md. Known answer: none.
+    """
+
+    parameters = PARAMETERS
+    variables = VARIABLES
+    outputs = OUTPUTS
+    default_costs = DEFAULT_COSTS
+    default_limits = DEFAULT_LIMITS
+    default_objectives = DEFAULT_OBJECTIVES
+    default_model = "rv_batch"
+    sampled = True
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        super().__init__(settings)
+        given = self.settings
+        self.model = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
+        self._recent: OrderedDict[bytes, Evaluation] = OrderedDict()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but what can be drawn and computed again."""
+        dropped = ("_searched", "_reported")
+        kept = {name: value for name, value in self.__dict__.items() if name not in dropped}
+        return kept | {"_recent": OrderedDict()}
+
+    def _variable(self, variable: Variable, given: VariableSetting | None) -> VariableSetting:
+        fixed = DISC_TO_DISC.get(variable.name)
+        given = given or VariableSetting()
+        if fixed is not None and given.value is None and given.low is None and given.high is None:
+            given = replace(given, value=fixed)
+        return super()._variable(variable, given)
+
+    # ---------------------------------------------------------------- populations
+
+    def count(self, name: str) -> int:
+        """A whole parameter."""
+        return int(number(self.settings.parameters[name]))
+
+    @cached_property
+    def _searched(self) -> Population:
+        positions = self.count("search_positions") or self.count("positions")
+        return self.model.population(
+            positions, self.count("search_units"), self.settings.seed, SEARCH
+        )
+
+    @cached_property
+    def _reported(self) -> Population:
+        return self.model.population(
+            self.count("positions"), self.count("report_units"), self.settings.seed, REPORT
+        )
+
+    def evaluation(self, design: Array, searching: bool) -> Evaluation:
+        """A full design (all variables,) on one of the two populations."""
+        if not searching:
+            return self._fresh(design, self._reported)
+        key = design.tobytes()
+        if key in self._recent:
+            self._recent.move_to_end(key)
+            return self._recent[key]
+        self._recent[key] = self._fresh(design, self._searched)
+        while len(self._recent) > KEPT:
+            self._recent.popitem(last=False)
+        return self._recent[key]
+
+    def _fresh(self, design: Array, population: Population) -> Evaluation:
+        row = dict(zip(self.names, design.tolist(), strict=True))
+        return Evaluation.of(self.model, population, row)
+
+    # ---------------------------------------------------------------- evaluation
+
+    def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
+        asked = self._asked if searching else frozenset(MEASURES)
+        columns = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
+        for at, design in enumerate(designs):
+            found = self.evaluation(design, searching)
+            for name in asked:
+                columns[name][at] = found.value(name)
+            if not searching:
+                self._more(columns, at, found)
+        return columns | {"cost": self.cost_of(designs)} | self.profile(designs)
+
+    def _more(self, columns: Mapping[str, Array], at: int, found: Evaluation) -> None:
+        """What only reported designs have."""
+        for name in MEASURES:
+            columns[f"{name}_error"][at] = found.error(name)
+        columns["interference_share_of_turn"][at] = found.share_of_turn()
+        columns["overlap_p95_arcmin"][at] = found.overlap(0.95)
+        columns["phi_1_arcmin"][at] = found.measures.involute.mean
+
+    @cached_property
+    def _asked(self) -> frozenset[str]:
+        """Sampled outputs that a search needs."""
+        names = {*self.objectives, *(limit.name for limit in self.limits)}
+        return frozenset(names & MEASURES.keys())
+
+    def profile(self, designs: Array) -> dict[str, Array]:
+        """Outputs of the tooth modification (n,) of full designs."""
+        pair = (self.column(designs, "dr_rp_mm") * MM, self.column(designs, "dr_p_mm") * MM)
+        nominal = self.model.geometry.nominal
+        return {
+            "radial_gap_mm": (pair[0] - pair[1]) / MM,
+            "modification_backlash_arcmin": modification.modification_backlash(nominal, *pair)
+            / ARCMIN,
+        }
+
+    def gradient(self, designs: Array) -> dict[str, Array]:
+        names = self._asked
+        found = {name: np.zeros_like(designs) for name in names}
+        for at, design in enumerate(designs):
+            evaluation = self.evaluation(design, searching=True)
+            for name in names:
+                slopes = evaluation.gradient(name)
+                found[name][at] = [slopes[v.name] for v in self.variables]
+        return found | self._plain_slopes(designs)
+
+    def _plain_slopes(self, designs: Array) -> dict[str, Array]:
+        """Derivatives of cost and profile."""
+        names = ("cost", "radial_gap_mm", "modification_backlash_arcmin")
+        found = {name: np.zeros_like(designs) for name in names}
+        for name, curve in self.settings.costs.items():
+            found["cost"][:, self.names.index(name)] = curve.slope(self.column(designs, name))
+        nominal = self.model.geometry.nominal
+        unit = 2.0 / nominal.lever / ARCMIN * MM
+        by = (("dr_rp_mm", 1.0, unit), ("dr_p_mm", -1.0, -unit * nominal.flank))
+        for name, gap, backlash in by:
+            column = self.names.index(name)
+            found["radial_gap_mm"][:, column] = gap
+            found["modification_backlash_arcmin"][:, column] = backlash
+        return found
+
+    # ---------------------------------------------------------------- what is known
+
+    def references(self) -> dict[str, Array]:
+        return {
+            label: np.array([{**self._nominal, **design}[name] for name in self.names])
+            for label, design in REFERENCES.items()
+        }
+
+    @cached_property
+    def _nominal(self) -> dict[str, float]:
+        """The document's value of every variable; fixed errors between discs as they are here."""
+        found = {v.name: float(v.document or 0.0) for v in self.variables}
+        return found | {name: self.fixed[name] for name in DISC_TO_DISC if name in self.fixed}
+
+    def starts(self) -> Array:
+        """The document's zones, tighter and wider, opened until the interference limit is kept."""
+        rows = []
+        for factor in (0.7, 1.0, 1.4):
+            row = np.array([self._nominal[name] for name in self.names])
+            zones = [self.names.index(v.name) for v in self.variables if v.name.endswith("_um")]
+            row[zones] *= factor
+            rows.append(self._opened(self._inside(row)))
+        return np.array(rows)
+
+    def _inside(self, row: Array) -> Array:
+        """A full design within the search ranges, at the fixed values."""
+        free = [self.names.index(v.name) for v in self.free]
+        return np.asarray(self.complete(np.clip(row[free], self.xl, self.xu)[None, :])[0])
+
+    def _opened(self, row: Array) -> Array:
+        """The design with the equidistance modification at which interference is in its middle.
+
+        The middle is half of the limit on its probability, 2 % where there is none.
+        """
+        at = self.names.index("dr_rp_mm")
+        bound = self.settings.limits.get("interference_probability", Bound())
+        wanted = 0.5 * bound.high if bound.high < 1.0 else 0.02
+        low, high = super().interval("dr_rp_mm")
+        for _ in range(12 if low < high else 0):
+            row[at] = 0.5 * (low + high)
+            interferes = self.evaluation(row, searching=True).value("interference_probability")
+            low, high = (row[at], high) if interferes > wanted else (low, row[at])
+        return row
+
+    def least_cost(self) -> tuple[str, RvReducer]:
+        """Least cost at the backlash limit, the documents' single objective."""
+        most = number(self.settings.parameters["backlash_limit_arcmin"])
+        already = self.settings.limits.get("backlash_max_arcmin", Bound())
+        limit = Bound(already.low, min(already.high, most))
+        limits = dict(self.given.limits) | {"backlash_max_arcmin": limit}
+        given = replace(self.given, objectives=("cost",), limits=limits)
+        return f"GA, least cost at {limit.high:g} arcmin", RvReducer(given)
+
+    def interval(self, output: str) -> Interval:
+        """Proven bounds: no unit has less backlash than its involute stage."""
+        if output == "cost":
+            return self.cost_interval
+        if output in ("backlash_max_arcmin", "backlash_mean_arcmin"):
+            return self._least_backlash, np.inf
+        return super().interval(output)
+
+    @cached_property
+    def _least_backlash(self) -> float:
+        """Quantile of phi_1 alone at the finest grade [arcmin]."""
+        grade = super().interval("involute_grade")[0]
+        alone = self.model.involute(grade)
+        coverage = self.settings.propagation.coverage
+        at = float(self.model.planet.quantile(np.array([coverage]))[0])
+        return alone.middle + alone.half * at
+
+    def warnings(self) -> tuple[str, ...]:
+        return ()
