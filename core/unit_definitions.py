@@ -82,7 +82,7 @@ def unit_of(text: str) -> Unit:
 
 
 def _written_out(text: str) -> Factors:
-    """The factors of a text, none of a plain number; abbreviations and names of keys are spelt out."""
+    """The factors of a text, none of a plain number, with abbreviations spelt out."""
     found: Factors = ()
     for name, power in factors(text) if text.strip() else ():
         longhand = _longhand(name)

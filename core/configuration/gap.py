@@ -10,6 +10,7 @@ from typing import Any
 import tomli_w
 
 from .. import registry
+from ..counts import PLAIN, Need
 from ..errors import Fault, InputError, nearest, raise_all
 from ..models.measurable import MeasurableModel
 from ..section import POSITIVE, Range, Section, shown
@@ -28,6 +29,12 @@ from .table import TABLE
 from .zero import ZERO
 
 OF_THE_MODEL = (*OF_A_RUN, "effect", ZERO)
+NEEDS = {
+    "simulations": Need("simulation", bytes=3.2e3),  # 400 columns of noise
+    "bootstrap": Need("replicate", bytes=1e3, seconds=0.1),
+    "rows_used": Need("row", bytes=1e4),  # in every column of the library
+}
+"""What the counts of `[settings]` take."""
 
 
 def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:
@@ -148,7 +155,7 @@ def _settings(section: Section) -> GapSettings:
         "parts_out_of_limits": Range(0.0, 1.0, open_low=True, open_high=True),
     }
     given: dict[str, Any] = {
-        one.name: section.integer(one.name, ranges[one.name])
+        one.name: section.integer(one.name, ranges[one.name], NEEDS.get(one.name, PLAIN))
         if isinstance(one.default, int)
         else section.number(one.name, "", ranges[one.name])
         for one in fields(GapSettings)

@@ -63,8 +63,11 @@ SAMPLED = (
 """Rigid outputs with a standard error."""
 
 
+_UNITS = {one.name: one.unit for one in RIGID}
+
+
 def _error(name: str) -> Output:
-    return Output(f"{name}_error", _unit(name), "standard error of the sample", error_of=name)
+    return Output(f"{name}_error", _UNITS[name], "standard error of the sample", error_of=name)
 
 
 OUTPUTS = (*RIGID, *(_error(name) for name in SAMPLED))

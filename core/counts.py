@@ -9,6 +9,7 @@ machine, so that a configuration is accepted everywhere or nowhere; `--force` as
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -76,9 +77,10 @@ SETTINGS = Need("setting", bytes=2e4, seconds=0.05)
 """Of a study: a setting is read as a run configuration, and runs once at least."""
 RUNS = Need("run", bytes=1e4, seconds=0.05)
 """Of a study: the course of each is kept."""
-LEVELS = SETTINGS
-WORKERS = 16
-"""Processes per core that may be asked for."""
+PER_CORE = 16
+"""Processes that may be asked for per core of the machine."""
+PROCESS = 2.0e8
+"""Bytes of a process with the package loaded."""
 
 
 @contextmanager
@@ -91,13 +93,18 @@ def forced(force: bool = True) -> Iterator[None]:
         _FORCED.reset(token)
 
 
+def is_forced() -> bool:
+    """Whether counts are accepted whatever their size."""
+    return _FORCED.get()
+
+
 def too_many(count: int, need: Need, what: str = "") -> str:
     """What is wrong with a count; empty where it is within the budgets, or asked for.
 
     `what` says where the count comes from, if it is not the number that stands at the place.
     """
     most = need.most
-    if count <= most or _FORCED.get():
+    if count <= most or is_forced():
         return ""
     taken = []
     if need.memory(count) > MEMORY:
@@ -107,6 +114,17 @@ def too_many(count: int, need: Need, what: str = "") -> str:
     each = what or f"{shown(count)} would need"
     listed = " and ".join(taken) or size(need.memory(count))
     return f"{each} about {listed}: give at most {most}, or add --force"
+
+
+def too_many_workers(count: int) -> str:
+    """What is wrong with a number of processes; empty where nothing is, or if it is asked for."""
+    cores = os.cpu_count() or 1
+    if count <= PER_CORE * cores or is_forced():
+        return ""
+    text = (
+        f"{count} processes would need about {size(count * PROCESS)} of memory, and the cores are"
+    )
+    return f"{text} {cores}: give at most {PER_CORE * cores}, or add --force"
 
 
 def shown(count: int) -> str:
