@@ -98,22 +98,25 @@ def is_forced() -> bool:
     return _FORCED.get()
 
 
-def too_many(count: int, need: Need, what: str = "") -> str:
+def too_many(count: int, need: Need, per: int = 1, product: str = "") -> str:
     """What is wrong with a count; empty where it is within the budgets, or asked for.
 
-    `what` says where the count comes from, if it is not the number that stands at the place.
+    Each of them may be `per` of what `need` says, which `product` then names ("seeds x settings").
     """
-    most = need.most
-    if count <= most or is_forced():
+    total, most = count * per, need.most // max(per, 1)
+    if total <= need.most or is_forced():
         return ""
     taken = []
-    if need.memory(count) > MEMORY:
-        taken.append(f"{size(need.memory(count))} of memory ({size(MEMORY)} at most)")
-    if need.time(count) > TIME:
-        taken.append(f"{duration(need.time(count))} of computing ({duration(TIME)} at most)")
-    each = what or f"{shown(count)} would need"
-    listed = " and ".join(taken) or size(need.memory(count))
-    return f"{each} about {listed}: give at most {most}, or add --force"
+    if need.memory(total) > MEMORY:
+        taken.append(f"{size(need.memory(total))} of memory ({size(MEMORY)} at most)")
+    if need.time(total) > TIME:
+        taken.append(f"{duration(need.time(total))} of computing ({duration(TIME)} at most)")
+    number = shown(count)
+    if product:
+        number += f" would be {shown(total)} {need.of}s ({product}), which"
+    cost = " and ".join(taken) or size(need.memory(total))
+    remedy = f"give at most {most}" if most else "give fewer of both"
+    return f"{number} would need about {cost}: {remedy}, or add --force"
 
 
 def too_many_workers(count: int) -> str:

@@ -66,9 +66,10 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
         top.fault("model", 'is missing: name a model (see `tolevo list`), or model = "table"')
     configuration = _configuration(top, name or "", table, faults)
     settings = _settings(top.section("settings"))
-    free = read_free(top, configuration if name != TABLE else None)
+    judged = configuration is not None or name == TABLE
+    free = read_free(top, configuration if name != TABLE else None) if judged else {}
     library = _library(top.section("effects"))
-    noise = _noise(top.section("noise"), configuration)
+    noise = _noise(top.section("noise"), configuration) if judged else {}
     blocks = _blocks(top.section("validation"))
     drop = _drop(top.section("data"))
     run = read_run(top, name or "", table, path.parent)

@@ -101,11 +101,12 @@ def read_budget(section: Section) -> Budget:
 
 def check_size(section: Section, algorithm: AlgorithmSettings | None, budget: Budget) -> None:
     """A fault where generations and population together are too many evaluations."""
-    wanted = evaluations(algorithm, budget)
-    if budget.generations is not None and wanted > budget.generations:
-        product = f"{wanted} evaluations (generations x population) would need"
-        if complaint := too_many(wanted, EVALUATIONS, product):
-            section.fault("generations", complaint)
+    if not budget.generations or evaluations(algorithm, budget) == budget.evaluations:
+        return
+    population = getattr(algorithm, "population", 1)
+    complaint = too_many(budget.generations, EVALUATIONS, population, "generations x population")
+    if complaint:
+        section.fault("generations", complaint)
 
 
 def evaluations(algorithm: AlgorithmSettings | None, budget: Budget) -> int:

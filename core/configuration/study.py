@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, fields
+from os.path import abspath
 from pathlib import Path
 from typing import Any
 
@@ -56,9 +57,9 @@ def read_study(path: Path, overrides: Sequence[str] = (), most: int | None = Non
     responses = _responses(top, base)
     design = _design(top.section("design"), path.parent)
     factors: tuple[Factor, ...] = ()
-    vary = top.section("vary")
-    if base is not None:
-        factors = read_factors(vary, top.take("vary") or {}, base_values(run or {}, base.resolved))
+    vary, varied = top.section("vary"), top.take("vary")
+    if base is not None and isinstance(varied, dict | None):
+        factors = read_factors(vary, varied or {}, base_values(run or {}, base.resolved))
     readings = read_readings(top, factors, responses)
     top.finish()
     seed, seeds = 0 if seed is None else seed, SEEDS if seeds is None else seeds
@@ -86,11 +87,9 @@ def read_study(path: Path, overrides: Sequence[str] = (), most: int | None = Non
 
 def _size_faults(settings: int, seeds: int) -> list[Fault]:
     """A design of too many settings, or of too many runs."""
-    product = f"{settings} settings would need"
-    if complaint := too_many(settings, SETTINGS, product):
-        return [Fault("design", complaint)]
-    product = f"{settings * seeds} runs (settings x seeds) would need"
-    complaint = too_many(settings * seeds, RUNS, product)
+    if complaint := too_many(settings, SETTINGS):
+        return [Fault("design", f"its settings are too many: {complaint}")]
+    complaint = too_many(seeds, RUNS, settings, "settings x seeds")
     return [Fault("seeds", complaint)] if complaint else []
 
 
@@ -108,10 +107,10 @@ def _planned(
         for text in dict.fromkeys(unsuitable(name, problem) for problem in problems)
         if text
     ]
-    runs = sum(evaluations(point.algorithm, point.budget) for point in points)
-    total = settings.seeds * runs * len(design) // max(len(points), 1)
-    product = f"{total} evaluations (settings x seeds x those of a run) would need"
-    if complaint := too_many(total, EVALUATIONS, product):
+    wanted = sum(evaluations(point.algorithm, point.budget) for point in points)
+    each = wanted * len(design) // max(len(points), 1)
+    product = "settings x seeds x those of a run"
+    if complaint := too_many(settings.seeds, EVALUATIONS, each, product):
         faults.append(Fault("seeds", complaint))
     raise_all(faults)
     return StudyPlan(settings, design, points, problems, limit)
@@ -131,7 +130,7 @@ def _run_table(
     dotted = {key: table[key] for key in table if key.startswith(f"{RUN}.")}
     top.known(dotted)
     if isinstance(run, str):
-        run = load((path.parent / run).resolve(), faults)
+        run = load(Path(abspath(path.parent / run)), faults)
     elif not isinstance(run, dict):
         text = "is missing: name a run configuration" if run is None else "must be a file name"
         top.fault(RUN, f'{text} (run = "x.toml"), or give a [run] table')
@@ -194,7 +193,7 @@ def _design(section: Section, folder: Path) -> Design | None:
     section.known(["kind"])
     found = settings_of(section, DESIGNS[kind])
     if "file" in names and found.file:
-        found = type(found)(**(asdict(found) | {"file": str((folder / found.file).resolve())}))
+        found = type(found)(**(asdict(found) | {"file": abspath(folder / found.file)}))
     assert isinstance(found, Design)
     return found
 

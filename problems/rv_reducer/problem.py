@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...declarations import Variable, number
+from ...errors import Fault
 from ...models.rv_reducer import modification
 from ...models.rv_reducer.population.turn import Population
 from ...units import ARCMIN, MM
@@ -22,6 +23,7 @@ from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
 from .evaluation import MEASURES, Evaluation
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
 from .references import REFERENCES
+from .sizes import size_faults
 from .units import UnitModel
 
 Array = NDArray[np.float64]
@@ -65,6 +67,9 @@ class RvReducer(ToleranceProblem):
         if fixed is not None and given.value is None and given.low is None and given.high is None:
             given = replace(given, value=fixed)
         return super()._variable(variable, given)
+
+    def faults(self) -> list[Fault]:
+        return size_faults(self.count, KEPT) or super().faults()
 
     # ---------------------------------------------------------------- populations
 
