@@ -57,7 +57,7 @@ class Need:
             ends.append(math.sqrt(half * half + MEMORY / self.bytes_per_pair) - half)
         ends += [TIME / self.seconds] if self.seconds else []
         least = int(min(ends, default=_HUGE))
-        step = 10 ** max(len(str(least)) - 2, 0)
+        step: int = 10 ** max(len(str(least)) - 2, 0)
         return least // step * step
 
 

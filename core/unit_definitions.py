@@ -161,9 +161,9 @@ def _defined(name: str) -> Unit:
     whole = all(power.denominator == 1 for power in powers.values())
     if not set(powers) <= _BASES or not whole or not (powers or name in _PLAIN):
         raise UnitError(f'"{name}" is not a unit that is known here')
-    size = Fraction(factor) / 1000 ** Fraction(powers.get("gram", 0))
+    size = Fraction(factor) / Fraction(1000) ** int(powers.get("gram", 0))
     dimensions = sorted((_SI.get(base, base), int(power)) for base, power in powers.items())
-    return Unit(Fraction(size), tuple(dimensions), _zero(canonical, root))
+    return Unit(size, tuple(dimensions), _zero(canonical, root))
 
 
 def _zero(name: str, root: Any) -> Fraction:
