@@ -59,6 +59,7 @@ bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are pro
 	$(BENCH)/python benchmarks/manipulator.py
 	$(BENCH)/python benchmarks/dynamics.py
 	$(BENCH)/python benchmarks/contact.py
+	$(BENCH)/python benchmarks/population.py
 	$(BIN)/python -m benchmarks.study
 
 bench-gap: $(READY)  ## the benchmark of naming, about 20 minutes on two cores; goes on where it was stopped

@@ -64,6 +64,7 @@ class Run:
         self.rng = np.random.default_rng(seed)
         self.archive = Archive(problem.n_var, problem.n_obj)
         self.history: list[Progress] = []
+        self.chosen = np.empty((0, problem.n_var))
         self.evaluations = 0
         self.generations = budget.generations if counts_generations else None
         self._report = report
@@ -127,6 +128,10 @@ class Run:
     def _remember(self, x: Array, f: Array, violation: Array) -> None:
         feasible = self.archive.add(x, f, violation)
         self._note(float(feasible.mean()) if len(feasible) else 0.0)
+
+    def choose(self, x: Array) -> None:
+        """Add search vectors (n, variables) to those that the algorithm gives as its result."""
+        self.chosen = np.vstack([self.chosen, x])
 
     def phase(self, name: str, share: float | None = None) -> None:
         """Say what is being done, and the share of the whole that is done."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..problems.tolerance_problem import ToleranceProblem
 from .drivers import Driver, Unsavable, driver
+from .exact.finish import finished
 from .run import BudgetSpent, Progress, Run
 from .settings import AlgorithmSettings, Budget, Solver
 
@@ -28,7 +29,8 @@ __all__ = ["Keeper", "Progress", "SearchResult", "State", "search"]
 class SearchResult:
     """What a search found: designs and objectives of the archive (all feasible), and its course.
 
-    `miss` is the least violating design (one row, none where nothing was evaluated).
+    `miss` is the least violating design (one row, none where nothing was evaluated). `chosen` are
+    the designs that the algorithm itself gives as its result, none where that is the archive.
     """
 
     x: Array
@@ -37,6 +39,7 @@ class SearchResult:
     evaluations: int
     history: tuple[Progress, ...]
     interrupted: bool
+    chosen: Array
 
 
 class Keeper(Protocol):
@@ -83,7 +86,8 @@ def search(
         interrupted = True
     x, f = run.archive.arrays()
     history = tuple(run.history)
-    return SearchResult(x, f, run.archive.miss, run.evaluations, history, interrupted)
+    chosen = run.chosen[:0] if interrupted else run.chosen
+    return SearchResult(x, f, run.archive.miss, run.evaluations, history, interrupted, chosen)
 
 
 def drive(
@@ -97,6 +101,9 @@ def drive(
             _evolve(run, lambda: driver(run.problem, settings, seed, engine), keeper)
     except BudgetSpent:
         pass
+    polish = bool(getattr(settings, "polish", False)) and not isinstance(settings, Solver)
+    if (run.problem.sampled and not len(run.chosen)) or polish:
+        finished(run, polish)
 
 
 def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> None:

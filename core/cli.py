@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 from collections.abc import Callable
@@ -79,7 +78,7 @@ def run(
     with exit_status(), forced(force):
         faults = directory_faults(out, overwrite or resume)
         faults += choice_faults(workers, resume, overwrite)
-        configuration = _collected(lambda: _problem_of(config, set_), faults)
+        configuration = _collected(lambda: _search_of(config, set_), faults)
         raise_all(faults)
         status = _run(configuration, out, workers, quiet, resume)
     raise typer.Exit(status)
@@ -351,28 +350,10 @@ def check(
 @app.command("list")
 def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
     """List models, problems, algorithms, effects and calculations, plugins included."""
-    from . import registry
-
     with exit_status():
-        groups = registry.listing() | {"elementary_errors": _elementary_errors()}
-        if json_:
-            typer.echo(json.dumps(groups, indent=2))
-            return
-        for group, entries in groups.items():
-            typer.echo(f"{group}:" if entries else f"{group}: none")
-            for entry in entries:
-                family = f"{entry['family']}: " if "family" in entry else ""
-                text = f"{family}{entry['description']} [{entry['origin']}]"
-                typer.echo(f"  {entry['name']:<16} {text}")
+        from .listing import listed
 
-
-def _elementary_errors() -> list[dict[str, str]]:
-    """The names that `[parameters.elementary_errors]` takes, in the form of `registry.listing`."""
-    from .models.manipulator.sources import SOURCES
-
-    return [
-        {"name": one.name, "description": one.meaning, "origin": "manipulator"} for one in SOURCES
-    ]
+        typer.echo(listed(json_))
 
 
 def _read(config: Path, settings: list[str]) -> Configuration:
@@ -386,6 +367,17 @@ def _problem_of(config: Path, settings: list[str]) -> Configuration:
     configuration = _read(config, settings)
     if configuration.problem is None:
         raise_all([Fault("problem", "is missing: a model alone can only be simulated")])
+    return configuration
+
+
+def _search_of(config: Path, settings: list[str]) -> Configuration:
+    """A configuration that can be searched: its limits hold what they must, and are in reach."""
+    from .workflows.run.reach import unreachable
+
+    configuration = _problem_of(config, settings)
+    assert configuration.problem is not None
+    raise_all(configuration.problem.search_faults())
+    raise_all(unreachable(configuration.problem))
     return configuration
 
 

@@ -157,13 +157,14 @@ def _defined(name: str) -> Unit:
     canonical = registry.get_name(name)
     single = registry.UnitsContainer({canonical: Fraction(1)})
     factor, root = registry.get_root_units(single, check_nonmult=False)
-    powers = {str(base): Fraction(power) for base, power in to_units_container(root).items()}
+    container: Any = to_units_container(root)
+    powers = {str(base): Fraction(power) for base, power in container.items()}
     whole = all(power.denominator == 1 for power in powers.values())
     if not set(powers) <= _BASES or not whole or not (powers or name in _PLAIN):
         raise UnitError(f'"{name}" is not a unit that is known here')
-    size = Fraction(factor) / Fraction(1000) ** int(powers.get("gram", 0))
+    size: Fraction = factor / Fraction(1000) ** int(powers.get("gram", 0))
     dimensions = sorted((_SI.get(base, base), int(power)) for base, power in powers.items())
-    return Unit(size, tuple(dimensions), _zero(canonical, root))
+    return Unit(Fraction(size), tuple(dimensions), _zero(canonical, root))
 
 
 def _zero(name: str, root: Any) -> Fraction:

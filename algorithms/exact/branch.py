@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from ..indicators import nondominated
 from ..run import Run
 from .slsqp import slsqp
 from .smooth import Smooth
@@ -15,9 +18,14 @@ STARTS, TRIES = 32, 3
 """Random designs per set of integers, and how many of them a search is begun from at most."""
 RESTORED, NEARLY = 4, 1e-3
 """Steps back to limits that SLSQP breaks, and the violation up to which they are taken."""
-ANALYTIC, NUMERIC, SAMPLED = (1e-7, 40), (1e-5, 15), (3e-6, 30)
+RESTARTS, GAINED = 3, 1e-3
+"""Times that SLSQP begins again where it stopped on a sample, as long as that gains such a share:
+at a kink it stops early, and a fresh start leads on."""
+KEPT = 1e-6
+"""Violation of a limit that counts as none."""
+ANALYTIC, NUMERIC, SAMPLED = (1e-7, 40), (1e-5, 15), (1e-5, 40, 50)
 """Tolerance and most steps of SLSQP, with derivatives of the model, with differences, and on the
-average of a sample, which has kinks."""
+average of a sample, which has kinks: there most evaluations as well."""
 
 
 class Branch:
@@ -32,11 +40,35 @@ class Branch:
 
     def minimise(self, objective: int, start: Array, limit: Array) -> Array | None:
         """Objectives (m,) of the least `objective` with f <= limit; kept where it is feasible."""
+        sampled = self.smooth.run.problem.sampled
+        y = self.solved(objective, start, limit, np.zeros(1))
+        f, g = self.smooth.values(y)
+        for _ in range(RESTARTS if sampled else 0):
+            again = self.solved(objective, y, limit, np.zeros(1))
+            better, broken = self.smooth.values(again)
+            wrong = np.any(g > NEARLY) or np.any(f > limit + NEARLY * self.unit)
+            gained = better[objective] < f[objective] - GAINED * abs(f[objective])
+            right = np.all(broken <= NEARLY) and np.all(better <= limit + NEARLY * self.unit)
+            if not (wrong or (gained and right)):
+                break
+            y, f, g = again, better, broken
+        if np.any(g > (NEARLY if sampled else KEPT)):
+            return None
+        at = int(np.searchsorted([one[1] for one in self.f], f[1])) if len(f) > 1 else 0
+        self.y.insert(at, y)
+        self.f.insert(at, f)
+        return f
+
+    def solved(self, objective: int, start: Array, limit: Array, slack: Array) -> Array:
+        """Where SLSQP ends (size,) with f <= limit and violations of limits g <= -slack.
+
+        `slack` fits (constraints,), normalised as they are.
+        """
         own, unit, smooth = np.isfinite(limit), self.unit, self.smooth
 
         def margins(y: Array) -> Array:
             f, g = smooth.values(y)
-            return np.concatenate([(limit[own] - f[own]) / unit[own], -g])
+            return np.concatenate([(limit[own] - f[own]) / unit[own], -g - slack])
 
         def margin_slopes(y: Array) -> Array:
             df, dg = smooth.slopes(y)
@@ -51,29 +83,22 @@ class Branch:
             (np.zeros(smooth.size), np.ones(smooth.size)),
             *self._effort,
         )
-        y = self._restored(found.x)
-        f, g = smooth.values(y)
-        if np.any(g > 1e-6):
-            return None
-        at = int(np.searchsorted([one[1] for one in self.f], f[1])) if len(f) > 1 else 0
-        self.y.insert(at, y)
-        self.f.insert(at, f)
-        return f
+        return self.restored(found.x, slack)
 
     @property
-    def _effort(self) -> tuple[float, int]:
+    def _effort(self) -> tuple[Any, ...]:
         if not self.smooth.analytic:
             return NUMERIC
         return SAMPLED if self.smooth.run.problem.sampled else ANALYTIC
 
-    def _restored(self, y: Array) -> Array:
+    def restored(self, y: Array, slack: Array, most: float = NEARLY) -> Array:
         """A point beside y that keeps the limits which SLSQP breaks by its tolerance.
 
         A design that breaks a limit by the last digits is not feasible, and would be lost.
         """
         for _ in range(RESTORED):
-            broken = (g := self.smooth.values(y)[1]) > 0.0
-            if not np.any(broken) or np.any(g > NEARLY):
+            broken = (g := self.smooth.values(y)[1] + slack) > 0.0
+            if not np.any(broken) or np.any(g > most):
                 break
             step = np.linalg.lstsq(self.smooth.slopes(y)[1][broken], 1.1 * g[broken] + 1e-12)[0]
             y = np.clip(y - step, 0.0, 1.0)
@@ -89,7 +114,7 @@ class Branch:
         With one objective, which has no neighbours to begin from, all of them are tried.
         """
         none = np.full(len(self.unit), np.inf)
-        y = self._starts(run)
+        y = self.starts(run)
         f, g = run.evaluate(self.smooth.vectors(y))
         broken = np.sum(np.maximum(g, 0.0), axis=1)
         for objective in range(min(2, len(self.unit))):
@@ -101,7 +126,7 @@ class Branch:
                     self._settle(objective, end)
                     break
 
-    def _starts(self, run: Run) -> Array:
+    def starts(self, run: Run) -> Array:
         """Scaled coordinates (n, size) to begin from."""
         own = run.problem.starts()
         if len(own):
@@ -118,6 +143,10 @@ class Branch:
         limit = np.full(2, np.inf)
         limit[objective] = end[objective] + 1e-9 * self.unit[objective]
         self.minimise(1 - objective, self.y[at], limit)
+
+    def nearest(self, level: float) -> Array:
+        """Scaled coordinates (size,) of the point whose second objective is nearest to a level."""
+        return self.y[int(np.argmin([abs(f[1] - level) for f in self.f]))]
 
     def widest(self, others: Array | None = None) -> tuple[float, int]:
         """The largest rectangle between neighbours, and the index of its first point.
@@ -161,3 +190,9 @@ class Branch:
         length = np.concatenate([[0.0], np.cumsum(np.maximum(steps, 1e-12))])
         course = PchipInterpolator(length, np.array(self.y), axis=0)
         return self.smooth.vectors(course(np.linspace(0.0, length[-1], count)))
+
+
+def joint_front(branches: list[Branch]) -> Array:
+    """Objectives (n, objectives) of the points that no point of any branch dominates."""
+    f = np.vstack([np.array(branch.f) for branch in branches])
+    return f[nondominated(f)]

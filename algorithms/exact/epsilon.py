@@ -18,7 +18,8 @@ from ...errors import refuse
 from ...problems.tolerance_problem import ToleranceProblem
 from ..indicators import nondominated
 from ..run import Run
-from .branch import Branch
+from .branch import Branch, joint_front
+from .continuation import sampled_front
 
 Array = NDArray[np.float64]
 SETS = 64
@@ -34,20 +35,25 @@ def epsilon_front(run: Run, points: int) -> None:
     problem = run.problem
     unit = scale_of(problem)
     branches = [Branch(run, x, unit) for x in integer_sets(problem)]
+    if problem.sampled:
+        sampled_front(run, branches, points)
+        return
     for at, branch in enumerate(branches):
         run.phase("ends of the front", 0.2 * at / len(branches))
         branch.begin(run)
     alive = [branch for branch in branches if branch.f]
-    if problem.n_obj == 1 or not alive:
-        return
+    if alive and problem.n_obj == 2:
+        _front(run, alive, points)
+
+
+def _front(run: Run, alive: list[Branch], points: int) -> None:
+    """From the ends of two objectives to the whole front."""
     for at, branch in enumerate(alive):
         run.phase("coarse front", 0.2 + 0.1 * at / len(alive))
         for _ in range(COARSE):
             branch.halve()
     alive = _contributing(alive)
     _fill(run, alive, max(2, min(SOLVED, points)))
-    if problem.sampled:  # between solved points its limits are not kept
-        return
     run.phase("points between", 0.9)
     for branch in alive:
         run.evaluate(branch.between(max(2, points // len(alive))))
@@ -60,12 +66,6 @@ def _fill(run: Run, branches: list[Branch], points: int) -> None:
         widest = max(branches, key=lambda branch: branch.widest(joint)[0])
         if not widest.halve(joint):
             return
-
-
-def joint_front(branches: list[Branch]) -> Array:
-    """Objectives (n, objectives) of the points that no point of any branch dominates."""
-    f = np.vstack([np.array(branch.f) for branch in branches])
-    return f[nondominated(f)]
 
 
 def scale_of(problem: ToleranceProblem) -> Array:

@@ -22,6 +22,26 @@ class Found:
     multiplier: Array
 
 
+class _Enough(Exception):
+    """The evaluations are used up."""
+
+
+class _Steps:
+    """Counts evaluations and keeps the last whole step."""
+
+    def __init__(self, objective: Callable[[Array], float], start: Array, most: int) -> None:
+        self._objective, self.last, self._left = objective, start, most
+
+    def objective(self, x: Array) -> float:
+        self._left -= 1
+        if self._left < 0:
+            raise _Enough
+        return self._objective(x)
+
+    def keep(self, x: Array) -> None:
+        self.last = np.array(x)
+
+
 def slsqp(
     objective: Callable[[Array], float],
     slopes: Callable[[Array], Array],
@@ -31,21 +51,28 @@ def slsqp(
     ends: tuple[Array, Array],
     tolerance: float,
     iterations: int,
+    evaluations: int = 10_000,
 ) -> Found:
     """Minimise an objective between `ends`, each (n,), with margins (constraints,) >= 0.
 
-    `slopes` (n,) and `margin_slopes` (constraints, n) are their derivatives.
+    `slopes` (n,) and `margin_slopes` (constraints, n) are their derivatives. After so many
+    `evaluations` the last whole step counts: at a kink of a sample line searches do not end.
     """
     low, high = ends
-    found = _minimize(
-        objective,
-        np.clip(start, low, high),
-        jac=slopes,
-        bounds=optimize.Bounds(low, high),
-        constraints=[{"type": "ineq", "fun": margins, "jac": margin_slopes}],
-        method="SLSQP",
-        options={"ftol": tolerance, "maxiter": iterations},
-    )
+    steps = _Steps(objective, np.clip(start, low, high), evaluations)
+    try:
+        found = _minimize(
+            steps.objective,
+            steps.last,
+            jac=slopes,
+            bounds=optimize.Bounds(low, high),
+            constraints=[{"type": "ineq", "fun": margins, "jac": margin_slopes}],
+            method="SLSQP",
+            options={"ftol": tolerance, "maxiter": iterations},
+            callback=steps.keep,
+        )
+    except _Enough:
+        return Found(np.clip(steps.last, low, high), np.zeros(0))
     multiplier = np.maximum(np.asarray(found.multipliers, dtype=float), 0.0)
     return Found(np.clip(found.x, low, high), multiplier)
 

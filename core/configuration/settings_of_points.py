@@ -80,7 +80,8 @@ class _Builder:
         faults: list[Fault] = []
         section = Section({"algorithm": algorithm}, "", faults).section("algorithm")
         budget = read_budget(section)
-        name, settings = read_algorithm(section, self.problems[number].n_obj)
+        problem = self.problems[number]
+        name, settings = read_algorithm(section, problem.n_obj, problem.default_algorithm)
         check_size(section, settings, budget)
         engine = read_engine(section, name, settings)
         raise_all(faults)

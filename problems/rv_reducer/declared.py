@@ -62,7 +62,7 @@ OWN: tuple[Parameter, ...] = (
               "interference or preload", ""),
     Parameter("te_torque_Nm", 0.0, "Nm", "torque under which the transmission error is measured; "
               "0: the rated torque", "", low=0.0, high=1e7),
-    _count("te_positions", 127, "positions of a turn at which the transmission error is measured",
+    _count("te_positions", 251, "positions of a turn at which the transmission error is measured",
            8, 10_007),
     _count("search_units", 512, "units of the sample that is searched on", 16, 1_048_576, UNITS),
     _count("search_positions", 0, "positions that are searched on; 0: those that are reported", 0,

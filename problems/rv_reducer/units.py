@@ -15,6 +15,7 @@ from ...models.rv_reducer import declared as document
 from ...models.rv_reducer import involute
 from ...models.rv_reducer.contact.geometry import ContactGeometry
 from ...models.rv_reducer.population.design import ERRORS, UnitDesign
+from ...models.rv_reducer.population.elastic_springs import Loading
 from ...models.rv_reducer.population.measures import Conditions
 from ...models.rv_reducer.population.sample import Hierarchy
 from ...models.rv_reducer.population.statistics import Involute
@@ -42,6 +43,8 @@ class UnitModel:
     planet: TighterPlanet
     mid: Mapping[str, float]
     cosine: float
+    loading: Loading
+    preload: float
 
     @classmethod
     def of(
@@ -73,6 +76,13 @@ class UnitModel:
         )
         alpha = radians(number(parameters["pressure_angle_deg"]))
         scale = 1.0 / cos(alpha) if parameters.get("involute_cosine", True) else 1.0
+        rated = number(parameters["rated_torque_Nm"])
+        loading = Loading(
+            normal_stiffness=number(parameters["normal_stiffness_N_per_mm"]) / MM,
+            series_stiffness=number(parameters["series_stiffness_Nm_per_arcmin"]) / ARCMIN,
+            rated_torque=rated,
+            te_torque=number(parameters["te_torque_Nm"]) or rated,
+        )
         return cls(
             geometry,
             base.stage,
@@ -81,6 +91,8 @@ class UnitModel:
             TighterPlanet(cranks, number(parameters.get("planet_share", 0.5))),
             mid,
             scale if parameters["involute_stage"] else 0.0,
+            loading,
+            0.01 * number(parameters["preload_percent_of_rated"]) * loading.rated_torque,
         )
 
     def population(self, positions: int, units: int, seed: int, stream: int) -> Population:

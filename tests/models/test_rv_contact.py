@@ -383,6 +383,8 @@ UNEVEN = PartErrors(
     pitch=np.full((1, 2), 2e-6),
     pitch_phase=np.array([[0.5, 2.5]]),
     bearing_clearance=np.abs(1e-6 * np.random.default_rng(10).standard_normal((6, 2, 2))),
+    bore_radial=1e-6 * np.random.default_rng(11).standard_normal((6, 2, 2)),
+    bore_tangential=1e-6 * np.random.default_rng(12).standard_normal((6, 2, 2)),
 )
 TORQUES = [412.0, -412.0, 21.0, -5.0, 0.0, 1e-3]
 

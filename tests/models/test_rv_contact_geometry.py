@@ -10,7 +10,7 @@ from tolevo.errors import InputError
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.errors import PartErrors
 from tolevo.models.rv_reducer.contact.faults import faults
-from tolevo.models.rv_reducer.contact.gaps import gaps
+from tolevo.models.rv_reducer.contact.gaps import displacements, gaps
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry, lever
 from tolevo.models.rv_reducer.geometry import RvGeometry
 
@@ -84,6 +84,8 @@ def random_errors(size: float) -> PartErrors:
         disc_offset_phase=np.array([[1.0, -2.0]]),
         crank_phase=some(2, 2) * 100.0,
         eccentricity=some(2, 2),
+        bore_radial=some(2, 2),
+        bore_tangential=some(2, 2),
         circle_radius=some(),
         circle_offset=some(),
         circle_phase=np.array([0.7]),
@@ -108,6 +110,8 @@ def drawn_gaps(errors: PartErrors, psi: float, disc: int) -> Array:
     centre = cranks.mean() + e["disc_offset"][disc] * np.exp(
         1j * (own + e["disc_offset_phase"][disc])
     )
+    bore = e["bore_radial"][:, disc] + 1j * e["bore_tangential"][:, disc]
+    centre -= np.mean(bore * np.exp(1j * (np.array([0.0, np.pi]) - psi / 39)))  # as the cranks lie
     # the teeth facing a pin are displaced as one body
     tooth = 0.5 * e["pitch"][disc] / R * np.cos(alpha - own - e["pitch_phase"][disc])
     about = E * np.exp(1j * (psi + np.pi * disc))
@@ -170,6 +174,22 @@ def test_eccentric_of_a_crank_turns_and_moves_its_disc() -> None:
     counter = 1e-6 * np.sin(ANGLES - carrier) / (2.0 * 0.036)
     np.testing.assert_allclose(found.turn[0, :, 0], -counter, rtol=1e-9)
     np.testing.assert_allclose(found.turn[0, :, 1], 0.0, atol=1e-20)
+
+
+@pytest.mark.parametrize("cranks", [2, 3])
+def test_bores_place_a_disc_as_a_rigid_body(cranks: int) -> None:
+    """Displaced bores brought onto the cranks by the rotation and translation of least squares."""
+    geometry = ContactGeometry(cranks=cranks)
+    bores = 1e-6 * np.random.default_rng(cranks).standard_normal((2, 1, cranks, 2))
+    found = displacements(geometry, PartErrors(bore_radial=bores[0], bore_tangential=bores[1]))
+    for disc in range(2):
+        line = np.exp(1j * (2.0 * np.pi * np.arange(cranks) / cranks - np.pi * disc))
+        wanted = 0.036 * line
+        placed = wanted + (bores[0] + 1j * bores[1])[0, :, disc] * line
+        turn = np.angle(np.vdot(placed - placed.mean(), wanted))  # counter-clockwise
+        moved = -placed.mean() * np.exp(1j * turn)
+        np.testing.assert_allclose(found.angle[0, disc], -turn, rtol=1e-3, atol=1e-12)
+        np.testing.assert_allclose(found.offset[0, disc], moved, rtol=1e-3, atol=1e-12)
 
 
 # Bad input.

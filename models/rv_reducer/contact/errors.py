@@ -32,6 +32,8 @@ AXES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "crank_phase": _ECCENTRIC,
         "eccentricity": _ECCENTRIC,
         "bearing_clearance": _ECCENTRIC,
+        "bore_radial": _ECCENTRIC,
+        "bore_tangential": _ECCENTRIC,
         "circle_radius": _UNIT,
         "circle_offset": _UNIT,
         "circle_phase": _UNIT,
@@ -53,6 +55,8 @@ class PartErrors:
     disc; `circle_offset` that of the pin circle from the main bearing, at `circle_phase` in the
     housing. `angle` turns a disc forward (its angular error, or stagger). `crank_phase`,
     `eccentricity` and `bearing_clearance` (full radial play [0, c]) are of each eccentric.
+    `bore_radial` (outwards) and `bore_tangential` (counter-clockwise) are the position errors of
+    each bearing bore in its disc, along and across the line from the disc's centre to the bore.
     """
 
     pin_radius: Array | float = 0.0
@@ -69,6 +73,8 @@ class PartErrors:
     crank_phase: Array | float = 0.0
     eccentricity: Array | float = 0.0
     bearing_clearance: Array | float = 0.0
+    bore_radial: Array | float = 0.0
+    bore_tangential: Array | float = 0.0
     circle_radius: Array | float = 0.0
     circle_offset: Array | float = 0.0
     circle_phase: Array | float = 0.0

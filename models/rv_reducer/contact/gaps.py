@@ -98,13 +98,15 @@ def displacements(geometry: ContactGeometry, errors: PartErrors) -> Displacement
     e, a_0 = geometry.nominal.eccentricity, geometry.nominal.centre_distance
     eccentrics = (e + full["eccentricity"]) * unit(full["crank_phase"]) - e
     cranks = unit(-2.0 * np.pi * np.arange(geometry.cranks) / geometry.cranks)
+    position = full["bore_radial"] + 1j * full["bore_tangential"]
+    bores = position * cranks.conj()[:, None] * unit(-geometry.disc_angles)
     return Displacements(
         pins=_pins(geometry, full) * unit(geometry.pin_angles) + circle[:, None, None],
         across=full["hole_radius"] - full["pin_radius"] + full["equidistance"][:, :, None],
         turning=eccentrics.mean(axis=1),
-        offset=full["disc_offset"] * unit(full["disc_offset_phase"]),
+        offset=full["disc_offset"] * unit(full["disc_offset_phase"]) - bores.mean(axis=1),
         around=(eccentrics * cranks[:, None]).mean(axis=1) / a_0,
-        angle=full["angle"],
+        angle=full["angle"] + full["bore_tangential"].mean(axis=1) / a_0,
         play=0.5 * full["bearing_clearance"].mean(axis=1) / a_0,
         shift=full["shift"],
         pitch=0.5 * full["pitch"] / geometry.nominal.pin_circle_radius * unit(full["pitch_phase"]),

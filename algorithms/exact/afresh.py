@@ -1,0 +1,78 @@
+"""The end of a search on a sample: neighbours help each other, and fresh units have the last word.
+
+A search that sees one sample makes use of its chance: its limits hold there to the last digit, and
+on fresh units half of its points would break them. Each point is solved again with its limits moved
+by what fresh units say more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..indicators import nondominated
+from ..run import Run
+from .branch import Branch
+
+Array = NDArray[np.float64]
+ROUNDS = 4
+"""Times that limits are moved at most."""
+BEYOND, MARGIN = 1.2, 1e-3
+"""Factor and share of a limit by which it is moved farther than fresh units ask for, so that rounds
+come to an end."""
+FAR = 0.5
+"""Share of a limit by which it is moved at most."""
+
+
+def tested_afresh(run: Run, branches: list[Branch], points: int, least: float) -> None:
+    """Hand `points` of the joint front to the run as its result, with limits that fresh units keep.
+
+    Points whose last objective is below `least` are left out. A point that breaks a limit on fresh
+    units is solved again with the limit moved by the excess.
+    """
+    order = [(branch, at) for branch, at in _joint(branches) if branch.f[at][-1] >= least]
+    if len(order) > points:
+        order = [order[int(at)] for at in np.linspace(0, len(order) - 1, points)]
+    for done, (branch, at) in enumerate(order):
+        run.phase("fresh units", 0.9 + 0.1 * done / len(order))
+        run.choose(kept(run, branch, branch.y[at], branch.f[at], search=True))
+
+
+def _joint(branches: list[Branch]) -> list[tuple[Branch, int]]:
+    """Branch and index of the points that no point of any branch dominates, by objective 2, 1."""
+    places = [(branch, at) for branch in branches for at in range(len(branch.f))]
+    f = np.array([branch.f[at] for branch, at in places])
+    rows = np.flatnonzero(nondominated(f))
+    rows = rows[np.lexsort(f[rows].T)]
+    return [places[int(row)] for row in rows]
+
+
+def kept(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
+    """The search vector (1, variables) of a point, after its limits hold on fresh units.
+
+    With `search` a cheaper point within the moved limits is looked for; else the nearest is taken.
+    """
+    limit = np.full(len(f), np.inf)
+    limit[1:] = f[1:]
+    slack = np.zeros(run.problem.n_ieq_constr)
+    for _ in range(ROUNDS):
+        x = branch.smooth.vectors(y[None, :])
+        excess = run.problem.tested(x)[1][0]
+        if not np.any(excess > 0.0):
+            return x
+        own = branch.smooth.values(y)[1]
+        slack = np.where(excess > 0.0, np.maximum(slack, -own) + BEYOND * excess + MARGIN, slack)
+        near = branch.restored(y, slack, FAR)
+        y = _cheaper(branch, near, limit, slack) if search else near
+    return branch.smooth.vectors(y[None, :])
+
+
+def _cheaper(branch: Branch, near: Array, limit: Array, slack: Array) -> Array:
+    """A point that keeps the moved limits as `near` does and costs less, where SLSQP finds one."""
+    other = branch.solved(0, near, limit, slack)
+    f, g = branch.smooth.values(near)
+    better, broken = branch.smooth.values(other)
+    worst = np.maximum(float(np.max(g + slack, initial=0.0)), MARGIN)
+    if better[0] < f[0] and np.all(broken + slack <= worst):
+        return other
+    return near

@@ -1,0 +1,160 @@
+"""A front on a sample by continuation: level after level of the second objective, warm started.
+
+At every level the first objective is minimised at each set of integers that may be best there, from
+the designs at the levels beside it. A set that is beaten by more than `BEATEN` at both neighbouring
+levels is left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..run import Run
+from .afresh import tested_afresh
+from .branch import Branch
+
+Array = NDArray[np.float64]
+RATIO = 0.75
+"""Ratio of neighbouring levels of the coarse front."""
+BEATEN = 0.02
+"""Share of the least value by which a set of integers is beaten where it is not tried between."""
+SWEEPS, SAGGING = 2, 1e-3
+"""Times that points are solved again from their neighbours, and the excess over the chord of both
+from which that is done, in natural logarithms."""
+END = 1.03
+"""The tight end of the front, as a multiple of the least second objective: beyond it the cost
+rises without bound, and chance decides."""
+Levels = dict[float, Array]
+
+
+def sampled_front(run: Run, branches: list[Branch], points: int) -> None:
+    """Find the front of one or two objectives of a sampled problem, tested on fresh units."""
+    if run.problem.n_obj == 1:
+        for at, branch in enumerate(branches):
+            run.phase("least value", 0.8 * at / len(branches))
+            branch.begin(run)
+    least = -np.inf if run.problem.n_obj == 1 else _between(run, branches, points)
+    alive = [branch for branch in branches if branch.f]
+    if alive:
+        tested_afresh(run, alive, points, least)
+
+
+def _between(run: Run, branches: list[Branch], points: int) -> float:
+    """Solve at coarse levels, then where the joint front is widest, until it has `points`.
+
+    Returns the tightest level.
+    """
+    levels = _coarse(run, branches)
+    while levels and len(levels) < points:
+        run.phase("largest gaps of the front", 0.4 + 0.5 * len(levels) / points)
+        below, above = _widest(levels, branches[0].unit)
+        level = 0.5 * (below + above)
+        tried = _promising(levels[below]) | _promising(levels[above])
+        levels[level] = np.array([
+            _solved(branch, level) if own else np.inf
+            for branch, own in zip(branches, tried, strict=True)
+        ])  # fmt: skip
+    for sweep in range(SWEEPS):
+        run.phase("points from their neighbours", 0.8 + 0.1 * sweep / SWEEPS)
+        if not _mended(branches, levels):
+            break
+    return min(levels, default=-np.inf) * (1.0 - 1e-3)
+
+
+def _mended(branches: list[Branch], levels: Levels) -> bool:
+    """Solve points above the chord of their neighbours again from there; whether there were any.
+
+    On doubly logarithmic axes a front is convex, but for kinks where the integers change.
+    """
+    order = sorted(levels)
+    if len(order) < 3:
+        return False
+    least = np.log([np.min(levels[level]) for level in order])
+    at = np.log(order)
+    share = (at[1:-1] - at[:-2]) / (at[2:] - at[:-2])
+    above = least[1:-1] - (1.0 - share) * least[:-2] - share * least[2:]
+    bad = [order[i + 1] for i in np.flatnonzero(above > SAGGING)]
+    for level in bad:
+        branch = branches[int(np.argmin(levels[level]))]
+        for other in (order[order.index(level) - 1], order[order.index(level) + 1]):
+            near = branches[int(np.argmin(levels[other]))]
+            near.minimise(0, near.nearest(other), _at_most(near, 1, level))
+            if near is not branch:
+                branch.minimise(0, near.nearest(other), _at_most(branch, 1, level))
+        levels[level] = np.array([_value(one, level) for one in branches])
+    return bool(bad)
+
+
+def _coarse(run: Run, branches: list[Branch]) -> Levels:
+    """From the cheapest design of every set of integers to tighter levels, as far as it goes."""
+    none = np.full(len(branches[0].unit), np.inf)
+    for at, branch in enumerate(branches):
+        run.phase("coarse front", 0.4 * at / len(branches))
+        start = branch.starts(run)[-1]
+        branch.minimise(0, start, none)
+        if branch.f:
+            branch.minimise(1, branch.y[0], _at_most(branch, 0, branch.f[0][0] * (1.0 + 1e-6)))
+        while branch.f:
+            tightest = branch.f[0][1]
+            branch.minimise(0, branch.y[0], _at_most(branch, 1, RATIO * tightest))
+            if branch.f[0][1] > 0.95 * tightest:
+                break
+    high = max((branch.f[-1][1] for branch in branches if branch.f), default=np.nan)
+    last = min((b for b in branches if b.f), key=lambda b: b.f[0][1], default=None)
+    if last is None:
+        return {}
+    for _ in range(SWEEPS):
+        last.minimise(1, last.y[0], none)
+    low = END * last.f[0][1]
+    count = int(np.ceil(np.log(low / high) / np.log(RATIO)))
+    levels = np.geomspace(low, high, max(count, 2) + 1).tolist()
+    return {level: np.array([_solved(b, level) for b in branches]) for level in levels}
+
+
+def _at_most(branch: Branch, objective: int, value: float) -> Array:
+    limit = np.full(len(branch.unit), np.inf)
+    limit[objective] = value
+    return limit
+
+
+def _promising(values: Array) -> NDArray[np.bool_]:
+    """Which sets of integers (n,) are not beaten at a level; one that was not tried there is."""
+    return np.asarray(values <= (1.0 + BEATEN) * np.min(values))
+
+
+def _widest(levels: dict[float, Array], unit: Array) -> tuple[float, float]:
+    """The neighbouring levels between which the joint front may still miss most."""
+    order = sorted(levels)
+    least = np.array([np.min(levels[level]) for level in order])
+    drop = np.where(np.isfinite(least[:-1]), -np.diff(least), unit[0]) / unit[0]
+    at = int(np.argmax(np.maximum(drop, 1e-9) * np.diff(order) / unit[1]))
+    return order[at], order[at + 1]
+
+
+def _value(branch: Branch, level: float) -> float:
+    """The least first objective that a branch has at a level."""
+    own = [f[0] for f in branch.f if f[1] <= level * (1.0 + 1e-6)]
+    return min(own, default=np.inf)
+
+
+def _solved(branch: Branch, level: float) -> float:
+    """The least first objective at a level: from between its neighbours, else from the tighter."""
+    limit = np.full(len(branch.unit), np.inf)
+    limit[1] = level
+    values = np.array([f[1] for f in branch.f])
+    above = int(np.searchsorted(values, level))
+    if above == 0:  # tighter than the branch reaches
+        return np.inf
+    tighter = branch.y[above - 1]
+    if above < len(values):
+        share = (level - values[above - 1]) / max(values[above] - values[above - 1], 1e-12)
+        branch.minimise(0, tighter + share * (branch.y[above] - tighter), limit)
+    if _value(branch, level) > 0.999 * branch_value(branch, above - 1, values):
+        branch.minimise(0, tighter, limit)
+    return _value(branch, level)
+
+
+def branch_value(branch: Branch, at: int, values: Array) -> float:
+    """First objective of the point of a branch at the second objective `values[at]`."""
+    return next(float(f[0]) for f in branch.f if f[1] == values[at])

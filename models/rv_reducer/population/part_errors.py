@@ -1,0 +1,65 @@
+"""The same units for the loaded contact: a base sample and an allocation as part errors in SI."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....units import ARCMIN, MRAD, UM
+from ..contact.errors import PartErrors
+from ..contact.geometry import ContactGeometry
+from .design import UnitDesign
+from .sample import BaseSample
+from .scaled import sides
+
+Array = NDArray[np.float64]
+
+
+def modified(geometry: ContactGeometry, design: UnitDesign) -> ContactGeometry:
+    """The geometry with the modifications of a design."""
+    return replace(geometry, dr_rp=design.dr_rp, dr_p=design.dr_p)
+
+
+def part_errors(geometry: ContactGeometry, sample: BaseSample, design: UnitDesign) -> PartErrors:
+    """Part errors [m, rad] of the units of a design, for the contact of `modified` geometry.
+
+    Pins have full length: their errors are the same at all discs. A deviation z of half the zone
+    moves both models alike; `PartErrors` knows terms beyond the first order besides.
+    """
+
+    def zone(error: str, source: str | None = None) -> Array:
+        """Deviations [um or mrad] of an error, units first."""
+        moved = design.middle(error) + design.width(error) * sample.z[source or error]
+        return np.moveaxis(moved, -1, 0)
+
+    def phase(error: str) -> Array:
+        return np.moveaxis(sample.phase[error], -1, 0)
+
+    return PartErrors(
+        pin_radius=UM * zone("pin_radius")[:, None],
+        hole_radius=UM * zone("pin_hole_radius")[:, None],
+        tangential_position=UM * zone("pin_position")[:, None],
+        equidistance=UM * zone("equidistance"),
+        shift=UM * zone("shift"),
+        pitch=UM * zone("pitch"),
+        pitch_phase=phase("pitch"),
+        disc_offset=0.5 * UM * zone("runout"),
+        disc_offset_phase=phase("runout"),
+        angle=np.full((1, 1), design.stagger * ARCMIN) * sides(geometry),
+        crank_phase=MRAD * zone("crank_phase"),
+        eccentricity=UM * zone("eccentricity"),
+        bearing_clearance=UM * _clearance(sample, design),
+        bore_radial=UM * zone("bore", "bore_radial"),
+        bore_tangential=UM * zone("bore", "bore_tangential"),
+        circle_radius=UM * zone("pin_circle_radius"),
+        circle_offset=UM * zone("circle_offset"),
+        circle_phase=phase("circle_offset"),
+    )
+
+
+def _clearance(sample: BaseSample, design: UnitDesign) -> Array:
+    """Clearance [um] of each bearing in its zone [0, c], (units, cranks, discs)."""
+    share = 0.5 * (1.0 + np.moveaxis(sample.z["crank_bearing"], -1, 0))
+    return np.asarray(design.width("crank_bearing") * share)
