@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from math import inf
 
+from .counts import Need
+
 Scalar = float | int | str | bool
 Value = Scalar | tuple[float, ...] | Mapping[str, float]
 """A list has a fixed length; a table holds numbers by name."""
@@ -40,6 +42,7 @@ class Parameter:
 
     `assumed` marks a default that no document prints; it is reported as an assumption. The default
     gives the type: a list keeps its length, the names in a table are `choices`, each with its unit.
+    `need` is what each takes where the parameter is a count: of units, positions, points.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Parameter:
     high: float = inf
     open_low: bool = False
     choices: tuple[str, ...] = ()
+    need: Need | None = None
     readings: Mapping[str, Value] = field(default_factory=dict)
     """Other defaults, by the value of the parameter `reading`."""
 

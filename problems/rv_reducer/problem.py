@@ -30,6 +30,7 @@ from .outputs import (
     SAMPLED_UNDER_LOAD,
 )
 from .references import REFERENCES
+from .sizes import size_faults
 from .units import UnitModel
 
 Array = NDArray[np.float64]
@@ -93,6 +94,9 @@ class RvReducer(ToleranceProblem):
         if fixed is not None and given.value is None and given.low is None and given.high is None:
             given = replace(given, value=fixed)
         return super()._variable(variable, given)
+
+    def faults(self) -> list[Fault]:
+        return size_faults(self.count, KEPT) or super().faults()
 
     # ---------------------------------------------------------------- populations
 
