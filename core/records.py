@@ -80,6 +80,19 @@ class RunResult:
     assumptions_cost: pd.DataFrame | None = None
 
 
+def model_lines(summary: Mapping[str, Any]) -> list[str]:
+    """By which of several models a run judged: a line, and one for each choice of which another
+    model says something. Nothing where there is but one model.
+    """
+    statement = str(summary.get("model_statement") or "")
+    if not statement:
+        return []
+    choices = summary.get("choices") or {}
+    labels = {name: str(one.get("model") or statement) for name, one in choices.items()}
+    told = [f"{name}: {label}" for name, label in labels.items() if label != statement]
+    return [f"model: {statement}", *told]
+
+
 @dataclass(frozen=True, slots=True)
 class Response:
     """What a study measures of every run: its name, direction, and the best value there can be."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from .inputs.distribution import Distribution
@@ -29,15 +30,24 @@ class Source:
     from_zero: bool = False
     widest: float = float("inf")
     """The largest factor on its half-width about its middle that is physical."""
+    moves: bool = True
+    """Whether units are moved by an error that all of them have alike."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sources:
-    """The inputs of the one output of a population: that output is `total`/`unit`, one design."""
+    """The inputs of the one output of a population: that output is `total`/`unit`, one design.
+
+    Where inputs of the clipped part do not add up, that part is one term of them all, `widened`
+    gives it with the zone of one of them by a factor as wide, and `basis` says how inputs are then
+    compared.
+    """
 
     total: ClippedSum
     unit: float
     inputs: tuple[Source, ...]
+    widened: Callable[[Source, float], Term] | None = None
+    basis: str = ""
 
     def term(self, one: Source) -> Term:
         """What an input contributes."""

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from .tolerance_problem import ToleranceProblem
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True, slots=True)
 class Variant:
@@ -30,6 +32,27 @@ class Shown:
 
     explained: ClassVar[Mapping[str, str]] = {}
     """By output without a derivative, the one whose derivative tells what contributes to it."""
+
+    model_name: ClassVar[str] = ""
+    """Which of several models of one thing the numbers are of; empty where there is one."""
+    model_statement: ClassVar[str] = ""
+    """The same in words, printed wherever the numbers appear."""
+
+    def contact_verdict(self, designs: Array) -> tuple[str, ...]:
+        """What the exact contact says of each full design (n, all variables), such as "keeps 1
+        arcmin in 43 % of units"; empty where it is not asked.
+        """
+        return ()
+
+    def model_labels(self, designs: Array) -> tuple[str, ...]:
+        """By which model each full design (n, all variables) is judged, and what contact says.
+
+        Empty texts where there is but one model.
+        """
+        alone, verdicts = self.model_statement, self.contact_verdict(designs)
+        if not alone or not verdicts:
+            return (alone,) * len(designs)
+        return tuple(f"{alone}; by contact this allocation {one}" for one in verdicts)
 
     def bars(self) -> tuple[Bars, ...]:
         """Charts of what matters in this problem, whatever is optimised."""
@@ -47,7 +70,7 @@ class Shown:
         """Output and upper limit by which the point is chosen whose units are shown."""
         return None
 
-    def shown_units(self, design: NDArray[np.float64]) -> UnitsShown | None:
+    def shown_units(self, design: Array) -> UnitsShown | None:
         """One unit and the population of a full design (all variables,), None without units."""
         return None
 

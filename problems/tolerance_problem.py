@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from pymoo.core.problem import Problem
 
-from ..declarations import Assumption, Output, Parameter, Value, Variable
+from ..declarations import Assumption, Output, Parameter, Variable, completed
 from ..errors import Fault, ModelError
 from ..models.costs import CostCurve
 from ..section import Section
@@ -45,9 +45,11 @@ class ToleranceProblem(Shown, Problem):
     default_model: str = ""
     reference_ga: ClassVar[Mapping[str, float]] = {}
     """Settings of the single-objective GA beside a run, where the documents name them: population,
-    generations, crossover and mutation probability."""
+    generations, crossover and mutation probability; and, where not the GA's own, their eta."""
     sampled: ClassVar[bool] = False
     """Whether a search sees a fixed sample of units; its points are tested on a fresh one."""
+    performance: ClassVar[frozenset[str]] = frozenset()
+    """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""
     default_algorithm: ClassVar[str] = ""
     """The best algorithm for the problem; empty: NSGA-II or, of one objective, the GA."""
 
@@ -200,14 +202,17 @@ class ToleranceProblem(Shown, Problem):
         """What the user should know before trusting a run of this problem."""
         return ()
 
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        """What should be said of the reported points, a row each as `frame` makes them."""
+        return ()
+
     # ---------------------------------------------------------------- set-up
 
     def _completed(self, given: Settings) -> Settings:
         """The settings with every default filled in."""
-        parameters: dict[str, Value] = {p.name: p.default for p in self.parameters}
         return replace(
             given,
-            parameters=parameters | dict(given.parameters),
+            parameters=completed(self.parameters, given.parameters),
             variables={
                 v.name: self._variable(v, given.variables.get(v.name)) for v in self.variables
             },

@@ -44,11 +44,11 @@ def _front(run: Run) -> Array:
     if not len(x):
         return x
     if f.shape[1] == 1:
-        return x[[int(np.argmin(f[:, 0]))]]
+        return np.asarray(x[[int(np.argmin(f[:, 0]))]])
     rows = np.flatnonzero(nondominated(f))
     rows = rows[np.lexsort(f[rows].T[::-1])]
     some = np.unique(np.linspace(0, len(rows) - 1, POINTS).astype(int))
-    return x[rows[some]]
+    return np.asarray(x[rows[some]])
 
 
 def _polished(run: Run, x: Array, unit: Array) -> Array:

@@ -22,6 +22,7 @@ from ..rv_backlash.costs import DEFAULT_COSTS
 from ..settings import Bound, Settings, VariableSetting
 from ..shown import Variant
 from ..tolerance_problem import Interval, ToleranceProblem
+from .counterparts import changes_of, sentence
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
 from .evaluation import Evaluation, Populations, known
 from .outputs import (
@@ -33,6 +34,7 @@ from .outputs import (
 )
 from .references import REFERENCES
 from .shown import units_shown
+from .sizes import size_faults
 from .units import UnitModel
 from .validity import validity
 from .variants import variants
@@ -40,6 +42,8 @@ from .variants import variants
 Array = NDArray[np.float64]
 SEARCH, REPORT = 1, 2
 """Streams of random numbers of the two populations."""
+MANY, ALONE = 512, 2048
+"""Units of the sample that is searched on: for fronts, and for the optimum of one objective."""
 LOADED_POSITIONS = 31
 """Positions of a turn at which units are solved under load at most: means over the turn need no
 more."""
@@ -70,15 +74,18 @@ class RvReducer(ToleranceProblem):
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
     sampled = True
+    performance = SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"}
     default_algorithm = "exact"
     reference_ga: ClassVar[Mapping[str, float]] = {
-        "population": 80, "generations": 80, "crossover": 0.9, "mutation": 0.1,
+        "population": 100, "generations": 80, "crossover": 0.9, "crossover_eta": 5.0,
+        "mutation": 0.1, "mutation_eta": 10.0,
     }  # fmt: skip
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
         given = self.settings
-        self.model = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
+        units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
+        self.model = units.changed(changes_of(given.effects, units.geometry))
         self._recent: OrderedDict[bytes, Evaluation] = OrderedDict()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -94,6 +101,9 @@ class RvReducer(ToleranceProblem):
             given = replace(given, value=fixed)
         return super()._variable(variable, given)
 
+    def faults(self) -> list[Fault]:
+        return size_faults(self.count, KEPT) or super().faults()
+
     # ---------------------------------------------------------------- populations
 
     def count(self, name: str) -> int:
@@ -103,7 +113,11 @@ class RvReducer(ToleranceProblem):
     @cached_property
     def _searched(self) -> Populations:
         positions = self.count("search_positions") or self.count("positions")
-        return self._drawn(positions, self.count("search_units"), SEARCH)
+        return self._drawn(positions, self._search_units, SEARCH)
+
+    @property
+    def _search_units(self) -> int:
+        return self.count("search_units") or (ALONE if len(self.objectives) == 1 else MANY)
 
     @cached_property
     def _reported(self) -> Populations:
@@ -153,9 +167,9 @@ class RvReducer(ToleranceProblem):
         designs = self.complete(x)
         columns = {name: np.empty(len(designs)) for name in self._asked}
         for at, design in enumerate(designs):
-            found = self.evaluation(design, searching=False)
+            fresh = self.evaluation(design, searching=False)
             for name in self._asked:
-                columns[name][at] = found.value(name)
+                columns[name][at] = fresh.value(name)
         found = columns | {"cost": self.cost_of(designs)} | self.profile(designs)
         return self.objective_values(found), self.violations(designs, found)
 
@@ -205,6 +219,9 @@ class RvReducer(ToleranceProblem):
             found["modification_backlash_arcmin"][:, column] = backlash
         return found
 
+    def counterparts(self) -> tuple[str, ...]:
+        return tuple(sentence(one, self.model.geometry) for one in self.settings.effects)
+
     # ---------------------------------------------------------------- what is known
 
     def references(self) -> dict[str, Array]:
@@ -220,9 +237,11 @@ class RvReducer(ToleranceProblem):
         return found | {name: self.fixed[name] for name in DISC_TO_DISC if name in self.fixed}
 
     def starts(self) -> Array:
-        """The document's zones, tighter and wider, opened until the interference limit is kept."""
+        """The tightest zones, and the document's, tighter and wider, each opened until the limit on
+        interference is kept.
+        """
         rows = []
-        for factor in (0.7, 1.0, 1.4):
+        for factor in (0.0, 0.7, 1.0, 1.4):
             row = np.array([self._nominal[name] for name in self.names])
             zones = [self.names.index(v.name) for v in self.variables if v.name.endswith("_um")]
             row[zones] *= factor
@@ -261,7 +280,7 @@ class RvReducer(ToleranceProblem):
     def coarser(self) -> RvReducer:
         """On at most 256 units at 31 positions, which no result of the search is tested on."""
         positions = nearest_prime(min(31, self.count("positions")), self.model.geometry)
-        small = {"search_units": min(256, self.count("search_units")),
+        small = {"search_units": min(256, self._search_units),
                  "search_positions": positions}  # fmt: skip
         return RvReducer(replace(self.given, parameters=dict(self.given.parameters) | small))
 
@@ -269,9 +288,14 @@ class RvReducer(ToleranceProblem):
         """Proven bounds: no unit has less backlash than its involute stage."""
         if output == "cost":
             return self.cost_interval
-        if output in ("backlash_max_arcmin", "backlash_mean_arcmin"):
-            return self._least_backlash, np.inf
+        if output in ("backlash_max_arcmin", "backlash_mean_arcmin") and not self._stretched:
+            return self._least_backlash + self.model.change.effective, np.inf
         return super().interval(output)
+
+    @property
+    def _stretched(self) -> bool:
+        """Whether an effect makes units scatter more about their mean: no bound is proven then."""
+        return self.model.change.growth != 0.0
 
     @cached_property
     def _least_backlash(self) -> float:

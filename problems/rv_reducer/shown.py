@@ -77,9 +77,11 @@ def _population(found: Evaluation) -> pd.DataFrame:
     low, high = found.involute.ends()
     at = np.linspace(low + largest.min(), high + largest.max(), BINS + 1)
     within = 100.0 * np.array([float(np.mean(found.involute.cdf(v - largest))) for v in at])
+    change, mean = found.model.change, float(largest.mean()) + found.involute.mean
+    moved = mean + change.effective + (1.0 + change.growth) * (at - mean)  # beside the contact
     return pd.DataFrame(
         {
-            "backlash_max_arcmin": at,
+            "backlash_max_arcmin": moved,
             "share_within_percent": within,
             "share_percent": np.diff(within, prepend=within[0]),
         }
@@ -102,7 +104,12 @@ def _words(
         if parameters["involute_stage"]
         else "There is no involute stage."
     )
-    return (
+    beside = (
+        "What effects add beside the contact is in the population and not in the one unit."
+        if found.model.change.outside
+        else ""
+    )
+    words = (
         "The backlash of a unit at a position is the angle by which the carrier (the output) turns "
         "from one flank to the other with the sun (the input) held: zero torque, rigid parts, play "
         "of the crank bearings included.",
@@ -117,3 +124,4 @@ def _words(
         f"Interference: {kind} (interference_probability). Where flanks interfere at zero torque "
         "the backlash of the cycloid stage counts as zero: the flat parts of the first figure.",
     )
+    return tuple(one for one in (*words, beside) if one)

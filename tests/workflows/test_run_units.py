@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
 from tolevo.problems.rv_reducer import RvReducer
+from tolevo.problems.rv_reducer.counterparts import Change
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.shown import Variant
 from tolevo.reports.tables import shown
@@ -182,3 +184,15 @@ def _problem(objectives: tuple[str, ...], **parameters: float | str) -> RvReduce
     return RvReducer(
         Settings(seed=1, parameters={**small, **parameters}, objectives=objectives, limits=limits)
     )
+
+
+def test_the_population_has_what_effects_add_beside_the_contact() -> None:
+    problem = _problem(("cost", "backlash_max_arcmin"))
+    design = problem.starts()[1]
+    problem.model = replace(problem.model, change=Change(effective=0.2, growth=0.1))
+    value = problem.evaluation(design, searching=False).value("backlash_max_arcmin")
+    found = problem.shown_units(design)
+    assert found is not None
+    at, within = found.population["backlash_max_arcmin"], found.population["share_within_percent"]
+    assert np.interp(value, at, within) == pytest.approx(99.73, abs=0.05)  # 64 units, 80 steps
+    assert any("effects" in sentence for sentence in found.words)

@@ -103,8 +103,8 @@ def _ga(problem: ToleranceProblem) -> tuple[GA, Budget]:
         return GA(), GA_BUDGET
     settings = GA(
         population=int(own["population"]),
-        crossover=Crossover(probability=own["crossover"]),
-        mutation=Mutation(probability=own["mutation"]),
+        crossover=Crossover(own["crossover"], own.get("crossover_eta", Crossover().eta)),
+        mutation=Mutation(own["mutation"], own.get("mutation_eta", Mutation().eta)),
     )
     return settings, Budget(generations=int(own["generations"]))
 

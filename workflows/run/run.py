@@ -16,7 +16,7 @@ from ...algorithms.search import Progress, SearchResult, search
 from ...errors import refuse
 from ...files import write_text
 from ...problems.tolerance_problem import ToleranceProblem
-from ...records import Axis, RunResult
+from ...records import Axis, RunResult, model_lines
 from ..choice import decide
 from . import effects, overlay
 from .assumptions import with_assumptions
@@ -84,7 +84,7 @@ def run(
         front = overlay.with_distance(front, other, names)
     beside = [n for label, one in others.items() for n in overlay.notes(front, label, one, names)]
     told = (*plan.problem.effect_notes(), *plan.problem.warnings(), *beside)
-    notes = (*told, *anew, *_notes(references, dropped, joined))
+    notes = (*told, *plan.problem.remarks(front), *anew, *_notes(references, dropped, joined))
     proven = (*proof_notes(front, statement), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
     summary |= measures(found, front, statement, exact)
@@ -132,8 +132,16 @@ def _summary(
         "nadir": dict(zip(names, nadir.tolist(), strict=True)),
         "notes": list(notes),
         "assumptions": [asdict(a) for a in plan.problem.assumptions()],
+        **_model(plan.problem),
         **effects.summary(plan.problem),
     }
+
+
+def _model(problem: ToleranceProblem) -> dict[str, object]:
+    """Which of several models the numbers are of; nothing where there is but one."""
+    if not problem.model_statement:
+        return {}
+    return {"model": problem.model_name, "model_statement": problem.model_statement}
 
 
 def _result(
@@ -189,6 +197,7 @@ def _lines(result: RunResult, status: str, out: Path) -> tuple[str, ...]:
     """A short summary for the terminal."""
     lines = [f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
              f"evaluations, {float(str(result.summary['seconds'])):.1f} s"]  # fmt: skip
+    lines += model_lines(result.summary)
     for row in result.references.to_dict("records"):
         kept = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
         values = ", ".join(f"{axis.name} {row[axis.name]:.4g}" for axis in result.objectives)
