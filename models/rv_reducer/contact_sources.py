@@ -71,8 +71,8 @@ class ContactSources:
         from_zero = error == "crank_bearing"
         part = f"{_words(error)} error"
         part = "clearance of the crank-arm bearings" if from_zero else part
-        return Source(f"{error}_{unit}", unit, part, design.width(error) * (0.5 if from_zero else 1),
-                      self._slope(error), clipped=True, at=0,
+        half = design.width(error) * (0.5 if from_zero else 1.0)
+        return Source(f"{error}_{unit}", unit, part, half, self._slope(error), clipped=True, at=0,
                       law=self.units.basis.hierarchy.of(error), from_zero=from_zero)  # fmt: skip
 
     def _slope(self, error: str) -> float:

@@ -14,7 +14,7 @@ from tolevo.models.rv_reducer.backlash import BacklashModel
 from tolevo.models.rv_reducer.batch import RvBatch, drawn
 from tolevo.units import ARCMIN
 
-DOCUMENT = {"model": "document"}
+DOCUMENT: dict[str, Value] = {"model": "document"}
 """Units by document B's closed form."""
 UNITS = 200_000
 LIMIT = 5.0
@@ -22,7 +22,7 @@ LIMIT = 5.0
 
 
 CONSISTENT: Mapping[str, Value] = {}
-PRINTED: Mapping[str, Value] = {"reading": "printed"}
+PRINTED: dict[str, Value] = {"reading": "printed"}
 
 
 def expected(

@@ -8,13 +8,14 @@ import pytest
 from scipy import stats
 
 from tolevo import registry
+from tolevo.declarations import Value
 from tolevo.models.effects.compose import Active, predicted
 from tolevo.models.effects.effect import Effect, Target
 from tolevo.models.effects.readings import target_of
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.testing import EffectContract
 
-DOCUMENT: dict[str, float | str] = {"model": "document"}
+DOCUMENT: dict[str, Value] = {"model": "document"}
 """Units by document B's closed form."""
 
 N = 50
@@ -179,7 +180,7 @@ def test_disc_warmer_than_the_housing_closes_the_pin_circle() -> None:
         np.testing.assert_allclose(warm - cold, found, atol=1e-12)
 
 
-PRINTED = {"reading": "printed"}
+PRINTED: dict[str, Value] = {"reading": "printed"}
 
 
 def changed(model: RvBatch, table: dict[str, np.ndarray], by: dict[str, float]) -> np.ndarray:
@@ -221,7 +222,7 @@ def test_cold_disc_cannot_open_what_interferes() -> None:
 @pytest.mark.parametrize("error", ["pin_circle_radius", "pin_radius", "runout"])
 def test_change_of_an_error_is_that_of_its_mid_limit(error: str) -> None:
     table = {"unit": np.arange(1000)}
-    wide = {"pin_hole_radius_mid_um": 60.0}
+    wide: dict[str, Value] = {"pin_hole_radius_mid_um": 60.0}
     mids = {
         one.name: float(str(one.default)) for one in RvBatch.parameters if "_mid_um" in one.name
     }
