@@ -198,7 +198,7 @@ def test_a_table_has_no_run(tmp_path: Path) -> None:
 class Mine(RvBatch):
     """A model of a plugin, that says which problem it corrects."""
 
-    corrects: ClassVar[tuple[str, ...]] = ("my_problem",)  # type: ignore[assignment]
+    corrects = ("my_problem",)
 
 
 class MyProblem(RvBacklash):
