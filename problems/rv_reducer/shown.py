@@ -38,7 +38,7 @@ def units_shown(found: Evaluation, parameters: Mapping[str, Value]) -> UnitsShow
 
 def _largest(found: Evaluation) -> Array:
     """Largest backlash of the cycloid stage over the turn (units,) [arcmin]."""
-    return np.maximum(found.turn.play.max(axis=0).astype(float), 0.0)
+    return np.asarray(np.maximum(found.turn.play.max(axis=0).astype(float), 0.0))
 
 
 def _turn(found: Evaluation) -> pd.DataFrame:

@@ -215,7 +215,7 @@ def test_fronts_of_other_algorithms_are_drawn_beside(result: RunResult) -> None:
         {"label": f"{EVIL}, 2 points", "aims": [[9.0, 14.0], [1.5, 1.1]]}
     ]
     lines = {line.get_label(): line for line in front_figure(both).axes[0].get_lines()}
-    assert list(lines[f"{EVIL}, 2 points"].get_xdata()) == [9.0, 14.0]
+    assert np.asarray(lines[f"{EVIL}, 2 points"].get_xdata()).tolist() == [9.0, 14.0]
     assert not any(str(label).startswith("empty") for label in lines)
     assert EVIL not in page(both)
 
@@ -241,8 +241,8 @@ def test_units_are_shown_as_they_are_in_the_tables(result: RunResult) -> None:
     assert "none found" in text
     lines = {one.get_label(): one for one in turn_figure(shown_units).axes[0].get_lines()}
     assert lines["largest of them"].get_ydata() == [0.6, 0.6]
-    assert list(lines["2 positions"].get_xdata()) == [90.0, 270.0]
+    assert np.asarray(lines["2 positions"].get_xdata()).tolist() == [90.0, 270.0]
     marks = [line for axes in population_figure(shown_units).axes for line in axes.get_lines()]
     drawn = {line.get_label(): line.get_xdata() for line in marks}
-    assert list(drawn["99.73 % of the units: 0.95 arcmin"]) == [0.95, 0.95]
-    assert list(drawn["limit: 1 arcmin"]) == [1.0, 1.0]
+    assert np.asarray(drawn["99.73 % of the units: 0.95 arcmin"]).tolist() == [0.95, 0.95]
+    assert np.asarray(drawn["limit: 1 arcmin"]).tolist() == [1.0, 1.0]
