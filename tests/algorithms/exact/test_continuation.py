@@ -16,7 +16,7 @@ from tolevo.problems.settings import Bound, Settings, VariableSetting
 
 INTERFERENCE = 0.05
 FIXED = {"circle_offset_um": 0.0, "bore_um": 0.0, "crank_phase_mrad": 0.0, "stagger_arcmin": 0.0}
-POINTS = 8
+POINTS = 6
 
 
 def problem(**limits: Bound) -> RvReducer:
@@ -51,14 +51,14 @@ def fresh(found: SearchResult) -> tuple[np.ndarray, np.ndarray]:
 def test_chosen_points_keep_their_limits_on_fresh_units() -> None:
     f, g = fresh(exact())
     assert len(f) >= POINTS // 2
-    # up to four moves of a limit: what is left is refused by the run, here one point in eight
+    # up to four moves of a limit: what is left is refused by the run, here one point at most
     assert np.mean(np.any(g > 0.0, axis=1)) <= 1 / POINTS
 
 
 def test_front_on_the_sample_breaks_limits_on_fresh_units() -> None:
     """Why limits are moved: of the front as searched, met to the last digit, many points do."""
     tried = problem()
-    x = exact().x[np.argsort(exact().f[:, 0])][::4]
+    x = exact().x[np.argsort(exact().f[:, 0])][::3]
     limit = tried.violations(tried.complete(x), tried.outputs_of(tried.complete(x), searching=True))
     assert np.all(limit <= 1e-3)
     assert np.any(tried.tested(x)[1] > 0.0)
@@ -87,13 +87,10 @@ def test_least_cost_is_that_of_the_front() -> None:
     np.testing.assert_allclose(cost, along, rtol=0.08)
 
 
-def test_same_seed_same_front() -> None:
-    again = search(problem(), Exact(points=POINTS), Budget(), seed=0)
-    np.testing.assert_array_equal(again.chosen, exact().chosen)
-
-
 def test_polish_improves_a_front_of_nsga2() -> None:
-    plain, better = (fresh(evolved(polish))[0] for polish in (False, True))
+    budget = Budget(generations=12)
+    found = [search(problem(), NSGA2(population=30, polish=p), budget, 0) for p in (False, True)]
+    plain, better = (fresh(one)[0] for one in found)
     plain = plain[np.argsort(plain[:, 1])]
     inside = better[(better[:, 1] > plain[0, 1]) & (better[:, 1] < plain[-1, 1])]
     along = np.exp(np.interp(inside[:, 1], plain[:, 1], np.log(plain[:, 0])))
