@@ -136,9 +136,9 @@ class RvReducer(ToleranceProblem):
         designs = self.complete(x)
         columns = {name: np.empty(len(designs)) for name in self._asked}
         for at, design in enumerate(designs):
-            found = self.evaluation(design, searching=False)
+            tested = self.evaluation(design, searching=False)
             for name in self._asked:
-                columns[name][at] = found.value(name)
+                columns[name][at] = tested.value(name)
         found = columns | {"cost": self.cost_of(designs)} | self.profile(designs)
         return self.objective_values(found), self.violations(designs, found)
 
