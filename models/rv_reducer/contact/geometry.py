@@ -31,7 +31,8 @@ class ContactGeometry:
     Two cranks and two discs are assumptions, as in document A. Lever arms are
     e z_c sin(phi)/sqrt(S), as in the figures that the model is checked with; with `true_levers`
     those of the modified profile's own normals, 1 % different where pins are loaded (7 % near the
-    bottom of a tooth space), which takes 0.7 % off peak force and wind-up.
+    bottom of a tooth space), which takes 0.7 % off peak force and wind-up. Without an
+    `involute_stage` the cranks themselves are the input.
     """
 
     nominal: RvGeometry = RvGeometry()
@@ -40,6 +41,7 @@ class ContactGeometry:
     discs: int = 2
     cranks: int = 2
     true_levers: bool = False
+    involute_stage: bool = True
 
     @property
     def pins(self) -> int:
@@ -48,10 +50,14 @@ class ContactGeometry:
 
     @property
     def output_ratio(self) -> float:
-        """b'/b: how far a disc turns against its mesh when the carrier turns and the sun is held.
+        """b'/b: how far a disc turns against its mesh when the carrier turns and the input is held.
 
-        The cranks turn by 1 + z1/z2 with the carrier: 1 + (1 + z1/z2)/z_c = 121/117.
+        With the sun held the cranks turn by 1 + z1/z2 with the carrier, and the mesh carries the
+        disc back by 1/z_c of that: 1 + (1 + z1/z2)/z_c, 121/117 for the RV-40E. Cranks that are
+        held themselves stand in the housing, and so does the mesh: 1.
         """
+        if not self.involute_stage:
+            return 1.0
         nominal = self.nominal
         gears = (nominal.reduction_ratio - 1.0) / nominal.pins  # z2/z1
         return 1.0 + (1.0 + 1.0 / gears) / nominal.cycloid_teeth
