@@ -67,6 +67,7 @@ class UnitModel:
             discs=int(number(parameters["discs"])),
             cranks=cranks,
             true_levers=True,
+            involute_stage=bool(parameters["involute_stage"]),
         )
         conditions = Conditions(
             coverage,
