@@ -20,6 +20,7 @@ class AGEMOEA2(AlgorithmSettings):
     population: int = field(default=100, metadata={"low": 2})
     crossover: Crossover = Crossover()
     mutation: Mutation = Mutation()
+    polish: bool = False
 
     def build(self, problem: ToleranceProblem) -> Any:
         from pymoo.algorithms.moo.age2 import AGEMOEA2 as PymooAGEMOEA2

@@ -19,6 +19,7 @@ class GA(AlgorithmSettings):
     population: int = field(default=100, metadata={"low": 2})
     crossover: Crossover = Crossover()
     mutation: Mutation = Mutation()
+    polish: bool = False
 
     def build(self, problem: ToleranceProblem) -> Any:
         from pymoo.algorithms.soo.nonconvex.ga import GA as PymooGA

@@ -38,6 +38,7 @@ class GDE3(AlgorithmSettings):
     population: int = field(default=100, metadata={"low": 4})
     crossover: Binomial = Binomial()
     mutation: Differential = Differential()
+    polish: bool = False
 
     def build(self, problem: ToleranceProblem) -> Any:
         from pymoo.algorithms.moo.gde3 import GDE3 as PymooGDE3

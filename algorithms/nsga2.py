@@ -23,6 +23,7 @@ class NSGA2(AlgorithmSettings):
     population: int = field(default=100, metadata={"low": 2})
     crossover: Crossover = Crossover()
     mutation: Mutation = Mutation()
+    polish: bool = False
 
     def build(self, problem: ToleranceProblem) -> Any:
         from pymoo.algorithms.moo.nsga2 import NSGA2 as PymooNSGA2

@@ -36,6 +36,7 @@ class NSGA3(AlgorithmSettings):
     partitions: int = field(default=0, metadata={"low": 0, "high": 1000})
     crossover: Crossover = Crossover(probability=1.0, eta=30.0)
     mutation: Mutation = Mutation()
+    polish: bool = False
 
     def faults(self, objectives: int) -> list[Fault]:
         count = comb(self.partitions + objectives - 1, self.partitions)

@@ -23,6 +23,7 @@ class SMSEMOA(AlgorithmSettings):
     population: int = field(default=100, metadata={"low": 2})
     crossover: Crossover = Crossover()
     mutation: Mutation = Mutation()
+    polish: bool = False
 
     def build(self, problem: ToleranceProblem) -> Any:
         from pymoo.algorithms.moo.sms import SMSEMOA as PymooSMSEMOA

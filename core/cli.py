@@ -76,7 +76,7 @@ def run(
     with exit_status():
         faults = directory_faults(out, overwrite or resume)
         faults += choice_faults(workers, resume, overwrite)
-        configuration = _collected(lambda: _problem_of(config, set_), faults)
+        configuration = _collected(lambda: _search_of(config, set_), faults)
         raise_all(faults)
         status = _run(configuration, out, workers, quiet, resume)
     raise typer.Exit(status)
@@ -390,6 +390,17 @@ def _problem_of(config: Path, settings: list[str]) -> Configuration:
     configuration = _read(config, settings)
     if configuration.problem is None:
         raise_all([Fault("problem", "is missing: a model alone can only be simulated")])
+    return configuration
+
+
+def _search_of(config: Path, settings: list[str]) -> Configuration:
+    """A configuration that can be searched: its limits hold what they must, and are in reach."""
+    from .workflows.run.reach import unreachable
+
+    configuration = _problem_of(config, settings)
+    assert configuration.problem is not None
+    raise_all(configuration.problem.search_faults())
+    raise_all(unreachable(configuration.problem))
     return configuration
 
 

@@ -38,7 +38,8 @@ class RunResult:
     `bars` charts of the problem itself, and `configuration` is the resolved TOML. Where effects act
     in the model, `before` is the front without them and `moved` how the allocation moves.
     `choices`, `choice_sensitivity`, `allocation`, `contributions` and `exact_front` are the tables
-    of the files of these names, None where there is none.
+    of the files of these names, None where there is none. `overlays` are fronts of other algorithms
+    by label (`overlays.csv`).
     """
 
     title: str
@@ -58,6 +59,7 @@ class RunResult:
     allocation: pd.DataFrame | None = None
     contributions: pd.DataFrame | None = None
     exact_front: pd.DataFrame | None = None
+    overlays: Mapping[str, pd.DataFrame] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,9 +45,13 @@ class ToleranceProblem(Problem):
     default_model: str = ""
     reference_ga: ClassVar[Mapping[str, float]] = {}
     """Settings of the single-objective GA beside a run, where the documents name them: population,
-    generations, crossover and mutation probability."""
+    generations, crossover and mutation probability; and, where not the GA's own, their eta."""
     sampled: ClassVar[bool] = False
-    """Whether a search sees the average of a fixed sample; its points are tested on a fresh one."""
+    """Whether a search sees a fixed sample of units; its points are tested on a fresh one."""
+    performance: ClassVar[frozenset[str]] = frozenset()
+    """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""
+    default_algorithm: ClassVar[str] = ""
+    """The best algorithm for the problem; empty: NSGA-II or, of one objective, the GA."""
     explained: ClassVar[Mapping[str, str]] = {}
     """By output without a derivative, the one whose derivative tells what contributes to it."""
 
@@ -144,6 +148,10 @@ class ToleranceProblem(Problem):
         """Label and problem of the documents' single-objective allocation, or None."""
         return None
 
+    def coarser(self) -> ToleranceProblem:
+        """The same problem on a smaller sample, for algorithms that evaluate much."""
+        return self
+
     def relaxed(self, limits: Mapping[str, Bound]) -> ToleranceProblem:
         """The same problem with some limits replaced."""
         return type(self)(replace(self.given, limits=dict(self.given.limits) | dict(limits)))
@@ -192,8 +200,16 @@ class ToleranceProblem(Problem):
         """The same problem with no effect in its model."""
         return type(self)(replace(self.given, effects=()))
 
+    def search_faults(self) -> list[Fault]:
+        """What is wrong with a search of the problem, though its designs can be evaluated."""
+        return []
+
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting a run of this problem."""
+        return ()
+
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        """What should be said of the reported points, a row each as `frame` makes them."""
         return ()
 
     # ---------------------------------------------------------------- set-up

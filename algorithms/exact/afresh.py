@@ -35,7 +35,7 @@ def tested_afresh(run: Run, branches: list[Branch], points: int, least: float) -
         order = [order[int(at)] for at in np.linspace(0, len(order) - 1, points)]
     for done, (branch, at) in enumerate(order):
         run.phase("fresh units", 0.9 + 0.1 * done / len(order))
-        run.choose(_kept(run, branch, branch.y[at], branch.f[at]))
+        run.choose(kept(run, branch, branch.y[at], branch.f[at], search=True))
 
 
 def _joint(branches: list[Branch]) -> list[tuple[Branch, int]]:
@@ -47,8 +47,11 @@ def _joint(branches: list[Branch]) -> list[tuple[Branch, int]]:
     return [places[int(row)] for row in rows]
 
 
-def _kept(run: Run, branch: Branch, y: Array, f: Array) -> Array:
-    """The search vector (1, variables) of a point, after its limits hold on fresh units."""
+def kept(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
+    """The search vector (1, variables) of a point, after its limits hold on fresh units.
+
+    With `search` a cheaper point within the moved limits is looked for; else the nearest is taken.
+    """
     limit = np.full(len(f), np.inf)
     limit[1:] = f[1:]
     slack = np.zeros(run.problem.n_ieq_constr)
@@ -59,13 +62,13 @@ def _kept(run: Run, branch: Branch, y: Array, f: Array) -> Array:
             return x
         own = branch.smooth.values(y)[1]
         slack = np.where(excess > 0.0, np.maximum(slack, -own) + BEYOND * excess + MARGIN, slack)
-        y = _moved(branch, y, limit, slack)
+        near = branch.restored(y, slack, FAR)
+        y = _cheaper(branch, near, limit, slack) if search else near
     return branch.smooth.vectors(y[None, :])
 
 
-def _moved(branch: Branch, y: Array, limit: Array, slack: Array) -> Array:
-    """The nearest point that keeps the moved limits, or a cheaper one where SLSQP finds one."""
-    near = branch.restored(y, slack, FAR)
+def _cheaper(branch: Branch, near: Array, limit: Array, slack: Array) -> Array:
+    """A point that keeps the moved limits as `near` does and costs less, where SLSQP finds one."""
     other = branch.solved(0, near, limit, slack)
     f, g = branch.smooth.values(near)
     better, broken = branch.smooth.values(other)

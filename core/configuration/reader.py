@@ -76,7 +76,9 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     section = top.section("algorithm")
     objectives = settings.objectives or kind.default_objectives
     budget = read_budget(section)
-    name, algorithm = read_algorithm(section, len(objectives))
+    name, algorithm = read_algorithm(
+        section, len(objectives), getattr(kind, "default_algorithm", "")
+    )
     engine = read_engine(section, name, algorithm)
     choice = read_choice(top, objectives, kind.outputs, kind.variables)
     top.finish()

@@ -17,9 +17,11 @@ GENERATIONS = 200
 """Budget of a run whose configuration names none."""
 
 
-def read_algorithm(section: Section, objectives: int) -> tuple[str, AlgorithmSettings | None]:
-    """Name and instance of the algorithm; by default NSGA-II for a front, else the GA."""
-    name = "ga" if objectives == 1 else "nsga2"
+def read_algorithm(
+    section: Section, objectives: int, default: str = ""
+) -> tuple[str, AlgorithmSettings | None]:
+    """Name and instance of the algorithm; by default the problem's own, NSGA-II, or the GA."""
+    name = default or ("ga" if objectives == 1 else "nsga2")
     kind = None if _refused(section) else load_named(section, "name", "algorithms", name)
     name = section.take("name") or name
     section.known(["engine"])

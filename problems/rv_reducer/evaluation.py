@@ -37,6 +37,8 @@ MEASURES = {
     "backlash_rms_arcmin": "rms",
     "yield_percent": "yield",
     "interference_probability": "interference",
+    "interference_share_of_turn": "interference share_of_turn",
+    "overlap_p95_arcmin": "overlap",
 }
 """The measure of each sampled output."""
 SCALE = {"yield_percent": 100.0}
@@ -127,14 +129,6 @@ class Evaluation:
         if circle > 0.0:
             found["pin_circle_radius_um"] += scale * statistic.by_zone / circle
         return found
-
-    def share_of_turn(self) -> float:
-        """Share of all positions of all units with interference."""
-        return float(np.mean(self.turn.play < 0.0))
-
-    def overlap(self, share: float) -> float:
-        """Largest overlap over the turn [arcmin] that a `share` of the units stays below."""
-        return float(np.quantile(np.maximum(-self.turn.play.min(axis=0), 0.0), share))
 
     # ---------------------------------------------------------------- statistics
 

@@ -59,6 +59,7 @@ UNDER_LOAD: tuple[Output, ...] = (
 SAMPLED = (
     *(f"{name}{part}" for name in MEASURED for part in ("", "_mean", "_std")),
     "backlash_rms_arcmin", "yield_percent", "interference_probability",
+    "interference_share_of_turn", "overlap_p95_arcmin",
 )  # fmt: skip
 """Rigid outputs with a standard error."""
 

@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,11 @@ KEPT = 4
 """Evaluations kept, so that a derivative costs no second evaluation."""
 
 
+HOLD_INTERFERENCE = {"interference_probability": 1.0, "interference_share_of_turn": 1.0,
+                     "overlap_p95_arcmin": np.inf, "preload_torque_Nm": np.inf,
+                     "preload_torque_Nm_max": np.inf, "preload_torque_Nm_mean": np.inf,
+                     }  # fmt: skip
+"""Outputs, a limit on any of which below these values holds interference."""
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
@@ -62,6 +67,12 @@ class RvReducer(ToleranceProblem):
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
     sampled = True
+    performance = SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"}
+    default_algorithm = "exact"
+    reference_ga: ClassVar[Mapping[str, float]] = {
+        "population": 100, "generations": 80, "crossover": 0.9, "crossover_eta": 5.0,
+        "mutation": 0.1, "mutation_eta": 10.0,
+    }  # fmt: skip
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -142,6 +153,7 @@ class RvReducer(ToleranceProblem):
         columns = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
         for at, design in enumerate(designs):
             found = self.evaluation(design, searching)
+            columns["phi_1_arcmin"][at] = found.involute.mean
             for name in asked:
                 columns[name][at] = found.value(name)
             if not searching:
@@ -152,9 +164,9 @@ class RvReducer(ToleranceProblem):
         designs = self.complete(x)
         columns = {name: np.empty(len(designs)) for name in self._asked}
         for at, design in enumerate(designs):
-            tested = self.evaluation(design, searching=False)
+            fresh = self.evaluation(design, searching=False)
             for name in self._asked:
-                columns[name][at] = tested.value(name)
+                columns[name][at] = fresh.value(name)
         found = columns | {"cost": self.cost_of(designs)} | self.profile(designs)
         return self.objective_values(found), self.violations(designs, found)
 
@@ -162,9 +174,6 @@ class RvReducer(ToleranceProblem):
         """What only reported designs have."""
         for name in SAMPLED_OUTPUTS:
             columns[f"{name}_error"][at] = found.error(name)
-        columns["interference_share_of_turn"][at] = found.share_of_turn()
-        columns["overlap_p95_arcmin"][at] = found.overlap(0.95)
-        columns["phi_1_arcmin"][at] = found.involute.mean
 
     @cached_property
     def _asked(self) -> frozenset[str]:
@@ -225,9 +234,11 @@ class RvReducer(ToleranceProblem):
         return found | {name: self.fixed[name] for name in DISC_TO_DISC if name in self.fixed}
 
     def starts(self) -> Array:
-        """The document's zones, tighter and wider, opened until the interference limit is kept."""
+        """The tightest zones, and the document's, tighter and wider, each opened until the limit on
+        interference is kept.
+        """
         rows = []
-        for factor in (0.7, 1.0, 1.4):
+        for factor in (0.0, 0.7, 1.0, 1.4):
             row = np.array([self._nominal[name] for name in self.names])
             row[self.names.index("dr_p_mm")] *= self._deeper
             zones = [self.names.index(v.name) for v in self.variables if v.name.endswith("_um")]
@@ -267,7 +278,14 @@ class RvReducer(ToleranceProblem):
         limit = Bound(already.low, min(already.high, most))
         limits = dict(self.given.limits) | {"backlash_max_arcmin": limit}
         given = replace(self.given, objectives=("cost",), limits=limits)
-        return f"GA, least cost at {limit.high:g} arcmin", RvReducer(given)
+        return f"GA, least cost at {limit.high:g} arcmin", RvReducer(given).coarser()
+
+    def coarser(self) -> RvReducer:
+        """On at most 256 units at 31 positions, which no result of the search is tested on."""
+        positions = nearest_prime(min(31, self.count("positions")), self.model.geometry)
+        small = {"search_units": min(256, self.count("search_units")),
+                 "search_positions": positions}  # fmt: skip
+        return RvReducer(replace(self.given, parameters=dict(self.given.parameters) | small))
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: no unit has less backlash than its involute stage."""
@@ -290,6 +308,18 @@ class RvReducer(ToleranceProblem):
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
         found = geometry.faults(self.model.geometry, self.given, ends)
         return [*found, *super().faults()]
+
+    def search_faults(self) -> list[Fault]:
+        limits = self.settings.limits
+        held = [
+            n for n in HOLD_INTERFERENCE if n in limits and limits[n].high < HOLD_INTERFERENCE[n]
+        ]
+        if held or self.settings.parameters["allow_interference"]:
+            return []
+        text = ("is missing: without a limit on interference or preload the cheapest units all "
+                "interfere (cost 7 with 99.9 % of the units preloaded); set, for example, 0.05, or "
+                "parameters.allow_interference = true")  # fmt: skip
+        return [Fault("limits.interference_probability", text)]
 
     def warnings(self) -> tuple[str, ...]:
         given = self.settings

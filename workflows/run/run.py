@@ -18,7 +18,7 @@ from ...files import write_text
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult
 from ..choice import decide
-from . import effects
+from . import effects, overlay
 from .choices import with_choices
 from .front import inside, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
@@ -49,7 +49,7 @@ def run(
     start, anew = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
     searches = side_searches(plan, printed) if plan.references else ()
-    searches += effects.side_search(plan)
+    searches += effects.side_search(plan) + overlay.side_search(plan)
     checkpoint.write()
     with Sides(searches, workers, checkpoint) as sides:
 
@@ -70,20 +70,25 @@ def run(
     front, dropped, joined = with_references(searched, references, plan.problem)
     front, statement = with_bounds(front, plan.problem)
     before = next((other for side, other in fronts.items() if side.apart), None)
+    others = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
     relaxed = {side.label: other for side, other in fronts.items() if side.relaxed}
     if len(references):
         references, _ = with_bounds(references, plan.problem, inside(references, plan.problem))
         references = compare(references, searched, relaxed, plan.problem)
     cut = found.interrupted or any(other is None for other in fronts.values())
     status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
-    told = (*plan.problem.effect_notes(), *plan.problem.warnings())
-    notes = (*told, *anew, *_notes(references, dropped, joined))
+    names = list(plan.problem.objectives)
+    for other in others.values():
+        front = overlay.with_distance(front, other, names)
+    beside = [n for label, one in others.items() for n in overlay.notes(front, label, one, names)]
+    told = (*plan.problem.effect_notes(), *plan.problem.warnings(), *beside)
+    notes = (*told, *plan.problem.remarks(front), *anew, *_notes(references, dropped, joined))
     proven = (*proof_notes(front, statement), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
     summary |= measures(found, front, statement, exact)
     decisions = decide(plan.problem, front, plan.choice)
     result = _result(plan, found, front, references, summary, proven, exact)
-    result = with_choices(result, decisions, plan, exact)
+    result = replace(with_choices(result, decisions, plan, exact), overlays=others)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     write(result, out)

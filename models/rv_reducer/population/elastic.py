@@ -105,7 +105,7 @@ class Elastic:
         Those of maxima are those of the position, and of the pin, that makes them.
         """
         total = np.zeros(len(NAMES))
-        discs, circle = packed(self.units)
+        errors_of = _errors(self.units)
         springs, found, lattice = self.springs, self.balances, self.lattice
         kernel = _kernel("pull_back", self.engine)
         for case, (of_turn, of_preload, of_peak) in self._by_case(weights):
@@ -114,8 +114,8 @@ class Elastic:
             kernel.pull_back(
                 of_turn[rows], of_preload[rows], of_peak[rows], found.which, self.table.values,
                 springs.lean, springs.stiff, springs.force, lattice.pin, lattice.start[rows],
-                lattice.stop[rows], lattice.directions[rows], self.units.across, self.units.along,
-                discs, circle, springs.behind, found.disc[case, rows], found.side[case, rows],
+                lattice.stop[rows], lattice.directions[rows], *errors_of, springs.behind,
+                found.disc[case, rows], found.side[case, rows],
                 errors.of_unit, errors.of_discs, errors.of_pins, total,
             )  # fmt: skip
         total[NAMES.index("dr_rp")] *= 1e3  # from micrometres to millimetres
@@ -167,12 +167,18 @@ def elastic(
     found = Balances.empty(len(torques), *lattice.shape, units.units)
     _kernel("compiled", engine).balances(
         table.values, springs.stiff, springs.force, lattice.pin, lattice.start, lattice.stop,
-        lattice.directions, units.across, units.along, *packed(units), springs.behind,
+        lattice.directions, *_errors(units), springs.behind,
         np.array(torques) / ratio, cases.get("rated", -1), found.disc, found.side, found.turn,
         found.preload, found.peak, found.where, found.which,
     )  # fmt: skip
     values = {name: _value(name, cases, found, ratio) for name in outputs}
     return Elastic(lattice, table, units, springs, cases, found, values, engine)
+
+
+def _errors(units: Scaled) -> tuple[Single, ...]:
+    """Errors of pins, discs and circle as the kernels take them, in one order of memory."""
+    pins = (np.ascontiguousarray(one) for one in (units.across, units.along))
+    return (*pins, *packed(units))
 
 
 def _kernel(name: str, engine: Engine) -> ModuleType:

@@ -107,8 +107,7 @@ def _lanes(
     beyond first contact, start and end; `work` (2 discs + 2, lanes).
     """
     discs, lanes = x.shape
-    sign = np.float32(1.0) if torque > 0.0 else np.float32(-1.0)
-    flank = 0 if torque > 0.0 else 1
+    flank, sign = (0, np.float32(1.0)) if torque > 0.0 else (1, np.float32(-1.0))
     size, one, zero = np.float32(abs(torque)), np.float32(1.0), np.float32(0.0)
     rise, moment, stiffness, need = work[:discs], work[discs:-2], work[-2], work[-1]
     need[:] = _FAR
@@ -116,9 +115,8 @@ def _lanes(
         for u in range(lanes):
             nearest = high[d, u] if flank == 0 else -low[d, u]
             need[u] = min(need[u], nearest + terms[d, 6, u] - sign * terms[d, 7, u])
-    for u in range(lanes):
-        found[u] = need[u]
-        wrong[u] = True
+    found[:] = need
+    wrong[:] = True
     for d in range(discs):
         for u in range(lanes):
             x[d, u] = need[u] + depth[u] + sign * terms[d, 7, u] - terms[d, 6, u]
@@ -156,7 +154,7 @@ def _lanes(
             free = zero if loaded else np.float32(2.0) * terms[d, 6, u]
             jammed = low[d, u] > high[d, u] and not loaded
             wrong[u] = wrong[u] or x[d, u] + free < other or jammed
-            x[d, u] *= sign
+            x[d, u] = sign * (x[d, u] if loaded else max(x[d, u], other))  # within its play
             side[d, u] = np.int8(sign) if loaded else np.int8(0)
 
 
