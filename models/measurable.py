@@ -114,6 +114,12 @@ class MeasurableModel(ABC):
         """Mean of every output over the units of a population, by name, at the mean change."""
         return {}
 
+    def law_sample(self) -> Mapping[str, Array]:
+        """Outputs (k,) of units that stand for the law of a population, by name; empty where units
+        drawn by `predict` do.
+        """
+        return {}
+
     def sources(self) -> Sources | None:
         """The toleranced inputs of a unit of a population, None where they cannot be named."""
         return None

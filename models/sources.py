@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from .inputs.distribution import Distribution
@@ -33,11 +34,18 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Sources:
-    """The inputs of the one output of a population: that output is `total`/`unit`, one design."""
+    """The inputs of the one output of a population: that output is `total`/`unit`, one design.
+
+    Where inputs of the clipped part do not add up, that part is one term of them all, `widened`
+    gives it with the zone of one of them by a factor as wide, and `basis` says how inputs are then
+    compared.
+    """
 
     total: ClippedSum
     unit: float
     inputs: tuple[Source, ...]
+    widened: Callable[[Source, float], Term] | None = None
+    basis: str = ""
 
     def term(self, one: Source) -> Term:
         """What an input contributes."""

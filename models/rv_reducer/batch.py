@@ -16,11 +16,14 @@ from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
 from ..propagation import Convolution, Term
 from ..sources import Sources
-from . import declared
+from . import batch_declared, declared
+from .contact_batch import ContactUnits
+from .contact_sources import ContactSources
 from .cycloid import LINEAR_ERRORS, coefficients, pin_circle_growth
 from .geometry import RvGeometry
 from .sources import sources_of
 
+ANGLE = "output_angle_deg"
 PART = 16384
 """Units worked on at once: 128 kB per array."""
 
@@ -28,20 +31,23 @@ PART = 16384
 class RvBatch(MeasurableModel):
     """Backlash of a batch of RV reducers, each unit built to the same allocation.
 
-    phi_1 + max(0, phi_2) + phi_3 with every error drawn from its distribution (document B). Rows of
-    the same `unit` (and `lot`) are the same unit where the table has a column `repeat`; otherwise
-    every row is a unit. Temperature and lot act through effects only; changes of the errors of the
-    cycloid stage and of temperatures act in phi_2, before interference is cut off.
+    By contact: phi_1 and the backlash of the cycloid stage by first contact of all pins, the
+    largest (or mean) over `positions` of a turn, or at `output_angle_deg`. With `model` "document":
+    phi_1 + max(0, phi_2) + phi_3 of document B. Every error is drawn from its distribution. Rows of
+    the same `unit` (and `lot`) are the same unit where the table has a column `repeat`, or one of
+    angles; otherwise every row is a unit. Temperature and lot act through effects only; changes of
+    the errors of the cycloid stage and of temperatures act before interference is cut off.
     """
 
     columns = (
         Column("unit", "", "name or number of the unit", text=True, role=Role.UNIT),
         Column("temperature_C", "C", "temperature of the unit", False, role=Role.TEMPERATURE),
         Column("lot", "", "production lot", needed=False, text=True, role=Role.LOT),
+        Column(ANGLE, "deg", "angle of the output at which a row was read", False),
     )
     outputs = (Output("backlash_arcmin", "arcmin", "effective backlash of the unit", low=0.0),)
-    parameters = declared.PARAMETERS
-    variables = declared.VARIABLES
+    parameters = batch_declared.PARAMETERS
+    variables = batch_declared.VARIABLES
     changeable = (
         *(
             Changeable(f"{error}_um", "um", f"{error.replace('_', ' ')} error of the unit")
@@ -51,7 +57,7 @@ class RvBatch(MeasurableModel):
         Changeable("housing_temperature_K", "K", "temperature of the housing above 20 degC"),
     )
     population = True
-    corrects = ("rv_backlash",)
+    corrects = ("rv_backlash", "rv_reducer")
     free: ClassVar[Mapping[str, float]] = {
         f"{v.name.removesuffix('_um')}_mid_um": float(v.document)
         for v in declared.VARIABLES
@@ -64,6 +70,7 @@ class RvBatch(MeasurableModel):
         designs: Mapping[str, float] | None = None,
         inputs: Mapping[str, Distribution] | None = None,
     ) -> None:
+        given = {one.name: one.default for one in self.parameters} | dict(parameters or {})
         laws = {name.removesuffix("_um"): law for name, law in (inputs or {}).items()}
         self.model = declared.backlash_model(parameters or {}, None, laws)
         k1 = self.model.geometry.k1
@@ -71,6 +78,11 @@ class RvBatch(MeasurableModel):
             text = f"e z_p/r_p must be below 1 (no undercut), got {k1:.4g}; lower the eccentricity"
             raise refuse("parameters.eccentricity_mm", text)
         at = {v.name: float(v.document or 0.0) for v in self.variables} | dict(designs or {})
+        self.contact = (
+            ContactUnits(given, at, inputs or {})
+            if given[batch_declared.MODEL] == batch_declared.CONTACT
+            else None
+        )
         one = {name: np.array([value], dtype=float) for name, value in at.items()}
         self.allocation = declared.allocation(one)
         self.total = self.model.total(self.allocation)
@@ -82,17 +94,26 @@ class RvBatch(MeasurableModel):
         changes: Mapping[str, Array] = NO_CHANGES,
     ) -> dict[str, Array]:
         row = _units(table)
+        if self.contact is not None:
+            return {"backlash_arcmin": self.contact.predict(row, rng, changes, table.get(ANGLE))}
         count = int(row.max(initial=-1)) + 1
         cycloid = drawn(self.total.clipped, count, rng)[row] + opening(self.model.geometry, changes)
         effective = np.maximum(cycloid, 0.0) + drawn(self.total.free, count, rng)[row]
         return {"backlash_arcmin": effective / ARCMIN}
 
     def means(self, changes: Mapping[str, Array] = NO_CHANGES) -> Mapping[str, float]:
+        if self.contact is not None:
+            return {"backlash_arcmin": self.contact.mean(changes)}
         total = self.total.shifted(float(np.mean(opening(self.model.geometry, changes))))
         exact = Convolution().propagate(total, 0.9973, ARCMIN)
         return {"backlash_arcmin": float(exact.mean.value[0]) / ARCMIN}
 
+    def law_sample(self) -> Mapping[str, Array]:
+        return {} if self.contact is None else {"backlash_arcmin": self.contact.law_sample}
+
     def sources(self) -> Sources:
+        if self.contact is not None:
+            return ContactSources(self.contact).sources()
         return sources_of(self.model, self.allocation, self.total)
 
 
@@ -109,7 +130,7 @@ def opening(geometry: RvGeometry, changes: Mapping[str, Array]) -> Array | float
 
 def _units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:
     """Number (n,) of the unit that each row is about, in the order of first appearance."""
-    if "repeat" not in table:
+    if "repeat" not in table and ANGLE not in table:
         return np.arange(len(table["unit"]))
     lots = table.get("lot", np.zeros(len(table["unit"])))
     seen: dict[tuple[Any, Any], int] = {}

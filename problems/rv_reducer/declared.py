@@ -55,7 +55,8 @@ OWN: tuple[Parameter, ...] = (
               "0: the rated torque", "", low=0.0, high=1e7),
     _count("te_positions", 251, "positions of a turn at which the transmission error is measured",
            8, 10_007),
-    _count("search_units", 512, "units of the sample that is searched on", 16, 1_048_576),
+    _count("search_units", 0, "units of the sample that is searched on; 0: 512, and 2048 where "
+           "there is one objective", 0, 1_048_576),
     _count("search_positions", 0, "positions that are searched on; 0: those that are reported", 0,
            100_003),
     _count("report_units", 4096, "fresh units on which every reported point is tested", 64,

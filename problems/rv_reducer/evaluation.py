@@ -103,7 +103,7 @@ class Evaluation:
     @cached_property
     def measures(self) -> Measures:
         """Statistics of rigid units."""
-        return Measures(self.turn, self.involute, self.model.conditions)
+        return self.model.measures(self.turn)
 
     def value(self, name: str) -> float:
         """A sampled output."""

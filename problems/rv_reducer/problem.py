@@ -21,6 +21,7 @@ from ..rv_backlash.costs import DEFAULT_COSTS
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from . import geometry
+from .counterparts import changes_of, sentence
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
 from .evaluation import Evaluation, Populations, known
 from .inherited import changed, still_default
@@ -37,6 +38,8 @@ from .units import UnitModel
 Array = NDArray[np.float64]
 SEARCH, REPORT = 1, 2
 """Streams of random numbers of the two populations."""
+MANY, ALONE = 512, 2048
+"""Units of the sample that is searched on: for fronts, and for the optimum of one objective."""
 LOADED_POSITIONS = 31
 """Positions of a turn at which units are solved under load at most: means over the turn need no
 more."""
@@ -77,7 +80,8 @@ class RvReducer(ToleranceProblem):
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
         given = self.settings
-        self.model = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
+        units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
+        self.model = units.changed(changes_of(given.effects, units.geometry))
         self._recent: OrderedDict[bytes, Evaluation] = OrderedDict()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -114,7 +118,11 @@ class RvReducer(ToleranceProblem):
     @cached_property
     def _searched(self) -> Populations:
         positions = self.count("search_positions") or self.count("positions")
-        return self._drawn(positions, self.count("search_units"), SEARCH)
+        return self._drawn(positions, self._search_units, SEARCH)
+
+    @property
+    def _search_units(self) -> int:
+        return self.count("search_units") or (ALONE if len(self.objectives) == 1 else MANY)
 
     @cached_property
     def _reported(self) -> Populations:
@@ -216,6 +224,9 @@ class RvReducer(ToleranceProblem):
             found["modification_backlash_arcmin"][:, column] = backlash
         return found
 
+    def counterparts(self) -> tuple[str, ...]:
+        return tuple(sentence(one, self.model.geometry) for one in self.settings.effects)
+
     # ---------------------------------------------------------------- what is known
 
     def references(self) -> dict[str, Array]:
@@ -283,7 +294,7 @@ class RvReducer(ToleranceProblem):
     def coarser(self) -> RvReducer:
         """On at most 256 units at 31 positions, which no result of the search is tested on."""
         positions = nearest_prime(min(31, self.count("positions")), self.model.geometry)
-        small = {"search_units": min(256, self.count("search_units")),
+        small = {"search_units": min(256, self._search_units),
                  "search_positions": positions}  # fmt: skip
         return RvReducer(replace(self.given, parameters=dict(self.given.parameters) | small))
 
@@ -291,9 +302,14 @@ class RvReducer(ToleranceProblem):
         """Proven bounds: no unit has less backlash than its involute stage."""
         if output == "cost":
             return self.cost_interval
-        if output in ("backlash_max_arcmin", "backlash_mean_arcmin"):
-            return self._least_backlash, np.inf
+        if output in ("backlash_max_arcmin", "backlash_mean_arcmin") and not self._stretched:
+            return self._least_backlash + self.model.change.effective, np.inf
         return super().interval(output)
+
+    @property
+    def _stretched(self) -> bool:
+        """Whether an effect makes units scatter more about their mean: no bound is proven then."""
+        return self.model.change.growth != 0.0
 
     @cached_property
     def _least_backlash(self) -> float:

@@ -3,48 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from math import cos, radians
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...declarations import Value, number
 from ...models.inputs import Distribution
-from ...models.rv_reducer import declared as document
-from ...models.rv_reducer import involute
-from ...models.rv_reducer.contact.geometry import ContactGeometry
-from ...models.rv_reducer.population.design import ERRORS, UnitDesign
 from ...models.rv_reducer.population.elastic_springs import Loading
-from ...models.rv_reducer.population.measures import Conditions
-from ...models.rv_reducer.population.sample import Hierarchy
-from ...models.rv_reducer.population.statistics import Involute
-from ...models.rv_reducer.population.turn import Population
-from ...models.rv_reducer.tighter_planet import TighterPlanet
+from ...models.rv_reducer.population.measures import Conditions, Measures
+from ...models.rv_reducer.population.turn import Population, Turn
+from ...models.rv_reducer.population.unit_basis import UnitBasis, stem
 from ...units import ARCMIN, MM
 from ..settings import VariableSetting
-
-Array = NDArray[np.float64]
-
-
-def stem(name: str) -> str:
-    """Name of the error that a variable is the zone of."""
-    return name.removesuffix("_um").removesuffix("_mrad")
+from .changed_measures import ChangedMeasures
+from .counterparts import Change
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class UnitModel:
-    """What every unit has in common, and how units are drawn."""
+class UnitModel(UnitBasis):
+    """What every unit has in common, how units are drawn, and what is asked of them."""
 
-    geometry: ContactGeometry
-    stage: involute.InvoluteStage
-    hierarchy: Hierarchy
     conditions: Conditions
-    planet: TighterPlanet
-    mid: Mapping[str, float]
-    cosine: float
     loading: Loading
     preload: float
+    change: Change = field(default_factory=Change)
 
     @classmethod
     def of(
@@ -57,26 +39,13 @@ class UnitModel:
         inputs: dict[str, Distribution] = {
             stem(name): one.distribution for name, one in variables.items() if one.distribution
         }
-        base = document.backlash_model(parameters, None, {})
-        mid = {name: number(parameters.get(f"{name}_mid_um", 0.0)) for name in ERRORS}
-        mid |= {stem(n): one.mid for n, one in variables.items() if one.mid is not None}
-        mid["pin_position"] = 0.0  # it turns the unit
-        cranks = int(number(parameters["cranks"]))
-        geometry = ContactGeometry(
-            nominal=base.geometry,
-            discs=int(number(parameters["discs"])),
-            cranks=cranks,
-            true_levers=True,
-            involute_stage=bool(parameters["involute_stage"]),
-        )
+        mids = {stem(name): one.mid for name, one in variables.items() if one.mid is not None}
         conditions = Conditions(
             coverage,
             number(parameters["backlash_limit_arcmin"]),
             str(parameters["interference"]),
             number(parameters["overlap_arcmin"]),
         )
-        alpha = radians(number(parameters["pressure_angle_deg"]))
-        scale = 1.0 / cos(alpha) if parameters.get("involute_cosine", True) else 1.0
         rated = number(parameters["rated_torque_Nm"])
         loading = Loading(
             normal_stiffness=number(parameters["normal_stiffness_N_per_mm"]) / MM,
@@ -84,43 +53,25 @@ class UnitModel:
             rated_torque=rated,
             te_torque=number(parameters["te_torque_Nm"]) or rated,
         )
+        preload = 0.01 * number(parameters["preload_percent_of_rated"]) * rated
+        basis = UnitBasis.from_parameters(parameters, inputs, mids)
         return cls(
-            geometry,
-            base.stage,
-            Hierarchy(number(parameters["share_pins"]), number(parameters["share_discs"]), inputs),
-            conditions,
-            TighterPlanet(cranks, number(parameters.get("planet_share", 0.5))),
-            mid,
-            scale if parameters["involute_stage"] else 0.0,
-            loading,
-            0.01 * number(parameters["preload_percent_of_rated"]) * loading.rated_torque,
+            *(getattr(basis, one.name) for one in fields(UnitBasis)), conditions, loading, preload
         )
+
+    def changed(self, change: Change) -> UnitModel:
+        """The model with what effects change in it."""
+        mid = dict(self.mid)
+        for error, more in change.inside.items():
+            mid[error] = mid.get(error, 0.0) + more
+        return replace(self, mid=mid, change=change)
+
+    def measures(self, turn: Turn) -> Measures:
+        """Statistics of the units of a turn, with what effects change beside their contact."""
+        found = Measures(turn, self.involute(turn.design.involute_grade), self.conditions)
+        return ChangedMeasures(found, self.change) if self.change.outside else found
 
     def population(self, positions: int, units: int, seed: int, stream: int) -> Population:
         """A population drawn from `seed`; each `stream` is independent of the others."""
         rng = np.random.default_rng([seed, stream])
         return Population.draw(self.geometry, positions, units, rng, self.hierarchy)
-
-    def involute(self, grade: float) -> Involute:
-        """phi_1 of units at an ISO grade [arcmin]."""
-        middle, half = involute.backlash_zone(
-            self.stage, self.geometry.nominal, np.array(float(grade))
-        )
-        unit = self.cosine / ARCMIN
-        return Involute(float(middle) * unit, float(half) * unit, self.planet)
-
-    def design(self, row: Mapping[str, float]) -> UnitDesign:
-        """The design of one row of variables by name, in their units."""
-        return UnitDesign(
-            half_width={
-                error: row[name]
-                for error in ERRORS
-                for name in (f"{error}_um", f"{error}_mrad")
-                if name in row
-            },
-            mid=self.mid,
-            involute_grade=row["involute_grade"],
-            stagger=row["stagger_arcmin"],
-            dr_rp=row["dr_rp_mm"] * MM,
-            dr_p=row["dr_p_mm"] * MM,
-        )

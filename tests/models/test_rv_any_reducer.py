@@ -102,14 +102,14 @@ def least_gap(geometry: ContactGeometry, psi: float, turn: float, rolling: float
     """Least gap [m] of one disc and its pins after the carrier has turned by `turn` [rad].
 
     The cranks roll on by `rolling` times the turn. The distance of each pin's centre from the curve
-    that it follows is read off 4,001 points, in axes of the disc.
+    that it follows is read off 8,001 points, in axes of the disc.
     """
     nominal = geometry.nominal
     at = psi + rolling * turn
     disc = -psi / nominal.cycloid_teeth + turn
     pins = nominal.pin_circle_radius * np.exp(1j * geometry.pin_angles)
     seen = (pins - nominal.eccentricity * np.exp(1j * at)) * np.exp(-1j * disc)
-    u = np.angle(seen)[:, None] + np.linspace(-0.01, 0.01, 4_001)
+    u = np.angle(seen)[:, None] + np.linspace(-0.02, 0.02, 8_001)
     big = (nominal.pin_circle_radius + geometry.dr_p) * np.exp(1j * u)
     small = nominal.eccentricity * np.exp(1j * nominal.pins * u)
     away = seen[:, None] - (big - small)

@@ -11,6 +11,8 @@ from tolevo.models.rv_reducer.backlash import BacklashModel
 from tolevo.models.rv_reducer.batch import RvBatch, drawn
 from tolevo.units import ARCMIN
 
+DOCUMENT = {"model": "document"}
+"""Units by document B's closed form."""
 UNITS = 200_000
 LIMIT = 5.0
 """Standard errors allowed: one seed in about two million is further off."""
@@ -34,7 +36,7 @@ def expected(designs: dict[str, float], inputs: dict[str, Normal]) -> Propagated
 def test_sample_agrees_with_convolution(
     designs: dict[str, float], inputs: dict[str, Normal]
 ) -> None:
-    model = RvBatch(designs=designs, inputs={f"{name}_um": law for name, law in inputs.items()})
+    model = RvBatch(DOCUMENT, designs, inputs={f"{name}_um": law for name, law in inputs.items()})
     table = {"unit": np.arange(UNITS)}
     sample = model.predict(table, np.random.default_rng(3))["backlash_arcmin"]
     exact = expected(designs, inputs)
@@ -48,7 +50,7 @@ def test_sample_agrees_with_convolution(
 
 def test_share_of_interfering_units() -> None:
     """Document B's zones: phi_2 below zero in 48 % of units (issue 2)."""
-    cycloid = drawn(RvBatch().total.clipped, UNITS, np.random.default_rng(0))
+    cycloid = drawn(RvBatch(DOCUMENT).total.clipped, UNITS, np.random.default_rng(0))
     error = np.sqrt(0.48 * 0.52 / UNITS)
     exact = expected({}, {}).negative.value[0]
     assert exact == pytest.approx(0.48, abs=0.005)
@@ -57,7 +59,7 @@ def test_share_of_interfering_units() -> None:
 
 def test_same_seed_same_batch() -> None:
     table = {"unit": np.arange(10)}
-    one, two = (RvBatch().predict(table, np.random.default_rng(0)) for _ in range(2))
+    one, two = (RvBatch(DOCUMENT).predict(table, np.random.default_rng(0)) for _ in range(2))
     np.testing.assert_array_equal(one["backlash_arcmin"], two["backlash_arcmin"])
 
 
@@ -67,7 +69,7 @@ def test_repeated_readings_of_a_unit_agree() -> None:
         "lot": np.array(["1", "1", "1", "2"], dtype=object),
         "repeat": np.array([1.0, 1.0, 2.0, 1.0]),
     }
-    found = RvBatch().predict(table, np.random.default_rng(0))["backlash_arcmin"]
+    found = RvBatch(DOCUMENT).predict(table, np.random.default_rng(0))["backlash_arcmin"]
     assert found[0] == found[2]
     assert len(set(found.tolist())) == 3
 

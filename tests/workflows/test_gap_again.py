@@ -37,7 +37,7 @@ def of_batch(rng: np.random.Generator) -> pd.DataFrame:
     """Units whose backlash grows with the temperature."""
     n = 150
     table = {"unit": np.arange(n).astype(str), "temperature_C": rng.uniform(20.0, 40.0, n)}
-    model = registry.load("models", "rv_batch")()
+    model = registry.load("models", "rv_batch")({"model": "document"})
     drawn = model.predict(table, np.random.default_rng(4))["backlash_arcmin"]
     more = 0.03 * (table["temperature_C"] - 20.0)
     return pd.DataFrame({**table, "backlash_arcmin": drawn + more})
@@ -60,7 +60,11 @@ def of_assembly(rng: np.random.Generator) -> pd.DataFrame:
 
 CASES = {
     "table": (TABLE, of_table, "friction_hysteresis"),
-    "rv_batch": ('model = "rv_batch"\n[free]\n', of_batch, "differential_thermal_expansion"),
+    "rv_batch": (
+        'model = "rv_batch"\nparameters.model = "document"\n[free]\n',
+        of_batch,
+        "differential_thermal_expansion",
+    ),
     "assembly": ('model = "assembly"\n', of_assembly, "adjustment_gain"),
 }
 

@@ -28,13 +28,13 @@ SHIFT = 0.4
 def test_a_shifted_batch(tmp_path: Path, never: str, name: str, does: str) -> None:
     """A gauge that is off moves no allocation; a process that is off does."""
     n = 150
-    model = registry.load("models", "rv_batch")()
+    model = registry.load("models", "rv_batch")({"model": "document"})
     units = np.arange(n).astype(str)
     drawn = model.predict({"unit": units}, np.random.default_rng(11))["backlash_arcmin"]
     frame = pd.DataFrame({"unit": units, "backlash_arcmin": drawn + SHIFT})
     frame.to_csv(tmp_path / "units.csv", index=False)
     (tmp_path / "run.toml").write_text('problem = "rv_backlash"\n', encoding="utf-8")
-    text = f'model = "rv_batch"\nrun = "run.toml"\n[free]\n{never}'
+    text = f'model = "rv_batch"\nparameters.model = "document"\nrun = "run.toml"\n[free]\n{never}'
     (tmp_path / "gap.toml").write_text(text, encoding="utf-8")
     words = ["gap", str(tmp_path / "gap.toml"), str(tmp_path / "units.csv"), "--out"]
     ended = CliRunner().invoke(app, [*words, str(tmp_path / "out"), "--quiet"])

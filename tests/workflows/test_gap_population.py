@@ -28,6 +28,9 @@ from tolevo.workflows.gap.mean_unit import of_mean_unit
 from tolevo.workflows.gap.plan import GapPlan
 from tolevo.workflows.gap.read import read_data
 
+DOCUMENT = {"model": "document"}
+"""Units by document B's closed form."""
+
 Array = np.ndarray
 Table = dict[str, Array]
 N = 400
@@ -60,7 +63,7 @@ def test_law_falls_beyond_its_lattice() -> None:
 
 def test_law_is_that_of_the_units() -> None:
     """Its scatter is the exact one of the convolution."""
-    model = RvBatch()
+    model = RvBatch(DOCUMENT)
     exact = Convolution().propagate(model.total, 0.9973, ARCMIN)
     law = law_of(GapPlan("rv_batch", model), BACKLASH)
     error = 4.0 * np.sqrt(0.5 / 200_000)  # of the drawn units; the kernel adds 0.5 %
@@ -88,7 +91,7 @@ def test_floor_holds_for_the_share_it_says(count: int) -> None:
 
 def units(n: int = N, seed: int = 1) -> Table:
     table: Table = {"unit": np.arange(1, n + 1).astype(str)}
-    drawn = RvBatch().predict(table, np.random.default_rng(seed))
+    drawn = RvBatch(DOCUMENT).predict(table, np.random.default_rng(seed))
     return table | drawn
 
 
@@ -126,7 +129,9 @@ BATCHES: Mapping[str, Callable[[], Table]] = {
 def analysed(table: Mapping[str, Array], text: str = "[free]\n") -> GapResult:
     with TemporaryDirectory() as folder:
         configuration, data = Path(folder, "gap.toml"), Path(folder, "units.csv")
-        configuration.write_text(f'model = "rv_batch"\n{text}', encoding="utf-8")
+        configuration.write_text(
+            f'model = "rv_batch"\nparameters.model = "document"\n{text}', encoding="utf-8"
+        )
         pd.DataFrame(table).to_csv(data, index=False)
         plan = read_gap(configuration)
         return gap.found(plan, read_data(plan, data))
@@ -143,7 +148,7 @@ def simulated(result: GapResult, table: Table, batches: int = 100) -> Array:
     written = tomllib.loads(result.corrected)
     effects = read_table({k: v for k, v in written.items() if k in keys}, []).settings.effects
     return np.concatenate([
-        predicted(RvBatch(), "rv_batch", table, effects, np.random.default_rng(k))[BACKLASH]
+        predicted(RvBatch(DOCUMENT), "rv_batch", table, effects, np.random.default_rng(k))[BACKLASH]
         for k in range(batches)
     ])  # fmt: skip
 
@@ -299,7 +304,7 @@ def test_repeats_are_one_unit() -> None:
 def test_mean_unit_is_that_of_drawn_units() -> None:
     """Each row with its own warm disc: against 20,000 units drawn at each of three of them."""
     rows = np.array([0.0, 3.0, 11.0])
-    model = RvBatch()
+    model = RvBatch(DOCUMENT)
     with TemporaryDirectory() as folder:
         path = Path(folder, "units.csv")
         pd.DataFrame(units(30)).to_csv(path, index=False)

@@ -24,6 +24,9 @@ from tolevo.workflows.gap.populations.weighed import Weighed
 from tolevo.workflows.gap.read import read_data
 from tolevo.workflows.gap.write import record
 
+DOCUMENT = {"model": "document"}
+"""Units by document B's closed form."""
+
 Array = np.ndarray
 ARCMIN = 180.0 * 60.0 / np.pi
 K1 = 1.3 * 40 / 64
@@ -80,7 +83,7 @@ def units(count: int, seed: int, change: Change = NONE) -> Array:
 
 @lru_cache
 def laws() -> ChangedLaws:
-    sources = RvBatch().sources()
+    sources = RvBatch(DOCUMENT).sources()
     assert sources is not None
     return ChangedLaws(UnitLaw(sources))
 
@@ -256,7 +259,9 @@ def test_two_causes_are_of_no_single_input() -> None:
 
 def analysed(folder: Path, y: Array, **columns: Array) -> GapResult:
     configuration, data = folder / "gap.toml", folder / "units.csv"
-    configuration.write_text('model = "rv_batch"\n[free]\n', encoding="utf-8")
+    configuration.write_text(
+        'model = "rv_batch"\nparameters.model = "document"\n[free]\n', encoding="utf-8"
+    )
     frame = {"unit": np.arange(1, len(y) + 1), "backlash_arcmin": y, **columns}
     pd.DataFrame(frame).to_csv(data, index=False)
     plan = read_gap(configuration)

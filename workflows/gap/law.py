@@ -81,9 +81,11 @@ def law_of(plan: GapPlan, name: str) -> Law:
 def _drawn(plan: GapPlan, name: str) -> Array:
     """Units of the model, each of them in a lot of its own where lots matter."""
     assert plan.model is not None
-    table = {c.name: _constant(c.text) for c in plan.model.columns if c.needed}
-    rng = np.random.default_rng([plan.seed, 5])
-    drawn = np.asarray(plan.model.predict(table, rng)[name], dtype=float)
+    fixed, rng = plan.model.law_sample(), np.random.default_rng([plan.seed, 5])
+    count = len(fixed[name]) if fixed else DRAWN
+    table = {c.name: _constant(c.text, count) for c in plan.model.columns if c.needed}
+    found = fixed or plan.model.predict(table, rng)
+    drawn = np.asarray(found[name], dtype=float)
     active = [one for one in plan.active if one.effect.name in ON_SCATTER]
     target = target_of(plan.model, plan.model_name, table)
     for action in acting(active, readings_of(target.columns, table), target):
@@ -92,7 +94,7 @@ def _drawn(plan: GapPlan, name: str) -> Array:
     return drawn
 
 
-def _constant(text: bool) -> NDArray[Any]:
-    labels = np.arange(DRAWN)
+def _constant(text: bool, count: int) -> NDArray[Any]:
+    labels = np.arange(count)
     found: NDArray[Any] = labels.astype(str) if text else labels * 0.0
     return found

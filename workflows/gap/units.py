@@ -27,6 +27,8 @@ def one_per_unit(
     labels = [c.name for c in columns if c.role in (Role.UNIT, Role.LOT) and c.name in frame]
     if not labels:
         return frame, []
+    if faults := _readings_of_parts(frame, columns, place):
+        return frame, faults
     number = frame.groupby(labels, sort=False, dropna=False).ngroup().to_numpy()
     units, rows = len(np.unique(number)), len(frame)
     if units < LEAST:
@@ -45,6 +47,15 @@ def one_per_unit(
     found = merged.agg({name: "first" if name in labels else "mean"
                         for name in frame.columns if name != repeat})  # fmt: skip
     return found.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
+
+
+def _readings_of_parts(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
+    """Columns that make a row one of many readings of a unit, which a batch has no law for."""
+    text = "a batch is compared by one reading of each unit: give the largest (or the mean) of its " \
+           "readings, set [parameters] positions to how many they are, and leave this column " \
+           "out"  # fmt: skip
+    names = [c.name for c in columns if c.role is Role.INPUT and c.name in frame]
+    return [Fault(f"{place}: column {name}", text) for name in names]
 
 
 def too_few(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:

@@ -42,7 +42,7 @@ class Kind:
 
     `columns` makes the table, `roles` its roles and units for `model = "table"`. Outputs that are
     not equally noisy are in units of their `scales` until they come into the table. `outside` are
-    its own causes that no effect of the library has.
+    its own causes that no effect of the library has, `parameters` those of the model.
     """
 
     model: str
@@ -58,6 +58,7 @@ class Kind:
     population: bool = False
     scales: tuple[float, ...] = ()
     outside: Mapping[str, Draw] = field(default_factory=dict)
+    parameters: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def zeros(self) -> NDArray[np.bool_]:
@@ -125,7 +126,7 @@ KINDS: dict[str, Kind] = {
     "rv_lost_motion": replace(LOCKED_TABLE, model="rv_lost_motion", simulate=None),
     "rv_batch": Kind(
         "rv_batch", (WITHOUT_ZERO,), "arcmin", units, of_batch, BATCH, None, POOR_BATCH, ("white",),
-        population=True,
+        population=True, parameters={"model": "document"},  # whose law the causes of BATCH follow
     ),
     "assembly": Kind(
         "assembly", tuple(f"delta_{one}_mrad" for one in range(1, 5)), "mrad", builds, of_assembly,

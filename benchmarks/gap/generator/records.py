@@ -233,7 +233,8 @@ def _table(kind: Kind, at: Any, reading: Array, predicted: Array) -> pd.DataFram
 
 def configuration(kind: Kind, seed: int) -> str:
     """The TOML of a record; a model may recalibrate its zeros alone."""
-    head = f'model = "{kind.model}"\nseed = {seed}\n'
+    given = "".join(f'parameters.{name} = "{value}"\n' for name, value in kind.parameters.items())
+    head = f'model = "{kind.model}"\nseed = {seed}\n{given}'
     if kind.model != TABLE:
         return f"{head}[free]\n"
     output = kind.outputs[0]

@@ -29,9 +29,9 @@ OWN_MODELS = ("rv_batch", "rv_transmission", "rv_lost_motion")
 
 @lru_cache
 def model_of(name: str) -> MeasurableModel:
-    """The model with its defaults."""
-    kind: Callable[[], MeasurableModel] = registry.load("models", name)
-    return kind()
+    """The model with its defaults, but for what its kind of record declares."""
+    kind: Callable[[Any], MeasurableModel] = registry.load("models", name)
+    return kind(KINDS[name].parameters)
 
 
 def simulated(name: str) -> Simulator:

@@ -82,6 +82,11 @@ class Measures:
 
     # ---------------------------------------------------------------- values of units
 
+    @property
+    def largest(self) -> Array:
+        """Largest backlash (n,) [arcmin] of the cycloid stage over the turn."""
+        return self._largest[0]
+
     @cached_property
     def _positive(self) -> NDArray[np.float32]:
         return np.maximum(self.turn.play, 0.0)

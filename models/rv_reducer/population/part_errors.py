@@ -62,4 +62,4 @@ def part_errors(geometry: ContactGeometry, sample: BaseSample, design: UnitDesig
 def _clearance(sample: BaseSample, design: UnitDesign) -> Array:
     """Clearance [um] of each bearing in its zone [0, c], (units, cranks, discs)."""
     share = 0.5 * (1.0 + np.moveaxis(sample.z["crank_bearing"], -1, 0))
-    return np.asarray(design.width("crank_bearing") * share)
+    return np.asarray(design.middle("crank_bearing") + design.width("crank_bearing") * share)

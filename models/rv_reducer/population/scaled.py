@@ -110,8 +110,12 @@ def bores(geometry: ContactGeometry, sample: BaseSample, design: UnitDesign) -> 
 
 
 def _clearance(sample: BaseSample, design: UnitDesign) -> Array:
-    """Radial clearance [um] of each bearing in its zone [0, c], (cranks, discs, n)."""
-    return np.asarray(design.width("crank_bearing") * 0.5 * (1.0 + sample.z["crank_bearing"]))
+    """Radial clearance [um] of each bearing in its zone [0, c], (cranks, discs, n).
+
+    A mid-limit, which no document has, is what every clearance has beside.
+    """
+    share = 0.5 * (1.0 + sample.z["crank_bearing"])
+    return np.asarray(design.middle("crank_bearing") + design.width("crank_bearing") * share)
 
 
 def _waves(sample: BaseSample, design: UnitDesign, error: str) -> Complex:

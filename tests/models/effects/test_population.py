@@ -14,6 +14,9 @@ from tolevo.models.effects.readings import target_of
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.testing import EffectContract
 
+DOCUMENT: dict[str, float | str] = {"model": "document"}
+"""Units by document B's closed form."""
+
 N = 50
 NAMES = [
     "process_mean_shift",
@@ -37,7 +40,7 @@ def drawn(table: dict[str, np.ndarray], name: str = "", seed: int = 0, **values:
           ) -> np.ndarray:  # fmt: skip
     active = [Active(registry.load("effects", name)(), values)] if name else []
     rng = np.random.default_rng(seed)
-    return predicted(RvBatch(), "rv_batch", table, active, rng)["backlash_arcmin"]
+    return predicted(RvBatch(DOCUMENT), "rv_batch", table, active, rng)["backlash_arcmin"]
 
 
 @pytest.mark.parametrize("name", [*NAMES, "differential_thermal_expansion"])
@@ -67,7 +70,7 @@ def test_shift_moves_every_unit() -> None:
 def test_inflation_keeps_the_mean_and_widens_about_it() -> None:
     table = {"unit": np.arange(200_000)}
     plain, wide = drawn(table), drawn(table, "spread_inflation", growth=0.5)
-    mean = RvBatch().means()["backlash_arcmin"]
+    mean = RvBatch(DOCUMENT).means()["backlash_arcmin"]
     np.testing.assert_allclose(wide - mean, 1.5 * (plain - mean), atol=1e-12)
     # the model's mean is that of the convolution, the sample's within its standard error of it
     assert abs(plain.mean() - mean) < 5.0 * plain.std() / math.sqrt(len(plain))
@@ -96,7 +99,7 @@ def test_mixture_has_the_share_and_the_step() -> None:
     active = [Active(registry.load("effects", "lot_mixture")(), {"share": 0.3,
                                                                "offset_arcmin": 5.0})]  # fmt: skip
     rng = np.random.default_rng(0)
-    found = predicted(RvBatch(), "rv_batch", table, active, rng)["backlash_arcmin"]
+    found = predicted(RvBatch(DOCUMENT), "rv_batch", table, active, rng)["backlash_arcmin"]
     second = found - drawn(table) > 2.5
     assert stats.binomtest(int(second.sum()), count, 0.3).pvalue > 1e-6
     np.testing.assert_allclose((found - drawn(table))[second], 5.0, rtol=1e-9)
@@ -163,7 +166,7 @@ def test_disc_warmer_than_the_housing_closes_the_pin_circle() -> None:
     slope = math.degrees(per_kelvin) * 60.0
     assert slope == pytest.approx(0.058, abs=5e-4)
     table = {"unit": np.arange(2000)}
-    wide = RvBatch({"pin_circle_radius_mid_um": 60.0})  # phi_2 is never cut off
+    wide = RvBatch(DOCUMENT | {"pin_circle_radius_mid_um": 60.0})  # phi_2 is never cut off
     for difference in (1.0, -4.0, 10.0):
         found = changed(wide, table, {"disc_temperature_K": difference})
         np.testing.assert_allclose(found, -slope * difference, rtol=1e-9)
@@ -184,12 +187,14 @@ def changed(model: RvBatch, table: dict[str, np.ndarray], by: dict[str, float]) 
 
 def test_unit_that_warms_up_as_a_whole_keeps_its_backlash() -> None:
     both = {"disc_temperature_K": 25.0, "housing_temperature_K": 25.0}
-    np.testing.assert_allclose(changed(RvBatch(), {"unit": np.arange(500)}, both), 0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        changed(RvBatch(DOCUMENT), {"unit": np.arange(500)}, both), 0.0, atol=1e-12
+    )
 
 
 def test_share_of_the_measured_temperature() -> None:
     table = batch(N)
-    wide = RvBatch({"pin_circle_radius_mid_um": 60.0})
+    wide = RvBatch(DOCUMENT | {"pin_circle_radius_mid_um": 60.0})
     active = [Active(registry.load("effects", "differential_thermal_expansion")(),
                      {"temperature_share": 0.5})]  # fmt: skip
     rngs = [np.random.default_rng(0) for _ in range(2)]
@@ -201,7 +206,7 @@ def test_share_of_the_measured_temperature() -> None:
 
 def test_cold_disc_cannot_open_what_interferes() -> None:
     """Units whose phi_2 is below zero gain less than the slope: the interference goes first."""
-    found = changed(RvBatch(), {"unit": np.arange(5000)}, {"housing_temperature_K": 1.0})
+    found = changed(RvBatch(DOCUMENT), {"unit": np.arange(5000)}, {"housing_temperature_K": 1.0})
     assert found.min() >= 0.0
     assert found.max() == pytest.approx(0.0582, abs=2e-4)
     assert np.mean(found < 0.058) > 0.3
@@ -214,9 +219,9 @@ def test_change_of_an_error_is_that_of_its_mid_limit(error: str) -> None:
     mids = {
         one.name: float(str(one.default)) for one in RvBatch.parameters if "_mid_um" in one.name
     }
-    moved = RvBatch(wide | {f"{error}_mid_um": mids[f"{error}_mid_um"] + 2.0})
+    moved = RvBatch(DOCUMENT | wide | {f"{error}_mid_um": mids[f"{error}_mid_um"] + 2.0})
     rngs = [np.random.default_rng(0) for _ in range(2)]
     expected = moved.predict(table, rngs[0])["backlash_arcmin"]
-    expected = expected - RvBatch(wide).predict(table, rngs[1])["backlash_arcmin"]
-    found = changed(RvBatch(wide), table, {f"{error}_um": 2.0})
+    expected = expected - RvBatch(DOCUMENT | wide).predict(table, rngs[1])["backlash_arcmin"]
+    found = changed(RvBatch(DOCUMENT | wide), table, {f"{error}_um": 2.0})
     np.testing.assert_allclose(found, expected, atol=1e-10)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ....gap_population_records import Attribution, InputChange
@@ -40,7 +42,10 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
         text = _beside(end) or f"no input of its own: cannot tell with n = {len(y)}"
         verdict = "none" if _beside(end) else "cannot tell"
         return (Attribution(names, output.name, "", (), verdict, (), text),)
-    return decided(weighed, names, output.name, output.unit)
+    found = decided(weighed, names, output.name, output.unit)
+    if not sources.basis:
+        return found
+    return tuple(replace(one, text=f"{one.text} ({sources.basis})") for one in found)
 
 
 def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attribution, ...]:

@@ -6,6 +6,7 @@ one factor of the characteristic function. All on one lattice in the unit of the
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -68,6 +69,8 @@ class UnitLaw:
 
     def widened(self, one: Source, factors: Array) -> Array:
         """Log density (m, k) with the zone of one input `factors` (m,) as wide."""
+        if one.clipped and self.sources.widened is not None:
+            return self._built_anew(one, factors, self.sources.widened)
         term = self.sources.term(one)
         linear, ones = term.linear * factors, np.ones(len(factors))
         low = term.constant - term.linear
@@ -78,6 +81,14 @@ class UnitLaw:
         rest = self._sum((*side[: one.at], *side[one.at + 1 :]))
         both = rest[0] * changed[0], rest[1] + changed[1]
         return self._log(*both, *self._free) if one.clipped else self._log(*self._clipped, *both)
+
+    def _built_anew(
+        self, one: Source, factors: Array, widened: Callable[[Source, float], Term]
+    ) -> Array:
+        """The same where the inputs of the clipped part do not add up."""
+        sums = [self._sum((widened(one, float(factor)),)) for factor in factors]
+        transform = np.concatenate([transform for transform, _ in sums])
+        return self._log(transform, np.concatenate([start for _, start in sums]), *self._free)
 
     def blurred(self, noise: Array) -> Array:
         """Log density (m, k) of units read with a normal error of standard deviation `noise`."""

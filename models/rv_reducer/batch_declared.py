@@ -1,0 +1,52 @@
+"""Parameters and variables of the model `rv_batch` beside those of the backlash problem."""
+
+from __future__ import annotations
+
+from ...declarations import Kind, Parameter, Variable
+from . import declared
+from .contact import declared as contact
+
+MODEL = "model"
+CONTACT, DOCUMENT = "contact", "document"
+LARGEST, MEAN = "max", "mean"
+_A = "no document prints it"
+
+
+def _share(name: str, meaning: str) -> Parameter:
+    return Parameter(name, 0.0, "", f"share of the variance of {meaning} that one unit has in "
+                     "common; no value is the worst case", _A, assumed=True, low=0.0,
+                     high=1.0)  # fmt: skip
+
+
+_OWN: tuple[Parameter, ...] = (
+    Parameter(MODEL, CONTACT, "", "what a unit is: the exact contact of its pins and discs over a "
+              "turn, or document B's closed form phi_1 + max(0, phi_2) + phi_3, one number a unit",
+              "", choices=(CONTACT, DOCUMENT)),
+    Parameter("positions", 61, "", "positions of a turn of the output at which a unit is measured; "
+              "matters to the contact alone", "", low=1, high=100_003),
+    Parameter("measured", LARGEST, "", "which backlash of a unit over these positions is reported: "
+              "the largest, or the mean; matters to the contact alone", "",
+              choices=(LARGEST, MEAN)),
+    Parameter("involute_stage", True, "", "whether there is an involute stage before the cycloid "
+              "stage; matters to the contact alone", ""),
+    _share("share_pins", "the errors of pins and their holes"),
+    _share("share_discs", "equidistance and shift of the discs"),
+    *(one for one in contact.PARAMETERS if one.name in ("discs", "cranks")),
+)  # fmt: skip
+_NAMES = {one.name for one in declared.PARAMETERS}
+PARAMETERS = (*declared.PARAMETERS, *(one for one in _OWN if one.name not in _NAMES))
+
+
+def _new(name: str, value: float, unit: str, meaning: str) -> Variable:
+    return Variable(name, unit, Kind.HALF_WIDTH, 0.0, 10.0, f"{meaning}; matters to the contact "
+                    "alone", value, valid_low=0.0, valid_high=1000.0, random=True,
+                    assumed="no document lists this error")  # fmt: skip
+
+
+VARIABLES: tuple[Variable, ...] = (
+    *declared.VARIABLES,
+    _new("circle_offset_um", 3.0, "um", "offset of the pin circle from the axis of the carrier"),
+    _new("bore_um", 2.0, "um", "position of the crank bores in a disc, either direction"),
+    _new("crank_phase_mrad", 2.0 / 1.3, "mrad", "phase of each journal of a crankshaft"),
+)
+"""Those of document B, and the errors from disc to disc at the values of `rv_reducer`."""

@@ -1,0 +1,260 @@
+"""A batch of RV reducers on their exact contact: units drawn one by one, measured over a turn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...declarations import Value
+from ..inputs.distribution import Array, Distribution
+from ..measurable import NO_CHANGES
+from .batch_declared import LARGEST
+from .population.changed import changed
+from .population.design import UnitDesign
+from .population.lattice import Lattice, turn_lattice
+from .population.sample import BaseSample
+from .population.scaled import Scaled
+from .population.statistics import Involute
+from .population.table import Table
+from .population.touch import touch
+from .population.unit_basis import UnitBasis, stem
+
+BLOCK = 4096
+"""Units drawn at once: some 20 MB."""
+FIXED = 4096
+"""Units of the fixed sample that means are taken over."""
+COMPARED = 1024
+"""Those over which a change of the mean is taken, by common random numbers."""
+LAW = 16_384
+"""Those of the fixed sample that the law of units is taken from."""
+SHIFTED = 12
+"""Clearances of the involute stage that each of them is combined with."""
+SEEDS = {"means": 1, "law": 2}
+Integers = NDArray[np.int64]
+
+
+class ContactUnits:
+    """Units of one allocation, phi_1 + max(0, y) at every position of a turn.
+
+    y is the backlash of the cycloid stage by first contact of all its pins, play of the crank
+    bearings inside; phi_1 that of the tighter planet. A unit shows its largest backlash over the
+    positions of the turn, or the mean, or that at an angle of the output.
+    """
+
+    def __init__(
+        self,
+        parameters: Mapping[str, Value],
+        designs: Mapping[str, float],
+        inputs: Mapping[str, Distribution],
+    ) -> None:
+        laws = {stem(name): law for name, law in inputs.items()}
+        self.basis = UnitBasis.from_parameters(parameters, laws, {})
+        self.positions = int(float(str(parameters["positions"])))
+        self.largest = parameters["measured"] == LARGEST
+        self.design: UnitDesign = self.basis.design(designs)
+        self.involute: Involute = self.basis.involute(self.design.involute_grade)
+        self._shifts: dict[frozenset[tuple[str, float]], float] = {}
+
+    # ---------------------------------------------------------------- units drawn
+
+    def predict(
+        self,
+        row: Integers,
+        rng: np.random.Generator,
+        changes: Mapping[str, Array],
+        angles: Array | None,
+    ) -> Array:
+        """Backlash (n,) [arcmin] of rows (n,) by the number of their unit, 0, 1, ...
+
+        `angles` (n,) [deg] are those of the output where each row is a reading at one. What a unit
+        is depends on its number and `rng` alone, and memory on `BLOCK` alone.
+        """
+        found, order = np.empty(len(row)), np.argsort(row, kind="stable")
+        count = int(row.max(initial=-1)) + 1
+        lattice = None if angles is None else self._at_angles(angles)
+        for start in range(0, count, BLOCK):
+            units = min(BLOCK, count - start)
+            sample = self._sample(units, rng, "random")
+            first, last = np.searchsorted(row[order], [start, start + units])
+            for rows in _parts(order[first:last]):
+                here = _rows(sample, row[rows] - start)
+                moved = {name: _of_rows(value, rows) for name, value in changes.items()}
+                if lattice is None or angles is None:
+                    cycloid = self._measured(here, moved)
+                else:
+                    cycloid = self._read(lattice, angles[rows], here, moved)
+                found[rows] = cycloid + self._involute(here)
+        return found
+
+    def _sample(self, units: int, rng: np.random.Generator, kind: Any) -> BaseSample:
+        return BaseSample.draw(self.basis.geometry, units, rng, self.basis.hierarchy, kind)
+
+    def _involute(self, sample: BaseSample) -> Array:
+        """phi_1 (n,) [arcmin]."""
+        return self.involute.middle + self.involute.half * self.basis.tightest(sample.planets)
+
+    def _measured(
+        self,
+        sample: BaseSample,
+        changes: Mapping[str, Array] = NO_CHANGES,
+        design: UnitDesign | None = None,
+    ) -> Array:
+        """Backlash (n,) [arcmin] of the cycloid stage as it is measured over the turn."""
+        return (
+            np.maximum(self.play(sample, changes, design), 0.0)
+            if self.largest
+            else np.asarray(
+                np.maximum(self._play(*self._turn, sample, changes, design), 0.0).mean(axis=0)
+            )
+        )
+
+    def play(
+        self,
+        sample: BaseSample,
+        changes: Mapping[str, Array] = NO_CHANGES,
+        design: UnitDesign | None = None,
+    ) -> Array:
+        """The largest (or mean) y (n,) [arcmin] over the turn, below zero: interference."""
+        play = self._play(*self._turn, sample, changes, design)
+        return np.asarray(play.max(axis=0) if self.largest else play.mean(axis=0))
+
+    def _play(
+        self,
+        lattice: Lattice,
+        table: Table,
+        sample: BaseSample,
+        changes: Mapping[str, Array],
+        design: UnitDesign | None = None,
+    ) -> Array:
+        """y (positions, n) [arcmin] of the cycloid stage."""
+        geometry = self.basis.geometry
+        drawn = Scaled.of(geometry, sample, design or self.design)
+        units = changed(geometry, drawn, sample, changes)
+        found = touch(lattice, table, units).cycloid(geometry.output_ratio)
+        return np.asarray(found, dtype=np.float64)
+
+    def unclipped(self, sample: BaseSample, design: UnitDesign) -> Array:
+        """What the cycloid stage of units built to a design adds (n,) [arcmin], negative where all
+        of the turn interferes; the mean over a turn is never negative.
+        """
+        return (
+            self.play(sample, NO_CHANGES, design)
+            if self.largest
+            else self._measured(sample, NO_CHANGES, design)
+        )
+
+    def fixed(self, units: int, seed: int) -> BaseSample:
+        """A Sobol sample of units."""
+        return self._sample(units, np.random.default_rng(seed), "sobol")
+
+    # ---------------------------------------------------------------- positions
+
+    def _with_table(self, angles: Array) -> tuple[Lattice, Table]:
+        lattice = Lattice.of(self.basis.geometry, angles)
+        return lattice, Table.of(lattice, self.design.dr_rp, self.design.dr_p)
+
+    @cached_property
+    def _turn(self) -> tuple[Lattice, Table]:
+        """The positions of a turn."""
+        teeth = self.basis.geometry.nominal.cycloid_teeth
+        return self._with_table(turn_lattice(self.positions, teeth))
+
+    def _at_angles(self, angles: Array) -> tuple[Array, Lattice, Table]:
+        """The different angles [deg] of the output, and the mesh there."""
+        different = np.unique(angles)
+        teeth = self.basis.geometry.nominal.cycloid_teeth
+        return different, *self._with_table(np.deg2rad(different) * teeth)
+
+    def _read(
+        self,
+        mesh: tuple[Array, Lattice, Table],
+        angles: Array,
+        sample: BaseSample,
+        changes: Mapping[str, Array],
+    ) -> Array:
+        """Backlash (n,) [arcmin] of the cycloid stage, each row at its own angle (n,)."""
+        different, lattice, table = mesh
+        at, found = np.searchsorted(different, angles), np.empty(len(angles))
+        for one in np.unique(at):
+            rows = np.flatnonzero(at == one)
+            moved = {name: _of_rows(value, rows) for name, value in changes.items()}
+            y = self._play(_position(lattice, int(one)), table, _rows(sample, rows), moved)
+            found[rows] = np.maximum(y[0], 0.0)
+        return found
+
+    # ---------------------------------------------------------------- the population
+
+    def mean(self, changes: Mapping[str, Array] = NO_CHANGES) -> float:
+        """Mean [arcmin] over the population at the mean change, over a fixed Sobol sample.
+
+        Changes are compared over the same units, so that their difference has no sampling noise of
+        its own.
+        """
+        key = frozenset((name, float(np.mean(value))) for name, value in changes.items())
+        if key not in self._shifts:
+            moved = {name: np.asarray(value) for name, value in key}
+            self._shifts[key] = float(self._measured(self._compared, moved).mean())
+        plain = self._shifts.setdefault(frozenset(), float(self._measured(self._compared).mean()))
+        return self._mean + self._shifts[key] - plain
+
+    @cached_property
+    def _mean(self) -> float:
+        sample = self.fixed(FIXED, SEEDS["means"])
+        return float(self._measured(sample).mean()) + self.involute.mean
+
+    @cached_property
+    def _compared(self) -> BaseSample:
+        return self.fixed(COMPARED, SEEDS["means"])
+
+    @cached_property
+    def law_sample(self) -> Array:
+        """Backlash (n,) [arcmin] of units that stand for the law of the population.
+
+        Each of `LAW` units of a fixed Sobol sample is combined with `SHIFTED` clearances of the
+        involute stage, which is independent of them.
+        """
+        cycloid = np.concatenate([self._measured(part) for part in self._of_law()])
+        rng = np.random.default_rng(SEEDS["law"])
+        share = (np.arange(SHIFTED) + rng.random((len(cycloid), SHIFTED))) / SHIFTED
+        z = self.basis.planet.quantile(share)
+        return np.asarray(
+            (cycloid[:, None] + self.involute.middle + self.involute.half * z).ravel()
+        )
+
+    def _of_law(self) -> Iterator[BaseSample]:
+        sample = self.fixed(LAW, SEEDS["law"])
+        for start in range(0, LAW, BLOCK):
+            yield sample.part(slice(start, start + BLOCK))
+
+
+def _position(lattice: Lattice, at: int) -> Lattice:
+    """The lattice of one of its positions; contacts keep their numbers."""
+    one = slice(at, at + 1)
+    return replace(lattice, angles=lattice.angles[one], start=lattice.start[one],
+                   stop=lattice.stop[one], directions=lattice.directions[one])  # fmt: skip
+
+
+def _parts(rows: Integers) -> Iterator[Integers]:
+    """Rows by parts of a block."""
+    for start in range(0, len(rows), BLOCK):
+        yield rows[start : start + BLOCK]
+
+
+def _rows(sample: BaseSample, units: Integers) -> BaseSample:
+    """The units of rows (n,), each row a copy of its unit."""
+    if len(units) == sample.units and np.array_equal(units, np.arange(sample.units)):
+        return sample
+    z = {name: value[..., units] for name, value in sample.z.items()}
+    phase = {name: value[..., units] for name, value in sample.phase.items()}
+    return BaseSample(len(units), z, phase, sample.planets[..., units])
+
+
+def _of_rows(change: Array, rows: Integers) -> Array:
+    """A change at some of the rows, where it is not the same for all of them."""
+    wide = np.asarray(change)
+    return wide if wide.ndim == 0 else wide[rows]

@@ -1,0 +1,109 @@
+"""What all units of an RV reducer have in common, and how they are drawn and built."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import cos, radians
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+from ....declarations import Value, number
+from ....units import ARCMIN, MM
+from ...inputs import Distribution
+from .. import declared, involute
+from ..contact.geometry import ContactGeometry
+from ..tighter_planet import TighterPlanet
+from .design import ERRORS, UnitDesign
+from .sample import Hierarchy
+from .statistics import Involute
+
+Array = NDArray[np.float64]
+
+
+def stem(name: str) -> str:
+    """Name of the error that a variable is the zone of."""
+    return name.removesuffix("_um").removesuffix("_mrad")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitBasis:
+    """Geometry, involute stage, hierarchy of errors and mid-limits [um] of all units.
+
+    `cosine` scales phi_1: 1/cos(pressure angle) where the flank clearance counts along the pitch
+    circle, 0 where there is no involute stage.
+    """
+
+    geometry: ContactGeometry
+    stage: involute.InvoluteStage
+    hierarchy: Hierarchy
+    planet: TighterPlanet
+    mid: Mapping[str, float]
+    cosine: float
+
+    @classmethod
+    def from_parameters(
+        cls,
+        parameters: Mapping[str, Value],
+        inputs: Mapping[str, Distribution],
+        mids: Mapping[str, float],
+    ) -> UnitBasis:
+        """The basis of complete parameters; `inputs` and `mids` [um] by name of the error.
+
+        `mids` take the place of those in `parameters`.
+        """
+        base = declared.backlash_model(parameters, None, {})
+        mid = {name: number(parameters.get(f"{name}_mid_um", 0.0)) for name in ERRORS}
+        mid |= dict(mids)
+        mid["pin_position"] = 0.0  # it turns the unit
+        cranks = int(number(parameters["cranks"]))
+        geometry = ContactGeometry(
+            nominal=base.geometry,
+            discs=int(number(parameters["discs"])),
+            cranks=cranks,
+            true_levers=True,
+            involute_stage=bool(parameters["involute_stage"]),
+        )
+        alpha = radians(number(parameters["pressure_angle_deg"]))
+        scale = 1.0 / cos(alpha) if parameters.get("involute_cosine", True) else 1.0
+        shares = number(parameters["share_pins"]), number(parameters["share_discs"])
+        return cls(
+            geometry,
+            base.stage,
+            Hierarchy(*shares, inputs),
+            TighterPlanet(cranks, number(parameters.get("planet_share", 0.5))),
+            mid,
+            scale if parameters["involute_stage"] else 0.0,
+        )
+
+    def involute(self, grade: float) -> Involute:
+        """phi_1 of units at an ISO grade [arcmin]."""
+        middle, half = involute.backlash_zone(
+            self.stage, self.geometry.nominal, np.array(float(grade))
+        )
+        unit = self.cosine / ARCMIN
+        return Involute(float(middle) * unit, float(half) * unit, self.planet)
+
+    def tightest(self, planets: Array) -> Array:
+        """Standardised clearance (n,) of the tighter planet, of normal numbers (planets + 1, n)."""
+        share = self.planet.share
+        scores = np.sqrt(share) * planets[0] + np.sqrt(1.0 - share) * planets[1:]
+        return np.asarray(2.0 * ndtr(scores.min(axis=0)) - 1.0)
+
+    def design(self, row: Mapping[str, float]) -> UnitDesign:
+        """The design of one row of variables by name, in their units."""
+        return UnitDesign(
+            half_width={
+                error: row[name]
+                for error in ERRORS
+                for name in (f"{error}_um", f"{error}_mrad")
+                if name in row
+            },
+            mid=self.mid,
+            involute_grade=row["involute_grade"],
+            stagger=row["stagger_arcmin"],
+            dr_rp=row["dr_rp_mm"] * MM,
+            dr_p=row["dr_p_mm"] * MM,
+        )
