@@ -28,7 +28,8 @@ def test_every_name_of_the_tooth_modification_is_documented() -> None:
 def test_every_name_of_the_exact_contact_is_documented() -> None:
     text = (DOCS / "rv_reducer.md").read_text(encoding="utf-8")
     kind = RvReducer
-    names = [one.name for one in (*kind.variables, *kind.outputs, *kind.parameters)]
+    names = [variable.name for variable in kind.variables]
+    names += [output.name for output in kind.outputs] + [one.name for one in kind.parameters]
     assert [name for name in names if f"`{name}`" not in text] == []
     rows = text.partition("## Variables")[2].splitlines()
     for variable in kind.variables:

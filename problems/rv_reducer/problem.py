@@ -15,6 +15,7 @@ from ...declarations import Variable, number
 from ...errors import Fault
 from ...models.inputs import Uniform
 from ...models.rv_reducer import modification
+from ...models.rv_reducer.geometry import RvGeometry
 from ...models.rv_reducer.population.lattice import nearest_prime
 from ...records import UnitsShown
 from ...units import ARCMIN, MM
@@ -22,9 +23,11 @@ from ..rv_backlash.costs import DEFAULT_COSTS
 from ..settings import Bound, Settings, VariableSetting
 from ..shown import Variant
 from ..tolerance_problem import Interval, ToleranceProblem
+from . import geometry
 from .counterparts import changes_of, sentence
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
 from .evaluation import Evaluation, Populations, known
+from .inherited import changed, still_default
 from .outputs import (
     DEFAULT_LIMITS,
     DEFAULT_OBJECTIVES,
@@ -94,15 +97,24 @@ class RvReducer(ToleranceProblem):
         kept = {name: value for name, value in self.__dict__.items() if name not in dropped}
         return kept | {"_recent": OrderedDict()}
 
+    def _completed(self, given: Settings) -> Settings:
+        found = super()._completed(given)
+        if found.parameters["involute_stage"]:
+            return found
+        ratio = {"reduction_ratio": number(found.parameters["cycloid_teeth"])}
+        costs = {name: curve for name, curve in found.costs.items() if name != "involute_grade"}
+        return replace(found, parameters={**found.parameters, **ratio}, costs=costs)
+
     def _variable(self, variable: Variable, given: VariableSetting | None) -> VariableSetting:
         fixed = DISC_TO_DISC.get(variable.name)
+        if variable.name == "involute_grade" and not self.given.parameters.get(
+            "involute_stage", True
+        ):
+            fixed = variable.document
         given = given or VariableSetting()
         if fixed is not None and given.value is None and given.low is None and given.high is None:
             given = replace(given, value=fixed)
         return super()._variable(variable, given)
-
-    def faults(self) -> list[Fault]:
-        return size_faults(self.count, KEPT) or super().faults()
 
     # ---------------------------------------------------------------- populations
 
@@ -225,6 +237,9 @@ class RvReducer(ToleranceProblem):
     # ---------------------------------------------------------------- what is known
 
     def references(self) -> dict[str, Array]:
+        """The documents' allocations, which are those of the RV-40E-121 alone."""
+        if changed(self.settings.parameters):
+            return {}
         return {
             label: np.array([{**self._nominal, **design}[name] for name in self.names])
             for label, design in REFERENCES.items()
@@ -243,10 +258,16 @@ class RvReducer(ToleranceProblem):
         rows = []
         for factor in (0.0, 0.7, 1.0, 1.4):
             row = np.array([self._nominal[name] for name in self.names])
+            row[self.names.index("dr_p_mm")] *= self._deeper
             zones = [self.names.index(v.name) for v in self.variables if v.name.endswith("_um")]
             row[zones] *= factor
             rows.append(self._opened(self._inside(row)))
         return np.array(rows)
+
+    @cached_property
+    def _deeper(self) -> float:
+        """Ratio of shift modifications that leave the same radial gap, to the RV-40E's."""
+        return (1.0 - RvGeometry().flank) / (1.0 - self.model.geometry.nominal.flank)
 
     def _inside(self, row: Array) -> Array:
         """A full design within the search ranges, at the fixed values."""
@@ -312,6 +333,11 @@ class RvReducer(ToleranceProblem):
         at = float(self.model.planet.quantile(np.array([coverage]))[0])
         return alone.middle + alone.half * at
 
+    def faults(self) -> list[Fault]:
+        ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
+        found = geometry.faults(self.model.geometry, self.given, ends)
+        return [*found, *(size_faults(self.count, KEPT) or super().faults())]
+
     def search_faults(self) -> list[Fault]:
         limits = self.settings.limits
         held = [
@@ -325,7 +351,10 @@ class RvReducer(ToleranceProblem):
         return [Fault("limits.interference_probability", text)]
 
     def warnings(self) -> tuple[str, ...]:
-        return ()
+        given = self.settings
+        gap = given.limits.get("radial_gap_mm", Bound())
+        odd = geometry.warnings(self.model.geometry, given.parameters, gap)
+        return (*still_default(self.given, given.parameters), *odd)
 
     # ---------------------------------------------------------------- what a reader is shown
 

@@ -31,7 +31,7 @@ PARAMETERS: tuple[Parameter, ...] = (
              "stiffness between one disc and the carrier: crank bearings, cranks, carrier",
              "gives the catalogue's 108 N m/arcmin for the unit"),
     Parameter("discs", 2, "", "cycloid discs", "as in document A", assumed=True, low=1, high=4),
-    Parameter("cranks", 2, "", "crankshafts", "as in document A", assumed=True, low=2, high=4),
+    Parameter("cranks", 2, "", "crankshafts", "as in document A", assumed=True, low=2, high=12),
     Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", _B, low=-1.0, high=1.0),
     Parameter("dr_p_mm", -0.070, "mm", "shift modification", _B, low=-1.0, high=1.0),
     _torque("rated_torque_Nm", 412.0, "rated torque"),

@@ -1,4 +1,4 @@
-"""What is wrong with a cycloid profile: interference and undercut, each with the angle."""
+"""What is wrong with pins and discs: teeth, room, undercut and interference with their angles."""
 
 from __future__ import annotations
 
@@ -20,13 +20,50 @@ _POINTS = 3601
 @lru_cache(maxsize=64)
 def faults(geometry: ContactGeometry, place: str = "parameters") -> tuple[Fault, ...]:
     """Every fault of the profile, at the keys of a configuration (`dr_p_mm`, `pin_radius_mm`)."""
-    if not 0.0 < geometry.nominal.k1 < 1.0:
-        k1 = f"e z_p/r_p = {geometry.nominal.k1:.4g}"
-        return (Fault(f"{place}.eccentricity_mm", f"{k1} must lie between 0 and 1"),)
+    return shape_faults(geometry, place) or tuple(interference(geometry, f"{place}.dr_p_mm"))
+
+
+@lru_cache(maxsize=64)
+def shape_faults(geometry: ContactGeometry, place: str = "parameters") -> tuple[Fault, ...]:
+    """Faults of the nominal parts, whatever play the modification leaves."""
+    return (*_teeth(geometry, place), *_pins(geometry, place), *_profile(geometry, place))
+
+
+def _teeth(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
+    wanted = geometry.nominal.cycloid_teeth + 1
+    if geometry.pins != wanted:
+        yield Fault(
+            f"{place}.pins",
+            f"must be {wanted}, one more than the {wanted - 1} teeth of a disc, got "
+            f"{geometry.pins}: the profile rolls on by one tooth for every turn of the cranks",
+        )
     if geometry.pins % geometry.discs:
-        text = f"must divide the {geometry.pins} pins, got {geometry.discs}: discs would differ"
-        return (Fault(f"{place}.discs", text),)
-    return tuple([*_undercut(geometry, place)] or [*_interference(geometry, place)])
+        yield Fault(
+            f"{place}.discs",
+            f"must divide the {geometry.pins} pins, got {geometry.discs}: discs would differ",
+        )
+
+
+def _pins(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
+    """Neighbouring pins of the housing need room."""
+    nominal = geometry.nominal
+    apart = 2.0 * nominal.pin_circle_radius * np.sin(np.pi / nominal.pins)
+    if apart <= 2.0 * nominal.pin_radius:
+        yield Fault(
+            f"{place}.pin_radius_mm",
+            f"neighbouring pins overlap: {nominal.pins} pins on a circle of radius "
+            f"{nominal.pin_circle_radius / MM:g} mm are {apart / MM:.4g} mm apart, the pins' "
+            f"diameter is {2.0 * nominal.pin_radius / MM:.4g} mm; take thinner or fewer pins or a "
+            "larger circle",
+        )
+
+
+def _profile(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
+    if 0.0 < geometry.nominal.k1 < 1.0:
+        yield from _undercut(geometry, place)
+    else:
+        k1 = f"e z_p/r_p = {geometry.nominal.k1:.4g}"
+        yield Fault(f"{place}.eccentricity_mm", f"{k1} must lie between 0 and 1")
 
 
 def _undercut(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
@@ -46,14 +83,17 @@ def _undercut(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
         )
 
 
-def _interference(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
-    """Symmetric in phi: where a gap is negative, no rotation opens it on both flanks."""
+def interference(geometry: ContactGeometry, place: str) -> Iterator[Fault]:
+    """A modified profile that leaves no play.
+
+    Symmetric in phi: where a gap is negative, no rotation opens it on both flanks.
+    """
     phi = np.linspace(0.0, np.pi, _POINTS)
     gap = Nominal.at(geometry, phi).gap
     worst = int(np.argmin(gap))
     if gap[worst] < LEAST_GAP:
         yield Fault(
-            f"{place}.dr_p_mm",
+            place,
             f"the modified profile interferes with the pins by {-gap[worst] / UM:.3g} um at a "
             f"profile angle of {np.degrees(phi[worst]):.1f} deg (dr_rp {geometry.dr_rp / MM:g} mm, "
             f"dr_p {geometry.dr_p / MM:g} mm); raise dr_rp_mm or lower dr_p_mm",

@@ -31,7 +31,7 @@ class ContactGeometry:
     Two cranks and two discs are assumptions, as in document A. Lever arms are those of the modified
     profile's own normals; without `true_levers` e z_c sin(phi)/sqrt(S), those of the unmodified
     profile, 1 % different where pins are loaded (7 % near the bottom of a tooth space), which puts
-    0.7 % on peak force and wind-up.
+    0.7 % on peak force and wind-up. Without an `involute_stage` the cranks are the input.
     """
 
     nominal: RvGeometry = RvGeometry()
@@ -40,6 +40,7 @@ class ContactGeometry:
     discs: int = 2
     cranks: int = 2
     true_levers: bool = True
+    involute_stage: bool = True
 
     @property
     def pins(self) -> int:
@@ -48,8 +49,12 @@ class ContactGeometry:
 
     @property
     def output_ratio(self) -> float:
-        """b'/b: how far a disc turns against its mesh per turn of the carrier, the sun held."""
-        return self.nominal.output_ratio
+        """b'/b: how far a disc turns against its mesh when the carrier turns and the input is held.
+
+        With the sun held it is that of the nominal geometry, 121/117 for the RV-40E; cranks that
+        are held themselves stand in the housing, and so does the mesh: 1.
+        """
+        return self.nominal.output_ratio if self.involute_stage else 1.0
 
     @property
     def pin_angles(self) -> Array:

@@ -134,11 +134,11 @@ class _Source:
 
     def unit(self) -> Array:
         """Probabilities (n,) of the next dimension."""
-        return self.of((1,))[0]
+        return np.asarray(self.of((1,))[0])
 
     def of(self, shape: tuple[int, ...]) -> Array:
         """Probabilities (*shape, n) of the next dimensions."""
         size = int(np.prod(shape))
         found = self._drawn[self._at : self._at + size]
         self._at += size
-        return found.reshape(*shape, -1)
+        return np.asarray(found.reshape(*shape, -1))

@@ -62,6 +62,7 @@ class UnitBasis:
             discs=int(number(parameters["discs"])),
             cranks=cranks,
             true_levers=True,
+            involute_stage=bool(parameters["involute_stage"]),
         )
         shares = number(parameters["share_pins"]), number(parameters["share_discs"])
         return cls(

@@ -1,0 +1,182 @@
+"""`rv_reducer` on other geometries than the RV-40E's: refused, warned of, and what is left over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from tolevo.cli import app
+from tolevo.configuration import Configuration, read
+from tolevo.errors import InputError
+from tolevo.problems.rv_reducer import RvReducer
+
+BASE = """problem = "rv_reducer"
+[limits]
+interference_probability = 0.05
+[algorithm]
+name = "exact"
+"""
+SHIPPED = ("rv20e_like", "rv80e_like", "cycloidal_stage")
+PLAIN = ["parameters.involute_stage=false"]
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    path = tmp_path / "c.toml"
+    path.write_text(BASE, encoding="utf-8")
+    return path
+
+
+def problem_of(path: Path, overrides: Sequence[str] = ()) -> RvReducer:
+    found: Configuration = read(path, overrides)
+    assert isinstance(found.problem, RvReducer)
+    return found.problem
+
+
+def faults_of(path: Path, overrides: Sequence[str]) -> list[str]:
+    with pytest.raises(InputError) as raised:
+        read(path, overrides)
+    return [str(fault) for fault in raised.value.faults]
+
+
+# ---------------------------------------------------------------- bad input
+
+
+@pytest.mark.parametrize(
+    ("overrides", "expected"),
+    [
+        (["parameters.pins=42"], "parameters.pins: must be 40, one more than the 39 teeth"),
+        (["parameters.discs=3"], "parameters.discs: must divide the 40 pins, got 3"),
+        (["parameters.pin_radius_mm=5.1"], "parameters.pin_radius_mm: neighbouring pins overlap"),
+        (["parameters.eccentricity_mm=1.7"], "parameters.eccentricity_mm: e z_p/r_p = 1.062"),
+        (["parameters.pin_radius_mm=4.8"], "undercut at a profile angle of 64.6 deg"),
+        (["parameters.centre_distance_mm=60"], "parameters.centre_distance_mm: the cranks stand"),
+        (["parameters.reduction_ratio=1"], "parameters.reduction_ratio: must be above 1"),
+        ([*PLAIN, "parameters.reduction_ratio=121"], "it is the number of teeth of a disc, 39"),
+        ([*PLAIN, "variables.involute_grade.low=4"], "variables.involute_grade: there is no"),
+        (
+            ["variables.dr_rp_mm.value=-0.05", "variables.dr_p_mm.value=-0.07"],
+            "variables.dr_p_mm: the modified profile interferes with the pins",
+        ),
+        (["parameters.positions=0"], "parameters.positions: must lie in [1, 100003], got 0"),
+        (["parameters.share_pins=1.5"], "parameters.share_pins: must lie in [0, 1], got 1.5"),
+    ],
+)
+def test_faults_are_placed(config: Path, overrides: list[str], expected: str) -> None:
+    assert any(expected in line for line in faults_of(config, overrides))
+
+
+def test_faults_come_all_at_once(config: Path) -> None:
+    """Teeth, discs, pins, k1 and an impossible limit; status 2 and no output."""
+    overrides = ["pins=41", "pin_radius_mm=5.5", "eccentricity_mm=1.7", "reduction_ratio=0.5"]
+    words = [word for one in overrides for word in ("--set", f"parameters.{one}")]
+    out = config.parent / "out"
+    words += ["--set", "limits.backlash_max_arcmin=0.01", "--out", str(out)]
+    result = CliRunner().invoke(app, ["run", str(config), *words])
+    places = [line.split(":")[0] for line in result.stderr.splitlines()]
+    names = ["pins", "discs", "pin_radius_mm", "eccentricity_mm", "reduction_ratio"]
+    assert result.exit_code == 2
+    assert places == [*(f"parameters.{n}" for n in names), "limits.backlash_max_arcmin"]
+    assert not out.exists()
+
+
+def test_undercut_at_the_open_end_of_a_range(config: Path) -> None:
+    """4.62 mm is cut only where dr_rp is above -0.03 mm: radius of curvature 4.59 mm."""
+    pins = ["parameters.pin_radius_mm=4.62"]
+    assert "undercut" in faults_of(config, pins)[0]
+    assert problem_of(config, [*pins, "variables.dr_rp_mm.high=-0.04"]).faults() == []
+
+
+# ---------------------------------------------------------------- warnings
+
+
+@pytest.mark.parametrize(("positions", "better"), [(60, 61), (156, 151), (312, 317), (157, 163)])
+def test_positions_that_do_not_spread(config: Path, positions: int, better: int) -> None:
+    (line,) = problem_of(config, [f"parameters.positions={positions}"]).warnings()
+    assert line.startswith(f"positions: {positions} positions ")
+    assert f"take {better}" in line
+
+
+@pytest.mark.parametrize("positions", [1, 61, 1021])
+def test_positions_that_spread(config: Path, positions: int) -> None:
+    assert problem_of(config, [f"parameters.positions={positions}"]).warnings() == ()
+
+
+def test_radial_gap_without_a_limit(config: Path) -> None:
+    (line,) = problem_of(config, ["limits.radial_gap_mm.min=0.005"]).warnings()
+    assert line.startswith("no limit keeps radial_gap_mm at 0.007 mm or above")
+
+
+def test_gears_that_do_not_fit(config: Path) -> None:
+    """z2/z1 = 119/40 has no gears of whole teeth; 9 (1 + 2) = 27 mm is not 36 mm."""
+    found = problem_of(config, ["parameters.reduction_ratio=118.3"]).warnings()
+    assert any("no pair of gears has the ratio" in line for line in found)
+    found = problem_of(config, ["parameters.reduction_ratio=81"]).warnings()
+    assert any("stand at 27 mm" in line for line in found)
+
+
+# ---------------------------------------------------------------- what is left over
+
+
+def test_values_still_of_the_rv_40e(config: Path) -> None:
+    """A value that is given counts as the user's own, also where it is the same."""
+    given = ["parameters.eccentricity_mm=1.2", "parameters.centre_distance_mm=36"]
+    given += ["parameters.shift_mid_um=1", "variables.bore_um.value=2"]
+    (line,) = problem_of(config, given).warnings()
+    head, _, left = line.partition("; still the RV-40E-121's: ")
+    assert head == "eccentricity_mm changed"
+    assert "centre_distance_mm" not in left
+    for name in ("sun_pitch_radius_mm", "rated_torque_Nm", "runout_mid_um", "circle_offset_um"):
+        assert name in left
+    for group in ("all 8 gear deviations", "all 14 search ranges", "all 11 costs"):
+        assert group in left
+    assert "shift_mid_um" not in left
+    assert "bore_um" not in left
+
+
+def test_nothing_is_left_over_of_the_rv_40e_itself(config: Path) -> None:
+    problem = problem_of(config, ["parameters.share_pins=0.5", "parameters.positions=31"])
+    assert problem.warnings() == ()
+    assert "document B" in problem.references()
+
+
+# ---------------------------------------------------------------- without an involute stage
+
+
+def test_plain_stage(config: Path) -> None:
+    """No phi_1, the ratio of a disc's teeth, no grade to pay for; so it is read again."""
+    problem = problem_of(config, PLAIN)
+    assert problem.settings.parameters["reduction_ratio"] == 39.0
+    assert problem.model.geometry.output_ratio == 1.0
+    assert problem.model.involute(7.0).mean == 0.0
+    assert problem.fixed["involute_grade"] == 7.0
+    assert "involute_grade" not in problem.settings.costs
+    assert problem.interval("backlash_max_arcmin")[0] == 0.0
+    again = config.parent / "again.toml"
+    again.write_text(read(config, PLAIN).toml(), encoding="utf-8")
+    assert problem_of(again).settings.parameters == problem.settings.parameters
+
+
+# ---------------------------------------------------------------- shipped configurations
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_configurations_find_units_that_conform(name: str) -> None:
+    """Valid, one warning alone, and a start within the limits at 64 units and 31 positions."""
+    path = Path(str(files("tolevo.configs") / f"{name}.toml"))
+    quick = ["parameters.search_units=64", "parameters.search_positions=31"]
+    problem = problem_of(path, quick)
+    (line,) = problem_of(path).warnings()
+    assert "still the RV-40E-121's" in line
+    assert problem.references() == {}
+    starts = problem.starts()
+    found = problem.outputs_of(starts, searching=True)
+    assert np.all(np.isfinite(found["backlash_max_arcmin"]))
+    assert np.all(found["interference_probability"] <= 0.05)
+    assert np.all(np.diff(found["backlash_max_arcmin"]) > 0.0)
+    assert np.any(np.all(problem.violations(starts, found) <= 1e-9, axis=1))
