@@ -105,14 +105,14 @@ class Section:
         return None if value is None else self.as_number(key, value, unit, within)
 
     def as_number(
-        self, key: str, value: Any, unit: str, within: Range = ANY, turns: bool = True
+        self, key: str, value: Any, unit: str, within: Range = ANY, scale_only: bool = False
     ) -> float | None:
-        """`value` as a finite number in `unit`, any fault reported at `key`; `turns` as `to_unit`
-        takes it.
+        """`value` as a finite number in `unit`, any fault reported at `key`; `scale_only` as
+        `to_unit` takes it.
         """
         if isinstance(value, str) and unit:
             try:
-                number = to_unit(value, unit, turns)
+                number = to_unit(value, unit, scale_only)
             except ValueError as error:
                 self.fault(key, str(error))
                 return None

@@ -36,6 +36,8 @@ _NEWTONS = ("n", "u", "µ", "m", "c", "d", "da", "", "h", "k", "M", "G")
 _METRES = ("mm", "cm", "dm", "m")
 _TORQUES: Mapping[str, str] = {f"{p}N{m}": f"{p}N {m}" for p in _NEWTONS for m in _METRES}
 """Torques in one word: kNm, Nmm. (Of pint's, "Nm" is a number times a length.)"""
+LARGEST = 1e150
+"""SI units in a unit, or units in an SI unit, at most: a quotient of two is a number as well."""
 _PLURALS = 3
 """Letters that a name has at least where an "s" may follow it: "mils", but not "mms"."""
 
@@ -78,6 +80,8 @@ def unit_of(text: str) -> Unit:
     found = NUMBER
     for name, power in parts:
         found = _times(found, _named(name), power)
+    if not 1.0 / LARGEST < found.factor < LARGEST:
+        raise UnitError(f'"{text}" is beyond all that is measured')
     return found
 
 
@@ -118,7 +122,8 @@ def _times(one: Unit, other: Unit, power: int) -> Unit:
 def _registry() -> Any:
     from pint import UnitRegistry
 
-    return UnitRegistry(non_int_type=Fraction)
+    exact: Any = Fraction  # pint takes any kind of number, and declares float
+    return UnitRegistry(non_int_type=exact)
 
 
 @lru_cache(maxsize=1)

@@ -60,12 +60,12 @@ SHOWN = 60
 _QUANTITY = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(.*)")
 
 
-def to_unit(text: str, unit: str, turns: bool = True) -> float:
+def to_unit(text: str, unit: str, scale_only: bool = False) -> float:
     """The number in `unit` that `text` ("2 um") states.
 
-    `turns` is false of an angle per time that is no rotational speed (a drift in deg/s), which 1/s
-    does not state. Raises ValueError with the remedy where the text is not a number with a unit
-    that fits.
+    With `scale_only` it is a difference or a rate: degC does not state a difference of temperature
+    in K, nor 1/s a drift in deg/s. Raises ValueError with the remedy where the text is not a number
+    with a unit that fits.
     """
     wanted = f"a string with a unit of {unit}" if unit else "a plain number"
     shown = text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
@@ -74,14 +74,16 @@ def to_unit(text: str, unit: str, turns: bool = True) -> float:
     if match is None or bool(match[2]) != bool(unit):
         raise ValueError(message)
     try:
-        scale, zero = _scale(match[2], unit, turns)
+        scale, zero = _scale(match[2], unit, scale_only)
     except UnitError as error:
         raise ValueError(f"{message}: {error}" if str(error) else message) from error
     number = float(match[1])
     if not math.isfinite(number):
         return number
-    exact = Fraction(match[1]) if number else Fraction(0)
-    return float(exact * scale + zero)
+    try:
+        return float(Fraction(number) * scale + zero)
+    except OverflowError:
+        return math.copysign(math.inf, number)
 
 
 def split_unit(name: str) -> tuple[str, str]:
@@ -162,14 +164,16 @@ def _affine(unit: str, to: str) -> tuple[float, float]:
     return float(scale), float(zero)
 
 
-def _scale(unit: str, to: str, turns: bool = True) -> tuple[Fraction, Fraction]:
+def _scale(unit: str, to: str, scale_only: bool = False) -> tuple[Fraction, Fraction]:
     """The same, exactly. Raises UnitError where it cannot be."""
     own, wanted = unit_of(unit), unit_of(to)
     factor = own.factor
     if own.dimensions != wanted.dimensions:
-        if not (turns and own.dimensions == _PER_TIME and _is_speed(to)):
+        if scale_only or own.dimensions != _PER_TIME or not _is_speed(to):
             raise UnitError(_misfit(unit, own, to, wanted))
         factor *= unit_of("turn").factor
+    if scale_only and own.zero != wanted.zero:
+        raise UnitError(f'it is a difference, "{unit}" a temperature: write K')
     return factor / wanted.factor, (own.zero - wanted.zero) / wanted.factor
 
 

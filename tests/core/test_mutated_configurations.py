@@ -153,6 +153,7 @@ report_units = 64
 [limits]
 interference_probability = 0.05
 [algorithm]
+name = "nsga2"
 population = 20
 generations = 10
 [choice]

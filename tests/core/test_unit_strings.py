@@ -8,8 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
+from typer.testing import CliRunner
 
 from tolevo import registry
+from tolevo.cli import app
+from tolevo.configuration import read
+from tolevo.configuration.gap import read_gap
+from tolevo.errors import InputError
 from tolevo.models.effects.readings import target_of
 from tolevo.section import Section
 from tolevo.units import converted, dimension, family, fits, to_unit
@@ -238,6 +244,8 @@ def test_units_of_the_table_are_known(unit: str, factor: float) -> None:
         ("5 mms", "mm", '"mms" is not a unit'),
         ("5 kmm", "mm", '"kmm" is not a unit'),
         ("5 mdegC", "C", "takes no prefix"),
+        ("5 Em^9", "m", "is beyond all that is measured"),
+        ("5 am^9", "m", "is beyond all that is measured"),
         ("5 rpm", "Hz", "is an angular speed, and Hz a frequency"),
         ("5 rad/s", "Hz", "is an angular speed, and Hz a frequency"),
         ("5 Hz", "arcsec/s", "does not say of what angle"),
@@ -265,7 +273,7 @@ def test_a_long_text_is_refused_at_once_and_not_repeated(text: str) -> None:
     assert len(str(raised.value)) < 300
 
 
-@pytest.mark.parametrize("text", ["1e99999999999 m", "-1e400 mm"])
+@pytest.mark.parametrize("text", ["1e99999999999 m", "-1e400 mm", "1e308 Gm"])
 def test_a_number_beyond_all_is_a_fault_of_its_place(text: str) -> None:
     faults: list[object] = []
     section = Section({"a_um": text}, "", faults)  # type: ignore[arg-type]
@@ -275,8 +283,84 @@ def test_a_number_beyond_all_is_a_fault_of_its_place(text: str) -> None:
 
 def test_a_drift_per_time_is_no_rotational_speed() -> None:
     with pytest.raises(ValueError, match="does not say of what angle"):
-        to_unit("0.1 1/s", "deg/s", turns=False)
-    np.testing.assert_allclose(to_unit("6 deg/min", "deg/s", turns=False), 0.1, rtol=ROUNDING)
+        to_unit("0.1 1/s", "deg/s", scale_only=True)
+    np.testing.assert_allclose(to_unit("6 deg/min", "deg/s", scale_only=True), 0.1, rtol=ROUNDING)
+
+
+def test_a_difference_of_temperature_is_no_temperature() -> None:
+    with pytest.raises(ValueError, match='it is a difference, "degC" a temperature: write K'):
+        to_unit("5 degC", "K", scale_only=True)
+    np.testing.assert_allclose(to_unit("9 delta_degF", "K", scale_only=True), 5.0, rtol=ROUNDING)
+
+
+UNIT_FAULTS = {
+    "2 um**9**9**9": '"**" is not expected there',
+    "2 mm**": "an exponent is a whole number from -9 to 9",
+    "2 um/0": '"0" stands where a unit is expected',
+    "1'": "' and \" are arc minutes and seconds: write ft and in for feet and inches",
+    "5 %um": 'a space, "*" or "/" is missing before "um"',
+    "5 um!": '"!" has no place in a unit',
+}
+
+
+@pytest.mark.parametrize("text", UNIT_FAULTS)
+def test_check_places_a_fault_of_a_unit(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "c.toml"
+    path.write_text(tomli_w.dumps({
+        "problem": "rv_backlash",
+        "limits": {"interference_probability": 0.05},
+        "variables": {"pitch_um": {"value": text}},
+    }), encoding="utf-8")  # fmt: skip
+    result = CliRunner().invoke(app, ["check", str(path)])
+    assert result.exit_code == 2
+    assert result.stderr == (
+        "variables.pitch_um.value: must be a number or a string with a unit of um, "
+        f'got "{text}": {UNIT_FAULTS[text]}\n'
+    )
+
+
+@pytest.mark.parametrize("text", ["15 1/min", "15 min^-1", "15 rpm", "0.25 1/s", "0.25 Hz"])
+def test_a_rotational_speed_of_a_configuration_counts_turns(tmp_path: Path, text: str) -> None:
+    """15 turns a minute; read as radians it was 2.39 rpm."""
+    path = tmp_path / "gap.toml"
+    table = {"model": "table", "columns": {
+        "n": {"role": "speed", "unit": "rpm"},
+        "te": {"role": "measured", "unit": "arcsec"},
+        "te_model": {"role": "predicted", "unit": "arcsec"},
+    }, "next_measurement": {"range": {"n": text}}}  # fmt: skip
+    path.write_text(tomli_w.dumps(table), encoding="utf-8")
+    plan = read_gap(path).next_measurement
+    assert plan is not None
+    np.testing.assert_allclose(plan.ranges["n"].low, 15.0, rtol=ROUNDING)
+
+
+def test_an_effect_takes_frequencies_and_differences_as_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "c.toml"
+    text = """
+model = "table"
+[columns]
+angle = {{ role = "angle", unit = "deg" }}
+n = {{ role = "speed", unit = "1/min" }}
+t = {{ role = "time", unit = "s" }}
+te = {{ role = "measured", unit = "arcsec" }}
+te_model = {{ role = "predicted", unit = "arcsec" }}
+[[effect]]
+name = "structural_resonance"
+parameters = {{ cos = "20 arcsec", frequency = "{frequency}", damping = 0.1, order = 40.0 }}
+[[effect]]
+name = "drift"
+parameters = {{ rate = "{rate}" }}
+"""
+    path.write_text(text.format(frequency="3000 1/min", rate="6 arcsec/min"), encoding="utf-8")
+    resonance, drift = read(path).settings.effects
+    np.testing.assert_allclose(resonance.values["frequency_Hz"], 50.0, rtol=ROUNDING)
+    np.testing.assert_allclose(drift.values["rate_arcsec_per_s"], 0.1, rtol=ROUNDING)
+    path.write_text(text.format(frequency="3000 rpm", rate="1 Hz"), encoding="utf-8")
+    with pytest.raises(InputError) as raised:
+        read(path)
+    frequency, rate = (str(fault) for fault in raised.value.faults)
+    assert frequency.endswith('"rpm" is an angular speed, and Hz a frequency: write Hz or 1/s')
+    assert rate.endswith('"Hz" does not say of what angle: write it with one, as arcsec/s has')
 
 
 def test_columns_of_a_speed_may_count_turns() -> None:
