@@ -56,7 +56,9 @@ class Checkpoint:
             for at, name in enumerate(content["tables"].tolist()):
                 found.tables[name] = _table(content, f"table.{at}.")
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            raise refuse(str(path), f"cannot be read: {error}; start again with --overwrite") from error
+            raise refuse(
+                str(path), f"cannot be read: {error}; start again with --overwrite"
+            ) from error
         prefix = "state."
         found._state = {k[len(prefix) :]: v for k, v in content.items() if k.startswith(prefix)}
         return found

@@ -43,7 +43,7 @@ def write_manifest(folder: Path, command: str, status: str) -> None:
 
 
 def read_manifest(folder: Path) -> Manifest | None:
-    """The manifest of a directory, None where there is none. Raises ValueError for a damaged one."""
+    """The manifest of a directory, None where there is none. Raises ValueError where damaged."""
     try:
         text = (folder / MANIFEST).read_text(encoding="utf-8")
     except FileNotFoundError:

@@ -96,6 +96,11 @@ def folders(folder: Path) -> list[Path]:
     return [folder / one for one in sorted(parents) if (folder / one).is_dir()]
 
 
+def fits(name: str, patterns: Iterable[str]) -> bool:
+    """Whether a name fits one of the patterns."""
+    return any(fnmatchcase(name, pattern) for pattern in patterns)
+
+
 def known(name: str) -> bool:
     """Whether some command writes a file of that name."""
     return any(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..errors import Fault, InputError, RunError, TolevoError, raise_all, refuse
 from ..files import cause
-from .lock import PATIENCE, Held, Lock, acquire
+from .lock import PATIENCE, Held, Lock, acquire, holders
 from .manifest import MANIFEST, write_manifest
 from .names import KINDS, folders, kinds_in, known, present
 from .parts import sweep
@@ -231,6 +231,6 @@ def _unwritten(path: object, reason: str, remedy: str) -> str:
 
 def busy_faults(folder: Path, place: str) -> list[Fault]:
     """A fault where a process holds a directory."""
-    if other := standing(folder).holders:
+    if other := holders(folder):
         return [Fault(place, f"{folder} {BUSY.format(other)}")]
     return []

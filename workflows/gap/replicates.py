@@ -126,17 +126,18 @@ def _name(identity: Identity) -> str:
 
 def _read(path: Path) -> tuple[Identity, dict[int, Replicate]]:
     """Whose they are, and all whole lines; the last one may have been cut."""
-    at = 1
+    place = str(path)
     try:
-        lines = path.read_bytes().decode("utf-8").split("\n")
-        identity = Identity(**unsealed_record(loads(lines[0])))
+        first, *lines = path.read_bytes().decode("utf-8").split("\n")
+        identity = Identity(**unsealed_record(loads(first)))
         name, found = _name(identity), dict[int, Replicate]()
-        for at, line in enumerate(lines[1:-1], start=2):
+        for number, line in enumerate(lines[:-1], start=2):
+            place = f"{path}, line {number}"
             row = unsealed_record(loads(line), of=name)
             found[int(row["number"])] = row["effects"]
     except (ValueError, TypeError, KeyError, OSError) as error:
-        text = f"cannot be read: line {at}: {error}; start again with --overwrite"
-        raise refuse(str(path), text) from None
+        text = f"cannot be read: {error}; start again with --overwrite"
+        raise refuse(place, text) from None
     return identity, found
 
 

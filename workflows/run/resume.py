@@ -30,8 +30,8 @@ def opened(plan: RunPlan, place: Ownership, resume: bool) -> Checkpoint:
     if not resume or place.blank:
         return Checkpoint(path, plan.configuration)
     if not path.is_file():
-        text = f"{place.folder} holds no {CHECKPOINT} of a run; name another directory, or --overwrite"
-        raise refuse("--resume", text)
+        text = f"{place.folder} holds no {CHECKPOINT} of a run; name another directory, or "
+        raise refuse("--resume", f"{text}--overwrite")
     found = Checkpoint.read(path)
     raise_all(_faults(found, plan))
     found.identity = plan.configuration
