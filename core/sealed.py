@@ -50,7 +50,7 @@ def digest_of(record: Mapping[str, Any], of: str = "") -> str:
     return hashlib.sha256(f"{of}\n{text}".encode()).hexdigest()
 
 
-def loads(text: str) -> Any:
+def loads(text: str | bytes) -> Any:
     """A JSON value. Raises ValueError for whatever is none."""
     try:
         return json.loads(text)

@@ -7,7 +7,7 @@ the digest of every file, written last. Whoever reads one asks for its `standing
 
 from __future__ import annotations
 
-from .lock import holders
+from .lock import LOCK, holders
 from .manifest import MANIFEST
 from .names import KINDS, kind_of
 from .ownership import BUSY, OCCUPIED, Ownership, busy_faults, owned
@@ -17,6 +17,7 @@ from .unfinished import UNFINISHED
 __all__ = [
     "BUSY",
     "KINDS",
+    "LOCK",
     "MANIFEST",
     "OCCUPIED",
     "UNFINISHED",

@@ -54,11 +54,10 @@ def read_manifest(folder: Path) -> Manifest | None:
     try:
         if record["format"] > FORMAT:
             raise ValueError(f"tolevo {record['version']} wrote it, which is newer: update tolevo")
-        return Manifest(
-            KINDS[record["command"]] and record["command"],
-            str(record["status"]),
-            dict(record["files"]),
-        )
+        command = str(record["command"])
+        if command not in KINDS:
+            raise KeyError(command)
+        return Manifest(command, str(record["status"]), dict(record["files"]))
     except (KeyError, TypeError) as error:
         raise ValueError(f"it is none of a result ({error!r})") from error
 

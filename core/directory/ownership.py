@@ -17,6 +17,11 @@ from .standing import Standing, occupied, standing
 from .unfinished import UNFINISHED, read_unfinished, write_unfinished
 
 BUSY = "is in use by {}: wait for it, end it, or name another directory"
+OCCUPIED = "{} is not empty; name another directory, or add --overwrite or --resume"
+UNCHANGED = (
+    "cannot be written ({}: {}): nothing was changed; {} and run the same command again, or name "
+    "another directory"
+)
 LAST = 60.0
 """Time [s] to wait for the last others that share a directory."""
 
@@ -135,12 +140,10 @@ class Ownership:
                 with suppress(OSError):
                     path.rmdir()
 
-    def failure(self, error: OSError) -> TolevoError:
-        """What is said where a file cannot be written: its path, what is kept, how to go on."""
-        reason, remedy = cause(error) or (str(error), "mend that")
-        path = error.filename or self.folder
+    def unwritten(self, path: object, reason: str, remedy: str) -> TolevoError:
+        """What is said where a file cannot be written: why, what is kept, and how to go on."""
         if not self.begun:
-            return refuse("--out", _unwritten(path, reason, remedy))
+            return refuse("--out", UNCHANGED.format(path, reason, remedy))
         kind = KINDS[self.command]
         kept = f"{kind.saved} is kept in {self.folder}"
         if not present(self.folder, kind.state):
@@ -156,9 +159,6 @@ class Ownership:
                 return
         raise RunError(f"{self.folder} was taken by another command meanwhile; name another "
                        "directory, or start again with --overwrite")  # fmt: skip
-
-
-OCCUPIED = "{} is not empty; name another directory, or add --overwrite or --resume"
 
 
 @contextmanager
@@ -184,7 +184,7 @@ def owned(
         _unmade(made)
         if (why := cause(error)) is None:
             raise
-        raise refuse("--out", _unwritten(error.filename or folder, *why)) from error
+        raise refuse("--out", UNCHANGED.format(error.filename or folder, *why)) from error
     except InputError:
         _unmade(made)
         raise
@@ -193,9 +193,9 @@ def owned(
         held.check(resume, overwrite, apart)
         yield held
     except OSError as error:
-        if cause(error) is None:
+        if (why := cause(error)) is None:
             raise
-        raise held.failure(error) from error
+        raise held.unwritten(error.filename or folder, *why) from error
     finally:
         held.release()
 
@@ -222,11 +222,6 @@ def _unmade(made: Sequence[Path]) -> None:
     for path in made:
         with suppress(OSError):
             path.rmdir()
-
-
-def _unwritten(path: object, reason: str, remedy: str) -> str:
-    return (f"cannot be written ({path}: {reason}): nothing was changed; {remedy}, or name another "
-            "directory")  # fmt: skip
 
 
 def busy_faults(folder: Path, place: str) -> list[Fault]:

@@ -74,12 +74,11 @@ def _single(folder: Path, out: Path | None, figures: Path | None) -> Report:
     remarks = tuple(stored.remarks)
     if result is None:
         said = facts(folder, stored.standing)
-        text, drawn = unfinished_page(folder.resolve().name, kind, said, remarks), {}
-    else:
-        _, build, draw = _pages()[kind]
-        text, drawn = build(result, remarks), draw(result)
-    _write(stored, out, text)
-    _draw(drawn, figures)
+        _write(stored, out, unfinished_page(folder.resolve().name, kind, said, remarks))
+        return Report(out or folder / PAGE, remarks)
+    _, build, draw = _pages()[kind]
+    _write(stored, out, build(result, remarks))
+    _draw(draw(result), figures)
     return Report(out or folder / PAGE, remarks)
 
 

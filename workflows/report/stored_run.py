@@ -37,7 +37,7 @@ def stored_run(stored: Stored) -> RunResult | None:
     """The result as far as it is there; None where nothing of it can be shown."""
     summary = _typed(stored.record(SUMMARY), stored)
     if stored.unfinished:
-        summary = {"status": "unfinished"} | summary
+        summary.setdefault("status", "unfinished")
     stored.newer(SUMMARY, summary.get("versions"), summary.get("format"), FORMAT)
     stored.edited(summary.get("files") or {})
     configuration = stored.text("config.toml") or ""

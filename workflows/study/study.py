@@ -19,11 +19,11 @@ from .plan import StudyOutcome, StudyPlan
 from .records import StudyData
 from .responses import unknown
 from .storage import DATABASE, Database, opened
-from .storage.opening import CONFIGURATION, differences
+from .storage.opening import CONFIGURATION, Unopened, differences
 from .work import Report, Work
 from .yardstick import Yardstick
 
-GO_ON = "run the same command with --resume to go on"
+GO_ON = "run the same command with --resume"
 TABLE = "study.csv"
 STATE = KINDS["study"].state
 """The database, whose rows carry checksums of their own."""
@@ -60,7 +60,10 @@ def _study(
     elif not (out / DATABASE).is_file():
         text = f"{out} holds no {DATABASE} of a study; name another directory, or --overwrite"
         raise refuse("--resume", text)
-    database, notes = opened(plan, out, alone=not place.joined)
+    try:
+        database, notes = opened(plan, out, alone=not place.joined)
+    except Unopened as error:
+        raise place.unwritten(*error.args) from error
     with database:
         finished = place.standing.complete and not notes and _has_all(database, plan)
         if not finished:
@@ -71,10 +74,11 @@ def _study(
             measures = _done(Work(plan, database, executor, progress), plan)
         except KeyboardInterrupt:
             return StudyOutcome("interrupted", out, (_saved(database, plan, out),))
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             raise RunError(f"{out / DATABASE}: {error}; {_saved(database, plan, out)}") from error
         except RunError as error:
-            raise RunError(f"{error}; {_saved(database, plan, out)}") from error
+            how = "" if GO_ON in str(error) else f"; {GO_ON}"
+            raise RunError(f"{error}; {_count(database, plan, out)}{how}") from error
         data = gathered(plan, database, measures, notes)
     return _written(plan, data, place, finished)
 
@@ -102,11 +106,15 @@ def _done(work: Work, plan: StudyPlan) -> Mapping[int, Yardstick]:
 
 
 def _saved(database: Database, plan: StudyPlan, out: Path) -> str:
+    return f"{_count(database, plan, out)}; {GO_ON} to go on"
+
+
+def _count(database: Database, plan: StudyPlan, out: Path) -> str:
     try:
         done, failed = database.count(plan.total)
     except sqlite3.Error:
-        return f"what had ended is in {out / DATABASE}; {GO_ON}"
-    return f"{done + failed} of {plan.total} runs have ended and are saved in {out}; {GO_ON}"
+        return f"what had ended is in {out / DATABASE}"
+    return f"{done + failed} of {plan.total} runs have ended and are saved in {out}"
 
 
 def gathered(

@@ -122,6 +122,8 @@ class Database:
         """Numbers of the rows whose checksum is wrong. Raises DatabaseError where it is damaged."""
         if self._connection.execute("PRAGMA integrity_check(1)").fetchone() != ("ok",):
             raise sqlite3.DatabaseError("pages are damaged")
+        if _tables(self._connection) != _own_tables():
+            raise sqlite3.DatabaseError("its tables are not those of a study")
         rows = self._connection.execute(f"SELECT {NAMES} FROM runs")
         return [row[0] for row in rows if not whole(row)]
 
@@ -181,7 +183,8 @@ class Database:
 
         What is not as it was written is left out, and found again.
         """
-        rows = self._connection.execute("SELECT problem, value FROM yardsticks").fetchall()
+        text = "SELECT problem, CAST(value AS BLOB) FROM yardsticks"
+        rows = self._connection.execute(text).fetchall()
         found = {number: _yardstick(text, number) for number, text in rows}
         return {number: one for number, one in found.items() if one is not None}
 
@@ -211,10 +214,9 @@ class Database:
             yield cursor
             cursor.execute("COMMIT")
         except sqlite3.Error as error:
-            raise RunError(
-                f"{self.path} cannot be written ({error}): every run that had ended before is in "
-                "it; make room or mend the disk, then run the same command with --resume"
-            ) from error
+            reason, remedy = hindrance(error) or (str(error), "mend that")
+            text = f"{self.path} cannot be written: {reason}; {remedy}, then run the same command "
+            raise RunError(f"{text}with --resume") from error
         finally:
             if self._connection.in_transaction:
                 self._connection.rollback()
@@ -241,7 +243,7 @@ def connect(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def _yardstick(text: str, problem: int) -> Yardstick | None:
+def _yardstick(text: bytes, problem: int) -> Yardstick | None:
     try:
         found = unsealed_record(loads(text), of=str(problem))
     except (TypeError, ValueError):
@@ -250,7 +252,23 @@ def _yardstick(text: str, problem: int) -> Yardstick | None:
     return Yardstick(box, found["value"], found["bound"])
 
 
-def hindrance(error: sqlite3.Error) -> tuple[str, str] | None:
+def _own_tables() -> set[tuple[str, ...]]:
+    """The tables of a new database."""
+    connection = sqlite3.connect(":memory:")
+    try:
+        connection.executescript(SCHEMA)
+        return _tables(connection)
+    finally:
+        connection.close()
+
+
+def _tables(connection: sqlite3.Connection) -> set[tuple[str, ...]]:
+    """What a database says of its tables, whatever the white space."""
+    rows = connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_schema")
+    return {tuple(" ".join(str(value).split()) for value in row) for row in rows}
+
+
+def hindrance(error: Exception) -> tuple[str, str] | None:
     """Why a sound database cannot be opened or written, and what helps; None for a damaged one."""
     code = getattr(error, "sqlite_errorcode", 0)
     return None if code == sqlite3.SQLITE_IOERR_SHORT_READ else HINDRANCES.get(code & 0xFF)

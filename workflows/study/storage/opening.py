@@ -8,7 +8,7 @@ import tomllib
 from itertools import count
 from pathlib import Path
 
-from ....errors import Fault, InputError, raise_all, refuse
+from ....errors import Fault, raise_all, refuse
 from ....section import flat
 from ..plan import StudyPlan
 from .database import APPLICATION, DATABASE, FORMAT, NAMES, Database, hindrance
@@ -25,31 +25,37 @@ GROWS = "seeds"
 """The one key of the runs that may differ between a study and what goes on with it, upwards."""
 SAID = "reading"
 """What is only tested on the runs."""
+DAMAGE = (sqlite3.Error, UnicodeDecodeError)
+"""What a damaged database may raise: of a broken name SQLite's own message cannot be decoded."""
 SHOWN = 12
 """Lost runs that are named one by one."""
+
+
+class Unopened(Exception):
+    """A database that may be sound cannot be opened: its path, why, and what helps."""
 
 
 def opened(plan: StudyPlan, folder: Path, alone: bool) -> tuple[Database, tuple[str, ...]]:
     """The database of a study in `folder`, and what the user should know of it.
 
     Claims of earlier processes are dropped where this one is `alone`. Raises InputError where it
-    belongs to another study, was written by a newer version, where nothing of it can be read, or
-    where it cannot be written.
+    belongs to another study, was written by a newer version, or where nothing of it can be read,
+    Unopened where the disk is full, or cannot be written for another reason.
     """
     path = folder / DATABASE
     if path.exists() and path.stat().st_size:
         _check_format(path)
     try:
         database, notes = _sound(path, plan)
-    except sqlite3.Error as error:
+    except DAMAGE as error:
         if why := hindrance(error):
-            raise _unopened(path, why) from error
+            raise Unopened(path, *why) from error
         database, notes = _recovered(path, plan, str(error))
     try:
         _check_identity(database, plan)
         if alone:
             database.drop_claims()
-    except sqlite3.Error as error:
+    except DAMAGE as error:
         database.close()
         raise refuse(str(path), f"cannot be read: {error}; start again with --overwrite") from error
     except BaseException:
@@ -73,11 +79,6 @@ def _sound(path: Path, plan: StudyPlan) -> tuple[Database, tuple[str, ...]]:
     )
 
 
-def _unopened(path: Path, why: tuple[str, str]) -> InputError:
-    text = f"cannot be opened: {why[0]}; every run that had ended is kept in it; {why[1]}, then "
-    return refuse(str(path), f"{text}run the same command with --resume")
-
-
 def _database(path: Path, plan: StudyPlan) -> Database:
     return Database(path, len(plan.points), plan.settings.responses)
 
@@ -92,9 +93,9 @@ def _check_format(path: Path) -> None:
             tables = connection.execute("SELECT COUNT(*) FROM sqlite_schema").fetchone()[0]
         finally:
             connection.close()
-    except sqlite3.DatabaseError as error:  # damaged: what is whole of it is looked for
+    except DAMAGE as error:  # damaged: what is whole of it is looked for
         if why := hindrance(error):
-            raise _unopened(path, why) from error
+            raise Unopened(path, *why) from error
         return
     if application == APPLICATION and version > FORMAT:
         text = f"was written by a newer version of tolevo (format {version}, this one reads up to "
@@ -180,13 +181,13 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
             known = dict(connection.execute("SELECT key, value FROM meta").fetchall())
             if known.get(SEAL) == _digest(known[IDENTITY], known[POINTS]):
                 identity = known[IDENTITY]
-        except (sqlite3.DatabaseError, TypeError, KeyError):
+        except (*DAMAGE, TypeError, KeyError):
             pass  # the configuration beside it says the same
         for number in range(plan.total):
             try:
                 text = f"SELECT {NAMES} FROM runs WHERE number = ?"
                 row = connection.execute(text, (number,)).fetchone()
-            except (sqlite3.DatabaseError, UnicodeDecodeError):
+            except DAMAGE:
                 holes.append(number)
                 continue
             if row is None:
