@@ -66,8 +66,17 @@ def file_faults(out: Path, source: Path) -> list[Fault]:
     return faults
 
 
-def page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
-    """Directories that are not there, or a page that cannot be written."""
+def page_faults(
+    folders: Sequence[Path], out: Path | None, figures: Path | None = None
+) -> list[Fault]:
+    """Directories that are not there, or a page or figures that cannot be written."""
+    drawn = [] if figures is None else busy_faults(figures, "--figures")
+    if figures is not None and not drawn:
+        drawn = unwritable(figures, "--figures")
+    return _page_faults(folders, out) + drawn
+
+
+def _page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
     faults = [Fault(str(one), "is not a directory" if one.exists() else "does not exist")
               for one in folders if not one.is_dir()]  # fmt: skip
     if len(folders) > 1 and len(faults) < len(folders):

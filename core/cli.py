@@ -14,7 +14,6 @@ import typer
 from .arguments import file_faults, page_faults, start_faults
 from .ending import INTERRUPTED, exit_status
 from .errors import Fault, InputError, raise_all
-from .files import unwritable
 
 if TYPE_CHECKING:
     from .configuration import Configuration
@@ -312,9 +311,7 @@ def report(
 ) -> None:
     """Build the page of a result again, or compare several runs."""
     with exit_status():
-        raise_all(
-            [*page_faults(folders, out), *(unwritable(figures, "--figures") if figures else ())]
-        )
+        raise_all(page_faults(folders, out, figures))
         from .workflows.report import report as built
 
         found = built(folders, out, figures)

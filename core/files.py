@@ -24,6 +24,7 @@ REASONS = {
     errno.EFBIG: ("the file would be larger than is allowed", "raise the limit (ulimit -f)"),
     errno.EIO: ("the disk reports an error", "mend the disk"),
     errno.ENOLCK: ("the file system has no locks", "use a local disk"),
+    errno.ENOSYS: ("the file system has no locks", "use a local disk"),
     errno.EOPNOTSUPP: ("the file system has no locks", "use a local disk"),
 }
 """Why a file cannot be written, and what helps, by the number of the error."""

@@ -145,14 +145,22 @@ def is_held(path: Path) -> bool:
 
 def holders(folder: Path) -> str:
     """Who works in a directory, in words; empty where nobody does."""
-    path = folder / LOCK
-    if not is_held(path):
+    if not is_held(folder / LOCK):
         return ""
-    named = []
+    return " and ".join(map(_words, _entries(folder))) or OTHER
+
+
+def commands(folder: Path) -> set[str]:
+    """The commands of those who work in a directory, as far as they have signed."""
+    return {entry["command"] for entry in _entries(folder)}
+
+
+def _entries(folder: Path) -> list[dict[str, Any]]:
+    """What the living holders have signed with."""
     with suppress(OSError, ValueError):
-        entries = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-        named = [_words(entry) for entry in entries if _alive(entry)]
-    return " and ".join(named) or OTHER
+        lines = (folder / LOCK).read_text(encoding="utf-8").splitlines()
+        return [entry for entry in map(json.loads, lines) if _alive(entry)]
+    return []
 
 
 def patient(attempt: Callable[[], Found | None], seconds: float = PATIENCE) -> Found | None:

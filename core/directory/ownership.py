@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import secrets
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..errors import Fault, InputError, RunError, TolevoError, raise_all, refuse
 from ..files import cause
-from .lock import PATIENCE, Held, Lock, acquire, holders
+from .lock import PATIENCE, Held, Lock, acquire, commands, holders
 from .manifest import MANIFEST, write_manifest
 from .names import KINDS, folders, kinds_in, known, present
 from .parts import sweep
@@ -22,7 +23,9 @@ UNCHANGED = (
     "cannot be written ({}: {}): nothing was changed; {} and run the same command again, or name "
     "another directory"
 )
-LAST = 60.0
+READY = 60.0
+"""Time [s] within which one whose result can be shared has begun or completed it."""
+LAST = 600.0
 """Time [s] to wait for the last others that share a directory."""
 
 
@@ -208,6 +211,7 @@ def _taken(folder: Path, command: str, shared: bool) -> Lock:
             return mark is not None and mark.command == command
         return False
 
+    until = time.monotonic() + READY
     while True:
         folder.mkdir(parents=True, exist_ok=True)
         try:
@@ -215,7 +219,9 @@ def _taken(folder: Path, command: str, shared: bool) -> Lock:
         except FileNotFoundError:  # its last owner had made it for nothing, and took it away
             continue
         except Held as other:
-            raise refuse("--out", f"{folder} {BUSY.format(other)}") from None
+            soon = shared and command in commands(folder) and time.monotonic() < until
+            if not soon:
+                raise refuse("--out", f"{folder} {BUSY.format(other)}") from None
 
 
 def _unmade(made: Sequence[Path]) -> None:

@@ -68,6 +68,18 @@ def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
     return Standing(command, manifest, unfinished, tuple(faults), missing, busy, seal)
 
 
+def not_whole(folder: Path) -> tuple[Fault, ...]:
+    """Why nothing is to be read from a result: it is unfinished, or not of one piece."""
+    here = standing(folder)
+    if here.unfinished is None:
+        return here.faults
+    at_work = f"{here.holders} is at work on it: wait for that" if here.holders else (
+        "end it by the same command with --resume"
+    )  # fmt: skip
+    text = f"this result of `tolevo {here.command}` is unfinished: {at_work}, or name another"
+    return (*here.faults, Fault(str(folder), text))
+
+
 def seal_of(folder: Path) -> bytes:
     """The marks of a directory as bytes."""
     found = []

@@ -6,12 +6,13 @@ import json
 import os
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tolevo.directory import MANIFEST, UNFINISHED, Ownership, holders, owned, standing
+from tolevo.directory import MANIFEST, UNFINISHED, Ownership, holders, owned, ownership, standing
 from tolevo.directory.lock import LOCK, Held, acquire, hold
 from tolevo.directory.manifest import digest, read_manifest
 from tolevo.directory.names import KINDS, kind_of
@@ -68,13 +69,13 @@ def test_the_manifest_is_the_same_for_the_same_files(out: Path, tmp_path: Path) 
     assert (tmp_path / "other" / MANIFEST).read_bytes() == (out / MANIFEST).read_bytes()
 
 
-@pytest.mark.parametrize("how", [{"overwrite": True}, {"resume": True}, {"overwrite": False}])
+@pytest.mark.parametrize(("resume", "overwrite"), [(False, True), (True, False), (False, False)])
 def test_the_second_owner_is_refused_and_nothing_is_written(
-    out: Path, how: dict[str, bool]
+    out: Path, resume: bool, overwrite: bool
 ) -> None:
     with owned(out, "gap"):
         before = content(out)
-        with pytest.raises(InputError) as caught, owned(out, "run", **how):
+        with pytest.raises(InputError) as caught, owned(out, "run", resume, overwrite):
             raise AssertionError("both have it")
         assert content(out) == before
     (fault,) = caught.value.faults
@@ -90,9 +91,11 @@ def test_an_owner_that_changes_nothing_leaves_no_trace(out: Path, tmp_path: Path
     before = content(out)
     with owned(out, "run", resume=True):
         pass
-    with pytest.raises(InputError, match="holds the result of `tolevo run`"):
-        with owned(out, "study", resume=True):
-            pass
+    with (
+        pytest.raises(InputError, match="holds the result of `tolevo run`"),
+        owned(out, "study", resume=True),
+    ):
+        pass
     assert content(out) == before
     with owned(tmp_path / "deep" / "new", "run"):
         assert (tmp_path / "deep" / "new").is_dir()
@@ -102,9 +105,11 @@ def test_an_owner_that_changes_nothing_leaves_no_trace(out: Path, tmp_path: Path
 def test_what_is_not_to_be_replaced_is_looked_for_under_the_lock(out: Path) -> None:
     """A second start whose look at the directory came before the first one's end."""
     before = content(out)
-    with pytest.raises(InputError, match="is not empty; name another directory"):
-        with owned(out, "run", overwrite=False):
-            pass
+    with (
+        pytest.raises(InputError, match="is not empty; name another directory"),
+        owned(out, "run", overwrite=False),
+    ):
+        pass
     assert content(out) == before
 
 
@@ -133,28 +138,53 @@ def test_a_lock_file_that_was_taken_away_is_no_lock(tmp_path: Path) -> None:
 # ---------------------------------------------------------------- those that share
 
 
-def test_helpers_share_and_the_last_one_completes(tmp_path: Path) -> None:
+def test_helpers_share_and_the_last_one_completes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ownership, "READY", 0.0)
     out = tmp_path / "out"
     with owned(out, "study", resume=True, shared=True) as one:
         one.begin()
         made(one, "study.sqlite")
-        with pytest.raises(InputError, match="is in use"):
-            with owned(out, "study", resume=True, shared=True):
-                pass  # not yet: the first one is still getting it ready
+        with (
+            pytest.raises(InputError, match="is in use"),
+            owned(out, "study", resume=True, shared=True),
+        ):
+            pass  # not yet: the first one is still getting it ready
         one.share()
         with owned(out, "study", resume=True, shared=True) as two:
             assert two.joined
-            with pytest.raises(InputError, match="is in use"):
-                with owned(out, "study", overwrite=True, shared=True):
-                    pass
-            with pytest.raises(InputError, match="is in use"):
-                with owned(out, "run", resume=True):
-                    pass
+            with (
+                pytest.raises(InputError, match="is in use"),
+                owned(out, "study", overwrite=True, shared=True),
+            ):
+                pass
+            with pytest.raises(InputError, match="is in use"), owned(out, "run", resume=True):
+                pass
         assert one.exclude()
         made(one, "study.csv")
         one.complete()
     assert standing(out).complete
     assert LOCK not in names(out)
+
+
+def test_a_helper_waits_until_the_first_one_is_ready(tmp_path: Path) -> None:
+    """Two that are started at the same moment with --resume, as on a cluster, both work."""
+    out, joined = tmp_path / "out", list[bool]()
+
+    def help_() -> None:
+        with owned(out, "study", resume=True, shared=True) as place:
+            joined.append(place.joined)
+
+    helper = threading.Thread(target=help_)
+    with owned(out, "study", resume=True, shared=True) as place:
+        helper.start()
+        time.sleep(0.5)  # longer than a look at the lock takes
+        assert joined == []
+        place.begin()
+        place.share()
+        helper.join()
+    assert joined == [True]
 
 
 def test_of_two_that_end_together_one_completes(tmp_path: Path) -> None:
@@ -285,9 +315,11 @@ def test_a_file_of_another_result_is_a_fault(out: Path) -> None:
     assert first.startswith(f"{out}/front.csv: is not the file that this result was completed with")
     assert second.startswith(f"{out}/choices.csv: does not belong to this result")
     assert all("remove manifest.json" in one for one in (first, second))
-    with pytest.raises(InputError, match=r"front\.csv: is not the file"):
-        with owned(out, "run", resume=True):
-            pass
+    with (
+        pytest.raises(InputError, match=r"front\.csv: is not the file"),
+        owned(out, "run", resume=True),
+    ):
+        pass
     assert LOCK not in names(out)
 
 

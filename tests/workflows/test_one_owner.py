@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import multiprocessing
 import os
@@ -53,8 +54,7 @@ population = 20
 generations = 6
 """
 NEW = ("--set", "seed=2")
-"""What the run that replaces the old one is told: a file of the one cannot be taken for the other's.
-"""
+"""What the run that replaces the old one is told, so that no file of one equals the other's."""
 RESULT = ("front.csv", "front.json", "choices.csv", "allocation.csv", "config.toml")
 """Files in which nothing depends on the clock."""
 COMMAND = """
@@ -132,6 +132,7 @@ def run_words(place: Place, out: Path, *more: object) -> list[object]:
 WAYS: tuple[tuple[str, ...], ...] = ((), ("--overwrite",), ("--resume",))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("trial", range(TRIALS))
 def test_of_two_starts_on_one_directory_one_is_refused(
     place: Place, tmp_path: Path, trial: int
@@ -170,6 +171,7 @@ def steps(place: Place, folder: Path) -> int:
     return int((folder / "count").read_text())
 
 
+@pytest.mark.long
 def test_killed_at_any_step_nothing_looks_whole_that_is_not(place: Place, tmp_path: Path) -> None:
     """`run --overwrite` by SIGKILL before one of its steps, evenly spread over all of them.
 
@@ -194,6 +196,7 @@ def test_killed_at_any_step_nothing_looks_whole_that_is_not(place: Place, tmp_pa
     assert "unfinished" in verdicts
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("trial", range(TRIALS // 2))
 def test_killed_at_any_moment(place: Place, tmp_path: Path, trial: int) -> None:
     """In the search, after so many hundredths of a second from its first state on."""
@@ -264,11 +267,14 @@ def test_report_writes_nothing_into_a_directory_in_use(place: Place, tmp_path: P
         before = {path: path.stat().st_mtime_ns for path in out.iterdir()}
         refused = tolevo("report", out)
         elsewhere = tolevo("report", out, "--out", tmp_path / "x.html")
+        drawn = tolevo("report", out, "--out", tmp_path / "x.html", "--figures", out)
         assert {path: path.stat().st_mtime_ns for path in out.iterdir()} == before
     assert refused.exit_code == 2
     assert f"report: {out} is in use by `tolevo run` (process {os.getpid()}" in refused.stderr
+    assert drawn.exit_code == 2
+    assert drawn.stderr.startswith(f"--figures: {out} is in use by")
     assert elsewhere.exit_code == 0
-    assert "is at work here, and the result is unfinished" in elsewhere.stderr
+    assert f"is complete, but `tolevo run` (process {os.getpid()} on" in elsewhere.stderr
     assert tolevo("report", out).exit_code == 0
 
 
@@ -302,16 +308,15 @@ def test_another_start_while_the_page_is_built(
     place: Place, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What was read is not written where somebody has begun anew meanwhile."""
-    from tolevo.workflows.report import report as module
-
+    module = importlib.import_module("tolevo.workflows.report.report")
     out = tmp_path / "out"
     shutil.copytree(place.old, out)
     build = module.page
 
-    def slow(*arguments: object) -> str:
+    def slow(*arguments: object) -> object:
         with owned(out, "run") as other:
             other.begin(keep=("config.toml",))
-        return build(*arguments)  # type: ignore[arg-type]
+        return build(*arguments)
 
     monkeypatch.setattr(module, "page", slow)
     refused = tolevo("report", out)

@@ -20,10 +20,10 @@ COLUMNS = ["generation", "evaluations", "seconds", "hypervolume", "feasible_frac
 
 def remark_of(here: Standing) -> str:
     """What is said of a directory that is not finished, or in use; empty for others."""
-    if here.holders:
-        return f"is missing: {here.holders} is at work here, and the result is unfinished"
     if here.unfinished is None:
-        return ""
+        return f"is complete, but {here.holders} is at work here" if here.holders else ""
+    if here.holders:
+        return f"is missing: this result is unfinished, {here.holders} is at work on it"
     return (f"is missing: this result of `tolevo {here.command}` is unfinished; run the same "
             "command with --resume to go on")  # fmt: skip
 

@@ -15,7 +15,7 @@ from ..study.execution import Executor
 from ..study.execution.executor import Lost
 from .plan import ClaimsProgress, ReproduceOutcome, ReproducePlan
 from .result import assembled, lines
-from .storage import files_of, holds_another, keep, kept
+from .storage import all_kept, files_of, holds_another, keep
 from .task import Checked, ClaimTask, check
 from .write import write
 
@@ -51,9 +51,7 @@ def _reproduce(
     tasks, out = tuple(tasks_of(plan)), place.folder
     if resume and holds_another(place):
         raise refuse("--resume", f"{out} holds no claims: name the directory of a reproduction")
-    known = {}
-    if resume:
-        known = {task.key: found for task in tasks if (found := kept(out, task)) is not None}
+    known = all_kept(out, tasks) if resume else {}
     begin = len(known)
     place.begin(keep=files_of(out, (task for task in tasks if task.key in known)))
     try:

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 
 from ...claim_records import ComputedTable
 from ...directory import Ownership
-from ...errors import refuse
+from ...errors import Fault, InputError, raise_all, refuse
 from ...files import write_text
 from ...sealed import loads, sealed_record, unsealed_record
 from .task import Checked, ClaimTask
@@ -49,8 +49,22 @@ def kept(folder: Path, task: ClaimTask) -> Checked | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError) as error:
-        text = f"cannot be read: {error}; remove it to have the claim checked again"
+        text = f"cannot be read: {error}; remove it, or start again with --overwrite"
         raise refuse(str(path), text) from error
+
+
+def all_kept(folder: Path, tasks: Iterable[ClaimTask]) -> dict[str, Checked]:
+    """Every claim that was checked before, by its key. Raises InputError with all damaged ones."""
+    found, faults = dict[str, Checked](), list[Fault]()
+    for task in tasks:
+        try:
+            checked = kept(folder, task)
+        except InputError as error:
+            faults += error.faults
+        else:
+            found |= {} if checked is None else {task.key: checked}
+    raise_all(faults)
+    return found
 
 
 def files_of(folder: Path, tasks: Iterable[ClaimTask]) -> list[str]:
