@@ -16,7 +16,8 @@ from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
 from tolevo.configuration.study import read_study
-from tolevo.directory import MANIFEST, owned
+from tolevo.directory import MANIFEST
+from tolevo.directory.unfinished import write_unfinished
 from tolevo.errors import InputError
 from tolevo.workflows.reproduce.calculations.ga_settings import GaSettings
 from tolevo.workflows.study import study
@@ -233,8 +234,7 @@ def test_runs_are_not_taken_from_a_study_that_is_not_whole(database: Path) -> No
     (folder / "study.csv").write_text("point\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"study\.csv: is not the file that this result was"):
         GaSettings().compute(own, np.random.default_rng(0))
-    with pytest.raises(RuntimeError), owned(folder, "study") as place:
-        place.begin(keep=("study.csv",))
-        raise RuntimeError("killed")
+    (folder / MANIFEST).unlink()
+    write_unfinished(folder, "study", "of one that was killed")
     with pytest.raises(InputError, match="this result of `tolevo study` is unfinished: end it"):
         GaSettings().compute(own, np.random.default_rng(0))
