@@ -1,4 +1,8 @@
-"""The file from which a broken search goes on: arrays in one .npz, whole, never a pickle."""
+"""The file from which a broken search goes on: arrays in one .npz, whole, never a pickle.
+
+Behind them stands the digest of the whole file. It is looked at before anything else, so that a
+damaged file is refused whatever the damage would have led to.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +20,10 @@ from numpy.typing import NDArray
 
 from ..errors import refuse
 from ..files import write_bytes
+from ..sealed import sealed, unsealed
 
 State = dict[str, NDArray[Any]]
-FORMAT = 1
+FORMAT = 2
 EVERY = 2.0
 """Least time between two saved states [s]."""
 
@@ -42,7 +47,7 @@ class Checkpoint:
     def read(cls, path: Path, every: float = EVERY) -> Checkpoint:
         """What `write` wrote. Raises InputError where the file is none of ours."""
         try:
-            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
+            with np.load(io.BytesIO(unsealed(path.read_bytes())), allow_pickle=False) as file:
                 content = {key: file[key] for key in file.files}
             if int(content["format"]) != FORMAT:
                 raise ValueError(f"format {content['format']}, expected {FORMAT}")
@@ -51,8 +56,9 @@ class Checkpoint:
             for at, name in enumerate(content["tables"].tolist()):
                 found.tables[name] = _table(content, f"table.{at}.")
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-            text = f"cannot be read ({error}): start again with --overwrite"
-            raise refuse(str(path), text) from error
+            raise refuse(
+                str(path), f"cannot be read: {error}; start again with --overwrite"
+            ) from error
         prefix = "state."
         found._state = {k[len(prefix) :]: v for k, v in content.items() if k.startswith(prefix)}
         return found
@@ -101,7 +107,7 @@ class Checkpoint:
         file = io.BytesIO()
         np.savez(file, allow_pickle=False, **content)
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(self.path, file.getvalue())
+        write_bytes(self.path, sealed(file.getvalue()))
 
 
 def _arrays(table: pd.DataFrame, prefix: str) -> State:

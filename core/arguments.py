@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .counts import too_many_workers
+from .directory import OCCUPIED, busy_faults, occupied
 from .errors import Fault
 from .files import unwritable
 
@@ -13,12 +14,26 @@ TABLES = (".csv", ".txt", ".parquet", ".pq", "")
 """Endings of tables that can be written."""
 
 
-def directory_faults(out: Path, replace: bool) -> list[Fault]:
-    """A directory that cannot be written, or that holds something and is not to be used."""
+def start_faults(
+    out: Path, workers: int | None, resume: bool, overwrite: bool, shared: bool = False
+) -> list[Fault]:
+    """Faults of what a command that writes a directory is started with.
+
+    Where the result may be `shared`, one that resumes it helps those at work.
+    """
+    faults = directory_faults(out, overwrite or resume, busy=not (shared and resume))
+    return faults + choice_faults(workers, resume, overwrite)
+
+
+def directory_faults(out: Path, replace: bool, busy: bool = True) -> list[Fault]:
+    """A directory that cannot be written, that others work in (where `busy` looks for them), or
+    that holds something and is not to be used.
+    """
     faults = unwritable(out, "--out")
-    if not faults and not replace and out.is_dir() and any(out.iterdir()):
-        text = f"{out} is not empty; name another directory, or add --overwrite or --resume"
-        faults.append(Fault("--out", text))
+    if busy and not faults:
+        faults = busy_faults(out, "--out")
+    if not faults and not replace and occupied(out):
+        faults.append(Fault("--out", OCCUPIED.format(out)))
     return faults
 
 
@@ -54,14 +69,25 @@ def file_faults(out: Path, source: Path) -> list[Fault]:
     return faults
 
 
-def page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
-    """Directories that are not there, or a page that cannot be written."""
+def page_faults(
+    folders: Sequence[Path], out: Path | None, figures: Path | None = None
+) -> list[Fault]:
+    """Directories that are not there, or a page or figures that cannot be written."""
+    drawn = [] if figures is None else busy_faults(figures, "--figures")
+    if figures is not None and not drawn:
+        drawn = unwritable(figures, "--figures")
+    return _page_faults(folders, out) + drawn
+
+
+def _page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
     faults = [Fault(str(one), "is not a directory" if one.exists() else "does not exist")
               for one in folders if not one.is_dir()]  # fmt: skip
     if len(folders) > 1 and len(faults) < len(folders):
         faults = []  # what is there is compared, and the rest is said
+    if out is None and len(folders) == 1:
+        return faults or busy_faults(folders[0], "report") or unwritable(folders[0], "--out")
     if out is None:
-        return faults or unwritable(folders[0] if len(folders) == 1 else Path(), "--out")
+        return faults or unwritable(Path(), "--out")
     if out.is_dir():
         return [*faults, Fault("--out", f"{out} is a directory; name a file")]
     if out.suffix.lower() not in (".html", ".htm"):

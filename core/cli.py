@@ -10,18 +10,21 @@ from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
 
 import typer
 
-from .arguments import choice_faults, directory_faults, file_faults, page_faults
+from .arguments import file_faults, page_faults, start_faults
 from .counts import forced
 from .ending import INTERRUPTED, exit_status
 from .errors import Fault, InputError, raise_all
-from .files import unwritable
 
 if TYPE_CHECKING:
     from .configuration import Configuration
     from .workflows.gap import GapPlan
     from .workflows.gap.data import GapData
-    from .workflows.reproduce.plan import ReproducePlan
-    from .workflows.study import StudyPlan
+    from .workflows.gap.gap import GapOutcome
+    from .workflows.reproduce.plan import ReproduceOutcome, ReproducePlan
+    from .workflows.run import RunOutcome
+    from .workflows.study import StudyOutcome, StudyPlan
+
+    Outcome = RunOutcome | GapOutcome | StudyOutcome | ReproduceOutcome
 
 WORKERS = min(4, os.cpu_count() or 1)
 """Default of --workers."""
@@ -76,11 +79,10 @@ def run(
 ) -> None:
     """Run one optimisation: from a configuration to a Pareto front."""
     with exit_status(), forced(force):
-        faults = directory_faults(out, overwrite or resume)
-        faults += choice_faults(workers, resume, overwrite)
+        faults = start_faults(out, workers, resume, overwrite)
         configuration = _collected(lambda: _search_of(config, set_), faults)
         raise_all(faults)
-        status = _run(configuration, out, workers, quiet, resume)
+        status = _run(configuration, out, workers, quiet, resume, overwrite)
     raise typer.Exit(status)
 
 
@@ -98,10 +100,9 @@ def gap(
 ) -> None:
     """Find where model and measurement disagree, name the missing effect, correct the model."""
     with exit_status(), forced(force):
-        faults = directory_faults(out, overwrite or resume)
-        faults += choice_faults(workers, resume, overwrite)
+        faults = start_faults(out, workers, resume, overwrite)
         plan, readings = _gap_input(config, data, set_, faults)
-        status = _gap(plan, readings, out, workers, quiet, resume)
+        status = _gap(plan, readings, out, workers, quiet, resume, overwrite)
     raise typer.Exit(status)
 
 
@@ -126,21 +127,20 @@ def _gap_input(
     return plan, readings
 
 
-def _gap(plan: GapPlan, data: GapData, out: Path, workers: int, quiet: bool, resume: bool) -> int:
+def _gap(
+    plan: GapPlan, data: GapData, out: Path, workers: int, quiet: bool, resume: bool, replace: bool
+) -> int:
     from .progress import shown_gap
     from .workflows.gap.gap import gap
 
     with shown_gap(quiet) as progress:
-        outcome = gap(plan, data, out, workers, progress, resume)
-    for line in outcome.lines:
-        typer.echo(line, err=outcome.status != "done")
-    page = out / "report.html"
-    if outcome.status == "done" and page.is_file():
-        typer.echo(f"page: {page}")
-    return STATUS[outcome.status]
+        outcome = gap(plan, data, out, workers, progress, resume, replace)
+    return _ended(outcome, out)
 
 
-def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, resume: bool) -> int:
+def _run(
+    configuration: Configuration, out: Path, workers: int, quiet: bool, resume: bool, replace: bool
+) -> int:
     from .progress import shown
     from .workflows.run import RunPlan, run
 
@@ -161,13 +161,8 @@ def _run(configuration: Configuration, out: Path, workers: int, quiet: bool, res
         for warning in configuration.problem.warnings():
             typer.echo(f"warning: {warning}", err=True)
     with shown(quiet) as progress:
-        outcome = run(plan, out, workers, progress, resume)
-    for line in outcome.lines:
-        typer.echo(line, err=outcome.status != "done")
-    page = out / "report.html"
-    if page.is_file():
-        typer.echo(f"page: {page}")
-    return STATUS[outcome.status]
+        outcome = run(plan, out, workers, progress, resume, replace)
+    return _ended(outcome, out)
 
 
 @app.command()
@@ -188,17 +183,18 @@ def study(
     with exit_status(), forced(force):
         from .configuration.study import read_study
 
-        faults = directory_faults(out, overwrite or resume)
-        faults += choice_faults(workers, resume, overwrite)
+        faults = start_faults(out, workers, resume, overwrite, shared=True)
         if dask and workers is not None:
             faults.append(Fault("--dask", "has workers of its own; leave out --workers"))
         plan = _collected(lambda: read_study(config, set_), faults)
         raise_all(faults)
-        status = _study(plan, out, workers or WORKERS, dask, quiet, resume)
+        status = _study(plan, out, workers or WORKERS, dask, quiet, resume, overwrite)
     raise typer.Exit(status)
 
 
-def _study(plan: StudyPlan, out: Path, workers: int, dask: str, quiet: bool, resume: bool) -> int:
+def _study(
+    plan: StudyPlan, out: Path, workers: int, dask: str, quiet: bool, resume: bool, replace: bool
+) -> int:
     from .progress import shown_study
     from .workflows.study import executor_of, study
 
@@ -207,13 +203,8 @@ def _study(plan: StudyPlan, out: Path, workers: int, dask: str, quiet: bool, res
         for warning in plan.warnings:
             typer.echo(f"warning: {warning}", err=True)
     with shown_study(quiet) as progress:
-        outcome = study(plan, out, executor, progress, resume)
-    for line in outcome.lines:
-        typer.echo(line, err=outcome.status != "done")
-    page = out / "report.html"
-    if outcome.status == "done" and page.is_file():
-        typer.echo(f"page: {page}")
-    return STATUS[outcome.status]
+        outcome = study(plan, out, executor, progress, resume, replace)
+    return _ended(outcome, out)
 
 
 @app.command()
@@ -234,25 +225,32 @@ def reproduce(
     with exit_status(), forced(force):
         from .configuration.claims import read_claims
 
-        faults = directory_faults(out, overwrite or resume)
-        faults += choice_faults(workers, resume, overwrite)
+        faults = start_faults(out, workers, resume, overwrite)
         plan = _collected(lambda: read_claims(claims or (), set_), faults)
         raise_all(faults)
-        status = _reproduce(plan, out, workers, quiet, resume)
+        status = _reproduce(plan, out, workers, quiet, resume, overwrite)
     raise typer.Exit(status)
 
 
-def _reproduce(plan: ReproducePlan, out: Path, workers: int, quiet: bool, resume: bool) -> int:
+def _reproduce(
+    plan: ReproducePlan, out: Path, workers: int, quiet: bool, resume: bool, replace: bool
+) -> int:
     from .progress import shown_claims
     from .workflows.reproduce.reproduce import reproduce
     from .workflows.study.execution import executor_of
 
     with shown_claims(quiet) as progress:
-        outcome = reproduce(plan, out, executor_of(workers), progress, resume)
+        outcome = reproduce(plan, out, executor_of(workers), progress, resume, replace)
+    return _ended(outcome, out)
+
+
+def _ended(outcome: Outcome, out: Path) -> int:
+    """Say how a command ended, and where its page is; the exit status."""
     for line in outcome.lines:
         typer.echo(line, err=outcome.status != "done")
-    if outcome.status == "done":
-        typer.echo(f"page: {out / 'report.html'}")
+    page = out / "report.html"
+    if page.is_file():
+        typer.echo(f"page: {page}")
     return STATUS[outcome.status]
 
 
@@ -322,9 +320,7 @@ def report(
 ) -> None:
     """Build the page of a result again, or compare several runs."""
     with exit_status():
-        raise_all(
-            [*page_faults(folders, out), *(unwritable(figures, "--figures") if figures else ())]
-        )
+        raise_all(page_faults(folders, out, figures))
         from .workflows.report import report as built
 
         found = built(folders, out, figures)

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import typer
 
 from .errors import TolevoError
+from .files import cause
 
 INTERRUPTED = 130
 
@@ -32,5 +33,13 @@ def exit_status() -> Iterator[None]:
         typer.echo("interrupted: nothing more is written", err=True)
         raise typer.Exit(INTERRUPTED) from None
     except OSError as error:
-        typer.echo(f"failed: {error}", err=True)
+        typer.echo(f"failed: {_told(error)}", err=True)
         raise typer.Exit(1) from None
+
+
+def _told(error: OSError) -> str:
+    """What an error of the system means for the file that was to be written."""
+    why = cause(error)
+    if why is None or not error.filename:
+        return str(error)
+    return f"{error.filename} cannot be written: {why[0]}; what was there is kept; {why[1]}"

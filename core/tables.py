@@ -17,7 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from .errors import Fault, InputError, nearest, raise_all, refuse
-from .files import write_text, write_with
+from .files import clear_parts, write_bytes, write_text
 
 SHOWN = 100
 """Bad cells of one column that are named; the rest is counted."""
@@ -50,8 +50,9 @@ def formed(path: Path, place: str) -> tuple[pd.DataFrame | None, list[Fault]]:
 
 def write(frame: pd.DataFrame, path: Path) -> None:
     """Write CSV or, by the suffix, Parquet; the index is left out."""
+    clear_parts(path)
     if path.suffix.lower() in PARQUET:
-        write_with(path, lambda part: frame.to_parquet(part, index=False))
+        write_bytes(path, frame.to_parquet(index=False))
     else:
         write_text(path, frame.to_csv(index=False, lineterminator="\n"))
 

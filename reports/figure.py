@@ -28,7 +28,9 @@ def front_figure(result: RunResult) -> Figure:
     if axes.get_legend_handles_labels()[0]:
         axes.legend(frameon=False, fontsize="small")
     else:
-        axes.text(0.5, 0.5, "no feasible point", ha="center", transform=axes.transAxes)
+        unfinished = result.summary.get("status") == "unfinished"
+        words = "no front yet" if unfinished else "no feasible point"
+        axes.text(0.5, 0.5, words, ha="center", transform=axes.transAxes)
     plain(axes)
     return figure
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import registry
+from ..directory import kind_of, standing
 from ..errors import Fault, InputError
 from ..section import Section
 from .configuration import Configuration
@@ -32,8 +33,8 @@ def read_run(top: Section, model: str, table: Mapping[str, Any], folder: Path) -
 
 
 def _read(top: Section, model: str, path: Path) -> dict[str, Any]:
-    faults: list[Fault] = []
-    table = load(path, faults)
+    faults = mixed(path)
+    table = load(path, faults) if not faults else None
     if table is None:
         top.fault("run", "; ".join(f"{one.place} {one.message}" for one in faults))
         return {}
@@ -48,6 +49,15 @@ def _read(top: Section, model: str, path: Path) -> dict[str, Any]:
     else:
         _check(top, model, found)
     return table
+
+
+def mixed(path: Path) -> list[Fault]:
+    """Faults of the result whose file this is, where the set there is not of one piece."""
+    if not kind_of(path.parent):
+        return []
+    here = standing(path.parent)
+    named = here.manifest is None or path.name in here.manifest.files
+    return list(here.faults) if named else []
 
 
 def _check(top: Section, model: str, run: Configuration) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -19,6 +20,7 @@ from tolevo.algorithms.settings import AlgorithmSettings, Budget
 from tolevo.errors import InputError
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
+from tolevo.sealed import sealed
 
 SMALL = Settings(
     propagation=PropagationSetting(method="moments"),
@@ -174,8 +176,16 @@ def test_tables_come_back_as_they_were(tmp_path: Path) -> None:
 def test_a_broken_file_is_named(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "checkpoint.npz"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=r"checkpoint.npz: cannot be read .* --overwrite"):
+    with pytest.raises(InputError, match=r"checkpoint.npz: cannot be read: .* --overwrite"):
         Checkpoint.read(path)
-    np.savez(path, format=np.array(99))
-    with pytest.raises(InputError, match="format 99, expected 1"):
+
+
+def test_a_file_of_another_format_is_named(tmp_path: Path) -> None:
+    path, file = tmp_path / "checkpoint.npz", io.BytesIO()
+    np.savez(file, format=np.array(99))
+    path.write_bytes(sealed(file.getvalue()))
+    with pytest.raises(InputError, match="cannot be read: format 99, expected 2"):
+        Checkpoint.read(path)
+    path.write_bytes(file.getvalue())  # as earlier versions wrote it
+    with pytest.raises(InputError, match="of another version: it does not end with its digest"):
         Checkpoint.read(path)

@@ -44,7 +44,9 @@ def tolevo(*arguments: object) -> Result:
 def fake_run(monkeypatch: pytest.MonkeyPatch, status: str) -> list[Any]:
     plans: list[Any] = []
 
-    def run(plan: Any, out: Path, workers: int, progress: Any, resume: bool) -> Any:
+    def run(
+        plan: Any, out: Path, workers: int, progress: Any, resume: bool, overwrite: bool
+    ) -> Any:
         plans.append(SimpleNamespace(plan=plan, workers=workers, progress=progress, resume=resume))
         if progress is not None:
             progress(Progress(1, 2, 8, None, 0.5, 0.5, 0.25, 1.0))

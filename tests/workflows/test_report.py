@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
+from tolevo.directory import MANIFEST
 from tolevo.records import Axis, RunResult
 from tolevo.workflows.report.comparison import compared
 
@@ -58,8 +59,15 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def run(whole: Path, tmp_path: Path) -> Path:
+def complete(whole: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(whole, tmp_path / "run"))
+
+
+@pytest.fixture
+def run(complete: Path) -> Path:
+    """As earlier versions left it: without a manifest, whatever is there is shown."""
+    (complete / MANIFEST).unlink()
+    return complete
 
 
 def rebuilt(run: Path) -> tuple[str, str]:
@@ -70,9 +78,9 @@ def rebuilt(run: Path) -> tuple[str, str]:
     return (run / "report.html").read_text(encoding="utf-8"), result.stderr
 
 
-def test_a_whole_directory_gives_the_same_page(run: Path) -> None:
-    before = (run / "report.html").read_text(encoding="utf-8")
-    after, warned = rebuilt(run)
+def test_a_whole_directory_gives_the_same_page(complete: Path) -> None:
+    before = (complete / "report.html").read_text(encoding="utf-8")
+    after, warned = rebuilt(complete)
     assert warned == ""
     assert after == before
 
@@ -109,9 +117,9 @@ def test_an_edited_table_is_named_with_what_is_wrong(run: Path) -> None:
         ("front.csv", "front.parquet: is shown in place of front.csv"),
     ],
 )
-def test_what_is_left_of_a_directory_is_shown(run: Path, name: str, words: str) -> None:
-    (run / name).unlink()
-    page, warned = rebuilt(run)
+def test_what_is_left_of_a_directory_is_shown(complete: Path, name: str, words: str) -> None:
+    (complete / name).unlink()
+    page, warned = rebuilt(complete)
     assert words in warned
     assert 'id="explorer"' in page
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from ...directory import owned
 from ...gap_records import GapResult
 from ...records import Axis
 from .analysis import Analysis, analysed
@@ -64,23 +65,27 @@ def gap(
     workers: int = 1,
     progress: Tell | None = None,
     resume: bool = False,
+    overwrite: bool = True,
 ) -> GapOutcome:
     """Find, name and close the gap between `plan`'s model and `data`, into `out`.
 
     The result does not depend on `workers`. With `resume`, `out` may hold the same analysis: the
     replicates of its bootstrap that have ended are not made again; one that has ended is only read.
-    Raises InputError where the data are outside of the model's range; nothing is written then.
+    Raises InputError where the data are outside of the model's range, or `out` has another owner;
+    nothing is written then.
     """
     identity = identity_of(plan, data)
-    if resume and is_whole(out, identity):
-        return GapOutcome("done", out, (*summary_of(out), f"{out} was whole already"))
-    kept = opened(out, identity, resume)
-    try:
-        result = found(plan, data, workers, progress, kept)
-        lines = _lines(result)
-        write(result, out, lines)
-    except KeyboardInterrupt:
-        return GapOutcome("interrupted", out, (_saved(kept, plan),))
+    with owned(out, "gap", resume, overwrite) as place:
+        if resume and is_whole(place, identity):
+            return GapOutcome("done", out, (*summary_of(out), f"{out} was whole already"))
+        kept = opened(place, identity, resume)
+        try:
+            result = found(plan, data, workers, progress, kept)
+            lines = _lines(result)
+            write(result, out, lines)
+            place.complete()
+        except KeyboardInterrupt:
+            return GapOutcome("interrupted", out, (_saved(kept, plan),))
     return GapOutcome("done", out, lines, result)
 
 

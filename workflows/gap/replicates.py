@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from ...directory import MANIFEST, Ownership
 from ...errors import Fault, raise_all, refuse
 from ...files import write_text
+from ...sealed import digest_of, loads, sealed_record, unsealed_record
 from ...section import flat
 from .data import GapData
 from .plan import GapPlan
 
 FILE = "replicates.jsonl"
+CONFIGURATION = "config.toml"
 WHOLE = "gap.json"
 """Written last: where it is, the analysis has ended."""
 BUDGET = "settings.bootstrap"
@@ -42,19 +45,25 @@ def identity_of(plan: GapPlan, data: GapData) -> Identity:
 class Replicates:
     """What replicates named, by number; kept in `path` where there is one."""
 
-    def __init__(self, path: Path | None = None, identity: Identity | None = None) -> None:
+    def __init__(
+        self,
+        path: Path | None = None,
+        identity: Identity | None = None,
+        retire: Callable[[], None] = lambda: None,
+    ) -> None:
         self.path = path
         self.identity = identity
         self.found: dict[int, Replicate] = {}
+        self._retire = retire
 
     def begin(self) -> None:
-        """Write whose they are, and those that are known already; an older ending is removed."""
+        """Retire an older result, then write whose they are, and those that are known already."""
         if self.path is None or self.identity is None:
             return
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        (self.path.parent / WHOLE).unlink(missing_ok=True)
-        lines = [json.dumps(asdict(self.identity))]
-        lines += [_line(number, one) for number, one in sorted(self.found.items())]
+        self._retire()
+        write_text(self.path.with_name(CONFIGURATION), self.identity.configuration)
+        lines = [_head(self.identity)]
+        lines += [self._line(number, one) for number, one in sorted(self.found.items())]
         write_text(self.path, "".join(f"{line}\n" for line in lines))
 
     def keep(self, found: Mapping[int, Replicate]) -> None:
@@ -62,21 +71,29 @@ class Replicates:
         self.found |= found
         if self.path is not None:
             with self.path.open("a", encoding="utf-8") as file:
-                file.write("".join(f"{_line(at, one)}\n" for at, one in found.items()))
+                file.write("".join(f"{self._line(at, one)}\n" for at, one in found.items()))
                 file.flush()
 
     def missing(self, count: int) -> list[int]:
         """Numbers of those that have not ended, out of so many."""
         return [number for number in range(count) if number not in self.found]
 
+    def _line(self, number: int, one: Replicate) -> str:
+        """A replicate with its digest, by which it belongs to this analysis alone."""
+        assert self.identity is not None
+        record = {"number": number, "effects": one}
+        return json.dumps(sealed_record(record, of=_name(self.identity)))
 
-def opened(folder: Path, identity: Identity, resume: bool) -> Replicates:
-    """Those of an analysis into `folder`: none, or with `resume` those that it holds.
+
+def opened(place: Ownership, identity: Identity, resume: bool) -> Replicates:
+    """Those of an analysis into a directory: none, or with `resume` those that it holds.
 
     Raises InputError where what it holds is not the same analysis, or none.
     """
-    new = Replicates(folder / FILE, identity)
-    if not resume or not folder.is_dir() or not any(folder.iterdir()):
+    folder = place.folder
+    keep = (CONFIGURATION, FILE) if resume else (CONFIGURATION,)
+    new = Replicates(folder / FILE, identity, lambda: place.begin(keep))
+    if not resume or place.blank:
         return new
     if not (folder / FILE).is_file():
         text = f"{folder} holds no {FILE} of an analysis; name another directory, or --overwrite"
@@ -86,26 +103,42 @@ def opened(folder: Path, identity: Identity, resume: bool) -> Replicates:
     return new
 
 
-def is_whole(folder: Path, identity: Identity) -> bool:
-    """Whether `folder` holds this analysis, ended."""
-    files = (folder / FILE, folder / WHOLE)
-    return all(one.is_file() for one in files) and _read(files[0])[0] == identity
+def is_whole(place: Ownership, identity: Identity) -> bool:
+    """Whether a directory holds this analysis, ended; one without a manifest is of an earlier
+    version.
+    """
+    files = (place.folder / FILE, place.folder / WHOLE)
+    if place.standing.unfinished is not None or not all(one.is_file() for one in files):
+        return False
+    if (place.folder / MANIFEST).exists() and not place.standing.complete:
+        return False
+    return _read(files[0])[0] == identity
 
 
-def _line(number: int, one: Replicate) -> str:
-    return json.dumps({"number": number, "effects": one})
+def _head(identity: Identity) -> str:
+    """The first line: whose the others are."""
+    return json.dumps(sealed_record(asdict(identity)))
+
+
+def _name(identity: Identity) -> str:
+    return digest_of(asdict(identity))
 
 
 def _read(path: Path) -> tuple[Identity, dict[int, Replicate]]:
     """Whose they are, and all whole lines; the last one may have been cut."""
-    lines = path.read_text(encoding="utf-8").split("\n")
+    place = str(path)
     try:
-        identity = Identity(**json.loads(lines[0]))
-        rows = [json.loads(line) for line in lines[1:-1]]
-        return identity, {int(row["number"]): row["effects"] for row in rows}
-    except (ValueError, TypeError, KeyError) as error:
-        text = f"{path} is damaged ({error}); start again with --overwrite"
-        raise refuse("--resume", text) from None
+        first, *lines = path.read_bytes().decode("utf-8").split("\n")
+        identity = Identity(**unsealed_record(loads(first)))
+        name, found = _name(identity), dict[int, Replicate]()
+        for number, line in enumerate(lines[:-1], start=2):
+            place = f"{path}, line {number}"
+            row = unsealed_record(loads(line), of=name)
+            found[int(row["number"])] = row["effects"]
+    except (ValueError, TypeError, KeyError, OSError) as error:
+        text = f"cannot be read: {error}; start again with --overwrite"
+        raise refuse(place, text) from None
+    return identity, found
 
 
 def _faults(old: Identity, new: Identity) -> list[Fault]:

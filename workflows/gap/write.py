@@ -8,7 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from ...files import write_bytes, write_text, write_with
+from ...files import write_bytes, write_text
 from ...gap_records import FoundEffect, GapResult, Region, Rival
 from ...reports.drawing import as_png, as_svg
 from ...reports.gap.page import figures, gap_page
@@ -16,7 +16,6 @@ from .. import page_data
 from ..run.write import as_json
 
 SUMMARY = "summary.txt"
-KINDS = ("residuals_", "spectrum_", "distribution_", "path.", "next_measurement.")
 POINTS = "next_measurement.csv"
 
 
@@ -25,19 +24,12 @@ def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "config.toml", result.configuration)
     write_text(folder / "corrected.toml", result.corrected)
-    write_with(folder / "residuals.parquet",
-               lambda path: result.residuals.to_parquet(path, index=False))  # fmt: skip
-    if result.next_points is None:
-        (folder / POINTS).unlink(missing_ok=True)
-    else:
+    write_bytes(folder / "residuals.parquet", result.residuals.to_parquet(index=False))
+    if result.next_points is not None:
         write_text(folder / POINTS, result.next_points.to_csv(index=False))
-    drawn = figures(result)
-    for name, figure in drawn.items():
+    for name, figure in figures(result).items():
         write_bytes(folder / f"{name}.png", as_png(figure))
         write_bytes(folder / f"{name}.svg", as_svg(figure))
-    for old in (*folder.glob("*.png"), *folder.glob("*.svg")):
-        if old.stem not in drawn and old.name.startswith(KINDS):
-            old.unlink()  # of another analysis that was here
     write_text(folder / "report.html", gap_page(result))
     write_text(folder / SUMMARY, "".join(f"{line}\n" for line in lines))
     write_text(folder / page_data.NAME, page_data.dumped(result))

@@ -10,7 +10,9 @@ from typing import Any, NamedTuple
 from matplotlib.figure import Figure
 
 from ...claim_records import ClaimsResult
-from ...errors import Fault, raise_all
+from ...directory import BUSY, seal_of
+from ...directory.lock import Held, acquire
+from ...errors import Fault, raise_all, refuse
 from ...files import write_bytes, write_text
 from ...gap_records import GapResult
 from ...records import RunResult, StudyResult
@@ -19,20 +21,15 @@ from ...reports.comparison.figure import comparison_figure
 from ...reports.drawing import as_png, as_svg
 from ...reports.figures import figures as run_figures
 from ...reports.page import page
+from ...reports.unfinished import unfinished_page
 from .. import page_data
 from .comparison import compared
 from .stored import Stored
 from .stored_run import stored_run
+from .unfinished import facts
 
 PAGE = "report.html"
 COMPARISON = "comparison.html"
-MARKS: Mapping[str, tuple[str, ...]] = {
-    "gap": ("gap.json", "residuals.parquet", "corrected.toml"),
-    "study": ("study.json", "study.csv", "study.sqlite", "medians.csv"),
-    "reproduce": ("claims.csv", "claims.json"),
-    "run": ("summary.json", "front.csv", "front.parquet", "convergence.csv"),
-}
-"""Files that tell what a directory holds, the most telling kinds first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +46,12 @@ def report(folders: Sequence[Path], out: Path | None = None, figures: Path | Non
 
     With `figures` those of the page are written there too, as PNG and SVG.
 
-    What is missing or wrong in a directory is said in the remarks, and the rest is built. Raises
-    InputError where nothing can be built.
+    What is missing or wrong in a directory is said in the remarks, and the rest is built; what is
+    unfinished is shown as such. Raises InputError where nothing can be built, where a set of files
+    is not of one piece, or where the page would go into a directory that another process works in.
     """
     if len(folders) == 1:
-        return _single(folders[0], out or folders[0] / PAGE, figures)
+        return _single(folders[0], out, figures)
     return _several(folders, out or Path(COMPARISON), figures)
 
 
@@ -65,21 +63,58 @@ def _draw(drawn: Mapping[str, Figure], folder: Path | None) -> None:
             write_bytes(folder / f"{name}.svg", as_svg(figure))
 
 
-def kind_of(folder: Path) -> str:
-    """What a directory holds: one of `MARKS`, empty where it is none."""
-    held = (kind for kind, names in MARKS.items() if any((folder / n).is_file() for n in names))
-    return next(held, "")
-
-
-def _single(folder: Path, out: Path, figures: Path | None) -> Report:
-    stored, kind = Stored(folder), kind_of(folder)
-    result = stored_run(stored) if kind == "run" else _from_page_data(stored, kind)
-    if result is None:
+def _single(folder: Path, out: Path | None, figures: Path | None) -> Report:
+    stored = Stored(folder)
+    raise_all(stored.standing.faults)
+    kind = stored.standing.command
+    result = _result(stored, kind)
+    if result is None and not stored.unfinished:
         raise_all(_faults(folder, kind, stored.remarks))
+    stored.missing()
+    remarks = tuple(stored.remarks)
+    if result is None:
+        said = facts(folder, stored.standing)
+        _write(stored, out, unfinished_page(folder.resolve().name, kind, said, remarks))
+        return Report(out or folder / PAGE, remarks)
     _, build, draw = _pages()[kind]
-    write_text(out, build(result, tuple(stored.remarks)))
+    _write(stored, out, build(result, remarks))
     _draw(draw(result), figures)
-    return Report(out, tuple(stored.remarks))
+    return Report(out or folder / PAGE, remarks)
+
+
+def _result(stored: Stored, kind: str) -> Any:
+    """The result that a directory holds, as far as it is there; None where there is nothing."""
+    mark = stored.standing.unfinished
+    if mark is not None and mark.retiring:
+        return None
+    return stored_run(stored) if kind == "run" else _from_page_data(stored, kind)
+
+
+def _write(stored: Stored, out: Path | None, text: str) -> None:
+    """Write the page: into the directory itself only while nobody else works there.
+
+    Raises InputError where that is so, or where the result has changed since it was read.
+    """
+    folder = stored.folder
+    if out is not None:
+        _check_unchanged(stored)
+        write_text(out, text)
+        return
+    try:
+        lock = acquire(folder, "report")
+    except Held as other:
+        raise refuse("report", f"{folder} {BUSY.format(other)}; or name a page by --out") from None
+    try:
+        _check_unchanged(stored)
+        write_text(folder / PAGE, text)
+    finally:
+        lock.release()
+
+
+def _check_unchanged(stored: Stored) -> None:
+    if seal_of(stored.folder) != stored.standing.seal:
+        text = f"{stored.folder} was written to while it was read; run the command again"
+        raise refuse("report", text)
 
 
 def _from_page_data(stored: Stored, kind: str) -> Any:
@@ -147,9 +182,12 @@ def _faults(folder: Path, kind: str, remarks: Sequence[str]) -> list[Fault]:
 def _several(folders: Sequence[Path], out: Path, figures: Path | None) -> Report:
     runs: dict[str, RunResult] = {}
     remarks: list[str] = []
-    for label, folder in zip(_labels(folders), folders, strict=True):
-        stored, kind = Stored(folder), kind_of(folder)
-        result = stored_run(stored) if kind == "run" else None
+    held = [Stored(folder) for folder in folders]
+    raise_all([fault for stored in held for fault in stored.standing.faults])
+    for label, stored in zip(_labels(folders), held, strict=True):
+        folder, kind = stored.folder, stored.standing.command
+        result = _result(stored, kind) if kind == "run" else None
+        stored.missing()
         remarks += [f"{folder}/{one}" for one in stored.remarks]
         if result is not None:
             runs[label] = result
@@ -163,6 +201,8 @@ def _several(folders: Sequence[Path], out: Path, figures: Path | None) -> Report
         split = [one.split(": ", 1) for one in (*remarks, *said)]
         raise_all([*(Fault(place, why) for place, why in split), Fault("report", text)])
     assert found is not None
+    for stored in held:
+        _check_unchanged(stored)
     write_text(out, comparison_page(found, tuple(remarks)))
     _draw({"fronts": comparison_figure(found)}, figures)
     return Report(out, (*remarks, *said))

@@ -13,6 +13,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...directory import KINDS, MANIFEST, standing
+from ...directory.names import fits
+from .unfinished import remark_of
+
 TEXT = ("violated_limits", "rounded_violated_limits", "grade", "unit", "meaning")
 """Columns of text that may be empty."""
 SHOWN = 3
@@ -25,10 +29,26 @@ class Stored:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.remarks: list[str] = []
+        self.standing = standing(folder)
+        if text := remark_of(self.standing):
+            self.remark(MANIFEST, text)
 
     def remark(self, name: str, text: str) -> None:
         """Say something of a file."""
         self.remarks.append(f"{name}: {text}")
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether the result is being made, or was broken off."""
+        return self.standing.unfinished is not None
+
+    def missing(self) -> None:
+        """Say which files of a complete result are gone, where it has not been said."""
+        kind = KINDS.get(self.standing.command)
+        said = {one.split(": ")[0] for one in self.remarks}
+        for name in self.standing.missing:
+            if name not in said and kind is not None and not fits(name, kind.state):
+                self.remark(name, "is missing")
 
     def text(self, name: str, needed: bool = True) -> str | None:
         """The text of a file."""

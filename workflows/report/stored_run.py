@@ -12,6 +12,7 @@ from ...records import Axis, Bars, RunResult
 from ...units import split_unit
 from ..run.choices import FORMAT
 from .stored import Stored
+from .unfinished import course
 
 SUMMARY = "summary.json"
 OVERLAYS = "overlays.csv"
@@ -42,6 +43,8 @@ NEEDED = {
 def stored_run(stored: Stored) -> RunResult | None:
     """The result as far as it is there; None where nothing of it can be shown."""
     summary = _typed(stored.record(SUMMARY), stored)
+    if stored.unfinished:
+        summary.setdefault("status", "unfinished")
     stored.newer(SUMMARY, summary.get("versions"), summary.get("format"), FORMAT)
     stored.edited(summary.get("files") or {})
     configuration = stored.text("config.toml") or ""
@@ -53,7 +56,7 @@ def stored_run(stored: Stored) -> RunResult | None:
         stored.remark("front.csv", f"has no column {', '.join(missing)}")
     objectives = tuple(axis for axis in objectives if axis.name in front or front.empty)
     references = stored.table("references.csv", [axis.name for axis in objectives])
-    convergence = stored.table("convergence.csv", ("evaluations", "hypervolume"))
+    convergence = _convergence(stored)
     if front.empty and _nothing(references) and _nothing(convergence):
         return None
     return RunResult(
@@ -72,6 +75,13 @@ def stored_run(stored: Stored) -> RunResult | None:
         overlays=_overlays(stored, [axis.name for axis in objectives]),
         **_optional(stored, len(front)),
     )  # fmt: skip
+
+
+def _convergence(stored: Stored) -> pd.DataFrame | None:
+    """`convergence.csv`; of an unfinished run what its search has saved."""
+    if stored.unfinished and not (stored.folder / "convergence.csv").is_file():
+        return course(stored.folder)
+    return stored.table("convergence.csv", ("evaluations", "hypervolume"))
 
 
 def _nothing(table: pd.DataFrame | None) -> bool:

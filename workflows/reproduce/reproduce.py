@@ -9,14 +9,15 @@ from collections.abc import Callable, Iterable
 from importlib.metadata import version
 from pathlib import Path
 
+from ...directory import Ownership, owned
 from ...errors import RunError, refuse
 from ..study.execution import Executor
 from ..study.execution.executor import Lost
 from .plan import ClaimsProgress, ReproduceOutcome, ReproducePlan
 from .result import assembled, lines
-from .storage import clear, holds_another, keep, kept
+from .storage import all_kept, files_of, holds_another, keep
 from .task import Checked, ClaimTask, check
-from .write import remove, write
+from .write import write
 
 GO_ON = "run the same command with --resume to go on"
 Report = Callable[[ClaimsProgress], None]
@@ -28,20 +29,31 @@ def reproduce(
     executor: Executor,
     progress: Report | None = None,
     resume: bool = False,
+    overwrite: bool = True,
 ) -> ReproduceOutcome:
     """Check every claim of `plan` that `out` does not have, then write the files.
 
     The files do not depend on the executor or on breaks. An interrupt leaves what has been checked.
     Raises RunError or ModelError where a claim cannot be computed, InputError where `out` holds
-    something else that --resume cannot go on with.
+    something else that --resume cannot go on with, or has another owner.
     """
-    tasks = tuple(tasks_of(plan))
-    if resume and holds_another(out):
+    with owned(out, "reproduce", resume, overwrite) as place:
+        return _reproduce(plan, place, executor, progress, resume)
+
+
+def _reproduce(
+    plan: ReproducePlan,
+    place: Ownership,
+    executor: Executor,
+    progress: Report | None,
+    resume: bool,
+) -> ReproduceOutcome:
+    tasks, out = tuple(tasks_of(plan)), place.folder
+    if resume and holds_another(place):
         raise refuse("--resume", f"{out} holds no claims: name the directory of a reproduction")
-    clear(out, tasks if resume else ())
-    remove(out)
-    known = {task.key: found for task in tasks if (found := kept(out, task)) is not None}
+    known = all_kept(out, tasks) if resume else {}
     begin = len(known)
+    place.begin(keep=files_of(out, (task for task in tasks if task.key in known)))
     try:
         _finish(tasks, known, out, executor, progress)
     except KeyboardInterrupt:
@@ -49,6 +61,7 @@ def reproduce(
         return ReproduceOutcome("interrupted", out, (saved,))
     result = assembled(plan, [(task, known[task.key]) for task in tasks])
     write(result, out)
+    place.complete()
     again = (f"{begin} claims had been checked before",) if begin else ()
     return ReproduceOutcome("done", out, (*lines(result), *again), result)
 

@@ -11,7 +11,10 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from ...claim_records import ComputedTable
+from ...directory import Ownership
+from ...errors import Fault, InputError, raise_all, refuse
 from ...files import write_text
+from ...sealed import loads, sealed_record, unsealed_record
 from .task import Checked, ClaimTask
 from .verdict import Outcome, Verdict, Word
 
@@ -29,31 +32,49 @@ def keep(folder: Path, task: ClaimTask, checked: Checked) -> None:
         "verdict": asdict(checked.verdict),
         "tables": TABLES.dump_python(dict(checked.tables), mode="json"),
     }
-    write_text(_path(folder, task), json.dumps(found, indent=1) + "\n")
+    write_text(_path(folder, task), json.dumps(sealed_record(found), indent=1) + "\n")
 
 
 def kept(folder: Path, task: ClaimTask) -> Checked | None:
-    """A claim that was checked before, None where it is not there or anything has changed."""
+    """A claim that was checked before, None where it is not there or the claim has changed.
+
+    Raises InputError where the file is not as it was written.
+    """
+    path = _path(folder, task)
     try:
-        found = json.loads(_path(folder, task).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = unsealed_record(loads(path.read_bytes().decode("utf-8")))
+        if found["key"] != task.key:
+            return None
+        return Checked(_read_verdict(found["verdict"]), TABLES.validate_python(found["tables"]))
+    except FileNotFoundError:
         return None
-    if not isinstance(found, dict) or found.get("key") != task.key:
-        return None
-    return Checked(_read_verdict(found["verdict"]), TABLES.validate_python(found["tables"]))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        text = f"cannot be read: {error}; remove it, or start again with --overwrite"
+        raise refuse(str(path), text) from error
 
 
-def clear(folder: Path, tasks: Iterable[ClaimTask] = ()) -> None:
-    """Remove every checked claim but those of `tasks`."""
-    kept_ = {_path(folder, task) for task in tasks}
-    for path in (folder / FOLDER).glob("*.json"):
-        if path not in kept_:
-            path.unlink()
+def all_kept(folder: Path, tasks: Iterable[ClaimTask]) -> dict[str, Checked]:
+    """Every claim that was checked before, by its key. Raises InputError with all damaged ones."""
+    found, faults = dict[str, Checked](), list[Fault]()
+    for task in tasks:
+        try:
+            checked = kept(folder, task)
+        except InputError as error:
+            faults += error.faults
+        else:
+            found |= {} if checked is None else {task.key: checked}
+    raise_all(faults)
+    return found
 
 
-def holds_another(folder: Path) -> bool:
+def files_of(folder: Path, tasks: Iterable[ClaimTask]) -> list[str]:
+    """Names of the files of claims, relative to the output directory."""
+    return [_path(folder, task).relative_to(folder).as_posix() for task in tasks]
+
+
+def holds_another(place: Ownership) -> bool:
     """Whether a directory holds something, and that is no reproduction."""
-    return folder.is_dir() and any(folder.iterdir()) and not (folder / FOLDER).is_dir()
+    return not place.blank and not (place.folder / FOLDER).is_dir()
 
 
 def _path(folder: Path, task: ClaimTask) -> Path:

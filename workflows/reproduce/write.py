@@ -14,7 +14,6 @@ from ...reports.drawing import as_png, as_svg
 from .. import page_data
 from ..run.write import as_json
 
-FILES = ("claims.csv", "claims.json", page_data.NAME, "report.html")
 TABLES, FIGURES = "tables", "figures"
 
 
@@ -33,15 +32,6 @@ def write(result: ClaimsResult, folder: Path) -> None:
         write_bytes(folder / FIGURES / f"{one.name}.svg", as_svg(one.figure))
     write_text(folder / page_data.NAME, page_data.dumped(result))
     write_text(folder / "report.html", claims_page(result))
-
-
-def remove(folder: Path) -> None:
-    """Remove what an earlier reproduction wrote."""
-    for name in FILES:
-        (folder / name).unlink(missing_ok=True)
-    for part, ending in ((TABLES, "csv"), (FIGURES, "png"), (FIGURES, "svg")):
-        for path in (folder / part).glob(f"*.{ending}"):
-            path.unlink()
 
 
 def flat(table: pd.DataFrame) -> pd.DataFrame:

@@ -4,33 +4,34 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from ...algorithms.checkpoint import Checkpoint
 from ...algorithms.settings import Budget
+from ...directory import Ownership
 from ...errors import Fault, raise_all, refuse
 from ...section import flat
 from .plan import RunPlan
 
 CHECKPOINT = "checkpoint.npz"
+CONFIGURATION = "config.toml"
 BUDGET = frozenset(f"algorithm.{name}" for name in ("generations", "evaluations", "time_limit_s"))
 """The keys that may differ between a run and what goes on with it."""
 AFTERWARDS = ("choice.", "rounding.")
 """Tables that say what is done with the front, not how it is searched."""
 
 
-def opened(plan: RunPlan, out: Path, resume: bool) -> Checkpoint:
-    """The checkpoint of a run: the one in `out` where it is to go on, else a new one.
+def opened(plan: RunPlan, place: Ownership, resume: bool) -> Checkpoint:
+    """The checkpoint of a run: the one in its directory where it is to go on, else a new one.
 
-    Raises InputError where what is in `out` is not the same run, or has no checkpoint.
+    Raises InputError where what is there is not the same run, or has no checkpoint.
     """
-    path = out / CHECKPOINT
-    if not resume or not out.is_dir() or not any(out.iterdir()):
+    path = place.folder / CHECKPOINT
+    if not resume or place.blank:
         return Checkpoint(path, plan.configuration)
     if not path.is_file():
-        text = f"{out} holds no {CHECKPOINT} of a run; name another directory, or --overwrite"
-        raise refuse("--resume", text)
+        text = f"{place.folder} holds no {CHECKPOINT} of a run; name another directory, or "
+        raise refuse("--resume", f"{text}--overwrite")
     found = Checkpoint.read(path)
     raise_all(_faults(found, plan))
     found.identity = plan.configuration

@@ -13,6 +13,7 @@ from pathlib import Path
 import pandas as pd
 
 from ...algorithms.search import Progress, SearchResult, search
+from ...directory import Ownership, owned
 from ...errors import refuse
 from ...files import write_text
 from ...problems.tolerance_problem import ToleranceProblem
@@ -25,7 +26,7 @@ from .front import inside, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
 from .proofs import Exact, exact_front, measures, proof_notes, with_bounds
 from .references import compare, documents, side_searches, table
-from .resume import notes_of, opened, seconds_before
+from .resume import CHECKPOINT, CONFIGURATION, notes_of, opened, seconds_before
 from .sides import Sides
 from .units import with_units
 from .write import write
@@ -37,21 +38,37 @@ def run(
     workers: int = 1,
     progress: Callable[[Progress], None] | None = None,
     resume: bool = False,
+    overwrite: bool = True,
 ) -> RunOutcome:
     """Run `plan` and write its files to `out`; with `resume` go on with the run that `out` holds.
 
     The result does not depend on `workers`: side searches have seeds of their own and run in other
     processes where there are some. An interrupt ends the search; what was found is written.
-    Raises InputError where nothing is free to be searched.
+    Raises InputError where nothing is free to be searched, where another process works in `out`, or
+    where it holds something that is not to be replaced (`overwrite`); RunError where the disk is
+    full.
     """
     if not plan.problem.free:
         text = "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`"
         raise refuse("problem", text)
-    checkpoint = opened(plan, out, resume)
+    with owned(out, "run", resume, overwrite) as place:
+        return _run(plan, place, workers, progress, resume)
+
+
+def _run(
+    plan: RunPlan,
+    place: Ownership,
+    workers: int,
+    progress: Callable[[Progress], None] | None,
+    resume: bool,
+) -> RunOutcome:
+    checkpoint, out = opened(plan, place, resume), place.folder
     start, anew = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
     searches = side_searches(plan, printed) if plan.references else ()
     searches += effects.side_search(plan) + overlay.side_search(plan)
+    place.begin(keep=(CONFIGURATION, CHECKPOINT) if resume else (CONFIGURATION,))
+    write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
     with Sides(searches, workers, checkpoint) as sides:
 
@@ -96,17 +113,13 @@ def run(
         result = with_assumptions(result, plan.problem, found.history, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
+    if front.empty:
+        miss = nearest_miss(plan.problem, found).to_csv(index=False)
+        write_text(out / "nearest_miss.csv", miss)
     write(result, out)
-    _write_miss(plan, found, front, out / "nearest_miss.csv")
+    if not cut:
+        place.complete(status)
     return RunOutcome(status, out, _lines(result, status, out), result)
-
-
-def _write_miss(plan: RunPlan, found: SearchResult, front: pd.DataFrame, path: Path) -> None:
-    """What came nearest to the limits, where nothing keeps them; an older one goes otherwise."""
-    if len(front):
-        path.unlink(missing_ok=True)
-    else:
-        write_text(path, nearest_miss(plan.problem, found).to_csv(index=False))
 
 
 def _summary(

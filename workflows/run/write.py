@@ -10,17 +10,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...files import write_bytes, write_text, write_with
+from ...files import write_bytes, write_text
 from ...records import RunResult
 from ...reports.figure import png, svg
 from ...reports.page import page
 from ...reports.sheet import allocation_sheet
-
-OPTIONAL = ("front_without_effects.csv", "allocation_moved.csv", "choices.csv",
-            "choice_sensitivity.csv", "allocation.csv", "contributions.csv", "exact_front.csv",
-            "overlays.csv", "unit_turn.csv", "population.csv", "assumptions_cost.csv",
-            "allocation.xlsx")  # fmt: skip
-"""Files that a run need not have; what an older one left is removed."""
 
 
 def write(result: RunResult, folder: Path) -> None:
@@ -28,12 +22,9 @@ def write(result: RunResult, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     texts = _texts(result)
     sheet = allocation_sheet(result)
-    for name in OPTIONAL:
-        if name not in texts and not (name == "allocation.xlsx" and sheet is not None):
-            (folder / name).unlink(missing_ok=True)
     for name, text in texts.items():
         write_text(folder / name, text)
-    write_with(folder / "front.parquet", lambda path: result.front.to_parquet(path, index=False))
+    write_bytes(folder / "front.parquet", result.front.to_parquet(index=False))
     write_text(folder / "front.json", as_json(_records(result.front)))
     if sheet is not None:
         write_bytes(folder / "allocation.xlsx", sheet)

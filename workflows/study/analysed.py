@@ -24,9 +24,9 @@ def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, 
 
     Where `out` already holds the statistics of the same runs, nothing is done again.
     """
-    digest = _digest(settings, data)
-    if (known := _known(out, digest)) is not None:
+    if (known := known_lines(settings, data, out)) is not None:
         return known
+    digest = _digest(settings, data)
     from .statistics import analyse  # statsmodels takes seconds to import
     from .write import lines, said, write
 
@@ -45,14 +45,14 @@ def _digest(settings: StudySettings, data: StudyData) -> str:
     return hashlib.sha256("\n".join([*text, *data.notes]).encode()).hexdigest()
 
 
-def _known(out: Path, digest: str) -> tuple[str, ...] | None:
-    """The lines of statistics that are there already, None where they are not."""
+def known_lines(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, ...] | None:
+    """The lines of statistics of the same runs that are there already, None where they are not."""
     if not all((out / name).is_file() for name in FILES):
         return None
     try:
         found = json.loads((out / SAID).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    if not isinstance(found, dict) or found.get("digest") != digest:
+    if not isinstance(found, dict) or found.get("digest") != _digest(settings, data):
         return None
-    return tuple(map(str, found["lines"]))
+    return tuple(map(str, found.get("lines", ())))

@@ -10,23 +10,25 @@ import numpy as np
 import pandas as pd
 
 from ...algorithms.course import CURVE
-from ...errors import RunError, refuse
-from ...files import write_text, write_with
-from .analysed import FILES as SAID
-from .analysed import analysed
+from ...directory import KINDS, Ownership, owned
+from ...errors import Fault, RunError, refuse
+from ...files import write_bytes, write_text
+from .analysed import analysed, known_lines
 from .execution import Executor
 from .plan import StudyOutcome, StudyPlan
 from .records import StudyData
 from .responses import unknown
 from .storage import DATABASE, Database, opened
-from .storage.opening import CONFIGURATION
-from .storage.owners import at_work
+from .storage.opening import CONFIGURATION, Unopened, differences
 from .work import Report, Work
 from .yardstick import Yardstick
 
-GO_ON = "run the same command with --resume to go on"
-FILES = ("study.csv", "curves.parquet", *SAID)
-"""Files of a finished study, removed while it is not finished."""
+GO_ON = "run the same command with --resume"
+TABLE = "study.csv"
+STATE = KINDS["study"].state
+"""The database, whose rows carry checksums of their own."""
+KEPT = (CONFIGURATION, *STATE)
+"""What a study that goes on keeps of the one before."""
 
 
 def study(
@@ -35,41 +37,61 @@ def study(
     executor: Executor,
     progress: Report | None = None,
     resume: bool = False,
+    overwrite: bool = True,
 ) -> StudyOutcome:
     """Do every run of `plan` that the database in `out` does not have, then write the files.
 
     `study.csv` does not depend on the executor, on breaks, or on how many processes share the
-    study. An interrupt leaves what has ended in the database. Raises InputError where `out` holds
-    another study, RunError where the study cannot go on.
+    study: with `resume` others may be at work on it, and the last one through writes the files. An
+    interrupt leaves what has ended in the database. Raises InputError where `out` holds another
+    study or has another owner, RunError where the study cannot go on.
     """
-    _begin(out, resume)
-    database, notes = opened(plan, out)
-    with database:
+    with owned(out, "study", resume, overwrite, shared=True, apart=STATE) as place:
+        return _study(plan, place, executor, progress, resume)
+
+
+def _study(
+    plan: StudyPlan, place: Ownership, executor: Executor, progress: Report | None, resume: bool
+) -> StudyOutcome:
+    out = place.folder
+    if not resume or place.blank:
+        place.begin(keep=(CONFIGURATION,))  # so that nothing of an older study is opened
         write_text(out / CONFIGURATION, plan.settings.configuration)
+    elif not (out / DATABASE).is_file():
+        text = f"{out} holds no {DATABASE} of a study; name another directory, or --overwrite"
+        raise refuse("--resume", text)
+    try:
+        database, notes = opened(plan, out, alone=not place.joined)
+    except Unopened as error:
+        raise place.unwritten(*error.args) from error
+    with database:
+        finished = place.standing.complete and not notes and _has_all(database, plan)
+        if not finished:
+            if not place.begun:
+                _begin(plan, place)
+            place.share()
         try:
             measures = _done(Work(plan, database, executor, progress), plan)
         except KeyboardInterrupt:
             return StudyOutcome("interrupted", out, (_saved(database, plan, out),))
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             raise RunError(f"{out / DATABASE}: {error}; {_saved(database, plan, out)}") from error
         except RunError as error:
-            raise RunError(f"{error}; {_saved(database, plan, out)}") from error
+            how = "" if GO_ON in str(error) else f"; {GO_ON}"
+            raise RunError(f"{error}; {_count(database, plan, out)}{how}") from error
         data = gathered(plan, database, measures, notes)
-    return _written(plan, data, out)
+    return _written(plan, data, place, finished)
 
 
-def _begin(out: Path, resume: bool) -> None:
-    """Clear the directory for a new study."""
-    if not out.is_dir():
-        return
-    busy = at_work(out)
-    if busy and not resume:
-        pids = ", ".join(name.split("-")[0] for name in busy)
-        raise refuse("--overwrite", f"another process works on the study in {out} (pid {pids}): "
-                     "wait for it or end it; with --resume this one would help it")  # fmt: skip
-    if not resume:
-        for name in (*FILES, DATABASE, f"{DATABASE}-wal", f"{DATABASE}-shm"):
-            (out / name).unlink(missing_ok=True)
+def _begin(plan: StudyPlan, place: Ownership) -> None:
+    """Retire the files of an older ending; the database stays."""
+    place.begin(keep=KEPT)
+    write_text(place.folder / CONFIGURATION, plan.settings.configuration)
+
+
+def _has_all(database: Database, plan: StudyPlan) -> bool:
+    """Whether there is nothing left to be done."""
+    return not database.missing(plan.total) and len(database.yardsticks()) == len(plan.problems)
 
 
 def _done(work: Work, plan: StudyPlan) -> Mapping[int, Yardstick]:
@@ -84,11 +106,15 @@ def _done(work: Work, plan: StudyPlan) -> Mapping[int, Yardstick]:
 
 
 def _saved(database: Database, plan: StudyPlan, out: Path) -> str:
+    return f"{_count(database, plan, out)}; {GO_ON} to go on"
+
+
+def _count(database: Database, plan: StudyPlan, out: Path) -> str:
     try:
         done, failed = database.count(plan.total)
     except sqlite3.Error:
-        return f"what had ended is in {out / DATABASE}; {GO_ON}"
-    return f"{done + failed} of {plan.total} runs have ended and are saved in {out}; {GO_ON}"
+        return f"what had ended is in {out / DATABASE}"
+    return f"{done + failed} of {plan.total} runs have ended and are saved in {out}"
 
 
 def gathered(
@@ -119,18 +145,41 @@ def gathered(
     return StudyData(pd.DataFrame(columns), plan.design, curves, frame, notes)
 
 
-def _written(plan: StudyPlan, data: StudyData, out: Path) -> StudyOutcome:
-    """Write the files of a study all of whose runs have ended."""
-    write_with(out / "curves.parquet", lambda path: data.curves.to_parquet(path, index=False))
-    write_text(out / "study.csv", data.table.to_csv(index=False))
+def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool) -> StudyOutcome:
+    """Write the files of a study all of whose runs have ended, where nobody has done so before."""
+    out, table = place.folder, data.table.to_csv(index=False)
     failed = data.table[data.table["status"] == "failed"]
-    if len(failed) == len(data.table):
-        reason = failed["reason"].iloc[0]
-        raise RunError(f"every run failed ({reason}): see study.csv; mend the cause, then "
-                       "start again with --overwrite")  # fmt: skip
     lines = [f"done: {len(data.table)} runs of {len(plan.points)} settings, {len(failed)} failed"]
     if len(failed):
         reason, times = next(iter(failed["reason"].value_counts().items()))
         lines.append(f"note: {times} runs failed with: {reason}")
+    if not finished and not place.exclude():
+        _check_same(plan, out)
+        finished = True
+    if finished:
+        known = known_lines(plan.settings, data, out)
+        if known is not None and (out / TABLE).read_bytes() == table.encode():
+            return StudyOutcome("done", out, (*lines, *known), data)
+        place.begin(keep=KEPT)
+    write_text(out / CONFIGURATION, plan.settings.configuration)
+    write_bytes(out / "curves.parquet", data.curves.to_parquet(index=False))
+    write_text(out / TABLE, table)
+    if len(failed) == len(data.table):
+        reason = failed["reason"].iloc[0]
+        raise RunError(f"every run failed ({reason}): see study.csv; mend the cause, then "
+                       "start again with --overwrite")  # fmt: skip
     lines += analysed(plan.settings, data, out)
+    place.complete()
     return StudyOutcome("done", out, tuple(lines), data)
+
+
+def _check_same(plan: StudyPlan, out: Path) -> None:
+    """Raises RunError where what stands there finished is another study."""
+    try:
+        there = (out / CONFIGURATION).read_text(encoding="utf-8")
+        faults = differences(there, plan.settings.configuration)
+    except (OSError, ValueError):
+        faults = [Fault("", "")]
+    if faults:
+        raise RunError(f"{out} was taken by another study meanwhile; name another directory, or "
+                       "start again with --overwrite")  # fmt: skip

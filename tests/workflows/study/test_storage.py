@@ -18,12 +18,12 @@ from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
 from tolevo.configuration.study import read_study
+from tolevo.directory import owned
 from tolevo.errors import InputError
 from tolevo.workflows.study import StudyOutcome, study
 from tolevo.workflows.study.execution import InProcess
 from tolevo.workflows.study.storage import DATABASE
 from tolevo.workflows.study.storage.database import FORMAT
-from tolevo.workflows.study.storage.owners import Owner
 
 RUN = """
 problem = "pose_accuracy"
@@ -156,13 +156,10 @@ def test_a_directory_that_holds_a_study_is_refused(config: Path, out: Path) -> N
 
 
 def test_a_study_under_way_is_not_overwritten(config: Path, out: Path) -> None:
-    owner = Owner(out)
-    try:
+    with owned(out, "study", resume=True):
         result = command(config, out, "--overwrite")
-    finally:
-        owner.close()
     assert result.exit_code == 2
-    assert f"another process works on the study in {out} (pid {os.getpid()})" in result.stderr
+    assert f"--out: {out} is in use by `tolevo study` (process {os.getpid()} on" in result.stderr
 
 
 def pages_zeroed(path: Path) -> None:

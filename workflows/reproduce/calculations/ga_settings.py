@@ -15,6 +15,7 @@ from ....algorithms.nsga2 import NSGA2
 from ....algorithms.settings import Budget, Crossover, Mutation
 from ....algorithms.watched import watch
 from ....declarations import Output, Parameter, Value, number
+from ....directory import not_whole
 from ....errors import Fault, InputError, raise_all, refuse
 from ....problems.pose_accuracy import PoseAccuracy
 from ....problems.settings import Settings
@@ -151,8 +152,11 @@ def _run(
 
 
 def _study_table(own: Mapping[str, Value]) -> pd.DataFrame:
-    """The finished runs of a study. Raises InputError where it has not what is asked for."""
+    """The finished runs of a study. Raises InputError where it is not whole, or has not what is
+    asked for.
+    """
     path = Path(str(own["study"])) / "study.csv"
+    raise_all(not_whole(path.parent))
     if not path.is_file():
         raise refuse("study", f"{path} does not exist: name the directory of a finished study")
     table = pd.read_csv(path)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -10,6 +12,8 @@ from pathlib import Path
 
 from ....algorithms.course import Box
 from ....errors import RunError
+from ....files import REASONS
+from ....sealed import loads, sealed_record, unsealed_record
 from ..records import RESPONSES
 from ..trial import RunRecord
 from ..yardstick import Yardstick
@@ -19,7 +23,7 @@ from .rows import COLUMNS, Row, record_of, row_of, whole
 DATABASE = "study.sqlite"
 APPLICATION = 0x746C7374
 """SQLite's mark of whose file it is."""
-FORMAT = 1
+FORMAT = 2
 """Version of the tables; a newer one is refused."""
 BUSY_S = 60.0
 """Seconds to wait for another process's transaction."""
@@ -35,6 +39,17 @@ CREATE TABLE yardsticks (problem INTEGER PRIMARY KEY, value TEXT NOT NULL);
 PRAGMA application_id = {APPLICATION};
 PRAGMA user_version = {FORMAT};
 """
+HINDRANCES = {
+    sqlite3.SQLITE_FULL: REASONS[errno.ENOSPC],
+    sqlite3.SQLITE_IOERR: ("the disk reports an error, or is full", "make room or mend the disk"),
+    sqlite3.SQLITE_READONLY: REASONS[errno.EROFS],
+    sqlite3.SQLITE_CANTOPEN: ("it cannot be opened or made", "see to the permissions"),
+    sqlite3.SQLITE_PERM: REASONS[errno.EACCES],
+    sqlite3.SQLITE_BUSY: ("another process holds it", "wait for that"),
+    sqlite3.SQLITE_LOCKED: ("another process holds it", "wait for that"),
+    sqlite3.SQLITE_NOMEM: ("there is not enough memory", "make room"),
+}
+"""Errors that say nothing of what a database holds: why, and what helps."""
 NAMES = ", ".join(("number", *COLUMNS, "checksum"))
 PLACES = ", ".join("?" * (len(COLUMNS) + 2))
 
@@ -51,8 +66,13 @@ class Database:
         self.path = path
         self.points = points
         self.responses = responses
-        self._connection = connect(path)
         self._owner = Owner(path.parent)
+        try:
+            self._connection = connect(path)
+            self.format = int(self._connection.execute("PRAGMA user_version").fetchone()[0])
+        except BaseException:
+            self._owner.close()
+            raise
 
     def close(self) -> None:
         """Let go of all claims and of the file."""
@@ -80,6 +100,9 @@ class Database:
         """Say what study the database belongs to."""
         with self._writing() as cursor:
             cursor.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", values.items())
+            if self.format != FORMAT:
+                cursor.execute(f"PRAGMA user_version = {FORMAT}")
+        self.format = FORMAT
 
     # what has been done
 
@@ -97,17 +120,25 @@ class Database:
 
     def damaged(self) -> list[int]:
         """Numbers of the rows whose checksum is wrong. Raises DatabaseError where it is damaged."""
-        if self._connection.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
+        if self._connection.execute("PRAGMA integrity_check(1)").fetchone() != ("ok",):
             raise sqlite3.DatabaseError("pages are damaged")
+        if _tables(self._connection) != _own_tables():
+            raise sqlite3.DatabaseError("its tables are not those of a study")
         rows = self._connection.execute(f"SELECT {NAMES} FROM runs")
         return [row[0] for row in rows if not whole(row)]
 
     def runs(self, total: int) -> Iterator[RunRecord]:
         """The runs that have ended, by point and replicate."""
-        text = f"SELECT {NAMES} FROM runs WHERE number < ? ORDER BY point, replicate"
+        text = f"SELECT {NAMES} FROM runs WHERE number < ? ORDER BY +point, +replicate"
         yield from map(record_of, self._connection.execute(text, (total,)))
 
     # what is to be done
+
+    def drop_claims(self) -> None:
+        """Drop all claims, where nobody else is at work."""
+        if self._connection.execute("SELECT COUNT(*) FROM claims").fetchone()[0]:
+            with self._writing() as cursor:
+                cursor.execute("DELETE FROM claims")
 
     def claim(self, numbers: Iterable[int]) -> list[int]:
         """Those of the runs that nobody has done and no living process has begun: now ours."""
@@ -148,16 +179,22 @@ class Database:
     # yardsticks
 
     def yardsticks(self) -> dict[int, Yardstick]:
-        """What has been found of the problems, by their number in the plan."""
-        rows = self._connection.execute("SELECT problem, value FROM yardsticks").fetchall()
-        return {number: _yardstick(text) for number, text in rows}
+        """What has been found of the problems, by their number in the plan.
+
+        What is not as it was written is left out, and found again.
+        """
+        text = "SELECT problem, CAST(value AS BLOB) FROM yardsticks"
+        rows = self._connection.execute(text).fetchall()
+        found = {number: _yardstick(text, number) for number, text in rows}
+        return {number: one for number, one in found.items() if one is not None}
 
     def keep_yardstick(self, problem: int, found: Yardstick) -> None:
         """Keep what has been found of a problem."""
-        ideal, nadir = found.box.ideal, found.box.nadir
-        text = json.dumps([ideal, nadir, found.value, found.bound])
+        record = {"ideal": found.box.ideal, "nadir": found.box.nadir, "value": found.value,
+                  "bound": found.bound}  # fmt: skip
+        text = json.dumps(sealed_record(record, of=str(problem)))
         with self._writing() as cursor:
-            cursor.execute("INSERT OR IGNORE INTO yardsticks VALUES (?, ?)", (problem, text))
+            cursor.execute("INSERT OR REPLACE INTO yardsticks VALUES (?, ?)", (problem, text))
 
     def _number(self, run: RunRecord) -> int:
         return run.replicate * self.points + run.point
@@ -177,10 +214,9 @@ class Database:
             yield cursor
             cursor.execute("COMMIT")
         except sqlite3.Error as error:
-            raise RunError(
-                f"{self.path} cannot be written ({error}): every run that had ended before is in "
-                "it; make room or mend the disk, then run the same command with --resume"
-            ) from error
+            reason, remedy = hindrance(error) or (str(error), "mend that")
+            text = f"{self.path} cannot be written: {reason}; {remedy}, then run the same command "
+            raise RunError(f"{text}with --resume") from error
         finally:
             if self._connection.in_transaction:
                 self._connection.rollback()
@@ -191,6 +227,7 @@ def connect(path: Path) -> sqlite3.Connection:
 
     Raises sqlite3.DatabaseError where the file is none of ours, or damaged.
     """
+    os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o666))  # SQLite would not keep to the umask
     connection = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
     try:
         connection.execute("PRAGMA journal_mode = WAL")
@@ -206,6 +243,32 @@ def connect(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def _yardstick(text: str) -> Yardstick:
-    ideal, nadir, value, bound = json.loads(text)
-    return Yardstick(Box(tuple(ideal), tuple(nadir)), value, bound)
+def _yardstick(text: bytes, problem: int) -> Yardstick | None:
+    try:
+        found = unsealed_record(loads(text), of=str(problem))
+    except (TypeError, ValueError):
+        return None
+    box = Box(tuple(found["ideal"]), tuple(found["nadir"]))
+    return Yardstick(box, found["value"], found["bound"])
+
+
+def _own_tables() -> set[tuple[str, ...]]:
+    """The tables of a new database."""
+    connection = sqlite3.connect(":memory:")
+    try:
+        connection.executescript(SCHEMA)
+        return _tables(connection)
+    finally:
+        connection.close()
+
+
+def _tables(connection: sqlite3.Connection) -> set[tuple[str, ...]]:
+    """What a database says of its tables, whatever the white space."""
+    rows = connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_schema")
+    return {tuple(" ".join(str(value).split()) for value in row) for row in rows}
+
+
+def hindrance(error: Exception) -> tuple[str, str] | None:
+    """Why a sound database cannot be opened or written, and what helps; None for a damaged one."""
+    code = getattr(error, "sqlite_errorcode", 0)
+    return None if code == sqlite3.SQLITE_IOERR_SHORT_READ else HINDRANCES.get(code & 0xFF)

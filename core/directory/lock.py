@@ -1,0 +1,197 @@
+"""One owner of a directory: a lock on a file in it, held as long as the process lives.
+
+The kernel lets go of the lock when the process ends, however it ends, so a killed process leaves
+none; the file itself then says nothing.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import socket
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Any, TypeVar
+
+LOCK = ".tolevo-lock"
+OTHER = "another process"
+PATIENCE = 0.3
+"""Time [s] within which a look at the lock by somebody else is over."""
+STEP = 0.02
+Found = TypeVar("Found")
+
+
+class Held(Exception):
+    """The directory has another owner; the text says who."""
+
+
+class Lock:
+    """The lock on a directory, of one process or shared with others that do the same."""
+
+    def __init__(self, path: Path, handle: int, exclusive: bool, command: str) -> None:
+        self.path = path
+        self.exclusive = exclusive
+        self.command = command
+        self._handle: int | None = handle
+        self._sign()
+
+    def share(self) -> None:
+        """Let others in that share. Raises Held where somebody took the directory meanwhile."""
+        handle = self._handle
+        if handle is None or not self.exclusive:
+            return
+        self.exclusive = False
+        if not patient(lambda: _flock(handle, fcntl.LOCK_SH) or None):
+            self._let_go()
+            raise Held(holders(self.path.parent) or OTHER)
+
+    def exclude(self, patience: float) -> None:
+        """Wait until nobody shares any more. Raises Held where that takes longer."""
+        if self.exclusive:
+            return
+        self._let_go()  # two that both held on would wait for each other
+        taken = acquire(self.path.parent, self.command, patience=patience)
+        self._handle, taken._handle, self.exclusive = taken._handle, None, True
+
+    def release(self) -> None:
+        """Let go; the last one takes the file away."""
+        if self._handle is not None and (self.exclusive or _flock(self._handle, fcntl.LOCK_EX)):
+            self.path.unlink(missing_ok=True)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        if self._handle is not None:
+            os.close(self._handle)
+        self._handle = None
+
+    def _sign(self) -> None:
+        """Write who holds it, for those who are refused."""
+        entry = {"command": self.command, "pid": os.getpid(), "host": socket.gethostname(),
+                 "since": datetime.now().astimezone().isoformat(timespec="seconds")}  # fmt: skip
+        handle = self._handle
+        assert handle is not None
+        if self.exclusive:
+            os.ftruncate(handle, 0)
+        os.lseek(handle, 0, os.SEEK_END)
+        with suppress(OSError):  # on a full disk it holds all the same
+            os.write(handle, json.dumps(entry).encode() + b"\n")
+
+
+def acquire(
+    folder: Path, command: str, sharing: Callable[[], bool] | None = None,
+    patience: float = PATIENCE,
+) -> Lock:  # fmt: skip
+    """The lock on `folder` for a `tolevo <command>`, shared only where `sharing` allows it.
+
+    Raises Held where another process has it, OSError where no file can be made there.
+    """
+    path = folder / LOCK
+
+    def attempt() -> Lock | None:
+        if (handle := hold(path, fcntl.LOCK_EX)) is not None:
+            return Lock(path, handle, True, command)
+        if sharing is not None and (handle := hold(path, fcntl.LOCK_SH)) is not None:
+            if sharing():
+                return Lock(path, handle, False, command)
+            os.close(handle)
+        return None
+
+    lock = patient(attempt, patience)
+    if lock is None:
+        raise Held(holders(folder) or OTHER)
+    return lock
+
+
+def hold(path: Path, kind: int) -> int | None:
+    """A handle on `path` with a lock on it, None where somebody else has one.
+
+    The file is made where there is none. One that its last holder took away meanwhile does not
+    count: whoever comes next would lock another.
+    """
+    while True:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            if not _flock(handle, kind):
+                os.close(handle)
+                return None
+            same = os.path.samestat(os.fstat(handle), os.stat(path))
+        except FileNotFoundError:
+            same = False
+        except BaseException:
+            os.close(handle)
+            raise
+        if same:
+            return handle
+        os.close(handle)
+
+
+def is_held(path: Path) -> bool:
+    """Whether a living process has a lock on that file."""
+    try:
+        handle = os.open(path, os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        return not _flock(handle, fcntl.LOCK_EX)
+    except OSError:  # a file system that locks only what can be written
+        return False
+    finally:
+        os.close(handle)
+
+
+def holders(folder: Path) -> str:
+    """Who works in a directory, in words; empty where nobody does."""
+    if not is_held(folder / LOCK):
+        return ""
+    return " and ".join(map(_words, _entries(folder))) or OTHER
+
+
+def commands(folder: Path) -> set[str]:
+    """The commands of those who work in a directory, as far as they have signed."""
+    return {entry["command"] for entry in _entries(folder)}
+
+
+def _entries(folder: Path) -> list[dict[str, Any]]:
+    """What the living holders have signed with."""
+    with suppress(OSError, ValueError):
+        lines = (folder / LOCK).read_text(encoding="utf-8").splitlines()
+        return [entry for entry in map(json.loads, lines) if _alive(entry)]
+    return []
+
+
+def patient(attempt: Callable[[], Found | None], seconds: float = PATIENCE) -> Found | None:
+    """What `attempt` returns, tried again for so long while it is None."""
+    until = time.monotonic() + seconds
+    while (found := attempt()) is None and time.monotonic() < until:
+        time.sleep(STEP)
+    return found
+
+
+def _flock(handle: int, kind: int) -> bool:
+    try:
+        fcntl.flock(handle, kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _alive(entry: dict[str, Any]) -> bool:
+    """Whether the process may live; of another machine nothing is known."""
+    if entry["host"] != socket.gethostname():
+        return True
+    try:
+        os.kill(int(entry["pid"]), 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    return True
+
+
+def _words(entry: dict[str, Any]) -> str:
+    return (f"`tolevo {entry['command']}` (process {entry['pid']} on {entry['host']}, since "
+            f"{entry['since']})")  # fmt: skip

@@ -1,0 +1,87 @@
+"""The mark of a complete result: the SHA-256 of every file but pages and figures."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from ..errors import Fault
+from ..files import write_text
+from ..sealed import loads, sealed_record, unsealed_record
+from .names import KINDS, present
+
+MANIFEST = "manifest.json"
+FORMAT = 1
+ANEW = "put back what was written, or start again with --overwrite"
+AS_IT_IS = "to have what is there shown as it is, remove manifest.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """What a complete result is made of: the command, how it ended, and files with digests."""
+
+    command: str
+    status: str
+    files: dict[str, str]
+
+
+def write_manifest(folder: Path, command: str, status: str) -> None:
+    """Mark what `command` has written as complete; the same files give the same bytes."""
+    names = present(folder, KINDS[command].files)
+    record = {
+        "command": command,
+        "status": status,
+        "format": FORMAT,
+        "version": version("tolevo"),
+        "files": {name: digest(folder / name) for name in names},
+    }
+    write_text(folder / MANIFEST, json.dumps(sealed_record(record), indent=1) + "\n")
+
+
+def read_manifest(folder: Path) -> Manifest | None:
+    """The manifest of a directory, None where there is none. Raises ValueError where damaged."""
+    try:
+        text = (folder / MANIFEST).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise ValueError(error.strerror) from error
+    record = unsealed_record(loads(text))
+    try:
+        if record["format"] > FORMAT:
+            raise ValueError(f"tolevo {record['version']} wrote it, which is newer: update tolevo")
+        command = str(record["command"])
+        if command not in KINDS:
+            raise KeyError(command)
+        return Manifest(command, str(record["status"]), dict(record["files"]))
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"it is none of a result ({error!r})") from error
+
+
+def strangers(folder: Path, manifest: Manifest, apart: Iterable[str] = ()) -> list[Fault]:
+    """A fault for every file that is not of the one set; those of `apart` aside."""
+    faults = []
+    for name in present(folder, KINDS[manifest.command].files):
+        if name in apart:
+            continue
+        if name not in manifest.files:
+            text = f"does not belong to this result ({MANIFEST} does not name it): move it away"
+        elif digest(folder / name) != manifest.files[name]:
+            text = f"is not the file that this result was completed with (by {MANIFEST}): {ANEW}"
+        else:
+            continue
+        faults.append(Fault(f"{folder}/{name}", f"{text}; {AS_IT_IS}"))
+    return faults
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file, empty where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return ""

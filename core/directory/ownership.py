@@ -1,0 +1,237 @@
+"""A directory in the hands of one command: taken, the old result retired, the new one completed."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ..errors import Fault, InputError, RunError, TolevoError, raise_all, refuse
+from ..files import cause
+from .lock import PATIENCE, Held, Lock, acquire, commands, holders
+from .manifest import MANIFEST, write_manifest
+from .names import KINDS, folders, kinds_in, known, present
+from .parts import sweep
+from .standing import Standing, occupied, standing
+from .unfinished import UNFINISHED, read_unfinished, write_unfinished
+
+BUSY = "is in use by {}: wait for it, end it, or name another directory"
+OCCUPIED = "{} is not empty; name another directory, or add --overwrite or --resume"
+UNCHANGED = (
+    "cannot be written ({}: {}): nothing was changed; {} and run the same command again, or name "
+    "another directory"
+)
+READY = 60.0
+"""Time [s] within which one whose result can be shared has begun or completed it."""
+LAST = 600.0
+"""Time [s] to wait for the last others that share a directory."""
+
+
+class Ownership:
+    """What a command may do with the directory that it has taken.
+
+    Nothing of what is there is changed before `begin`; where that is never called, the directory
+    is left as it was.
+    """
+
+    def __init__(self, folder: Path, command: str, lock: Lock, made: Sequence[Path]) -> None:
+        self.folder = folder
+        self.command = command
+        self.standing = Standing()
+        self._lock = lock
+        self._made = made
+        self._token = ""
+        self.begun = self.joined
+
+    @property
+    def blank(self) -> bool:
+        """Whether there is nothing to go on from: it is empty, or this command was broken off
+        before it had saved anything.
+        """
+        if not occupied(self.folder):
+            return True
+        here = self.standing
+        mine = here.unfinished is not None and here.command == self.command
+        return mine and not present(self.folder, KINDS[self.command].state)
+
+    @property
+    def joined(self) -> bool:
+        """Whether others may be at work on the same result: nothing may be retired."""
+        return not self._lock.exclusive
+
+    def check(self, resume: bool, overwrite: bool, apart: Sequence[str] = ()) -> None:
+        """Look at what is there. Raises InputError where it cannot be gone on with or replaced."""
+        if not resume:
+            if not overwrite and occupied(self.folder):
+                raise refuse("--out", OCCUPIED.format(self.folder))
+            return
+        here = self.standing = standing(self.folder, apart)
+        raise_all(here.faults)
+        marked = here.manifest or here.unfinished
+        if marked is not None and here.command != self.command:
+            text = f"{self.folder} holds the result of `tolevo {here.command}`; name another "
+            raise refuse("--resume", f"{text}directory, or --overwrite")
+        self._token = here.unfinished.token if here.unfinished is not None else ""
+        if not self.joined and here.unfinished is not None and here.unfinished.retiring:
+            self._retire(here.unfinished.retiring)
+            self.standing = standing(self.folder, apart)
+
+    def begin(self, keep: Sequence[str] = ()) -> None:
+        """Retire what is there but the files `keep`, of which the new result goes on.
+
+        From here on the directory is that of an unfinished result.
+        """
+        sweep(folders(self.folder), known)
+        old = [name for name in self._old() if name not in keep]
+        self._token = secrets.token_hex(8)
+        write_unfinished(self.folder, self.command, self._token, old)
+        self.begun = True
+        self._retire(old)
+
+    def _old(self) -> list[str]:
+        """Names of all files that commands have written here."""
+        names = {*kinds_in(self.folder), self.command}
+        retiring: tuple[str, ...] = ()
+        with suppress(ValueError):
+            mark = read_unfinished(self.folder)
+            if mark is not None:
+                names.add(mark.command)
+                retiring = mark.retiring
+        kinds = [KINDS[name] for name in KINDS if name in names]
+        patterns = [name for kind in kinds for name in (*kind.state, *kind.files, *kind.pages)]
+        return list(dict.fromkeys([*present(self.folder, patterns), *retiring]))
+
+    def _retire(self, names: Sequence[str]) -> None:
+        """Remove files of an older result, the manifest first, so that no set looks complete."""
+        (self.folder / MANIFEST).unlink(missing_ok=True)
+        for name in names:
+            (self.folder / name).unlink(missing_ok=True)
+        if names:
+            write_unfinished(self.folder, self.command, self._token)
+
+    def share(self) -> None:
+        """Let processes in that help with the same result."""
+        try:
+            self._lock.share()
+        except Held as other:
+            raise RunError(f"{self.folder} {BUSY.format(other)}") from None
+        self._still_ours()
+
+    def exclude(self) -> bool:
+        """Wait until all that helped are through; whether it is left to us to complete it."""
+        try:
+            self._lock.exclude(LAST)
+        except Held as other:
+            raise RunError(f"{self.folder} {BUSY.format(other)}") from None
+        if (self.folder / MANIFEST).exists():
+            return False
+        self._still_ours()
+        return True
+
+    def complete(self, status: str = "done") -> None:
+        """Mark what has been written as a complete set."""
+        write_manifest(self.folder, self.command, status)
+        (self.folder / UNFINISHED).unlink(missing_ok=True)
+
+    def release(self) -> None:
+        """Let go of the directory; one that was made for nothing goes."""
+        self._lock.release()
+        if not self.begun:
+            for path in self._made:
+                with suppress(OSError):
+                    path.rmdir()
+
+    def unwritten(self, path: object, reason: str, remedy: str) -> TolevoError:
+        """What is said where a file cannot be written: why, what is kept, and how to go on."""
+        if not self.begun:
+            return refuse("--out", UNCHANGED.format(path, reason, remedy))
+        kind = KINDS[self.command]
+        kept = f"{kind.saved} is kept in {self.folder}"
+        if not present(self.folder, kind.state):
+            kept = "nothing had been saved before"
+        return RunError(f"{path} cannot be written: {reason}; {kept}; {remedy}, then run the same "
+                        "command with --resume")  # fmt: skip
+
+    def _still_ours(self) -> None:
+        """Raises RunError where somebody else began anew while the lock was passed on."""
+        with suppress(ValueError):
+            mark = read_unfinished(self.folder)
+            if mark is not None and mark.token == self._token:
+                return
+        raise RunError(f"{self.folder} was taken by another command meanwhile; name another "
+                       "directory, or start again with --overwrite")  # fmt: skip
+
+
+@contextmanager
+def owned(
+    folder: Path,
+    command: str,
+    resume: bool = False,
+    overwrite: bool = True,
+    shared: bool = False,
+    apart: Sequence[str] = (),
+) -> Iterator[Ownership]:
+    """Hold the directory of a result for a `tolevo <command>`, made where there is none.
+
+    With `resume` what it holds is gone on with, and where `shared` others may be at work on it.
+    Files of `apart` check themselves. Raises InputError where another process holds it, where it
+    is not empty and neither `resume` nor `overwrite` is given, or where what it holds is not of one
+    piece; RunError where a file cannot be written later on.
+    """
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        lock = _taken(folder, command, shared and resume)
+    except OSError as error:
+        _unmade(made)
+        if (why := cause(error)) is None:
+            raise
+        raise refuse("--out", UNCHANGED.format(error.filename or folder, *why)) from error
+    except InputError:
+        _unmade(made)
+        raise
+    held = Ownership(folder, command, lock, made)
+    try:
+        held.check(resume, overwrite, apart)
+        yield held
+    except OSError as error:
+        if (why := cause(error)) is None:
+            raise
+        raise held.unwritten(error.filename or folder, *why) from error
+    finally:
+        held.release()
+
+
+def _taken(folder: Path, command: str, shared: bool) -> Lock:
+    def same() -> bool:
+        """Whether those who hold it share what we would do."""
+        with suppress(ValueError):
+            mark = read_unfinished(folder)
+            return mark is not None and mark.command == command
+        return False
+
+    until = time.monotonic() + READY
+    while True:
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            return acquire(folder, command, same if shared else None, PATIENCE)
+        except FileNotFoundError:  # its last owner had made it for nothing, and took it away
+            continue
+        except Held as other:
+            soon = shared and command in commands(folder) and time.monotonic() < until
+            if not soon:
+                raise refuse("--out", f"{folder} {BUSY.format(other)}") from None
+
+
+def _unmade(made: Sequence[Path]) -> None:
+    for path in made:
+        with suppress(OSError):
+            path.rmdir()
+
+
+def busy_faults(folder: Path, place: str) -> list[Fault]:
+    """A fault where a process holds a directory."""
+    if other := holders(folder):
+        return [Fault(place, f"{folder} {BUSY.format(other)}")]
+    return []

@@ -1,0 +1,101 @@
+"""The verdict on a directory: complete, unfinished, of more than one piece, or without a mark."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..errors import Fault
+from .lock import LOCK, holders
+from .manifest import ANEW, AS_IT_IS, MANIFEST, Manifest, read_manifest, strangers
+from .names import KINDS, kind_of, known, present
+from .parts import is_part
+from .unfinished import UNFINISHED, Unfinished, read_unfinished
+
+OWNERS = ".at-work-"
+"""Beginning of the names of files by which processes that share a directory say that they live."""
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How a directory stands.
+
+    `command` is whose result it holds, empty where that is not known. A complete one has a
+    manifest, an unfinished one a mark of its own; one with neither is of an older version, or
+    nothing. `faults` say what is not of one piece or cannot be read; nothing may be made of such a
+    directory. `missing` are files of a complete one that are gone, `holders` who works in it.
+    """
+
+    command: str = ""
+    manifest: Manifest | None = None
+    unfinished: Unfinished | None = None
+    faults: tuple[Fault, ...] = ()
+    missing: tuple[str, ...] = ()
+    holders: str = ""
+    seal: bytes = field(default=b"", repr=False)
+    """The marks as bytes: equal as long as nobody has begun or ended anything."""
+
+    @property
+    def complete(self) -> bool:
+        """Whether it is a complete set of one piece."""
+        return self.manifest is not None and not self.faults and not self.missing
+
+
+def standing(folder: Path, apart: Iterable[str] = ()) -> Standing:
+    """The verdict on a directory; files of `apart` check themselves and are not looked at."""
+    busy, seal = holders(folder), seal_of(folder)
+    faults: list[Fault] = []
+    manifest = unfinished = None
+    try:
+        manifest = read_manifest(folder)
+    except ValueError as error:
+        text = f"cannot be read: {error}; {ANEW}; {AS_IT_IS}"
+        faults.append(Fault(f"{folder}/{MANIFEST}", text))
+    if manifest is None and not faults:
+        try:
+            unfinished = read_unfinished(folder)
+        except ValueError as error:
+            text = f"cannot be read: {error}; start again with --overwrite"
+            faults.append(Fault(f"{folder}/{UNFINISHED}", text))
+    mark = manifest or unfinished
+    missing: tuple[str, ...] = ()
+    if manifest is not None:
+        faults += strangers(folder, manifest, tuple(apart))
+        there = set(present(folder, KINDS[manifest.command].files))
+        missing = tuple(name for name in manifest.files if name not in there)
+    command = mark.command if mark is not None else kind_of(folder)
+    return Standing(command, manifest, unfinished, tuple(faults), missing, busy, seal)
+
+
+def not_whole(folder: Path) -> tuple[Fault, ...]:
+    """Why nothing is to be read from a result: it is unfinished, or not of one piece."""
+    here = standing(folder)
+    if here.unfinished is None:
+        return here.faults
+    at_work = f"{here.holders} is at work on it: wait for that" if here.holders else (
+        "end it by the same command with --resume"
+    )  # fmt: skip
+    text = f"this result of `tolevo {here.command}` is unfinished: {at_work}, or name another"
+    return (*here.faults, Fault(str(folder), text))
+
+
+def seal_of(folder: Path) -> bytes:
+    """The marks of a directory as bytes."""
+    found = []
+    for name in (MANIFEST, UNFINISHED):
+        try:
+            found.append((folder / name).read_bytes())
+        except OSError:
+            found.append(b"")
+    return b"\0".join(found)
+
+
+def occupied(folder: Path) -> bool:
+    """Whether a directory holds anything, the traces of killed processes aside."""
+    return folder.is_dir() and any(not is_trace(path.name) for path in folder.iterdir())
+
+
+def is_trace(name: str) -> bool:
+    """Whether a file is nothing but the lock or the leftover of a process."""
+    return name == LOCK or name.startswith(OWNERS) or is_part(name, known)

@@ -1,0 +1,56 @@
+"""The mark of a result that is being made, or was broken off: what stands there is not whole."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..files import write_text
+from ..sealed import loads, sealed_record, unsealed_record
+from .names import known
+
+UNFINISHED = "unfinished.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Unfinished:
+    """Which command began, under which token; `retiring` names files of an older result that it
+    was removing.
+    """
+
+    command: str
+    token: str
+    retiring: tuple[str, ...] = ()
+
+
+def write_unfinished(
+    folder: Path, command: str, token: str, retiring: Sequence[str] = ()
+) -> Unfinished:
+    """Mark a directory as one in which `command` has begun."""
+    record = {"command": command, "token": token, "retiring": list(retiring)}
+    write_text(folder / UNFINISHED, json.dumps(sealed_record(record), indent=1) + "\n")
+    return Unfinished(command, token, tuple(retiring))
+
+
+def read_unfinished(folder: Path) -> Unfinished | None:
+    """The mark, None where there is none. Raises ValueError for a damaged one."""
+    try:
+        text = (folder / UNFINISHED).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise ValueError(error.strerror) from error
+    record = unsealed_record(loads(text))
+    try:
+        names = tuple(name for name in map(str, record["retiring"]) if _inside(name))
+        return Unfinished(str(record["command"]), str(record["token"]), names)
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"it is no mark of a result ({error!r})") from error
+
+
+def _inside(name: str) -> bool:
+    """Whether it is the name of a result in the directory itself: whatever else stays."""
+    path = Path(name)
+    return not path.is_absolute() and ".." not in path.parts and known(path.name)

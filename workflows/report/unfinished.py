@@ -1,0 +1,70 @@
+"""What there is of a result that is being made, or was broken off."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import pandas as pd
+
+from ...algorithms.checkpoint import Checkpoint
+from ...directory import KINDS, Standing
+from ...directory.names import present
+from ...errors import InputError
+from ..run.resume import CHECKPOINT
+from ..study.storage import DATABASE
+
+COLUMNS = ["generation", "evaluations", "seconds", "hypervolume", "feasible_fraction"]
+"""Columns of the history in the checkpoint of a run."""
+
+
+def remark_of(here: Standing) -> str:
+    """What is said of a directory that is not finished, or in use; empty for others."""
+    if here.unfinished is None:
+        return f"is complete, but {here.holders} is at work here" if here.holders else ""
+    if here.holders:
+        return f"is missing: this result is unfinished, {here.holders} is at work on it"
+    return (f"is missing: this result of `tolevo {here.command}` is unfinished; run the same "
+            "command with --resume to go on")  # fmt: skip
+
+
+def course(folder: Path) -> pd.DataFrame | None:
+    """The convergence of a run as far as its search was saved, None where it was not."""
+    path = folder / CHECKPOINT
+    if not path.is_file():
+        return None
+    try:
+        state = Checkpoint.read(path).saved()
+    except InputError:
+        return None
+    return None if state is None else pd.DataFrame(state["run.history"], columns=COLUMNS)
+
+
+def facts(folder: Path, here: Standing) -> tuple[str, ...]:
+    """What has been saved, in sentences."""
+    if here.unfinished is not None and here.unfinished.retiring:
+        return ("An older result was being replaced; nothing of the new one was saved.",)
+    if here.command == "study":
+        return (_runs(folder / DATABASE),)
+    state = present(folder, KINDS[here.command].state) if here.command in KINDS else []
+    if not state:
+        return ("Nothing has been saved.",)
+    if here.command == "gap":
+        lines = (folder / state[0]).read_bytes().count(b"\n") - 1
+        return (f"{max(lines, 0)} replicates have ended.",)
+    if here.command == "reproduce":
+        return (f"{len(state)} claims have been checked.",)
+    return ("No generation has been saved.",)
+
+
+def _runs(path: Path) -> str:
+    """How many runs of a study have ended."""
+    try:
+        connection = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
+        try:
+            count = connection.execute("SELECT COUNT(*) FROM runs").fetchone()[0]
+        finally:
+            connection.close()
+    except sqlite3.Error:
+        return "No run has ended."
+    return f"{count} runs have ended."
