@@ -105,8 +105,12 @@ class ContactUnits:
         design: UnitDesign | None = None,
     ) -> Array:
         """Backlash (n,) [arcmin] of the cycloid stage as it is measured over the turn."""
-        return np.maximum(self.play(sample, changes, design), 0.0) if self.largest else np.asarray(
-            np.maximum(self._play(*self._turn, sample, changes, design), 0.0).mean(axis=0)
+        return (
+            np.maximum(self.play(sample, changes, design), 0.0)
+            if self.largest
+            else np.asarray(
+                np.maximum(self._play(*self._turn, sample, changes, design), 0.0).mean(axis=0)
+            )
         )
 
     def play(
@@ -138,8 +142,10 @@ class ContactUnits:
         """What the cycloid stage of units built to a design adds (n,) [arcmin], negative where all
         of the turn interferes; the mean over a turn is never negative.
         """
-        return self.play(sample, NO_CHANGES, design) if self.largest else self._measured(
-            sample, NO_CHANGES, design
+        return (
+            self.play(sample, NO_CHANGES, design)
+            if self.largest
+            else self._measured(sample, NO_CHANGES, design)
         )
 
     def fixed(self, units: int, seed: int) -> BaseSample:
@@ -193,9 +199,7 @@ class ContactUnits:
         if key not in self._shifts:
             moved = {name: np.asarray(value) for name, value in key}
             self._shifts[key] = float(self._measured(self._compared, moved).mean())
-        plain = self._shifts.setdefault(
-            frozenset(), float(self._measured(self._compared).mean())
-        )
+        plain = self._shifts.setdefault(frozenset(), float(self._measured(self._compared).mean()))
         return self._mean + self._shifts[key] - plain
 
     @cached_property
@@ -218,7 +222,9 @@ class ContactUnits:
         rng = np.random.default_rng(SEEDS["law"])
         share = (np.arange(SHIFTED) + rng.random((len(cycloid), SHIFTED))) / SHIFTED
         z = self.basis.planet.quantile(share)
-        return np.asarray((cycloid[:, None] + self.involute.middle + self.involute.half * z).ravel())
+        return np.asarray(
+            (cycloid[:, None] + self.involute.middle + self.involute.half * z).ravel()
+        )
 
     def _of_law(self) -> Iterator[BaseSample]:
         sample = self.fixed(LAW, SEEDS["law"])

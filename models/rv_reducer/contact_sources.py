@@ -1,4 +1,4 @@
-"""What changes of one toleranced input do to units on the exact contact, for the laws of a batch."""
+"""What a change of one toleranced input does to units on the exact contact."""
 
 from __future__ import annotations
 
@@ -69,8 +69,9 @@ class ContactSources:
         unit = "mrad" if error == IN_MRAD else "um"
         from_zero = error == "crank_bearing"
         part = "clearance of the crank-arm bearings" if from_zero else f"{_words(error)} error"
-        return Source(f"{error}_{unit}", unit, part, design.width(error) * (0.5 if from_zero else 1),
-                      self._slope(error), clipped=True, at=0,
+        tolerance = design.width(error) * (0.5 if from_zero else 1.0)
+        return Source(f"{error}_{unit}", unit, part, tolerance, self._slope(error),
+                      clipped=True, at=0,
                       law=self.units.basis.hierarchy.of(error), from_zero=from_zero)  # fmt: skip
 
     def _slope(self, error: str) -> float:

@@ -68,9 +68,7 @@ def _gap(values: Mapping[str, float], _: ContactGeometry) -> Change:
 
 _OF_A_GAP = "both halves of the gap add {effective:.4g} arcmin of backlash"
 _IN_BEARINGS = "every crank bearing has {bearing:.4g} um more clearance inside the contact"
-COUNTERPARTS: Mapping[
-    str, tuple[Callable[[Mapping[str, float], ContactGeometry], Change], str]
-] = {
+COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], ContactGeometry], Change], str]] = {
     "differential_thermal_expansion": (
         _expansion,
         "the warmer disc fills the pin circle: it grows by {circle:+.4g} um beside the discs",

@@ -60,7 +60,11 @@ def of_assembly(rng: np.random.Generator) -> pd.DataFrame:
 
 CASES = {
     "table": (TABLE, of_table, "friction_hysteresis"),
-    "rv_batch": ('model = "rv_batch"\nparameters.model = "document"\n[free]\n', of_batch, "differential_thermal_expansion"),
+    "rv_batch": (
+        'model = "rv_batch"\nparameters.model = "document"\n[free]\n',
+        of_batch,
+        "differential_thermal_expansion",
+    ),
     "assembly": ('model = "assembly"\n', of_assembly, "adjustment_gain"),
 }
 

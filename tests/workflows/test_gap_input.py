@@ -286,7 +286,9 @@ def test_blocks_that_hold_nothing_out(tmp_path: Path) -> None:
 
 def test_a_session_may_stand_beside(tmp_path: Path) -> None:
     """A column that the contract names; it is said what it would be good for."""
-    (tmp_path / "gap.toml").write_text('model = "rv_batch"\nparameters.model = "document"\n', encoding="utf-8")
+    (tmp_path / "gap.toml").write_text(
+        'model = "rv_batch"\nparameters.model = "document"\n', encoding="utf-8"
+    )
     table = pd.DataFrame({"unit": range(30), "session": ["a", "b"] * 15})
     table.assign(backlash_arcmin=np.linspace(0.0, 1.0, 30)).to_csv(tmp_path / "b.csv", index=False)
     data = read_data(read_gap(tmp_path / "gap.toml"), tmp_path / "b.csv")

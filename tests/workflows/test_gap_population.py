@@ -129,7 +129,9 @@ BATCHES: Mapping[str, Callable[[], Table]] = {
 def analysed(table: Mapping[str, Array], text: str = "[free]\n") -> GapResult:
     with TemporaryDirectory() as folder:
         configuration, data = Path(folder, "gap.toml"), Path(folder, "units.csv")
-        configuration.write_text(f'model = "rv_batch"\nparameters.model = "document"\n{text}', encoding="utf-8")
+        configuration.write_text(
+            f'model = "rv_batch"\nparameters.model = "document"\n{text}', encoding="utf-8"
+        )
         pd.DataFrame(table).to_csv(data, index=False)
         plan = read_gap(configuration)
         return gap.found(plan, read_data(plan, data))

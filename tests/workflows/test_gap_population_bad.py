@@ -14,7 +14,10 @@ from typer.testing import CliRunner, Result
 from tolevo.cli import app
 
 Frame = pd.DataFrame
-MODELS = {"rv_batch": 'parameters.model = "document"\n[free]\n', "assembly": "[settings]\nsimulations = 400\n"}
+MODELS = {
+    "rv_batch": 'parameters.model = "document"\n[free]\n',
+    "assembly": "[settings]\nsimulations = 400\n",
+}
 
 
 def units(n: int, seed: int = 1) -> Frame:

@@ -187,7 +187,9 @@ def changed(model: RvBatch, table: dict[str, np.ndarray], by: dict[str, float]) 
 
 def test_unit_that_warms_up_as_a_whole_keeps_its_backlash() -> None:
     both = {"disc_temperature_K": 25.0, "housing_temperature_K": 25.0}
-    np.testing.assert_allclose(changed(RvBatch(DOCUMENT), {"unit": np.arange(500)}, both), 0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        changed(RvBatch(DOCUMENT), {"unit": np.arange(500)}, both), 0.0, atol=1e-12
+    )
 
 
 def test_share_of_the_measured_temperature() -> None:
