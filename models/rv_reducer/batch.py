@@ -57,7 +57,7 @@ class RvBatch(MeasurableModel):
         Changeable("housing_temperature_K", "K", "temperature of the housing above 20 degC"),
     )
     population = True
-    corrects = ("rv_backlash", "rv_reducer")
+    corrects: ClassVar[tuple[str, ...]] = ("rv_backlash", "rv_reducer")
     free: ClassVar[Mapping[str, float]] = {
         f"{v.name.removesuffix('_um')}_mid_um": float(v.document)
         for v in declared.VARIABLES

@@ -43,7 +43,8 @@ class UnitModel(UnitBasis):
             number(parameters["overlap_arcmin"]),
         )
         basis = UnitBasis.from_parameters(parameters, inputs, mids)
-        return cls(*(getattr(basis, one.name) for one in fields(UnitBasis)), conditions)
+        given = {one.name: getattr(basis, one.name) for one in fields(UnitBasis)}
+        return cls(**given, conditions=conditions)
 
     def changed(self, change: Change) -> UnitModel:
         """The model with what effects change in it."""

@@ -215,13 +215,13 @@ def test_cold_disc_cannot_open_what_interferes() -> None:
 @pytest.mark.parametrize("error", ["pin_circle_radius", "pin_radius", "runout"])
 def test_change_of_an_error_is_that_of_its_mid_limit(error: str) -> None:
     table = {"unit": np.arange(1000)}
-    wide = {"pin_hole_radius_mid_um": 60.0}
+    wide: dict[str, float | str] = DOCUMENT | {"pin_hole_radius_mid_um": 60.0}
     mids = {
         one.name: float(str(one.default)) for one in RvBatch.parameters if "_mid_um" in one.name
     }
-    moved = RvBatch(DOCUMENT | wide | {f"{error}_mid_um": mids[f"{error}_mid_um"] + 2.0})
+    moved = RvBatch(wide | {f"{error}_mid_um": mids[f"{error}_mid_um"] + 2.0})
     rngs = [np.random.default_rng(0) for _ in range(2)]
     expected = moved.predict(table, rngs[0])["backlash_arcmin"]
-    expected = expected - RvBatch(DOCUMENT | wide).predict(table, rngs[1])["backlash_arcmin"]
-    found = changed(RvBatch(DOCUMENT | wide), table, {f"{error}_um": 2.0})
+    expected = expected - RvBatch(wide).predict(table, rngs[1])["backlash_arcmin"]
+    found = changed(RvBatch(wide), table, {f"{error}_um": 2.0})
     np.testing.assert_allclose(found, expected, atol=1e-10)
