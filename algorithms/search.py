@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..problems.tolerance_problem import ToleranceProblem
 from .drivers import Driver, Unsavable, driver
+from .exact.finish import finished
 from .run import BudgetSpent, Progress, Run
 from .settings import AlgorithmSettings, Budget, Solver
 
@@ -85,7 +86,8 @@ def search(
         interrupted = True
     x, f = run.archive.arrays()
     history = tuple(run.history)
-    return SearchResult(x, f, run.archive.miss, run.evaluations, history, interrupted, run.chosen)
+    chosen = run.chosen[:0] if interrupted else run.chosen
+    return SearchResult(x, f, run.archive.miss, run.evaluations, history, interrupted, chosen)
 
 
 def drive(
@@ -99,6 +101,9 @@ def drive(
             _evolve(run, lambda: driver(run.problem, settings, seed, engine), keeper)
     except BudgetSpent:
         pass
+    polish = bool(getattr(settings, "polish", False)) and not isinstance(settings, Solver)
+    if (run.problem.sampled and not len(run.chosen)) or polish:
+        finished(run, polish)
 
 
 def _evolve(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> None:

@@ -22,11 +22,14 @@ import numpy as np
 
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
 from tolevo.models.rv_reducer.contact.geometry import ContactGeometry
-from tolevo.models.rv_reducer.contact.performance import backlash
+from tolevo.models.rv_reducer.contact.performance import backlash, loading, lost_motion
 from tolevo.models.rv_reducer.population.design import UnitDesign
+from tolevo.models.rv_reducer.population.elastic import OUTPUTS, Elastic, elastic
+from tolevo.models.rv_reducer.population.elastic_springs import Loading
 from tolevo.models.rv_reducer.population.measures import Conditions, Measures
 from tolevo.models.rv_reducer.population.part_errors import modified, part_errors
 from tolevo.models.rv_reducer.population.statistics import Involute
+from tolevo.models.rv_reducer.population.touch import Engine
 from tolevo.models.rv_reducer.population.turn import Population
 from tolevo.models.rv_reducer.tighter_planet import TighterPlanet
 from tolevo.units import ARCMIN
@@ -158,9 +161,46 @@ def accuracy() -> None:
         )
 
 
+def balanced(population: Population, engine: Engine = "auto") -> Elastic:
+    """All outputs under load."""
+    turn = population.turn(DOCUMENT)
+    return elastic(population.lattice, turn.table, turn.units, Loading(), engine)
+
+
+def pulled_back(population: Population) -> None:
+    """All outputs under load, and the derivatives of their means together."""
+    weight = np.full(population.units, 1.0 / population.units)
+    balanced(population).pull_back(population.slopes, dict.fromkeys(OUTPUTS, weight))
+
+
+def under_load() -> None:
+    """Lost motion, preload, pin force and transmission error of 256 units at 31 positions."""
+    population, few = drawn(256, 31), drawn(32, 31)
+    contact = LoadedContact(modified(GEOMETRY, DOCUMENT))
+    errors, angles = part_errors(GEOMETRY, few.sample, DOCUMENT), few.lattice.angles
+    pulled_back(population)  # compiles, or loads what was compiled
+    lost = lost_motion(contact, errors, angles) / ARCMIN
+    found = interleaved({
+        "value": partial(balanced, population),
+        "slopes": partial(pulled_back, population),
+        "arrays": partial(balanced, few, "arrays"),
+        "contact": partial(lost_motion, contact, errors, angles),
+    })  # fmt: skip
+    print("256 units x 31 positions under load, four load cases:")
+    print(f"  compiled {found['value']:.1f} ms, with derivatives {found['slopes']:.1f} ms")
+    print(f"  arrays {found['arrays'] * 8:.0f} ms (from 32 units)")
+    print(f"  loaded contact, lost motion alone {found['contact'] * 8:.0f} ms (from 32 units)")
+    ours = balanced(few).values
+    peak = loading(contact, errors, angles, Loading().rated_torque).peak
+    away = np.max(np.abs(ours["lost_motion"] - lost))
+    print(f"  lost motion within {away:.4f} arcmin of the loaded contact, pin force within "
+          f"{np.max(np.abs(ours['peak_pin_force'] / peak - 1.0)):.2%}")  # fmt: skip
+
+
 def main() -> None:
     speed()
     accuracy()
+    under_load()
 
 
 if __name__ == "__main__":

@@ -13,22 +13,22 @@ import pandas as pd
 from numpy.typing import NDArray
 from pymoo.core.problem import Problem
 
-from ..declarations import Assumption, Output, Parameter, Value, Variable
+from ..declarations import Assumption, Output, Parameter, Variable, completed
 from ..errors import Fault, ModelError
 from ..models.costs import CostCurve
-from ..records import Bars
 from ..section import Section
 from .assumptions import assumptions_of
 from .forms import Form
 from .limits import impossible, limits_of
 from .settings import Bound, Settings, VariableSetting
+from .shown import Shown
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
 """Proven lower and upper bound of an output over the search space; infinite where not known."""
 
 
-class ToleranceProblem(Problem):
+class ToleranceProblem(Shown, Problem):
     """A tolerance allocation problem: some variables are searched, the others fixed.
 
     A subclass declares `parameters`, `variables`, `outputs` and defaults, and gives `_outputs`.
@@ -45,11 +45,13 @@ class ToleranceProblem(Problem):
     default_model: str = ""
     reference_ga: ClassVar[Mapping[str, float]] = {}
     """Settings of the single-objective GA beside a run, where the documents name them: population,
-    generations, crossover and mutation probability."""
+    generations, crossover and mutation probability; and, where not the GA's own, their eta."""
     sampled: ClassVar[bool] = False
-    """Whether a search sees the average of a fixed sample; its points are tested on a fresh one."""
-    explained: ClassVar[Mapping[str, str]] = {}
-    """By output without a derivative, the one whose derivative tells what contributes to it."""
+    """Whether a search sees a fixed sample of units; its points are tested on a fresh one."""
+    performance: ClassVar[frozenset[str]] = frozenset()
+    """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""
+    default_algorithm: ClassVar[str] = ""
+    """The best algorithm for the problem; empty: NSGA-II or, of one objective, the GA."""
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
@@ -144,6 +146,10 @@ class ToleranceProblem(Problem):
         """Label and problem of the documents' single-objective allocation, or None."""
         return None
 
+    def coarser(self) -> ToleranceProblem:
+        """The same problem on a smaller sample, for algorithms that evaluate much."""
+        return self
+
     def relaxed(self, limits: Mapping[str, Bound]) -> ToleranceProblem:
         """The same problem with some limits replaced."""
         return type(self)(replace(self.given, limits=dict(self.given.limits) | dict(limits)))
@@ -168,10 +174,6 @@ class ToleranceProblem(Problem):
         """Derivatives (n, all variables) of the outputs for which the model gives them."""
         return {}
 
-    def bars(self) -> tuple[Bars, ...]:
-        """Charts of what matters in this problem, whatever is optimised."""
-        return ()
-
     def counterparts(self) -> tuple[str, ...]:
         """What each active effect does in this problem; empty where it does nothing."""
         return ("",) * len(self.settings.effects)
@@ -192,18 +194,25 @@ class ToleranceProblem(Problem):
         """The same problem with no effect in its model."""
         return type(self)(replace(self.given, effects=()))
 
+    def search_faults(self) -> list[Fault]:
+        """What is wrong with a search of the problem, though its designs can be evaluated."""
+        return []
+
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting a run of this problem."""
+        return ()
+
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        """What should be said of the reported points, a row each as `frame` makes them."""
         return ()
 
     # ---------------------------------------------------------------- set-up
 
     def _completed(self, given: Settings) -> Settings:
         """The settings with every default filled in."""
-        parameters: dict[str, Value] = {p.name: p.default for p in self.parameters}
         return replace(
             given,
-            parameters=parameters | dict(given.parameters),
+            parameters=completed(self.parameters, given.parameters),
             variables={
                 v.name: self._variable(v, given.variables.get(v.name)) for v in self.variables
             },

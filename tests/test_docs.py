@@ -9,6 +9,7 @@ from tolevo.models.manipulator.pose import ManipulatorPose
 from tolevo.models.manipulator.sources import ROWS
 from tolevo.models.rv_reducer.contact import declared as contact
 from tolevo.models.rv_reducer.transmission import RvTransmission
+from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.registry import names as names_of
 from tolevo.workflows.reproduce.claims import RELATIONS
@@ -55,6 +56,15 @@ def test_every_parameter_and_error_of_the_manipulator_is_documented() -> None:
     names = [one.name for one in ManipulatorPose.parameters]
     names += [f"{name}_{unit}" for name, unit, _ in ROWS]
     assert [name for name in names if f"| `{name}` |" not in text] == []
+
+
+@pytest.mark.source_tree
+def test_every_output_and_own_parameter_of_pose_accuracy_is_documented() -> None:
+    text = (DOCS / "pose_accuracy.md").read_text(encoding="utf-8")
+    shared = {one.name for one in ManipulatorPose.parameters} - {"index"}
+    names = [one.name for one in PoseAccuracy.outputs if not one.error_of]
+    names += [one.name for one in PoseAccuracy.parameters if one.name not in shared]
+    assert [name for name in names if f"`{name}`" not in text] == []
 
 
 @pytest.mark.source_tree

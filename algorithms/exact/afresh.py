@@ -15,9 +15,10 @@ from ..run import Run
 from .branch import Branch
 
 Array = NDArray[np.float64]
-ROUNDS = 4
-"""Times that limits are moved at most."""
-BEYOND, MARGIN = 1.2, 1e-3
+ROUNDS, SPARE = 3, 4
+"""Times that a point is solved with its limits moved, and times more that it is pushed inside them
+where it is not."""
+BEYOND, MARGIN = 1.2, 3e-4
 """Factor and share of a limit by which it is moved farther than fresh units ask for, so that rounds
 come to an end."""
 FAR = 0.5
@@ -35,7 +36,7 @@ def tested_afresh(run: Run, branches: list[Branch], points: int, least: float) -
         order = [order[int(at)] for at in np.linspace(0, len(order) - 1, points)]
     for done, (branch, at) in enumerate(order):
         run.phase("fresh units", 0.9 + 0.1 * done / len(order))
-        run.choose(_kept(run, branch, branch.y[at], branch.f[at]))
+        run.choose(kept(run, branch, branch.y[at], branch.f[at], search=True))
 
 
 def _joint(branches: list[Branch]) -> list[tuple[Branch, int]]:
@@ -47,29 +48,42 @@ def _joint(branches: list[Branch]) -> list[tuple[Branch, int]]:
     return [places[int(row)] for row in rows]
 
 
-def _kept(run: Run, branch: Branch, y: Array, f: Array) -> Array:
-    """The search vector (1, variables) of a point, after its limits hold on fresh units."""
+def kept(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
+    """The search vector (1, variables) of a point, after its limits hold on fresh units.
+
+    With `search` it is solved again with every limit moved by what fresh units say more or less of
+    it than the sample, and the cheapest point that they accept is taken; else the nearest.
+    """
     limit = np.full(len(f), np.inf)
     limit[1:] = f[1:]
+    found: list[tuple[float, Array]] = []
+    for _ in range(ROUNDS if search else 0):
+        excess = _noted(run, branch, y, found)
+        own = branch.smooth.values(y)[1]
+        moved = np.where(excess != own, excess - own + MARGIN, 0.0)
+        y = branch.solved(0, branch.restored(y, moved, FAR), limit, moved)
+    _noted(run, branch, y, found)
+    return min(found, key=lambda one: one[0])[1] if found else _pushed(run, branch, y)
+
+
+def _noted(run: Run, branch: Branch, y: Array, found: list[tuple[float, Array]]) -> Array:
+    """Violations (constraints,) on fresh units; where there are none the point joins `found`."""
+    x = branch.smooth.vectors(y[None, :])
+    values, excess = run.problem.tested(x)
+    if not np.any(excess > 0.0):
+        found.append((float(values[0, 0]), x))
+    return np.asarray(excess[0])
+
+
+def _pushed(run: Run, branch: Branch, y: Array) -> Array:
+    """The search vector (1, variables) of a point pushed inside its limits on fresh units."""
     slack = np.zeros(run.problem.n_ieq_constr)
-    for _ in range(ROUNDS):
+    for _ in range(SPARE):
         x = branch.smooth.vectors(y[None, :])
         excess = run.problem.tested(x)[1][0]
         if not np.any(excess > 0.0):
-            return x
+            break
         own = branch.smooth.values(y)[1]
         slack = np.where(excess > 0.0, np.maximum(slack, -own) + BEYOND * excess + MARGIN, slack)
-        y = _moved(branch, y, limit, slack)
+        y = branch.restored(y, slack, FAR)
     return branch.smooth.vectors(y[None, :])
-
-
-def _moved(branch: Branch, y: Array, limit: Array, slack: Array) -> Array:
-    """The nearest point that keeps the moved limits, or a cheaper one where SLSQP finds one."""
-    near = branch.restored(y, slack, FAR)
-    other = branch.solved(0, near, limit, slack)
-    f, g = branch.smooth.values(near)
-    better, broken = branch.smooth.values(other)
-    worst = np.maximum(float(np.max(g + slack, initial=0.0)), MARGIN)
-    if better[0] < f[0] and np.all(broken + slack <= worst):
-        return other
-    return near

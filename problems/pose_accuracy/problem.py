@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ...declarations import Assumption, Output, Parameter, Variable, number
@@ -15,12 +16,13 @@ from ...errors import Fault
 from ...models.costs import CostCurve
 from ...models.manipulator import declared
 from ...models.manipulator.faults import faults
+from ...models.manipulator.fields import Field
 from ...models.manipulator.indices import grid, sensitivity
 from ...models.manipulator.maps import first_order
 from ...models.manipulator.sources import matrix, orientation_combinations, position_sources
 from ...records import Bars
 from ...section import Section
-from ...units import MM
+from ...units import MM, MRAD, UM
 from ..forms import Feature, Form, Way
 from ..settings import Bound, Settings
 from ..tolerance_problem import Interval, ToleranceProblem
@@ -34,24 +36,27 @@ from .grouping import (
     unit_of,
     variables_of,
 )
+from .machines import Population
+from .outputs import (
+    BOUNDS,
+    ERRORS,
+    EXPLAINED,
+    LIMITED,
+    LIMITS,
+    MACHINES,
+    OTHER,
+    OUTPUTS,
+    OVER_MACHINES,
+    PARAMETERS,
+    POSE,
+    UNITS,
+)
+from .pose import pose_faults, pose_of, words_of
+from .remarks import remarks_of
 
 Array = NDArray[np.float64]
-SCALE = {"um": 1e-6, "mrad": 1e-3}
-OUTPUTS = (
-    Output("cost", "", "relative manufacturing cost, sum of the cost curves", low=0.0),
-    Output("squareness_mrad", "mrad", "standard deviation of the tilt of the platform, by the "
-           "index", low=0.0),
-    Output("yaw_mrad", "mrad", "standard deviation of its rotation about z, by the index", low=0.0),
-    Output("position_mm", "mm", "standard deviation of its position from these sources through the "
-           "orientation, and from other_sources", low=0.0),
-)  # fmt: skip
-ERRORS = ("squareness_mrad", "yaw_mrad", "position_mm")
-LIMITS = {"squareness_mrad": Bound(high=0.2), "yaw_mrad": Bound(high=0.2)}
-"""Assumed: the limits of the standard that the document cites are not at hand."""
-OTHER = Parameter(
-    "other_sources_mm", 0.0, "mm", "standard deviation of the position from other sources",
-    "assumed: none", assumed=True, low=0.0,
-)  # fmt: skip
+SCALES: Array = np.array([{"um": UM, "mrad": MRAD}[unit_of(source)] for source in SOURCES])
+"""Metres or radians in one unit of each source."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,7 @@ class PoseKind:
     variables: tuple[Variable, ...]
     default_costs: Mapping[str, CostCurve]
     outputs: tuple[Output, ...] = OUTPUTS
-    parameters: tuple[Parameter, ...] = (*declared.PARAMETERS, OTHER)
+    parameters: tuple[Parameter, ...] = PARAMETERS
     default_limits: Mapping[str, Bound] = field(default_factory=lambda: LIMITS)
     default_objectives: tuple[str, ...] = ("cost", "squareness_mrad")
     default_model: str = "manipulator_pose"
@@ -79,11 +84,12 @@ class PoseAccuracy(ToleranceProblem):
     first-order effects, so that the problem is convex: docs/manipulator.md.
     """
 
-    parameters = (*declared.PARAMETERS, OTHER)
+    parameters = PARAMETERS
     outputs = OUTPUTS
     default_limits: ClassVar[Mapping[str, Bound]] = LIMITS
     default_objectives = ("cost", "squareness_mrad")
     default_model = "manipulator_pose"
+    explained: ClassVar[Mapping[str, str]] = EXPLAINED
     reference_ga: ClassVar[Mapping[str, float]] = {
         "population": 80, "generations": 400, "crossover": 0.99, "mutation": 0.08,
     }  # fmt: skip
@@ -112,17 +118,19 @@ class PoseAccuracy(ToleranceProblem):
     # ---------------------------------------------------------------- evaluation
 
     @cached_property
+    def _owners(self) -> Array:
+        """Which variable (sources, variables) each source belongs to."""
+        each = self.grouping.values()
+        return np.array([[source in own for own in each] for source in SOURCES], dtype=float)
+
+    @cached_property
     def squares(self) -> dict[str, Array]:
         """Squared effect per squared unit of each variable, (poses or 1, variables), by output."""
         index = str(self.settings.parameters["index"])
         every = self._every_pose() if index == "every_pose" else self._means(index)
-        scale = np.array([SCALE[unit_of(source)] for source in SOURCES])
-        owners = np.array([
-            [source in sources for sources in self.grouping.values()] for source in SOURCES
-        ], dtype=float)  # fmt: skip
         return {
-            name: (sizes * scale) ** 2 @ owners / unit**2
-            for (name, sizes), unit in zip(every.items(), (1e-3, 1e-3, MM), strict=True)
+            name: (sizes * SCALES) ** 2 @ self._owners / unit**2
+            for (name, sizes), unit in zip(every.items(), (MRAD, MRAD, MM), strict=True)
         }
 
     def _means(self, index: str) -> dict[str, Array]:
@@ -141,17 +149,73 @@ class PoseAccuracy(ToleranceProblem):
             "position_mm": np.linalg.norm(move, axis=1),
         }
 
+    @cached_property
+    def _fields(self) -> dict[str, Field]:
+        """The pose errors by name on the grid of the ring, per unit of each source."""
+        return self._errors_at(*grid(self.ring))
+
+    def _errors_at(self, r: Array, z: Array) -> dict[str, Field]:
+        maps, columns = first_order(self.machine, r, z), matrix(orientation_combinations())
+        turn, move = (one @ columns * SCALES for one in (maps.orientation, maps.position))
+        each = (turn[:, :2] / MRAD, turn[:, 2:] / MRAD, move / MM)
+        return {name: Field(one) for name, one in zip(UNITS, each, strict=True)}
+
+    @cached_property
+    def population(self) -> Population:
+        """The machines of a design."""
+        given, spread = self.settings.parameters, self.settings.propagation
+        pose = pose_of(given[POSE.name])
+        here = {} if pose is None else self._errors_at(*pose)
+        limits = {name: number(given[one.name]) for name, one in zip(LIMITED, BOUNDS, strict=True)}
+        usual = np.array([reference_of(source) for source in SOURCES])
+        return Population(
+            {name: self._with_others(name, field) for name, field in self._fields.items()},
+            {name: self._with_others(name, field) for name, field in here.items()},
+            limits,
+            spread.coverage,
+            spread.samples,
+            self.settings.seed,
+            self._sources(usual[None])[0],
+        )
+
     @property
     def _other(self) -> float:
         return number(self.settings.parameters[OTHER.name])
 
+    def _with_others(self, name: str, field: Field) -> Field:
+        """A field with the three components of the other sources, where there are any."""
+        if self._other == 0.0:
+            return field
+        poses, size, _ = field.effects.shape
+        more = np.eye(3) if name == "position" else np.zeros((size, 3))
+        wide = np.broadcast_to(more, (poses, size, 3))
+        return Field(np.concatenate([field.effects, wide], axis=2))
+
+    def _sources(self, sigma: Array) -> Array:
+        """Standard deviations (n, sources) with those of the other sources, where there are any."""
+        if self._other == 0.0:
+            return sigma
+        more = np.full((len(sigma), 3), self._other / np.sqrt(3.0))
+        return np.hstack([sigma, more])
+
+    def _of_machines(self, designs: Array, names: Iterable[str]) -> dict[str, Array]:
+        return self.population.outputs(self._sources(designs @ self._owners.T), names)
+
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
+        """What machines do is left out (NaN) but for what is minimised or limited."""
         found = {"cost": self.cost_of(designs)}
         for name, squares in self.squares.items():
             worst = np.max(designs**2 @ squares.T, axis=1)
             other = self._other**2 if name == "position_mm" else 0.0
             found[name] = np.sqrt(worst + other)
-        return found
+        asked = (*self.objectives, *(limit.name for limit in self.limits))
+        nothing = np.full(len(designs), np.nan)
+        left = {output.name: nothing for output in MACHINES}
+        return found | left | self._of_machines(designs, asked)
+
+    def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
+        """What machines do, of the designs that are reported."""
+        return self._of_machines(designs, (output.name for output in MACHINES))
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives of all outputs; of the worst pose where every pose is looked at."""
@@ -167,13 +231,19 @@ class PoseAccuracy(ToleranceProblem):
     # ---------------------------------------------------------------- what is known
 
     def interval(self, output: str) -> Interval:
-        """Proven bounds: errors rise and costs fall with every standard deviation."""
+        """Proven bounds: errors rise and costs fall with every standard deviation.
+
+        So do the shares of machines that exceed a bound: where it is kept is convex and symmetric
+        (Anderson 1955, Proc. Am. Math. Soc. 6(2)).
+        """
         if output == "cost":
             return self.cost_interval
+        ends = np.stack([self._corner(tight=True), self._corner(tight=False)])
         if output in self.squares:
-            ends = np.stack([self._corner(tight=True), self._corner(tight=False)])
             low, high = self._outputs(ends, searching=True)[output]
             return float(low), float(high)
+        if output in OVER_MACHINES:
+            return self.population.interval(output, self._sources(ends @ self._owners.T))
         return super().interval(output)
 
     def least_cost(self) -> tuple[str, PoseAccuracy] | None:
@@ -198,7 +268,8 @@ class PoseAccuracy(ToleranceProblem):
         other = np.array([self._other**2 if name == "position_mm" else 0.0 for name in outputs])
         relaxed = tuple(
             limit.name for limit in self.limits
-            if limit.name in (*ERRORS, "cost") and np.isfinite(limit.low)
+            if limit.name in OVER_MACHINES
+            or (limit.name in (*ERRORS, "cost") and np.isfinite(limit.low))
         )  # fmt: skip
         left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
         return Form(
@@ -226,7 +297,7 @@ class PoseAccuracy(ToleranceProblem):
         moving = {name: {name: 1.0} for name in position_sources()}
         turn = sensitivity(self.machine, self.ring, mean, turning)  # type: ignore[arg-type]
         move = sensitivity(self.machine, self.ring, mean, moving)  # type: ignore[arg-type]
-        own = np.array([reference_of(name) * SCALE[unit_of(name)] for name in turning])
+        own = np.array([reference_of(name) for name in turning]) * SCALES
         step = np.array([1e-5 if name.endswith("_um") else 1e-4 for name in moving])
         of = f"index {mean}"
         return (
@@ -236,10 +307,24 @@ class PoseAccuracy(ToleranceProblem):
                   1e6 * move.position * step),
         )  # fmt: skip
 
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        """What the standard deviations of the cheapest point mean for machines."""
+        if front.empty:
+            return ()
+        cheapest = int(np.argmin(front["cost"].to_numpy()))
+        row = {output.name: float(front[output.name].iloc[cheapest]) for output in OUTPUTS}
+        given, coverage = self.settings.parameters, self.settings.propagation.coverage
+        where = words_of(given[POSE.name])
+        index, limits = str(given["index"]), self.population.limits
+        return remarks_of(row, index, limits, coverage, where)
+
     # ---------------------------------------------------------------- faults and assumptions
 
     def faults(self) -> list[Fault]:
-        return faults(self.machine, self.ring) or super().faults()
+        found = faults(self.machine, self.ring)
+        given = self.settings.parameters
+        found += pose_faults(given[POSE.name], given["ring_r_mm"], given["ring_z_mm"])
+        return found or super().faults()
 
     def assumptions(self) -> tuple[Assumption, ...]:
         limited = [name for name in LIMITS if name in self.settings.limits]

@@ -4,13 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from math import log
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.rv_reducer.population.elastic import Elastic, elastic
 from ...models.rv_reducer.population.gradient import NAMES
-from ...models.rv_reducer.population.measures import Measure, Measures
+from ...models.rv_reducer.population.measures import Measures
+from ...models.rv_reducer.population.scaled import Scaled
+from ...models.rv_reducer.population.statistics import (
+    NO_STAGE,
+    Statistic,
+    deviation,
+    mean,
+    ordered_quantile,
+    quantile,
+    share_above,
+)
+from ...models.rv_reducer.population.table import Table
 from ...models.rv_reducer.population.turn import Population, Turn
 from .outputs import MEASURED
 from .units import UnitModel
@@ -24,6 +37,8 @@ MEASURES = {
     "backlash_rms_arcmin": "rms",
     "yield_percent": "yield",
     "interference_probability": "interference",
+    "interference_share_of_turn": "interference share_of_turn",
+    "overlap_p95_arcmin": "overlap",
 }
 """The measure of each sampled output."""
 SCALE = {"yield_percent": 100.0}
@@ -38,50 +53,127 @@ BY_GRADE = 0.5 * log(2.0)
 """Derivative of ln(phi_1) by the ISO grade."""
 
 
+LOADED = {
+    "lost_motion_arcmin": "lost_motion",
+    "transmission_error_arcsec": "transmission_error",
+    "preload_torque_Nm": "preload_torque",
+    "preload_torque_Nm_max": "preload_torque_max",
+    "peak_pin_force_N": "peak_pin_force",
+}
+"""The elastic output that each output is a statistic of."""
+
+
+def part_of(name: str) -> tuple[str, str]:
+    """An output under load and what of it is meant: quantile, mean or std."""
+    for part in ("mean", "std"):
+        if name.endswith(f"_{part}") and name.removesuffix(f"_{part}") in LOADED:
+            return name.removesuffix(f"_{part}"), part
+    return name, "quantile"
+
+
+def known(name: str) -> bool:
+    """Whether an output is a statistic over units."""
+    return name in MEASURES or part_of(name)[0] in LOADED
+
+
 @dataclass(frozen=True, slots=True, eq=False)
+class Populations:
+    """What a design is tried on: rigid units, the same under load, and for transmission error."""
+
+    rigid: Population
+    loaded: Population
+    turning: Population
+
+
 class Evaluation:
-    """One design on one population."""
+    """One design on populations; each statistic is computed when it is first asked for."""
 
-    turn: Turn
-    measures: Measures
+    def __init__(self, model: UnitModel, drawn: Populations, row: Mapping[str, float]) -> None:
+        self.model, self.drawn = model, drawn
+        self.design = model.design(row)
+        self.involute = model.involute(self.design.involute_grade)
+        self._elastic: dict[bool, Elastic] = {}
+        self._statistics: dict[str, Statistic] = {}
 
-    @classmethod
-    def of(cls, model: UnitModel, population: Population, row: Mapping[str, float]) -> Evaluation:
-        """The evaluation of one row of variables by name."""
-        design = model.design(row)
-        turn = population.turn(design)
-        return cls(turn, model.measures(turn))
+    @cached_property
+    def turn(self) -> Turn:
+        """Rigid units over the turn."""
+        return self.drawn.rigid.turn(self.design)
+
+    @cached_property
+    def measures(self) -> Measures:
+        """Statistics of rigid units."""
+        return self.model.measures(self.turn)
 
     def value(self, name: str) -> float:
         """A sampled output."""
-        return SCALE.get(name, 1.0) * self._measure(name).statistic.value
+        return SCALE.get(name, 1.0) * self._statistic(name).value
 
     def error(self, name: str) -> float:
         """Its standard error."""
-        return SCALE.get(name, 1.0) * self._measure(name).statistic.error
+        return SCALE.get(name, 1.0) * self._statistic(name).error
 
     def gradient(self, name: str) -> dict[str, float]:
         """Derivatives of a sampled output by variable, in the units of both."""
-        measure = self._measure(name)
-        scale = SCALE.get(name, 1.0)
-        slopes = scale * measure.slopes(self.turn)
+        statistic, scale = self._statistic(name), SCALE.get(name, 1.0)
+        if self._under_load(name):
+            slopes = self._pulled_back(name, statistic)
+        else:
+            slopes = self.measures[MEASURES[name]].slopes(self.turn)
         found = {
             VARIABLE.get(one, f"{one}_um"): float(slope)
-            for one, slope in zip(NAMES, slopes, strict=True)
+            for one, slope in zip(NAMES, scale * slopes, strict=True)
         }
-        found["involute_grade"] = scale * BY_GRADE * measure.statistic.by_involute
-        circle = self.turn.design.width("pin_circle_radius")
+        found["involute_grade"] = scale * BY_GRADE * statistic.by_involute
+        circle = self.design.width("pin_circle_radius")
         if circle > 0.0:
-            found["pin_circle_radius_um"] += scale * measure.statistic.by_zone / circle
+            found["pin_circle_radius_um"] += scale * statistic.by_zone / circle
         return found
 
-    def share_of_turn(self) -> float:
-        """Share of all positions of all units with interference."""
-        return float(np.mean(self.turn.play < 0.0))
+    # ---------------------------------------------------------------- statistics
 
-    def overlap(self, share: float) -> float:
-        """Largest overlap over the turn [arcmin] that a `share` of the units stays below."""
-        return float(np.quantile(np.maximum(-self.turn.play.min(axis=0), 0.0), share))
+    def _under_load(self, name: str) -> bool:
+        preload = self.model.conditions.interference == "preload"
+        return name not in MEASURES or (preload and name == "interference_probability")
 
-    def _measure(self, name: str) -> Measure:
-        return self.measures[MEASURES[name]]
+    def _statistic(self, name: str) -> Statistic:
+        if name not in self._statistics:
+            under_load = self._under_load(name)
+            self._statistics[name] = (
+                self._loaded(name) if under_load else self.measures[MEASURES[name]].statistic
+            )
+        return self._statistics[name]
+
+    def _loaded(self, name: str) -> Statistic:
+        """A statistic of units under load."""
+        if name == "interference_probability":
+            values = self._units_under_load("preload_torque_Nm").values["preload_torque"]
+            return share_above(values, self.model.preload)
+        output, part = part_of(name)
+        values = self._units_under_load(output).values[LOADED[output]]
+        coverage = self.model.conditions.coverage
+        if output == "lost_motion_arcmin":
+            if part == "quantile":
+                return quantile(values, self.involute, coverage)
+            return (mean if part == "mean" else deviation)(values, self.involute)
+        if part == "quantile":
+            return ordered_quantile(values, coverage)
+        return (mean if part == "mean" else deviation)(values, NO_STAGE)
+
+    def _units_under_load(self, output: str) -> Elastic:
+        turning = output == "transmission_error_arcsec"
+        if turning not in self._elastic:
+            drawn = self.drawn.turning if turning else self.drawn.loaded
+            table = Table.of(drawn.lattice, self.design.dr_rp, self.design.dr_p)
+            units = Scaled.of(drawn.lattice.geometry, drawn.sample, self.design)
+            outputs = [n for n in LOADED.values() if (n == "transmission_error") == turning]
+            found = elastic(drawn.lattice, table, units, self.model.loading, drawn.engine, outputs)
+            self._elastic[turning] = found
+        return self._elastic[turning]
+
+    def _pulled_back(self, name: str, statistic: Statistic) -> Array:
+        output = "preload_torque_Nm" if name == "interference_probability" else part_of(name)[0]
+        found = self._units_under_load(output)
+        turning = output == "transmission_error_arcsec"
+        drawn = self.drawn.turning if turning else self.drawn.loaded
+        return found.pull_back(drawn.slopes, {LOADED[output]: statistic.weight})

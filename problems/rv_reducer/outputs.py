@@ -59,15 +59,24 @@ UNDER_LOAD: tuple[Output, ...] = (
 SAMPLED = (
     *(f"{name}{part}" for name in MEASURED for part in ("", "_mean", "_std")),
     "backlash_rms_arcmin", "yield_percent", "interference_probability",
+    "interference_share_of_turn", "overlap_p95_arcmin",
 )  # fmt: skip
 """Rigid outputs with a standard error."""
 
 
 def _error(name: str) -> Output:
-    return Output(f"{name}_error", _unit(name), "standard error of the sample", error_of=name)
+    return Output(f"{name}_error", _unit_of(name), "standard error of the sample", error_of=name)
 
 
-OUTPUTS = (*RIGID, *(_error(name) for name in SAMPLED))
+SAMPLED_UNDER_LOAD = tuple(one.name for one in UNDER_LOAD)
+
+
+def _unit_of(name: str) -> str:
+    return next(o.unit for o in (*RIGID, *UNDER_LOAD) if o.name == name)
+
+
+OUTPUTS = (*RIGID, *UNDER_LOAD, *(_error(name) for name in (*SAMPLED, *SAMPLED_UNDER_LOAD)))
+"""All outputs; those under load come after the rigid ones, the errors last."""
 
 DEFAULT_LIMITS = {
     "dr_rp_mm": Bound(high=0.0),

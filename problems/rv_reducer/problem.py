@@ -6,30 +6,57 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...declarations import Variable, number
+from ...errors import Fault
+from ...models.inputs import Uniform
 from ...models.rv_reducer import modification
-from ...models.rv_reducer.population.turn import Population
+from ...models.rv_reducer.population.lattice import nearest_prime
+from ...records import UnitsShown
 from ...units import ARCMIN, MM
 from ..rv_backlash.costs import DEFAULT_COSTS
 from ..settings import Bound, Settings, VariableSetting
+from ..shown import Variant
 from ..tolerance_problem import Interval, ToleranceProblem
 from .counterparts import changes_of, sentence
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
-from .evaluation import MEASURES, Evaluation
-from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
+from .evaluation import Evaluation, Populations, known
+from .outputs import (
+    DEFAULT_LIMITS,
+    DEFAULT_OBJECTIVES,
+    OUTPUTS,
+    SAMPLED,
+    SAMPLED_UNDER_LOAD,
+)
 from .references import REFERENCES
+from .shown import units_shown
+from .sizes import size_faults
 from .units import UnitModel
+from .validity import validity
+from .variants import variants
 
 Array = NDArray[np.float64]
 SEARCH, REPORT = 1, 2
 """Streams of random numbers of the two populations."""
+MANY, ALONE = 512, 2048
+"""Units of the sample that is searched on: for fronts, and for the optimum of one objective."""
+LOADED_POSITIONS = 31
+"""Positions of a turn at which units are solved under load at most: means over the turn need no
+more."""
 KEPT = 4
 """Evaluations kept, so that a derivative costs no second evaluation."""
+
+
+HOLD_INTERFERENCE = {"interference_probability": 1.0, "interference_share_of_turn": 1.0,
+                     "overlap_p95_arcmin": np.inf, "preload_torque_Nm": np.inf,
+                     "preload_torque_Nm_max": np.inf, "preload_torque_Nm_mean": np.inf,
+                     }  # fmt: skip
+"""Outputs, a limit on any of which below these values holds interference."""
+SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
 class RvReducer(ToleranceProblem):
@@ -47,6 +74,12 @@ class RvReducer(ToleranceProblem):
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
     sampled = True
+    performance = SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"}
+    default_algorithm = "exact"
+    reference_ga: ClassVar[Mapping[str, float]] = {
+        "population": 100, "generations": 80, "crossover": 0.9, "crossover_eta": 5.0,
+        "mutation": 0.1, "mutation_eta": 10.0,
+    }  # fmt: skip
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -68,6 +101,9 @@ class RvReducer(ToleranceProblem):
             given = replace(given, value=fixed)
         return super()._variable(variable, given)
 
+    def faults(self) -> list[Fault]:
+        return size_faults(self.count, KEPT) or super().faults()
+
     # ---------------------------------------------------------------- populations
 
     def count(self, name: str) -> int:
@@ -75,16 +111,25 @@ class RvReducer(ToleranceProblem):
         return int(number(self.settings.parameters[name]))
 
     @cached_property
-    def _searched(self) -> Population:
+    def _searched(self) -> Populations:
         positions = self.count("search_positions") or self.count("positions")
-        return self.model.population(
-            positions, self.count("search_units"), self.settings.seed, SEARCH
-        )
+        return self._drawn(positions, self._search_units, SEARCH)
+
+    @property
+    def _search_units(self) -> int:
+        return self.count("search_units") or (ALONE if len(self.objectives) == 1 else MANY)
 
     @cached_property
-    def _reported(self) -> Population:
-        return self.model.population(
-            self.count("positions"), self.count("report_units"), self.settings.seed, REPORT
+    def _reported(self) -> Populations:
+        return self._drawn(self.count("positions"), self.count("report_units"), REPORT)
+
+    def _drawn(self, positions: int, units: int, stream: int) -> Populations:
+        seed, elastic = self.settings.seed, self.count("elastic_units")
+        loaded = nearest_prime(min(positions, LOADED_POSITIONS), self.model.geometry)
+        return Populations(
+            self.model.population(positions, units, seed, stream),
+            self.model.population(loaded, elastic, seed, stream),
+            self.model.population(self.count("te_positions"), elastic, seed, stream),
         )
 
     def evaluation(self, design: Array, searching: bool) -> Evaluation:
@@ -100,17 +145,18 @@ class RvReducer(ToleranceProblem):
             self._recent.popitem(last=False)
         return self._recent[key]
 
-    def _fresh(self, design: Array, population: Population) -> Evaluation:
+    def _fresh(self, design: Array, drawn: Populations) -> Evaluation:
         row = dict(zip(self.names, design.tolist(), strict=True))
-        return Evaluation.of(self.model, population, row)
+        return Evaluation(self.model, drawn, row)
 
     # ---------------------------------------------------------------- evaluation
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        asked = self._asked if searching else frozenset(MEASURES)
+        asked = self._asked if searching else SAMPLED_OUTPUTS
         columns = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
         for at, design in enumerate(designs):
             found = self.evaluation(design, searching)
+            columns["phi_1_arcmin"][at] = found.involute.mean
             for name in asked:
                 columns[name][at] = found.value(name)
             if not searching:
@@ -121,25 +167,22 @@ class RvReducer(ToleranceProblem):
         designs = self.complete(x)
         columns = {name: np.empty(len(designs)) for name in self._asked}
         for at, design in enumerate(designs):
-            found = self.evaluation(design, searching=False)
+            fresh = self.evaluation(design, searching=False)
             for name in self._asked:
-                columns[name][at] = found.value(name)
+                columns[name][at] = fresh.value(name)
         found = columns | {"cost": self.cost_of(designs)} | self.profile(designs)
         return self.objective_values(found), self.violations(designs, found)
 
     def _more(self, columns: Mapping[str, Array], at: int, found: Evaluation) -> None:
         """What only reported designs have."""
-        for name in MEASURES:
+        for name in SAMPLED_OUTPUTS:
             columns[f"{name}_error"][at] = found.error(name)
-        columns["interference_share_of_turn"][at] = found.share_of_turn()
-        columns["overlap_p95_arcmin"][at] = found.overlap(0.95)
-        columns["phi_1_arcmin"][at] = found.measures.involute.mean
 
     @cached_property
     def _asked(self) -> frozenset[str]:
         """Sampled outputs that a search needs."""
         names = {*self.objectives, *(limit.name for limit in self.limits)}
-        return frozenset(names & MEASURES.keys())
+        return frozenset(name for name in names if known(name))
 
     def profile(self, designs: Array) -> dict[str, Array]:
         """Outputs of the tooth modification (n,) of full designs."""
@@ -194,9 +237,11 @@ class RvReducer(ToleranceProblem):
         return found | {name: self.fixed[name] for name in DISC_TO_DISC if name in self.fixed}
 
     def starts(self) -> Array:
-        """The document's zones, tighter and wider, opened until the interference limit is kept."""
+        """The tightest zones, and the document's, tighter and wider, each opened until the limit on
+        interference is kept.
+        """
         rows = []
-        for factor in (0.7, 1.0, 1.4):
+        for factor in (0.0, 0.7, 1.0, 1.4):
             row = np.array([self._nominal[name] for name in self.names])
             zones = [self.names.index(v.name) for v in self.variables if v.name.endswith("_um")]
             row[zones] *= factor
@@ -230,7 +275,14 @@ class RvReducer(ToleranceProblem):
         limit = Bound(already.low, min(already.high, most))
         limits = dict(self.given.limits) | {"backlash_max_arcmin": limit}
         given = replace(self.given, objectives=("cost",), limits=limits)
-        return f"GA, least cost at {limit.high:g} arcmin", RvReducer(given)
+        return f"GA, least cost at {limit.high:g} arcmin", RvReducer(given).coarser()
+
+    def coarser(self) -> RvReducer:
+        """On at most 256 units at 31 positions, which no result of the search is tested on."""
+        positions = nearest_prime(min(31, self.count("positions")), self.model.geometry)
+        small = {"search_units": min(256, self._search_units),
+                 "search_positions": positions}  # fmt: skip
+        return RvReducer(replace(self.given, parameters=dict(self.given.parameters) | small))
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: no unit has less backlash than its involute stage."""
@@ -254,5 +306,41 @@ class RvReducer(ToleranceProblem):
         at = float(self.model.planet.quantile(np.array([coverage]))[0])
         return alone.middle + alone.half * at
 
+    def search_faults(self) -> list[Fault]:
+        limits = self.settings.limits
+        held = [
+            n for n in HOLD_INTERFERENCE if n in limits and limits[n].high < HOLD_INTERFERENCE[n]
+        ]
+        if held or self.settings.parameters["allow_interference"]:
+            return []
+        text = ("is missing: without a limit on interference or preload the cheapest units all "
+                "interfere (cost 7 with 99.9 % of the units preloaded); set, for example, 0.05, or "
+                "parameters.allow_interference = true")  # fmt: skip
+        return [Fault("limits.interference_probability", text)]
+
     def warnings(self) -> tuple[str, ...]:
         return ()
+
+    # ---------------------------------------------------------------- what a reader is shown
+
+    def title(self) -> str:
+        nominal = self.model.geometry.nominal
+        kind = "RV reducer" if self.settings.parameters["involute_stage"] else "Cycloidal reducer"
+        teeth = f"{nominal.cycloid_teeth} teeth on {nominal.pins} pins"
+        return f"{kind}, {teeth}: allocation on the exact contact"
+
+    def validity(self) -> tuple[str, ...]:
+        given = [one.distribution for one in self.settings.variables.values()]
+        return validity(
+            self.settings.parameters, all(d is None or isinstance(d, Uniform) for d in given)
+        )
+
+    def shown_limit(self) -> tuple[str, float] | None:
+        return "backlash_max_arcmin", number(self.settings.parameters["backlash_limit_arcmin"])
+
+    def shown_units(self, design: Array) -> UnitsShown | None:
+        found = self.evaluation(design, searching=False)
+        return units_shown(found, self.settings.parameters)
+
+    def variants(self) -> tuple[Variant, ...]:
+        return variants(self)

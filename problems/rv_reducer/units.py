@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ...declarations import Value, number
 from ...models.inputs import Distribution
+from ...models.rv_reducer.population.elastic_springs import Loading
 from ...models.rv_reducer.population.measures import Conditions, Measures
 from ...models.rv_reducer.population.turn import Population, Turn
 from ...models.rv_reducer.population.unit_basis import UnitBasis, stem
+from ...units import ARCMIN, MM
 from ..settings import VariableSetting
 from .changed_measures import ChangedMeasures
 from .counterparts import Change
@@ -22,6 +24,8 @@ class UnitModel(UnitBasis):
     """What every unit has in common, how units are drawn, and what is asked of them."""
 
     conditions: Conditions
+    loading: Loading
+    preload: float
     change: Change = field(default_factory=Change)
 
     @classmethod
@@ -42,9 +46,26 @@ class UnitModel(UnitBasis):
             str(parameters["interference"]),
             number(parameters["overlap_arcmin"]),
         )
+        rated = number(parameters["rated_torque_Nm"])
+        loading = Loading(
+            normal_stiffness=number(parameters["normal_stiffness_N_per_mm"]) / MM,
+            series_stiffness=number(parameters["series_stiffness_Nm_per_arcmin"]) / ARCMIN,
+            rated_torque=rated,
+            te_torque=number(parameters["te_torque_Nm"]) or rated,
+        )
+        preload = 0.01 * number(parameters["preload_percent_of_rated"]) * rated
         basis = UnitBasis.from_parameters(parameters, inputs, mids)
-        given = {one.name: getattr(basis, one.name) for one in fields(UnitBasis)}
-        return cls(**given, conditions=conditions)
+        return cls(
+            geometry=basis.geometry,
+            stage=basis.stage,
+            hierarchy=basis.hierarchy,
+            planet=basis.planet,
+            mid=basis.mid,
+            geared=basis.geared,
+            conditions=conditions,
+            loading=loading,
+            preload=preload,
+        )
 
     def changed(self, change: Change) -> UnitModel:
         """The model with what effects change in it."""

@@ -125,7 +125,7 @@ def test_a_run_ignores_a_zero_with_a_word(tmp_path: Path) -> None:
 
 def test_merged_with_a_run_it_is_analysed_again(tmp_path: Path) -> None:
     run = tmp_path / "run.toml"
-    run.write_text((CONFIGS / "rv40e_backlash.toml").read_text("utf-8"), "utf-8")
+    run.write_text((CONFIGS / "rv40e_document.toml").read_text("utf-8"), "utf-8")
     n = 60
     units = pd.DataFrame({"unit": [f"u{at}" for at in range(n)]})
     (tmp_path / "truth.toml").write_text('model = "rv_batch"\nseed = 3\n', "utf-8")

@@ -77,7 +77,10 @@ def neighbours(problem: ToleranceProblem, design: Array, values: dict[str, Array
 
 
 class Judge:
-    """Ranks designs: limits first, then the objectives but the cost, then the cost."""
+    """Ranks designs: limits first, then the objectives but the cost, then the cost.
+
+    An output that nothing but a bound of `kept` asks for may be left out by the problem otherwise.
+    """
 
     def __init__(
         self,
@@ -87,12 +90,13 @@ class Judge:
         kept: Mapping[str, Bound],
     ) -> None:
         self.problem = problem
+        self.asked = problem.relaxed(kept) if kept else problem
         self.searching = searching
         self.limits = limits_of(kept, problem.outputs, problem.variables)
         self.own = self._outputs(design[None])
 
     def _outputs(self, designs: Array) -> dict[str, Array]:
-        return self.problem.outputs_of(designs, searching=self.searching, errors=False)
+        return self.asked.outputs_of(designs, searching=self.searching, errors=False)
 
     def keys(self, designs: Array) -> Array:
         """Violation, worsening of the other objectives and cost, shape (n, 3); less is better."""

@@ -16,6 +16,8 @@ from ...problems.tolerance_problem import ToleranceProblem
 Array = NDArray[np.float64]
 EXACT = "exact, least cost within the limits"
 """Label of the exact optimum among the references."""
+FEW = 100
+"""The same where every design is tested on a sample of fresh units."""
 MOST = 5000
 """Designs recomputed at full accuracy at most."""
 
@@ -27,7 +29,8 @@ def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFra
     filtered anew; only what is left is verified. Sorted by the objectives; empty where no point is
     feasible.
     """
-    whole, designs = problem.reported(), problem.complete(found.x[_candidates(found)])
+    candidates = found.chosen if len(found.chosen) else found.x[_candidates(problem, found)]
+    whole, designs = problem.reported(), problem.complete(candidates)
     values = whole.outputs_of(designs, errors=False) if len(designs) else {}
     rows = _best(whole, designs, values) if len(designs) else np.arange(0)
     if not len(rows):
@@ -48,13 +51,14 @@ def _best(
     return rows[nondominated(problem.objective_values(values)[rows])] if len(rows) else rows
 
 
-def _candidates(found: SearchResult) -> NDArray[np.int64]:
-    """Rows of the archive that may be on the front; more than `MOST` are thinned evenly."""
-    rows = lowest_ranks(found.x, found.f, ROOM)
-    if len(rows) <= MOST:
+def _candidates(problem: ToleranceProblem, found: SearchResult) -> NDArray[np.int64]:
+    """Rows of the archive that may be on the front; more than the most are thinned evenly."""
+    room, most = (FEW, FEW) if problem.sampled else (ROOM, MOST)
+    rows = lowest_ranks(found.x, found.f, room)
+    if len(rows) <= most:
         return rows
     order = rows[np.lexsort(found.f[rows].T[::-1])]
-    return np.sort(order[np.linspace(0, len(order) - 1, MOST).astype(np.int64)])
+    return np.sort(order[np.linspace(0, len(order) - 1, most).astype(np.int64)])
 
 
 def nearest_miss(problem: ToleranceProblem, found: SearchResult) -> pd.DataFrame:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...algorithms.exact.solver import Exact
 from ...algorithms.ga import GA
 from ...algorithms.search import search
 from ...algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
@@ -16,13 +17,16 @@ from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
 from .front import EXACT, reported_front
 from .plan import RunPlan
-from .proofs import Exact, exact_front
+from .proofs import Exact as ExactFront
+from .proofs import exact_front
 
 Array = NDArray[np.float64]
 DISTANCE = "distance_to_front"
 """Column: from a reference to the nearest front point, in sides of the box of the hypervolume."""
 ALIKE = 1e-6
 """Difference of two values, in sides of the box, that is none: an optimiser's last digits."""
+RELAXED_POINTS = 10
+"""Points of a front with relaxed limits, where each is solved on a sample of units."""
 GA_BUDGET = Budget(generations=120)
 """Budget of the single-objective reference, with the GA's default settings."""
 
@@ -31,7 +35,8 @@ GA_BUDGET = Budget(generations=120)
 class SideSearch:
     """A search beside the main one: the GA reference, or a front with relaxed limits.
 
-    One that stands `apart` is no reference: the front without the effects.
+    One that stands `apart` is no reference: the front without the effects; nor is an `overlay`: the
+    front of another algorithm.
     """
 
     label: str
@@ -42,6 +47,7 @@ class SideSearch:
     relaxed: bool
     engine: str = "pymoo"
     apart: bool = False
+    overlay: bool = False
 
     @property
     def key(self) -> str:
@@ -78,10 +84,16 @@ def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...
         if bounds:
             wider = problem.relaxed(bounds)
             label = str(row["label"])
-            found.append(
-                SideSearch(label, wider, plan.algorithm, plan.budget, seed, True, plan.engine)
-            )
+            algorithm = _fewer(plan.algorithm) if problem.sampled else plan.algorithm
+            found.append(SideSearch(label, wider, algorithm, plan.budget, seed, True, plan.engine))
     return tuple(found)
+
+
+def _fewer(algorithm: AlgorithmSettings) -> AlgorithmSettings:
+    """An exact front with fewer points: each is solved on a sample of units."""
+    if isinstance(algorithm, Exact):
+        return replace(algorithm, points=min(algorithm.points, RELAXED_POINTS))
+    return algorithm
 
 
 def _ga(problem: ToleranceProblem) -> tuple[GA, Budget]:
@@ -91,8 +103,8 @@ def _ga(problem: ToleranceProblem) -> tuple[GA, Budget]:
         return GA(), GA_BUDGET
     settings = GA(
         population=int(own["population"]),
-        crossover=Crossover(probability=own["crossover"]),
-        mutation=Mutation(probability=own["mutation"]),
+        crossover=Crossover(own["crossover"], own.get("crossover_eta", Crossover().eta)),
+        mutation=Mutation(own["mutation"], own.get("mutation_eta", Mutation().eta)),
     )
     return settings, Budget(generations=int(own["generations"]))
 
@@ -116,7 +128,7 @@ def relaxed_bounds(problem: ToleranceProblem, row: Mapping[Hashable, object]) ->
     return found
 
 
-def exact_optimum(problem: ToleranceProblem, exact: Exact | None) -> pd.DataFrame:
+def exact_optimum(problem: ToleranceProblem, exact: ExactFront | None) -> pd.DataFrame:
     """The proven least cost within the limits (one row with `label`), none where nothing proves it.
 
     Of a problem with more objectives, it is that of the documents' single-objective allocation.
@@ -137,13 +149,13 @@ def table(
     plan: RunPlan,
     printed: pd.DataFrame,
     fronts: Mapping[SideSearch, pd.DataFrame | None],
-    exact: Exact | None,
+    exact: ExactFront | None,
 ) -> pd.DataFrame:
     """All references, one row each, before comparison with the front; `exact` is its exact one."""
     optimum = exact_optimum(plan.problem, exact) if plan.references else pd.DataFrame()
     frames = [frame for frame in (printed, optimum) if len(frame)]
     for side, front in fronts.items():
-        if not (side.relaxed or side.apart) and front is not None and len(front):
+        if not (side.relaxed or side.apart or side.overlay) and front is not None and len(front):
             row = plan.problem.reported().frame(plan.problem.designs_of(front.iloc[:1]))
             row.insert(0, "label", side.label)
             frames.append(row)

@@ -18,6 +18,7 @@ from ...reports.sheet import allocation_sheet
 
 OPTIONAL = ("front_without_effects.csv", "allocation_moved.csv", "choices.csv",
             "choice_sensitivity.csv", "allocation.csv", "contributions.csv", "exact_front.csv",
+            "overlays.csv", "unit_turn.csv", "population.csv", "assumptions_cost.csv",
             "allocation.xlsx")  # fmt: skip
 """Files that a run need not have; what an older one left is removed."""
 
@@ -61,9 +62,22 @@ def _texts(result: RunResult) -> dict[str, str]:
         "allocation.csv": result.allocation,
         "contributions.csv": result.contributions,
         "exact_front.csv": result.exact_front,
+        "overlays.csv": _overlays(result),
+        "unit_turn.csv": result.unit_turn,
+        "population.csv": result.population,
+        "assumptions_cost.csv": result.assumptions_cost,
     }
     texts = {n: frame.to_csv(index=False) for n, frame in tables.items() if frame is not None}
     return {"config.toml": result.configuration} | texts
+
+
+def _overlays(result: RunResult) -> pd.DataFrame | None:
+    """The fronts of other algorithms, one below the other, each under its label."""
+    frames = [frame.assign(label=label) for label, frame in result.overlays.items()]
+    if not frames:
+        return None
+    found = pd.concat(frames, ignore_index=True)
+    return found[["label", *(name for name in found if name != "label")]]
 
 
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:

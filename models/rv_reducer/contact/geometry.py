@@ -28,10 +28,10 @@ _BOTTOM = 0.9
 class ContactGeometry:
     """Nominal parts: lengths in metres; the modification of document B by default.
 
-    Two cranks and two discs are assumptions, as in document A. Lever arms are
-    e z_c sin(phi)/sqrt(S), as in the figures that the model is checked with; with `true_levers`
-    those of the modified profile's own normals, 1 % different where pins are loaded (7 % near the
-    bottom of a tooth space), which takes 0.7 % off peak force and wind-up.
+    Two cranks and two discs are assumptions, as in document A. Lever arms are those of the modified
+    profile's own normals; without `true_levers` e z_c sin(phi)/sqrt(S), those of the unmodified
+    profile, 1 % different where pins are loaded (7 % near the bottom of a tooth space), which puts
+    0.7 % on peak force and wind-up.
     """
 
     nominal: RvGeometry = RvGeometry()
@@ -39,7 +39,7 @@ class ContactGeometry:
     dr_p: float = -70e-6
     discs: int = 2
     cranks: int = 2
-    true_levers: bool = False
+    true_levers: bool = True
 
     @property
     def pins(self) -> int:
@@ -48,13 +48,8 @@ class ContactGeometry:
 
     @property
     def output_ratio(self) -> float:
-        """b'/b: how far a disc turns against its mesh when the carrier turns and the sun is held.
-
-        The cranks turn by 1 + z1/z2 with the carrier: 1 + (1 + z1/z2)/z_c = 121/117.
-        """
-        nominal = self.nominal
-        gears = (nominal.reduction_ratio - 1.0) / nominal.pins  # z2/z1
-        return 1.0 + (1.0 + 1.0 / gears) / nominal.cycloid_teeth
+        """b'/b: how far a disc turns against its mesh per turn of the carrier, the sun held."""
+        return self.nominal.output_ratio
 
     @property
     def pin_angles(self) -> Array:

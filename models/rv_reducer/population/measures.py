@@ -15,6 +15,7 @@ from .statistics import (
     Statistic,
     deviation,
     mean,
+    ordered_quantile,
     quantile,
     share_below,
     share_within,
@@ -69,7 +70,9 @@ class Measures:
             of = self._largest
             return Measure(share_within(of[0], self.involute, self.conditions.limit), of[1])
         if kind == "interference":
-            return self._interference(self.conditions.interference)
+            return self._interference(what or self.conditions.interference)
+        if kind == "overlap":
+            return self._overlap()
         if kind == "rms":
             return self._rms()
         values, spread = self._largest if what == "max" else self._average
@@ -154,6 +157,19 @@ class Measures:
             return Measure(share_below(values, limit, growth, radius), least)
         values = play.mean(axis=0, dtype=np.float64)
         return Measure(share_below(values, 0.0, growth, radius), self._everywhere)
+
+    def _overlap(self) -> Measure:
+        """Largest overlap over the turn that 95 % of the units stay below [arcmin]."""
+        play = self.turn.play
+        at, units = np.argmin(play, axis=0), np.arange(play.shape[1])
+        values = np.maximum(-play[at, units].astype(np.float64), 0.0)
+
+        def spread(weight: Array) -> Array:
+            found = np.zeros(play.shape)
+            found[at, units] = np.where(values > 0.0, -weight, 0.0)
+            return found
+
+        return Measure(ordered_quantile(values, 0.95), spread)
 
     def _everywhere(self, weight: Array) -> Array:
         return np.broadcast_to(weight / len(self.turn.play), self.turn.play.shape)

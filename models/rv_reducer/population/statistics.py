@@ -75,6 +75,10 @@ class Involute:
         return self.middle - reach, self.middle + reach
 
 
+NO_STAGE = Involute(0.0, 0.0, TighterPlanet())
+"""No involute stage at all."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Statistic:
     """A statistic over units with its derivatives.
@@ -177,3 +181,14 @@ def share_below(values: Array, limit: float, growth: Array, z: Array) -> Statist
     error = float(np.std(below)) / np.sqrt(count)
     by_zone = float(np.sum(weight * (limit - values)))
     return Statistic(float(np.mean(below)), weight, 0.0, error, by_zone)
+
+
+def share_above(values: Array, limit: float) -> Statistic:
+    """P(Y > limit) with a normal kernel of Silverman's width, so that it has derivatives."""
+    count = len(values)
+    width = max(0.9 * float(np.std(values)) * count**-0.2, 1e-12)
+    z = (values - limit) / width
+    above = ndtr(z)
+    weight = np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * width * count)
+    error = float(np.std(above)) / np.sqrt(count)
+    return Statistic(float(np.mean(above)), weight, 0.0, error)

@@ -22,11 +22,13 @@ class Table:
     `gap` [arcmin] of perfect parts; `lever` kappa [arcmin/um], what a gap is as a turn of the disc;
     kappa times the normal's `radial` and `tangential` part in the pin's axes and its `x` and `y`
     in the housing's; `cos` and `sin` of the pin's angle; `by_shift` [arcmin/mm], the derivative of
-    `gap` by the shift modification. `arm` [m] (contacts,) is the signed lever arm.
+    `gap` by the shift modification. `arm` [m] (contacts,) is the signed lever arm and
+    `arm_by_shift` [m/mm] its derivative.
     """
 
     values: Single
     arm: Array
+    arm_by_shift: Array
 
     @classmethod
     def of(cls, lattice: Lattice, dr_rp: float, dr_p: float) -> Table:
@@ -35,7 +37,8 @@ class Table:
         across, arm = across * lattice.side, arm * lattice.side
         kappa = UM / ARCMIN / arm
         gap = (distance + dr_rp) / arm / ARCMIN
-        by_shift = slope[0] / arm / ARCMIN - gap * slope[3] * lattice.side / arm
+        longer = slope[3] * lattice.side
+        by_shift = slope[0] / arm / ARCMIN - gap * longer / arm
         housing = kappa * (along + 1j * across) * lattice.direction
         columns = [
             gap,
@@ -48,4 +51,4 @@ class Table:
             lattice.direction.imag,
             by_shift * MM,
         ]
-        return cls(np.stack(columns, axis=1).astype(np.float32), arm)
+        return cls(np.stack(columns, axis=1).astype(np.float32), arm, longer * MM)

@@ -112,7 +112,7 @@ def test_unsuitable_responses(tmp_path: Path, rest: str, message: str) -> None:
 
 def test_response_without_an_exact_front(tmp_path: Path) -> None:
     path = study_file(tmp_path, LEVELS, 'response = ["hypervolume_ratio"]')
-    backlash = (CONFIGS / "rv40e_backlash.toml").read_text(encoding="utf-8")
+    backlash = (CONFIGS / "rv40e_document.toml").read_text(encoding="utf-8")
     (tmp_path / "run.toml").write_text(backlash, encoding="utf-8")
     found = faults_of(path)
     assert "needs the exact front" in found["response"]

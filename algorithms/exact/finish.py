@@ -1,0 +1,66 @@
+"""The end of a search on a sample: its front on fresh units, improved by gradients where asked."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..indicators import nondominated
+from ..run import BudgetSpent, Run
+from ..settings import Budget
+from .afresh import kept
+from .branch import Branch
+from .epsilon import scale_of
+
+Array = NDArray[np.float64]
+POINTS = 40
+"""Points of a front that are tested on fresh units at most."""
+
+
+def finished(run: Run, polish: bool) -> None:
+    """Hand the run's front to it as its result, after its limits hold on fresh units.
+
+    With `polish` every point is first improved by SLSQP at its own value of the other objectives,
+    within the budget of evaluations. Tests on fresh units, and the moves that they ask for, are no
+    evaluations of the search.
+    """
+    x = _front(run)
+    aside = Run(run.problem, Budget(evaluations=run.evaluations_left), seed=0)
+    free, unit = Run(run.problem, Budget(), seed=0), scale_of(run.problem)
+    for done, one in enumerate(x):
+        run.phase("polish" if polish else "fresh units", done / len(x))
+        if polish:
+            one = _polished(aside, one, unit)
+        branch = Branch(free, one, unit)
+        y = branch.smooth.scaled(one[None, :])[0]
+        run.choose(kept(free, branch, y, branch.smooth.values(y)[0], search=polish))
+    if polish:
+        run.evaluations += aside.evaluations
+
+
+def _front(run: Run) -> Array:
+    """Search vectors (n, variables) along the front of the archive, at most `POINTS`."""
+    x, f = run.archive.arrays()
+    if not len(x):
+        return x
+    if f.shape[1] == 1:
+        return np.asarray(x[[int(np.argmin(f[:, 0]))]])
+    rows = np.flatnonzero(nondominated(f))
+    rows = rows[np.lexsort(f[rows].T[::-1])]
+    some = np.unique(np.linspace(0, len(rows) - 1, POINTS).astype(int))
+    return np.asarray(x[rows[some]])
+
+
+def _polished(run: Run, x: Array, unit: Array) -> Array:
+    """The search vector after SLSQP on its first objective, the others held."""
+    try:
+        branch = Branch(run, x, unit)
+        y = branch.smooth.scaled(x[None, :])[0]
+        limit = branch.smooth.values(y)[0].copy()
+        limit[0] = np.inf
+        found = branch.minimise(0, y, limit)
+    except BudgetSpent:
+        return x
+    if found is None:
+        return x
+    return np.asarray(branch.smooth.vectors(branch.y[0][None, :])[0])

@@ -1,0 +1,209 @@
+"""Balances of torque of many units, and their derivatives, by arrays where numba is not installed.
+
+Balances are those of `contact.mesh`, a position at a time; the derivatives are the formulas of
+`elastic_pull_back`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....units import ARCMIN
+from ..contact.gaps import Gaps
+from ..contact.mesh import Mesh
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+BLOCK = 256
+"""Units worked on at once, so that they stay in the cache."""
+_TINY = 1e-20
+_NONE = 1e-9
+"""Torque of a disc [N m] that counts as none."""
+
+
+def _terms(axes: Single, disc: Single, circle: Single) -> tuple[Array, Array, Array]:
+    """What adds to gaps (7, n), play and forward turn (n,) of one disc at one position."""
+    ex, ey, dx, dy, cx, cy = axes.astype(float)
+    own = disc.astype(float)
+    turning, offset = own[4] + 1j * own[5], own[6] + 1j * own[7]
+    around, pitch = own[8] + 1j * own[9], own[10] + 1j * own[11]
+    away = circle[0] + 1j * circle[1] - turning * (ex + 1j * ey) - offset * (dx + 1j * dy)
+    turned = pitch * (dx + 1j * dy)
+    terms = np.stack([
+        np.ones_like(own[0]), own[0], own[1], away.real, away.imag, turned.real, turned.imag,
+    ])  # fmt: skip
+    return terms, own[2], np.asarray(own[3] - np.imag(around * (cx + 1j * cy)))
+
+
+class _Position:
+    """The contacts of one position: their disc, and the gaps (contacts, n) of some units."""
+
+    def __init__(self, rows: Single, pins: Any, start: Any, stop: Any) -> None:
+        self.part = slice(int(start[0, 0]), int(stop[-1, -1]))
+        self.rows, self.pins = rows[self.part], pins[self.part]
+        self.disc = np.repeat(np.arange(len(start)), (stop[:, 1] - start[:, 0]))
+        forward = [np.repeat([1.0, -1.0], count) for count in stop - start]
+        self.sign = np.concatenate(forward)
+
+    def gaps(
+        self, axes: Single, across: Single, along: Single, discs: Single, circle: Single
+    ) -> tuple[Array, Array, Array]:
+        """Gaps (contacts, n), play and forward turn (discs, n) [arcmin]."""
+        own = [_terms(axis, disc, circle) for axis, disc in zip(axes, discs, strict=True)]
+        gap, play, turn = (np.stack(part) for part in zip(*own, strict=True))
+        rows = self.rows.astype(float)
+        found = np.empty((len(rows), across.shape[1]))
+        for d in range(len(discs)):
+            found[self.disc == d] = rows[self.disc == d][:, [0, 1, 2, 4, 5, 6, 7]] @ gap[d]
+        found += rows[:, 1:2] * across[self.pins] + rows[:, 3:4] * along[self.pins]
+        return found, play, turn
+
+    def closed(self, gaps: Array, x: Array) -> Array:
+        """How far discs turned by x (discs, n) are beyond each contact, 0 where it is open."""
+        beyond = x[self.disc] - gaps
+        return np.where(self.sign[:, None] * beyond > 0.0, beyond, 0.0)
+
+    def by_disc(self, of_contacts: Array, discs: int) -> Array:
+        """Sums (discs, ...) over the contacts of each disc."""
+        return np.stack([of_contacts[self.disc == d].sum(axis=0) for d in range(discs)])
+
+
+def balances(
+    rows: Single, stiff: Single, force: Single, pins: Any, start: Any, stop: Any, axes: Single,
+    across: Single, along: Single, discs: Single, circle: Single, behind: float, torques: Any,
+    rated: int, x: Single, side: Any, turn: Single, preload: Single, peak: Single, where: Any,
+    which: Any,
+) -> None:  # fmt: skip
+    """As `elastic_compiled.balances`."""
+    for a in range(len(start)):
+        here = _Position(rows, pins, start[a], stop[a])
+        k, of_force = stiff[here.part].astype(float), force[here.part].astype(float)
+        for first in range(0, across.shape[1], BLOCK):
+            u = slice(first, first + BLOCK)
+            gaps, play, ahead = here.gaps(
+                axes[a], across[:, u], along[:, u], discs[:, :, u], circle[:, u]
+            )
+            mesh = _mesh(here, gaps, play, ahead, k / of_force, of_force, float(behind))
+            for case, torque in enumerate(torques):
+                rotation = mesh.rotation(float(torque))
+                turn[case, a, u] = rotation[:, 0] / ARCMIN
+                place, side[case, a, :, u] = _discs(mesh, rotation)
+                x[case, a, :, u] = place
+                closed = here.closed(gaps, place)
+                if torque == 0.0:
+                    preload[a, u] = np.sum((k * (here.sign > 0.0))[:, None] * closed, axis=0)
+                if case == rated:
+                    found = of_force[:, None] * closed
+                    most = found.max(axis=0)
+                    higher = most > peak[u]
+                    which[u] = np.where(higher, here.part.start + found.argmax(axis=0), which[u])
+                    where[u] = np.where(higher, a, where[u])
+                    peak[u] = np.where(higher, most, peak[u])
+
+
+def _mesh(
+    here: _Position, gaps: Array, play: Array, turn: Array, arm: Array, force: Array, behind: float
+) -> Mesh:
+    """The mesh at one position; pins that are not contacts of the lattice have no lever arm."""
+    n, discs = gaps.shape[1], len(play)
+    lever = np.zeros((1, discs, int(here.pins.max()) + 1))
+    lever[0, here.disc, here.pins] = arm
+    gap = np.ones((n, *lever.shape))
+    gap[:, 0, here.disc, here.pins] = gaps.T * arm * ARCMIN
+    turned, free = (one.T[:, None] * ARCMIN for one in (turn, play))
+    stiffness = np.full((1, 1, 1, 1), force[0] / arm[0] / ARCMIN)
+    return Mesh.of(
+        Gaps(gap, lever, turned, free), 1.0, stiffness, np.full((1, 1, discs), behind * ARCMIN)
+    )
+
+
+def _discs(mesh: Mesh, rotation: Array) -> tuple[Array, NDArray[np.int8]]:
+    """Turns of the discs [arcmin] after play and springs, and the flank that bears, (discs, n)."""
+    torque, _ = mesh.disc_torque(rotation)
+    turned = rotation[..., None] + mesh.gaps.turn
+    beyond = turned - np.clip(turned, mesh.discs.low, mesh.discs.high)
+    turned = turned - np.clip(beyond, -mesh.gaps.play, mesh.gaps.play) - torque * mesh.compliance
+    bears = np.where(np.abs(torque[:, 0].T) > _NONE, np.sign(torque[:, 0].T), 0.0)
+    return turned[:, 0].T / ARCMIN, bears.astype(np.int8)
+
+
+def pull_back(
+    of_turn: Single, of_preload: Single, of_peak: Single, which: Any, rows: Single, lean: Single,
+    stiff: Single, force: Single, pins: Any, start: Any, stop: Any, axes: Single, across: Single,
+    along: Single, discs: Single, circle: Single, behind: float, x: Single, side: Any,
+    of_unit: Single, of_discs: Single, of_pins: Single, total: Any,
+) -> None:  # fmt: skip
+    """As `elastic_pull_back.pull_back`."""
+    for a in range(len(start)):
+        u = np.flatnonzero((of_turn[a] != 0) | (of_preload[a] != 0) | (of_peak[a] != 0))
+        here = _Position(rows, pins, start[a], stop[a])
+        own = rows[here.part].astype(float)
+        gaps, _, _ = here.gaps(axes[a], across[:, u], along[:, u], discs[:, :, u], circle[:, u])
+        closed = here.closed(gaps, x[a][:, u].astype(float))
+        bears = stiff[here.part, None] * (closed != 0.0)
+        squeezed = bears * of_preload[a, u] * (here.sign > 0.0)[:, None]
+        star = np.arange(here.part.start, here.part.stop)[:, None] == which[u]
+        direct = force[here.part, None] * of_peak[a, u] * star
+        many, toward = len(discs), side[a][:, u]
+        share = _shares(
+            here.by_disc(bears, many), here.by_disc(squeezed + direct, many), toward,
+            float(behind), of_turn[a, u],
+        )  # fmt: skip
+        through = share[here.disc] * bears - squeezed
+        weight = through - direct
+        lean_of = lean[here.part, None] * closed * (2.0 * through - direct)
+        total[15] += np.sum(own[:, 8:9] * weight - lean_of)
+        placed, hole, radius = (of_pins[k][here.pins][:, u] * weight for k in range(3))
+        total[1] += np.sum(own[:, 3:4] * placed)
+        total[2] += np.sum(own[:, 1:2] * hole)
+        total[3] -= np.sum(own[:, 1:2] * radius)
+        for d in range(many):
+            mine = here.disc == d
+            sums = np.stack([weight[mine].sum(axis=0), *(
+                own[mine, k] @ weight[mine] for k in (1, 2, 4, 5, 6, 7)
+            )])  # fmt: skip
+            _add_disc(sums, axes[a, d], of_discs[d][:, u], of_unit[:, u], toward[d], total)
+
+
+def _shares(rise: Array, fixed: Array, side: Any, behind: float, of_turn: Single) -> Array:
+    """What a contact's stiffness is to be taken times to be its weight through the balance."""
+    loaded = side != 0
+    bent = loaded / (1.0 + behind * rise)
+    common = (of_turn + np.sum(bent * fixed, axis=0)) / np.maximum(
+        np.sum(bent * rise, axis=0), _TINY
+    )
+    alone = fixed / np.maximum(rise, _TINY)
+    return np.where(loaded, bent * (common + behind * fixed), alone)
+
+
+def _add_disc(sums: Array, axes: Single, own: Single, unit: Single, side: Any, total: Any) -> None:
+    """Adds to `total` what the weights of one disc (7, n) make of errors of disc and unit."""
+    ex, ey, dx, dy, cx, cy = axes.astype(float)
+    eccentric, disc, crank = ex + 1j * ey, dx + 1j * dy, cx + 1j * cy
+    weight, lever, radial = sums[:3]
+    normal, direction = sums[3] + 1j * sums[4], sums[5] + 1j * sums[6]
+    parts = {
+        0: radial * unit[0],
+        4: _along(direction, (own[2] + 1j * own[3]) * disc),
+        5: -_along(normal, (own[4] + 1j * own[5]) * disc),
+        6: weight * np.imag((own[7] + 1j * own[8]) * crank) - _along(normal, eccentric * own[6]),
+        7: lever * own[0],
+        8: -radial * own[1],
+        9: weight * side * own[9],
+        10: _along(normal, unit[1] + 1j * unit[2]),
+        11: _along(normal, (own[10] + 1j * own[11]) * disc) - weight * own[12],
+        12: weight * np.imag((own[14] + 1j * own[15]) * crank)
+            - _along(normal, 1j * eccentric * own[13]),
+        13: -weight * own[16],
+        14: lever,
+    }  # fmt: skip
+    for name, part in parts.items():
+        total[name] += float(np.sum(part, dtype=np.float64))
+
+
+def _along(direction: Any, vector: Any) -> Any:
+    """The scalar product of two plane vectors as complex numbers."""
+    return np.real(vector * np.conj(direction))

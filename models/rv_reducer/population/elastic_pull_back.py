@@ -1,0 +1,243 @@
+"""Derivatives of balances of torque, compiled by numba, by the pins that bear and the springs.
+
+With W and H the sums over the bearing pins of a disc of stiffness w and of w dh, play P closed in
+the direction of load and c the compliance behind the disc, a balance changes by
+dM = (W (db + ds -+ dP) - H)/(1 + c W), sum of dM = 0. What a turn, the torque of a flank or the
+force on a pin changes with each gap is a weight by contact; the disc's own turn takes what is left.
+All functions stand in this file because numba's cache does not see changes of others. Importing
+this needs numba.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Single = NDArray[np.float32]
+LANES = 256
+"""Units worked on side by side, so that they stay in the cache."""
+
+
+def _compiled(function: Any) -> Any:
+    return numba.njit(cache=True, error_model="numpy", fastmath=True, nogil=True)(function)
+
+
+@_compiled
+def _terms(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
+    """Fills `terms` (6, lanes) of one disc at one position: what adds to gaps, as in `compiled`."""
+    ex, ey, dx, dy = axes[0], axes[1], axes[2], axes[3]
+    for u in range(disc.shape[1]):
+        terms[0, u] = disc[0, u]
+        terms[1, u] = disc[1, u]
+        x = disc[4, u] * ex - disc[5, u] * ey + disc[6, u] * dx - disc[7, u] * dy
+        y = disc[4, u] * ey + disc[5, u] * ex + disc[6, u] * dy + disc[7, u] * dx
+        terms[2, u] = circle[0, u] - x
+        terms[3, u] = circle[1, u] - y
+        terms[4, u] = disc[10, u] * dx - disc[11, u] * dy
+        terms[5, u] = disc[10, u] * dy + disc[11, u] * dx
+
+
+@_compiled
+def _closed(
+    row: Single, own: Single, moved: Single, terms: Single, x: Single, flank: int, into: Single
+) -> None:
+    """How far each lane's disc is turned beyond contact with one pin of `flank`, or 0."""
+    gap, lever, radial, tangential = row[0], row[1], row[2], row[3]
+    nx, ny, c, s = row[4], row[5], row[6], row[7]
+    zero = np.float32(0.0)
+    sign = np.float32(1.0) if flank == 0 else np.float32(-1.0)
+    for u in range(into.size):
+        h = gap + lever * (own[u] + terms[0, u]) + radial * terms[1, u]
+        h += tangential * moved[u] + nx * terms[2, u] + ny * terms[3, u]
+        h += c * terms[4, u] + s * terms[5, u]
+        into[u] = sign * max(sign * (x[u] - h), zero)
+
+
+@_compiled
+def _collect(
+    closed: Single, stiff: float, force: float, contact: int, of_torque: Single, of_force: Single,
+    star: Any, rise: Single, fixed: Single,
+) -> Any:  # fmt: skip
+    """Adds one contact to the stiffness of its disc, and to what the functional takes from it.
+
+    Whether it bears in any lane.
+    """
+    zero = np.float32(0.0)
+    most: Any = zero
+    for u in range(closed.size):
+        bears = stiff if closed[u] != zero else zero
+        rise[u] += bears
+        fixed[u] += bears * of_torque[u] + (force * of_force[u] if star[u] == contact else zero)
+        most = bears if bears > most else most
+    return most > zero
+
+
+@_compiled
+def _shares(
+    rise: Single, fixed: Single, side: Any, behind: float, of_turn: Single, share: Single
+) -> None:
+    """What w is to be taken times to be a contact's weight through the balance, (discs, lanes).
+
+    `rise` is W; `fixed` what the functional takes from the disc's own turn, `of_turn` (lanes) from
+    the unit's.
+    """
+    one, zero, tiny = np.float32(1.0), np.float32(0.0), np.float32(1e-20)
+    for u in range(of_turn.size):
+        stiffness, common = zero, of_turn[u]
+        for d in range(rise.shape[0]):
+            if side[d, u] != 0:
+                bent = one / (one + behind * rise[d, u])
+                stiffness += bent * rise[d, u]
+                common += bent * fixed[d, u]
+        common /= max(stiffness, tiny)
+        for d in range(rise.shape[0]):
+            if side[d, u] != 0:
+                bent = one / (one + behind * rise[d, u])
+                share[d, u] = bent * (common + behind * fixed[d, u])
+            else:
+                share[d, u] = fixed[d, u] / max(rise[d, u], tiny)
+
+
+@_compiled
+def _spread(
+    row: Single, lean: float, stiff: float, force: float, contact: int, closed: Single,
+    share: Single, of_torque: Single, of_force: Single, star: Any, kept: Single, sums: Single,
+) -> Any:  # fmt: skip
+    """Adds one contact's weights to `sums` (7, lanes), and leaves them in `kept`.
+
+    Returns the part by the shift modification, with which the lever arm grows by `lean` [1/mm]:
+    stiffness goes with the square of the arm, the force on a pin with the arm.
+    """
+    lever, radial, nx, ny = row[1], row[2], row[4], row[5]
+    c, s, zero, two = row[6], row[7], np.float32(0.0), np.float32(2.0)
+    by_shift = zero
+    for u in range(kept.size):
+        bears = stiff if closed[u] != zero else zero
+        through = (share[u] - of_torque[u]) * bears
+        direct = force * of_force[u] if star[u] == contact else zero
+        a = through - direct
+        kept[u] = a
+        sums[0, u] += a
+        sums[1, u] += a * lever
+        sums[2, u] += a * radial
+        sums[3, u] += a * nx
+        sums[4, u] += a * ny
+        sums[5, u] += a * c
+        sums[6, u] += a * s
+        by_shift += a * row[8] - lean * closed[u] * (two * through - direct)
+    return by_shift
+
+
+@_compiled
+def _add_disc(sums: Single, axes: Single, own: Single, unit: Single, side: Any, total: Any) -> None:
+    """Adds to `total` what the weights of one disc (7, lanes) make of errors of disc and unit."""
+    ex, ey, dx, dy, cx, cy = axes[0], axes[1], axes[2], axes[3], axes[4], axes[5]
+    for u in range(side.size):
+        a, lever, radial = sums[0, u], sums[1, u], sums[2, u]
+        nx, ny, c, s = sums[3, u], sums[4, u], sums[5, u], sums[6, u]
+        px, py = own[2, u] * dx - own[3, u] * dy, own[2, u] * dy + own[3, u] * dx
+        rx, ry = own[4, u] * dx - own[5, u] * dy, own[4, u] * dy + own[5, u] * dx
+        bx, by = own[10, u] * dx - own[11, u] * dy, own[10, u] * dy + own[11, u] * dx
+        total[0] += radial * unit[0, u]
+        total[4] += c * px + s * py
+        total[5] -= nx * rx + ny * ry
+        total[6] += a * (own[7, u] * cy + own[8, u] * cx) - (nx * ex + ny * ey) * own[6, u]
+        total[7] += lever * own[0, u]
+        total[8] -= radial * own[1, u]
+        total[9] += a * side[u] * own[9, u]
+        total[10] += nx * unit[1, u] + ny * unit[2, u]
+        total[11] += nx * bx + ny * by - a * own[12, u]
+        total[12] += a * (own[14, u] * cy + own[15, u] * cx) - (ex * ny - ey * nx) * own[13, u]
+        total[13] -= a * own[16, u]
+        total[14] += lever
+
+
+@_compiled
+def _add_pin(row: Single, weight: Single, units: Any, of_pin: Single, total: Any) -> None:
+    """Adds to `total` what the weights of one contact make of errors of its pin (3, units)."""
+    placed = hole = radius = np.float32(0.0)
+    for u in range(weight.size):
+        at = units[u]
+        placed += weight[u] * of_pin[0, at]
+        hole += weight[u] * of_pin[1, at]
+        radius += weight[u] * of_pin[2, at]
+    total[1] += row[3] * placed
+    total[2] += row[1] * hole
+    total[3] -= row[1] * radius
+
+
+@_compiled
+def _weighed(
+    of_turn: Single, of_preload: Single, of_peak: Single, first: int, found: Any
+) -> tuple[int, int]:
+    """Fills `found` with units from `first` on that have a weight: where to go on, and how many."""
+    count, u = 0, first
+    while u < of_turn.size and count < found.size:
+        if of_turn[u] != 0.0 or of_preload[u] != 0.0 or of_peak[u] != 0.0:
+            found[count] = u
+            count += 1
+        u += 1
+    return u, count
+
+
+@_compiled
+def pull_back(
+    of_turn: Single, of_preload: Single, of_peak: Single, which: Any, rows: Single, lean: Single,
+    stiff: Single, force: Single, pins: Any, start: Any, stop: Any, axes: Single, across: Single,
+    along: Single, discs: Single, circle: Single, behind: float, x: Single, side: Any,
+    of_unit: Single, of_discs: Single, of_pins: Single, total: Any,
+) -> None:  # fmt: skip
+    """Adds to `total` (16) the slopes of the weighted sum of what one load case shows.
+
+    `of_turn`, `of_preload`, `of_peak` (positions, units) weigh the turn, the torque of the forward
+    flanks and the force on the contact `which` (units). `x`, `side` (positions, discs, units) are
+    the balance; the rest as in `balances` and `compiled.pull_back`.
+    """
+    many, wide, zero = start.shape[1], 0, np.float32(0.0)
+    for a in range(start.shape[0]):
+        wide = max(wide, stop[a, many - 1, 1] - start[a, 0, 0])
+    found, nothing = np.empty(LANES, np.int64), np.zeros(LANES, np.float32)
+    terms, kept = np.empty((6, LANES), np.float32), np.empty(LANES, np.float32)
+    closed, sums = np.empty((wide, LANES), np.float32), np.empty((7, LANES), np.float32)
+    rise, fixed, share = np.empty((3, many, LANES), np.float32)
+    bearing = np.empty(wide, np.bool_)
+    for a in range(start.shape[0]):
+        u, base = 0, start[a, 0, 0]
+        while True:
+            u, n = _weighed(of_turn[a], of_preload[a], of_peak[a], u, found)
+            if n == 0:
+                break
+            units, lanes = found[:n], slice(0, n)
+            own, moved, star = across[:, units], along[:, units], which[units]
+            turn, torque, load = of_turn[a][units], of_preload[a][units], of_peak[a][units]
+            toward, by_unit = side[a][:, units], of_unit[:, units]
+            rise[:] = zero
+            fixed[:] = zero
+            for d in range(many):
+                _terms(axes[a, d], discs[d][:, units], circle[:, units], terms)
+                turned = x[a, d][units]
+                for flank in range(2):
+                    taken = torque if flank == 0 else nothing[lanes]
+                    for i in range(start[a, d, flank], stop[a, d, flank]):
+                        j, into = pins[i], closed[i - base, lanes]
+                        _closed(rows[i], own[j], moved[j], terms, turned, flank, into)
+                        bearing[i - base] = _collect(into, stiff[i], force[i], i, taken, load, star,
+                                                     rise[d, lanes], fixed[d, lanes])  # fmt: skip
+            _shares(rise, fixed, toward, behind, turn, share)
+            for d in range(many):
+                sums[:] = zero
+                for flank in range(2):
+                    taken = torque if flank == 0 else nothing[lanes]
+                    for i in range(start[a, d, flank], stop[a, d, flank]):
+                        if not bearing[i - base]:
+                            continue
+                        total[15] += _spread(
+                            rows[i], lean[i], stiff[i], force[i], i, closed[i - base, lanes],
+                            share[d, lanes], taken, load, star, kept[lanes], sums,
+                        )  # fmt: skip
+                        _add_pin(rows[i], kept[lanes], units, of_pins[:, pins[i]], total)
+                _add_disc(sums, axes[a, d], of_discs[d][:, units], by_unit, toward[d],
+                          total)  # fmt: skip

@@ -1,0 +1,224 @@
+"""Outputs over machines: at a pose exactly, over the ring in part by sampling."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.manipulator.fields import Field, worst_deviation, worst_exceedance, worst_quantile
+from ...models.manipulator.indices import GRID
+from ...models.manipulator.ring import Machines, Sample, main_plane
+from .outputs import BOTH, LIMITED, OVER_MACHINES, UNITS
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+Estimates = tuple[Array, Array]
+"""Values (n,) and their standard errors (n,)."""
+EVERY = 5
+"""Of the grid's poses along each axis, those at which machines are sampled: 9 x 9 of 41 x 41. In
+between the largest quantiles of the yaw are larger by 0.1 %, of the squareness by 0.01 %."""
+WORTH = 64
+"""Plain samples per sampled machine, which stands for all sizes of its main errors."""
+BLOCK = 8
+"""Designs that are worked on at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Population:
+    """Machines with independent normal errors, whose standard deviations are the design.
+
+    `fields` are the pose errors by name on the grid of the ring, in their units per unit of each
+    source; `here` those at the one pose of the outputs, empty where that is the worst of the grid.
+    `limits` are the bounds of the yields, `typical` (sources,) are usual standard deviations.
+    """
+
+    fields: Mapping[str, Field]
+    here: Mapping[str, Field]
+    limits: Mapping[str, float]
+    coverage: float
+    samples: int
+    seed: int
+    typical: Array
+
+    def outputs(self, sigma: Array, wanted: Iterable[str]) -> dict[str, Array]:
+        """The outputs `wanted` (n,), with their errors, of standard deviations (n, sources)."""
+        names = OVER_MACHINES.intersection(wanted)
+        starts = range(0, len(sigma) if names else 0, BLOCK)
+        found = [self._block(sigma[at : at + BLOCK], names) for at in starts]
+        every = found[0] if found else ()
+        return {name: np.concatenate([one[name] for one in found]) for name in every}
+
+    def interval(self, output: str, ends: Array) -> tuple[float, float]:
+        """Proven bounds of an output between the tightest and the loosest `ends` (2, sources).
+
+        What machines keep over the ring they keep at the worst pose, where nothing is sampled.
+        """
+        over_ring = output == BOTH or "_ring_" in output
+        of = replace(self, here={}) if over_ring else self
+        stems = [f"{name}_" for name in LIMITED] if output == BOTH else [""]
+        names = [f"{stem}{output}".replace("ring_", "pose_") for stem in stems]
+        low, high = np.sort(np.min(list(of.outputs(ends, names).values()), axis=0))
+        if over_ring and output.endswith("_percent"):
+            return 0.0, float(high)
+        return float(low), np.inf if over_ring else float(high)
+
+    def _block(self, sigma: Array, names: frozenset[str]) -> dict[str, Array]:
+        errors = [PoseError(self, name, sigma) for name in UNITS]
+        found: dict[str, Array] = {}
+        for error in errors:
+            found |= error.outputs(names)
+        if BOTH in names:
+            limited = [error for error in errors if error.name in LIMITED]
+            found |= _with_error(BOTH, keeping_all(self, limited))
+        return found
+
+    @cached_property
+    def sample(self) -> Sample:
+        """The same machines for every design."""
+        rng = np.random.default_rng(self.seed)
+        return Sample.draw(self.samples // WORTH, len(self.typical), rng)
+
+    @cached_property
+    def poses(self) -> Rows:
+        """Poses of the grid at which machines are sampled."""
+        along = np.arange(0, GRID, EVERY)
+        return np.asarray((GRID * along[:, None] + along).ravel())
+
+    @cached_property
+    def planes(self) -> dict[str, Array]:
+        """The main plane of each pose error, and of those with a yield, at usual deviations."""
+        usual = {name: f.at(self.poses).effects * self.typical for name, f in self.fields.items()}
+        both = [usual[name] / self.limits[name] for name in LIMITED]
+        return {name: main_plane([one]) for name, one in usual.items()} | {BOTH: main_plane(both)}
+
+
+@dataclass(eq=False)
+class PoseError:
+    """One pose error of a block of designs; what several outputs need is computed once."""
+
+    population: Population
+    name: str
+    sigma: Array
+
+    def outputs(self, names: frozenset[str]) -> dict[str, Array]:
+        """Those of its outputs (n,) that are among the names, with their errors."""
+        name, unit = self.name, UNITS[self.name]
+        exact = {
+            f"{name}_pose_{unit}": self.deviation,
+            f"{name}_pose_quantile_{unit}": self.quantile,
+            f"{name}_pose_yield_percent": self.keeping,
+        }
+        found = {key: of() for key, of in exact.items() if key in names}
+        sampled = (f"{name}_ring_quantile_{unit}", f"{name}_ring_yield_percent")
+        return found | self._over_ring(*(key if key in names else "" for key in sampled))
+
+    @property
+    def limit(self) -> float:
+        """Bound of its yields."""
+        return self.population.limits[self.name]
+
+    @cached_property
+    def variances(self) -> Array:
+        """Principal variances (n, poses, 3) on the grid."""
+        return self.population.fields[self.name].variances(self.sigma)
+
+    @cached_property
+    def worst_quantile(self) -> tuple[Array, Rows]:
+        """Largest quantile (n,) on the grid, and its pose."""
+        return worst_quantile(self.variances, self.population.coverage)
+
+    @cached_property
+    def worst_exceedance(self) -> tuple[Array, Rows]:
+        """Largest share (n,) of machines that exceed the limit on the grid, and its pose."""
+        return worst_exceedance(self.variances, self.limit)
+
+    # ---------------------------------------------------------------- at a pose
+
+    @cached_property
+    def _here(self) -> Array | None:
+        """Principal variances (n, 1, 3) at the one pose; None where that is the worst."""
+        field = self.population.here.get(self.name)
+        return None if field is None else field.variances(self.sigma)
+
+    def deviation(self) -> Array:
+        """Standard deviation (n,) at the pose."""
+        return worst_deviation(self.variances if self._here is None else self._here)
+
+    def quantile(self) -> Array:
+        """Quantile (n,) at the pose."""
+        if self._here is None:
+            return self.worst_quantile[0]
+        return worst_quantile(self._here, self.population.coverage)[0]
+
+    def keeping(self) -> Array:
+        """Machines (n,) that keep the limit at the pose, in percent."""
+        if self._here is None:
+            return 100.0 * (1.0 - self.worst_exceedance[0])
+        return 100.0 * (1.0 - worst_exceedance(self._here, self.limit)[0])
+
+    # ---------------------------------------------------------------- over the ring
+
+    def _over_ring(self, quantile: str, keeping: str) -> dict[str, Array]:
+        """Quantile of the largest over the ring, and machines [%] that keep the limit at every
+        pose, by these names, with their errors; nothing by an empty name.
+        """
+        coverage, last = self.population.coverage, len(self.population.poses)
+        found: dict[str, list[tuple[float, float]]] = {key: [] for key in (quantile, keeping)}
+        for at in range(len(self.sigma) if quantile or keeping else 0):
+            first = [int(self.worst_quantile[1][at])] if quantile else []
+            after = [int(self.worst_exceedance[1][at])] if keeping else []
+            machines = self._machines(at, first, after)
+            if quantile:
+                least, own = float(self.worst_quantile[0][at]), machines.at(slice(0, last + 1))
+                found[quantile].append(own.quantile(coverage, 0, least))
+            if keeping:
+                own = machines.at(slice(len(first), None))
+                found[keeping].append(own.beyond(self.limit, last))
+        both = _with_error(quantile, _columns(found[quantile])) if quantile else {}
+        return both | (_with_error(keeping, _percent(found[keeping])) if keeping else {})
+
+    def _machines(self, at: int, first: Sequence[int], last: Sequence[int]) -> Machines:
+        """Machines of one design at the poses `first`, of the sample, and `last`."""
+        of = self.population
+        poses = np.concatenate([first, of.poses, last]).astype(np.int64)
+        plane = main_plane([self.effects(at, of.poses)], of.planes[self.name])
+        return Machines.of([self.effects(at, poses)], self.variances[at, poses], of.sample, plane)
+
+    def effects(self, at: int, poses: Rows) -> Array:
+        """Pose errors (poses, c, sources) of one standard deviation of each source of a design."""
+        return np.asarray(self.population.fields[self.name].effects[poses] * self.sigma[at])
+
+
+def keeping_all(of: Population, errors: Sequence[PoseError]) -> Estimates:
+    """Machines (n,) that keep the limits of all pose errors at every pose, in percent."""
+    found = []
+    for at in range(len(errors[0].sigma)):
+        over = [float(error.worst_exceedance[0][at]) for error in errors]
+        poses = [np.append(of.poses, error.worst_exceedance[1][at]) for error in errors]
+        pairs = list(zip(errors, poses, strict=True))
+        effects = [error.effects(at, some) / error.limit for error, some in pairs]
+        variances = [error.variances[at, some] / error.limit**2 for error, some in pairs]
+        plane = main_plane([one[:-1] for one in effects], of.planes[BOTH])
+        machines = Machines.of(effects, np.concatenate(variances), of.sample, plane)
+        last = np.cumsum([len(one) for one in effects]) - 1
+        found.append(machines.beyond(1.0, int(last[np.argmax(over)])))
+    return _percent(found)
+
+
+def _with_error(name: str, estimates: Estimates) -> dict[str, Array]:
+    return {name: estimates[0], f"{name}_error": estimates[1]}
+
+
+def _columns(estimates: Iterable[tuple[float, float]]) -> Estimates:
+    values, errors = np.array(list(estimates)).T
+    return values, errors
+
+
+def _percent(beyond: Iterable[tuple[float, float]]) -> Estimates:
+    """Shares that keep, in percent, of shares that do not."""
+    shares, errors = _columns(beyond)
+    return 100.0 * (1.0 - shares), 100.0 * errors

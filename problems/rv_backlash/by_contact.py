@@ -1,0 +1,56 @@
+"""What the exact contact says of allocations that the closed form has made."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..settings import Settings
+
+if TYPE_CHECKING:
+    from ..rv_reducer import RvReducer
+    from .problem import RvBacklash
+
+Array = NDArray[np.float64]
+
+
+def contact_problem(problem: RvBacklash) -> RvReducer:
+    """The problem of the same reducer on its exact contact: parameters and mid-limits carried over.
+
+    Errors between discs, which the closed form does not know, are at their defaults.
+    """
+    from ..rv_reducer import RvReducer  # it takes the costs of this problem
+
+    known = {one.name for one in RvReducer.parameters}
+    given = {n: v for n, v in problem.settings.parameters.items() if n in known}
+    inputs = {n: one for n, one in problem.given.variables.items() if one.distribution or one.mid}
+    return RvReducer(
+        Settings(
+            parameters=given,
+            variables=inputs,
+            propagation=problem.settings.propagation,
+            seed=problem.settings.seed,
+        )
+    )
+
+
+def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
+    """What each full design (n, all variables) of the closed form does, from its verb on."""
+    contact = contact_problem(problem)
+    rows = np.array([
+        [dict(zip(problem.names, design.tolist(), strict=True)).get(name, contact.fixed.get(name))
+         for name in contact.names]
+        for design in designs
+    ], dtype=float).reshape(len(designs), len(contact.names))  # fmt: skip
+    coverage = 100.0 * problem.settings.propagation.coverage
+    found = [contact.evaluation(row, searching=False) for row in rows]
+    return tuple(
+        f"keeps {problem.limit:g} arcmin in "
+        f"{one.value('yield_percent'):.1f} % of the units at all {contact.count('positions')} "
+        f"positions of a turn; {coverage:.4g} % of them stay below "
+        f"{one.value('backlash_max_arcmin'):.2f} arcmin, and "
+        f"{100.0 * one.value('interference_probability'):.2g} % interfere"
+        for one in found
+    )

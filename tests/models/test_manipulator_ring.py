@@ -1,0 +1,122 @@
+"""Machines at the worst pose and over the ring: independent poses, brute force, plain sampling."""
+
+import numpy as np
+import pytest
+from scipy.special import erfc
+
+from tolevo.models.gaussian_length import exceedance, quantile
+from tolevo.models.manipulator.fields import (
+    Field,
+    worst_deviation,
+    worst_exceedance,
+    worst_quantile,
+)
+from tolevo.models.manipulator.geometry import Manipulator, TaskRing
+from tolevo.models.manipulator.indices import grid
+from tolevo.models.manipulator.maps import first_order
+from tolevo.models.manipulator.ring import Machines, Sample, main_plane
+from tolevo.models.manipulator.sources import matrix, orientation_combinations
+
+SIGMA = np.array([5.7e-6, 1.2e-5, *[5.7e-5] * 4] * 2 + [1.1e-5, 8e-5, *[8.6e-5] * 4])
+"""Standard deviations [m, rad] of the 18 sources, near the optimum of the notes."""
+
+
+def fields(count: int, machine: Manipulator | None = None) -> dict[str, Field]:
+    """Squareness, yaw [mrad] and position [mm] on a grid of the ring."""
+    maps = first_order(machine or Manipulator(), *grid(TaskRing(), count))
+    columns = matrix(orientation_combinations())
+    turn, move = 1e3 * maps.orientation @ columns, 1e3 * maps.position @ columns
+    return {"squareness": Field(turn[:, :2]), "yaw": Field(turn[:, 2:]), "position": Field(move)}
+
+
+def machines_of(field: Field, sigma: np.ndarray, count: int = 4096) -> Machines:
+    effects = field.effects * sigma
+    sample = Sample.draw(count, len(sigma), np.random.default_rng(0))
+    variances = field.variances(sigma[None])[0]
+    return Machines.of([effects], variances, sample, main_plane([effects]))
+
+
+@pytest.mark.parametrize("coverage", [0.5, 0.9973])
+@pytest.mark.parametrize("name", ["squareness", "yaw", "position"])
+def test_worst_pose_is_that_of_brute_force(name: str, coverage: float) -> None:
+    sigma = SIGMA * np.exp(np.random.default_rng(3).normal(0.0, 1.0, (6, 18)))
+    variances = fields(21)[name].variances(sigma)
+    found, at = worst_quantile(variances, coverage)
+    every = quantile(variances, coverage)
+    np.testing.assert_allclose(found, every.max(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(every[np.arange(6), at], found, rtol=1e-9)
+    over, _ = worst_exceedance(variances, 0.2)
+    np.testing.assert_allclose(over, exceedance(variances, 0.2).max(axis=1), rtol=1e-12)
+    np.testing.assert_allclose(worst_deviation(variances) ** 2, variances.sum(axis=2).max(axis=1))
+
+
+def test_one_pose_is_known_exactly() -> None:
+    field = fields(2)["squareness"].at(slice(3, 4))
+    machines = machines_of(field, SIGMA, 64)
+    variances = field.variances(SIGMA[None])[0, 0]
+    for bound in (0.1, 0.5, 0.9):
+        share, error = machines.beyond(bound, 0)
+        np.testing.assert_allclose(share, exceedance(variances, bound), rtol=1e-12)
+        assert error < 1e-12
+    least = float(quantile(variances, 0.9973))
+    found, error = machines.quantile(0.9973, 0, least)
+    np.testing.assert_allclose(found, least, rtol=1e-8)
+    assert error < 1e-12
+
+
+@pytest.mark.parametrize("bound", [1.0, 2.0, 3.5])
+def test_independent_poses_multiply(bound: float) -> None:
+    """Four poses, each with a source of its own: the shares that keep the bound multiply."""
+    sigma = np.array([1.0, 0.9, 0.6, 0.3])
+    effects = np.zeros((4, 1, 4))
+    effects[np.arange(4), 0, np.arange(4)] = 1.0
+    machines = machines_of(Field(effects), sigma, 16_384)
+    share, error = machines.beyond(bound, 0)
+    expected = 1.0 - np.prod(1.0 - erfc(bound / np.sqrt(2.0) / sigma))
+    assert abs(share - expected) < 5.0 * error + 1e-9
+    assert error < 0.02 * expected
+
+
+@pytest.mark.parametrize("name", ["squareness", "yaw", "position"])
+@pytest.mark.parametrize("machine", [Manipulator(), Manipulator(follow_up="rod")])
+def test_over_the_ring_against_plain_sampling(name: str, machine: Manipulator) -> None:
+    field = fields(7, machine)[name]
+    machines, variances = machines_of(field, SIGMA), field.variances(SIGMA[None])
+    rng = np.random.default_rng(11)
+    length = np.concatenate([
+        np.linalg.norm(field.effects @ (SIGMA[:, None] * rng.normal(size=(18, 4000))), axis=1)
+        .max(axis=0) for _ in range(50)
+    ])  # fmt: skip
+    least, worst = worst_quantile(variances, 0.99)
+    found, error = machines.quantile(0.99, int(worst[0]), float(least[0]))
+    share = float(np.mean(length > found))
+    density = np.mean(np.abs(length / found - 1.0) < 0.02) / 0.04
+    assert abs(share - 0.01) < 4.0 * np.sqrt(0.01 / len(length)) + 4.0 * error / found * density
+    assert found >= least[0]
+    bound = float(np.quantile(length, 0.4))
+    over, at = worst_exceedance(variances, bound)
+    beyond, error = machines.beyond(bound, int(at[0]))
+    assert abs(beyond - 0.6) < 4.0 * np.hypot(error, np.sqrt(0.24 / len(length)))
+    assert beyond >= over[0]
+
+
+def test_stated_error_is_the_scatter_over_seeds() -> None:
+    """32 seeds: the standard deviation of their shares is within a factor of two of the error."""
+    field = fields(5)["squareness"]
+    effects, variances = field.effects * SIGMA, field.variances(SIGMA[None])
+    plane, (_, at) = main_plane([effects]), worst_exceedance(variances, 0.5)
+    found = []
+    for seed in range(32):
+        sample = Sample.draw(512, 18, np.random.default_rng(seed))
+        found.append(Machines.of([effects], variances[0], sample, plane).beyond(0.5, int(at[0])))
+    shares, errors = np.array(found).T
+    assert 0.5 < shares.std(ddof=1) / np.sqrt(np.mean(errors**2)) < 2.0
+
+
+def test_main_plane_follows_the_design() -> None:
+    """The frame turns by little where the deviations change by little, whatever its signs."""
+    effects = fields(5)["squareness"].effects
+    near = main_plane([effects * SIGMA])
+    moved = main_plane([effects * SIGMA * 1.001 ** np.arange(18)], near)
+    np.testing.assert_allclose(moved.T @ moved, np.eye(2), atol=1e-12)
+    np.testing.assert_allclose(moved, near, atol=2e-2)

@@ -1,0 +1,93 @@
+"""Another algorithm's front on the same problem, beside that of the run.
+
+Where a model proves no bound, how far the points of a run are from the best is said by the best
+that is known: the joint front of both.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...algorithms.exact.solver import Exact
+from ...algorithms.indicators import nondominated
+from ...algorithms.nsga2 import NSGA2
+from ...algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
+from ...problems.tolerance_problem import ToleranceProblem
+from .plan import RunPlan
+from .references import SideSearch
+
+Array = NDArray[np.float64]
+ABOVE = "above_best_known_percent"
+"""Column: how much more a point costs than the best known front at its other objective."""
+POINTS = 30
+EVOLUTION = NSGA2(population=100, crossover=Crossover(eta=5.0), mutation=Mutation(eta=10.0))
+BUDGET = Budget(generations=60)
+
+
+def side_search(plan: RunPlan) -> tuple[SideSearch, ...]:
+    """The other search: NSGA-II beside exact fronts, exact beside all others.
+
+    None for problems whose bounds are proven, and for other numbers of objectives than two.
+    """
+    problem = plan.problem
+    if not problem.sampled or problem.n_obj != 2:
+        return ()
+    if isinstance(plan.algorithm, Exact):
+        return (_side("NSGA-II", problem.coarser(), EVOLUTION, BUDGET),)
+    return (_side("exact", problem, Exact(points=POINTS), Budget()),)
+
+
+def _side(
+    label: str, problem: ToleranceProblem, algorithm: AlgorithmSettings, budget: Budget
+) -> SideSearch:
+    return SideSearch(label, problem, algorithm, budget, 1, relaxed=False, overlay=True)
+
+
+def with_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str]) -> pd.DataFrame:
+    """The front with the distance of its points from the best known front, in percent of cost."""
+    if "cost" not in names or front.empty:
+        return front
+    second = next(name for name in names if name != "cost")
+    values = np.vstack([frame[["cost", second]].to_numpy(dtype=float)
+                        for frame in (front, other) if len(frame)])  # fmt: skip
+    best = values[nondominated(values)]
+    own = front[["cost", second]].to_numpy(dtype=float)
+    return front.assign(**{ABOVE: [above(row, best) for row in own]})
+
+
+def above(row: Array, best: Array) -> float:
+    """How much more `row` (cost, other) costs than a front (n, 2) at its other value [percent].
+
+    Between two points the front is taken to fall geometrically, as fronts of costs do.
+    """
+    best = best[np.argsort(best[:, 1], kind="stable")]
+    least = float(np.exp(np.interp(row[1], best[:, 1], np.log(best[:, 0]))))
+    return max(0.0, 100.0 * (float(row[0]) / least - 1.0))
+
+
+def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]) -> list[str]:
+    """What the comparison comes to, in words."""
+    if "cost" not in names or front.empty:
+        return []
+    second = next(name for name in names if name != "cost")
+    if other.empty:
+        return [f"{label} found no feasible point in the same problem"]
+    distance = front[ABOVE].to_numpy(dtype=float)
+    own, least = front[second].min(), other[second].min()
+    told = [f"nothing is proven of this problem; against the best known front, its own joined with "
+            f"that of {label}, the points cost {np.median(distance):.3g} % more in the median and "
+            f"{np.max(distance):.3g} % at most at equal {second}"]  # fmt: skip
+    best = front[["cost", second]].to_numpy(dtype=float)
+    behind = [above(row, best) for row in other[["cost", second]].to_numpy(dtype=float)
+              if best[:, 1].min() <= row[1] <= best[:, 1].max()]  # fmt: skip
+    if behind:
+        told.append(f"{label}: {len(other)} points, which cost {np.median(behind):.3g} % more than "
+                    "this front in the median")  # fmt: skip
+    if least > own * 1.001:
+        told.append(f"{label} finds nothing below {second} {least:.4g}; this front begins at "
+                    f"{own:.4g}")  # fmt: skip
+    elif own > least * 1.001:
+        told.append(f"this front ends at {second} {own:.4g}; {label} reaches {least:.4g}")
+    return told

@@ -1,0 +1,77 @@
+"""Limits that no design of a sampled problem was found to keep, told before a run begins."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...algorithms.exact.branch import Branch
+from ...algorithms.exact.epsilon import scale_of
+from ...algorithms.run import Run
+from ...algorithms.settings import Budget
+from ...errors import Fault
+from ...problems.limits import Limit
+from ...problems.tolerance_problem import ToleranceProblem
+
+Array = NDArray[np.float64]
+ATTEMPTS = 3
+"""Times that the least value is looked for from where it was found."""
+
+
+def unreachable(problem: ToleranceProblem) -> list[Fault]:
+    """A fault for each upper limit that is below the least value found, with the design.
+
+    Proven limits are `problem.faults()`; here the least value is that of a search by gradients at
+    the finest grades, which proves nothing but is rarely wrong by more than its sample. Nothing is
+    looked for where one of the problem's own starts keeps all limits.
+    """
+    starts = problem.starts() if problem.sampled else np.empty((0, 0))
+    if not len(starts) or _kept(problem, starts):
+        return []
+    return [
+        fault
+        for limit in problem.limits
+        if limit.name in problem.performance and np.isfinite(limit.high)
+        if (fault := _fault(problem, limit)) is not None
+    ]
+
+
+def _kept(problem: ToleranceProblem, starts: Array) -> bool:
+    found = problem.outputs_of(starts, searching=True)
+    return bool(np.any(np.all(problem.violations(starts, found) <= 0.0, axis=1)))
+
+
+def _fault(problem: ToleranceProblem, limit: Limit) -> Fault | None:
+    """The fault of one limit, None where it can be kept."""
+    least, design = _least(problem, limit.name)
+    if not least > limit.high:
+        return None
+    values = ", ".join(f"{v.name} {design[problem.names.index(v.name)]:.4g}" for v in problem.free)
+    unit = f" {limit.unit}".rstrip()
+    return Fault(
+        f"limits.{limit.name}",
+        f"at most {limit.high:g}{unit} was not found to be possible: the least found is "
+        f"{least:.4g}{unit}, at {values}; raise the limit or widen the ranges",
+    )
+
+
+def _least(problem: ToleranceProblem, name: str) -> tuple[float, Array]:
+    """The least value of an output with interference and geometry held, and its full design."""
+    held = {n: b for n, b in problem.settings.limits.items() if n not in problem.performance}
+    given = replace(problem.given, objectives=(name,), limits=held)
+    alone = type(problem)(given)
+    run = Run(alone, Budget(), seed=0)
+    branch = Branch(run, alone.xl.copy(), scale_of(alone))
+    none = np.full(1, np.inf)
+    columns = [alone.names.index(v.name) for v in alone.free]
+    start = branch.smooth.scaled(alone.starts()[:1, columns])[0]
+    for _ in range(ATTEMPTS):
+        branch.minimise(0, start, none)
+        if branch.f:
+            start = branch.y[int(np.argmin([f[0] for f in branch.f]))]
+    if not branch.f:
+        return -np.inf, alone.starts()[0]
+    best = alone.complete(branch.smooth.vectors(start[None, :]))
+    return float(min(f[0] for f in branch.f)), best[0]
