@@ -277,6 +277,12 @@ class RvReducer(ToleranceProblem):
         given = replace(self.given, objectives=("cost",), limits=limits)
         return f"GA, least cost at {limit.high:g} arcmin", RvReducer(given).coarser()
 
+    def relaxed(self, limits: Mapping[str, Bound]) -> RvReducer:
+        """With other limits, on the sample of a front: it is there for comparison."""
+        given = dict(self.given.parameters) | {"search_units": min(MANY, self._search_units)}
+        limits = dict(self.given.limits) | dict(limits)
+        return RvReducer(replace(self.given, parameters=given, limits=limits))
+
     def coarser(self) -> RvReducer:
         """On at most 256 units at 31 positions, which no result of the search is tested on."""
         positions = nearest_prime(min(31, self.count("positions")), self.model.geometry)
