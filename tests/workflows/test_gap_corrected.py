@@ -163,6 +163,8 @@ def test_merged_with_a_run_it_is_analysed_again(tmp_path: Path) -> None:
     [
         ("rv_batch", "rv_backlash", True),
         ("rv_lost_motion", "rv_backlash", True),
+        ("rv_batch", "rv_reducer", True),
+        ("rv_lost_motion", "rv_reducer", True),
         ("rv_transmission", "rv_transmission_error", True),
         ("assembly", "rv_transmission_error", True),
         ("manipulator_pose", "pose_accuracy", True),

@@ -226,9 +226,9 @@ def test_change_of_an_error_is_that_of_its_mid_limit(error: str) -> None:
     mids = {
         one.name: float(str(one.default)) for one in RvBatch.parameters if "_mid_um" in one.name
     }
-    moved = RvBatch(DOCUMENT | wide | {f"{error}_mid_um": mids[f"{error}_mid_um"] + 2.0})
+    moved = RvBatch(wide | {f"{error}_mid_um": mids[f"{error}_mid_um"] + 2.0})
     rngs = [np.random.default_rng(0) for _ in range(2)]
     expected = moved.predict(table, rngs[0])["backlash_arcmin"]
-    expected = expected - RvBatch(DOCUMENT | wide).predict(table, rngs[1])["backlash_arcmin"]
-    found = changed(RvBatch(DOCUMENT | wide), table, {f"{error}_um": 2.0})
+    expected = expected - RvBatch(wide).predict(table, rngs[1])["backlash_arcmin"]
+    found = changed(RvBatch(wide), table, {f"{error}_um": 2.0})
     np.testing.assert_allclose(found, expected, atol=1e-10)
