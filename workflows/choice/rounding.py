@@ -90,7 +90,9 @@ class Judge:
         kept: Mapping[str, Bound],
     ) -> None:
         self.problem = problem
-        self.asked = problem.relaxed(kept) if kept else problem
+        known = {COST, *problem.names, *problem.objectives, *(one.name for one in problem.limits)}
+        more = {name: bound for name, bound in kept.items() if name not in known}
+        self.asked = problem.relaxed(more) if more else problem
         self.searching = searching
         self.limits = limits_of(kept, problem.outputs, problem.variables)
         self.own = self._outputs(design[None])
