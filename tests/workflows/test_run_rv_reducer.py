@@ -15,6 +15,7 @@ from tolevo.workflows.run import overlay
 SMALL = """
 problem = "rv_reducer"
 seed = 3
+references = "none"
 [parameters]
 search_units = 32
 report_units = 128

@@ -88,8 +88,8 @@ def test_least_cost_is_that_of_the_front() -> None:
 
 
 def test_polish_improves_a_front_of_nsga2() -> None:
-    budget = Budget(generations=12)
-    found = [search(problem(), NSGA2(population=30, polish=p), budget, 0) for p in (False, True)]
+    budget = Budget(generations=8)
+    found = [search(problem(), NSGA2(population=20, polish=p), budget, 0) for p in (False, True)]
     plain, better = (fresh(one)[0] for one in found)
     plain = plain[np.argsort(plain[:, 1])]
     inside = better[(better[:, 1] > plain[0, 1]) & (better[:, 1] < plain[-1, 1])]
