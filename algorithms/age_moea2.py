@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from ..counts import PAIRED
 from .settings import AlgorithmSettings, Crossover, Mutation
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ class AGEMOEA2(AlgorithmSettings):
 
     many_objectives: ClassVar[bool] = True
     extras: ClassVar[tuple[str, ...]] = ("fast",)
-    population: int = field(default=100, metadata={"low": 2})
+    population: int = field(default=100, metadata={"low": 2, "need": PAIRED})
     crossover: Crossover = Crossover()
     mutation: Mutation = Mutation()
     polish: bool = False

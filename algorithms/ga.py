@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from ..counts import INDIVIDUALS
 from .settings import AlgorithmSettings, Crossover, Mutation
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ class GA(AlgorithmSettings):
     """Genetic algorithm for one objective: tournament selection, SBX, polynomial mutation."""
 
     many_objectives: ClassVar[bool] = False
-    population: int = field(default=100, metadata={"low": 2})
+    population: int = field(default=100, metadata={"low": 2, "need": INDIVIDUALS})
     crossover: Crossover = Crossover()
     mutation: Mutation = Mutation()
     polish: bool = False

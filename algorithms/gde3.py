@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from ..counts import INDIVIDUALS
 from .settings import AlgorithmSettings
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ class GDE3(AlgorithmSettings):
 
     many_objectives: ClassVar[bool] = True
     array_engine: ClassVar[bool] = True
-    population: int = field(default=100, metadata={"low": 4})
+    population: int = field(default=100, metadata={"low": 4, "need": INDIVIDUALS})
     crossover: Binomial = Binomial()
     mutation: Differential = Differential()
     polish: bool = False

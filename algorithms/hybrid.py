@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..counts import INDIVIDUALS, POINTS
 from .engine import GDE3Engine, Space
 from .exact.bounds import restricted, upper_limit
 from .exact.branch import Branch
@@ -42,9 +43,9 @@ class Hybrid(Solver):
 
     many_objectives: ClassVar[bool] = True
     one_objective: ClassVar[bool] = True
-    population: int = field(default=100, metadata={"low": 8})
-    polish: int = field(default=24, metadata={"low": 0})
-    points: int = field(default=200, metadata={"low": 2})
+    population: int = field(default=100, metadata={"low": 8, "need": INDIVIDUALS})
+    polish: int = field(default=24, metadata={"low": 0, "need": POINTS})
+    points: int = field(default=200, metadata={"low": 2, "need": POINTS})
 
     def solve(self, run: Run) -> None:
         seeds = seed_vectors(run, self.population)

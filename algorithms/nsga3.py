@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..counts import PAIRED
 from ..errors import Fault, raise_all
 from .settings import AlgorithmSettings, Crossover, Mutation
 
@@ -32,7 +33,7 @@ class NSGA3(AlgorithmSettings):
         "survival.norm.worst_point",
         "survival.norm.extreme_points",
     )
-    population: int = field(default=100, metadata={"low": 2})
+    population: int = field(default=100, metadata={"low": 2, "need": PAIRED})
     partitions: int = field(default=0, metadata={"low": 0, "high": 1000})
     crossover: Crossover = Crossover(probability=1.0, eta=30.0)
     mutation: Mutation = Mutation()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from ..counts import INDIVIDUALS
 from .settings import AlgorithmSettings
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ class RandomSearch(AlgorithmSettings):
     """Designs drawn uniformly from the search ranges; `population` per generation."""
 
     many_objectives: ClassVar[bool] = True
-    population: int = field(default=100, metadata={"low": 1})
+    population: int = field(default=100, metadata={"low": 1, "need": INDIVIDUALS})
 
     def build(self, problem: ToleranceProblem) -> Any:
         from pymoo.algorithms.soo.nonconvex.random_search import RandomSearch as PymooRandomSearch

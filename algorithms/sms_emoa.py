@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from ..counts import INDIVIDUALS
 from .settings import AlgorithmSettings, Crossover, Mutation
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ class SMSEMOA(AlgorithmSettings):
     """
 
     many_objectives: ClassVar[bool] = True
-    population: int = field(default=100, metadata={"low": 2})
+    population: int = field(default=100, metadata={"low": 2, "need": INDIVIDUALS})
     crossover: Crossover = Crossover()
     mutation: Mutation = Mutation()
     polish: bool = False

@@ -33,7 +33,7 @@ def random_allocation(n: int, rng: np.random.Generator) -> Allocation:
         half_width={name: rng.uniform(0.5, 10.0, n) * UM for name in names},
         crank_bearing=rng.uniform(0.5, 20.0, n) * UM,
         involute_grade=rng.integers(4, 9, n).astype(np.float64),
-        stagger=rng.uniform(0.0, 0.2, n) * ARCMIN,
+        stagger=rng.uniform(0.0, 0.4, n) * ARCMIN,
         dr_rp=np.full(n, -40.0 * UM),
         dr_p=np.full(n, -70.0 * UM),
     )

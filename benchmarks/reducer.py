@@ -32,7 +32,8 @@ PROMISED = 2.0
 def document(laws: dict[str, Distribution]) -> ClippedSum:
     """Document B's zones, all errors uniform unless `laws` says otherwise."""
     design = {v.name: np.array([float(v.document or 0.0)]) for v in declared.VARIABLES}
-    return declared.backlash_model({}, None, laws).total(declared.allocation(design))
+    model = declared.backlash_model({"reading": "printed"}, None, laws)
+    return model.total(declared.allocation(design))
 
 
 def draw() -> None:

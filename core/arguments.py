@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from .counts import too_many_workers
 from .errors import Fault
 from .files import unwritable
 
@@ -26,6 +27,8 @@ def choice_faults(workers: int | None, resume: bool, overwrite: bool) -> list[Fa
     faults = []
     if workers is not None and workers < 1:
         faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
+    if workers is not None and (complaint := too_many_workers(workers)):
+        faults.append(Fault("--workers", complaint))
     if resume and overwrite:
         text = "goes on with what --overwrite would replace; give one of them"
         faults.append(Fault("--resume", text))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 from collections.abc import Callable
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
 import typer
 
 from .arguments import choice_faults, directory_faults, file_faults, page_faults
+from .counts import forced
 from .ending import INTERRUPTED, exit_status
 from .errors import Fault, InputError, raise_all
 from .files import unwritable
@@ -39,6 +39,7 @@ Config = Annotated[Path, typer.Argument(help="Configuration (TOML).", show_defau
 Out = Annotated[Path, typer.Option("--out", help="Where the results go.", show_default=False)]
 Set = Annotated[list[str], typer.Option("--set", help="key=value; may be repeated.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Nothing on stderr but errors.")]
+Force = Annotated[bool, typer.Option("--force", help="Refuse no count for its size.")]
 
 
 def main() -> None:
@@ -71,9 +72,10 @@ def run(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
     set_: Set = [],  # noqa: B006
     quiet: Quiet = False,
+    force: Force = False,
 ) -> None:
     """Run one optimisation: from a configuration to a Pareto front."""
-    with exit_status():
+    with exit_status(), forced(force):
         faults = directory_faults(out, overwrite or resume)
         faults += choice_faults(workers, resume, overwrite)
         configuration = _collected(lambda: _search_of(config, set_), faults)
@@ -92,9 +94,10 @@ def gap(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
     set_: Set = [],  # noqa: B006
     quiet: Quiet = False,
+    force: Force = False,
 ) -> None:
     """Find where model and measurement disagree, name the missing effect, correct the model."""
-    with exit_status():
+    with exit_status(), forced(force):
         faults = directory_faults(out, overwrite or resume)
         faults += choice_faults(workers, resume, overwrite)
         plan, readings = _gap_input(config, data, set_, faults)
@@ -179,9 +182,10 @@ def study(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
     set_: Set = [],  # noqa: B006
     quiet: Quiet = False,
+    force: Force = False,
 ) -> None:
     """Run many optimisations over settings and seeds, and say what the settings do."""
-    with exit_status():
+    with exit_status(), forced(force):
         from .configuration.study import read_study
 
         faults = directory_faults(out, overwrite or resume)
@@ -224,9 +228,10 @@ def reproduce(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
     set_: Set = [],  # noqa: B006
     quiet: Quiet = False,
+    force: Force = False,
 ) -> None:
     """Recompute every figure that documents print, and say which of them hold."""
-    with exit_status():
+    with exit_status(), forced(force):
         from .configuration.claims import read_claims
 
         faults = directory_faults(out, overwrite or resume)
@@ -258,9 +263,10 @@ def evaluate(
     out: Out,
     set_: Set = [],  # noqa: B006
     quiet: Quiet = False,
+    force: Force = False,
 ) -> None:
     """Evaluate a configuration's problem at given designs."""
-    with exit_status():
+    with exit_status(), forced(force):
         faults = file_faults(out, designs)
         configuration = _collected(lambda: _problem_of(config, set_), faults)
         raise_all(faults)
@@ -269,6 +275,8 @@ def evaluate(
         assert configuration.problem is not None
         for note in () if quiet else configuration.problem.effect_notes():
             typer.echo(f"note: {note}", err=True)
+        if not quiet and (statement := configuration.problem.model_statement):
+            typer.echo(f"model: {statement}", err=True)
         evaluate(configuration.problem, designs, out)
         typer.echo(f"written: {out}")
 
@@ -280,9 +288,10 @@ def simulate(
     out: Out,
     set_: Set = [],  # noqa: B006
     quiet: Quiet = False,
+    force: Force = False,
 ) -> None:
     """Predict a configuration's model at given operating points."""
-    with exit_status():
+    with exit_status(), forced(force):
         faults = file_faults(out, inputs)
         configuration = _collected(lambda: _read(config, set_), faults)
         raise_all(faults)
@@ -325,58 +334,28 @@ def report(
 
 
 @app.command()
-def check(config: Config, set_: Set = [], quiet: Quiet = False) -> None:  # noqa: B006
+def check(
+    config: Config,
+    set_: Set = [],  # noqa: B006
+    quiet: Quiet = False,
+    force: Force = False,
+) -> None:
     """Validate a configuration and print all it comes to; the output is itself one."""
-    with exit_status():
-        from .configuration.description import describe, describe_plan
-        from .configuration.gap_kind import is_gap
-        from .configuration.simulated import build_model
-        from .configuration.study import is_study, read_study
+    with exit_status(), forced(force):
+        from .configuration.checked import checked
 
-        if is_study(config):
-            plan = read_study(config, set_)
-            if not quiet:
-                typer.echo(describe_plan(plan))
-            return
-        if is_gap(config):
-            from .configuration.gap import read_gap
-
-            analysis = read_gap(config, set_)
-            if not quiet:
-                typer.echo(analysis.configuration)
-            return
-        configuration = _read(config, set_)
-        if configuration.problem is None:
-            build_model(configuration)  # it refuses what only its physics can tell
+        text = checked(config, set_)
         if not quiet:
-            typer.echo(describe(configuration))
+            typer.echo(text)
 
 
 @app.command("list")
 def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
     """List models, problems, algorithms, effects and calculations, plugins included."""
-    from . import registry
-
     with exit_status():
-        groups = registry.listing() | {"elementary_errors": _elementary_errors()}
-        if json_:
-            typer.echo(json.dumps(groups, indent=2))
-            return
-        for group, entries in groups.items():
-            typer.echo(f"{group}:" if entries else f"{group}: none")
-            for entry in entries:
-                family = f"{entry['family']}: " if "family" in entry else ""
-                text = f"{family}{entry['description']} [{entry['origin']}]"
-                typer.echo(f"  {entry['name']:<16} {text}")
+        from .listing import listed
 
-
-def _elementary_errors() -> list[dict[str, str]]:
-    """The names that `[parameters.elementary_errors]` takes, in the form of `registry.listing`."""
-    from .models.manipulator.sources import SOURCES
-
-    return [
-        {"name": one.name, "description": one.meaning, "origin": "manipulator"} for one in SOURCES
-    ]
+        typer.echo(listed(json_))
 
 
 def _read(config: Path, settings: list[str]) -> Configuration:

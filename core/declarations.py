@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from math import inf
+
+from .counts import Need
 
 Scalar = float | int | str | bool
 Value = Scalar | tuple[float, ...] | Mapping[str, float]
@@ -40,6 +42,7 @@ class Parameter:
 
     `assumed` marks a default that no document prints; it is reported as an assumption. The default
     gives the type: a list keeps its length, the names in a table are `choices`, each with its unit.
+    `need` is what each takes where the parameter is a count: of units, positions, points.
     """
 
     name: str
@@ -52,6 +55,25 @@ class Parameter:
     high: float = inf
     open_low: bool = False
     choices: tuple[str, ...] = ()
+    need: Need | None = None
+    readings: Mapping[str, Value] = field(default_factory=dict)
+    """Other defaults, by the value of the parameter `reading`."""
+
+    def default_in(self, reading: Value | None) -> Value:
+        """The default where the parameter `reading` has this value."""
+        return self.readings.get(str(reading), self.default)
+
+
+READING = "reading"
+"""Name of the parameter that sets several others together."""
+
+
+def completed(parameters: Iterable[Parameter], given: Mapping[str, Value]) -> dict[str, Value]:
+    """Every parameter: as given, else its default in the reading that is given or the default."""
+    declared = {one.name: one for one in parameters}
+    own = declared[READING].default if READING in declared else None
+    reading = given.get(READING, own)
+    return {name: one.default_in(reading) for name, one in declared.items()} | dict(given)
 
 
 @dataclass(frozen=True, slots=True)

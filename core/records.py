@@ -30,6 +30,20 @@ class Bars:
 
 
 @dataclass(frozen=True, slots=True)
+class UnitsShown:
+    """Units of one design: what their backlash means in words, one unit, the population.
+
+    `turn` has the columns turn_deg, cycloid_arcmin (below zero flanks overlap), backlash_arcmin and
+    measured (the positions that count); `population` backlash_max_arcmin, share_within_percent of
+    the units, and share_percent since the row before.
+    """
+
+    words: tuple[str, ...]
+    turn: pd.DataFrame
+    population: pd.DataFrame
+
+
+@dataclass(frozen=True, slots=True)
 class RunResult:
     """One finished optimisation.
 
@@ -39,7 +53,8 @@ class RunResult:
     in the model, `before` is the front without them and `moved` how the allocation moves.
     `choices`, `choice_sensitivity`, `allocation`, `contributions` and `exact_front` are the tables
     of the files of these names, None where there is none. `overlays` are fronts of other algorithms
-    by label (`overlays.csv`).
+    by label (`overlays.csv`). `unit_turn`, `population` and `assumptions_cost` are the tables of
+    the files of these names, of problems that know units.
     """
 
     title: str
@@ -60,6 +75,22 @@ class RunResult:
     contributions: pd.DataFrame | None = None
     exact_front: pd.DataFrame | None = None
     overlays: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    unit_turn: pd.DataFrame | None = None
+    population: pd.DataFrame | None = None
+    assumptions_cost: pd.DataFrame | None = None
+
+
+def model_lines(summary: Mapping[str, Any]) -> list[str]:
+    """By which of several models a run judged: a line, and one for each choice of which another
+    model says something. Nothing where there is but one model.
+    """
+    statement = str(summary.get("model_statement") or "")
+    if not statement:
+        return []
+    choices = summary.get("choices") or {}
+    labels = {name: str(one.get("model") or statement) for name, one in choices.items()}
+    told = [f"{name}: {label}" for name, label in labels.items() if label != statement]
+    return [f"model: {statement}", *told]
 
 
 @dataclass(frozen=True, slots=True)

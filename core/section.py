@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Any
 
+from .counts import PLAIN, Need, too_many
 from .errors import Fault, nearest
 from .units import split_unit, to_unit
 
@@ -103,11 +104,15 @@ class Section:
         value = self.take(key)
         return None if value is None else self.as_number(key, value, unit, within)
 
-    def as_number(self, key: str, value: Any, unit: str, within: Range = ANY) -> float | None:
-        """`value` as a finite number in `unit`, any fault reported at `key`."""
+    def as_number(
+        self, key: str, value: Any, unit: str, within: Range = ANY, scale_only: bool = False
+    ) -> float | None:
+        """`value` as a finite number in `unit`, any fault reported at `key`; `scale_only` as
+        `to_unit` takes it.
+        """
         if isinstance(value, str) and unit:
             try:
-                number = to_unit(value, unit)
+                number = to_unit(value, unit, scale_only)
             except ValueError as error:
                 self.fault(key, str(error))
                 return None
@@ -140,15 +145,19 @@ class Section:
             return None
         return self.as_number(stem, value, unit, within)
 
-    def integer(self, key: str, within: Range = ANY) -> int | None:
-        """A whole number."""
+    def integer(self, key: str, within: Range = ANY, need: Need | None = PLAIN) -> int | None:
+        """A whole number; what `need` says is too many is a fault, None where it is no count."""
         value = self.take(key)
         if value is None:
             return None
         if isinstance(value, bool) or not isinstance(value, int):
             self.fault(key, f"must be a whole number, got {shown(value)}")
             return None
-        if complaint := within.complaint(value):
+        if not abs(value) < 1e300:
+            self.fault(key, "must be below 1e300")
+            return None
+        complaint = within.complaint(value) or (too_many(value, need) if need else "")
+        if complaint:
             self.fault(key, complaint)
             return None
         return value

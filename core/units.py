@@ -1,16 +1,21 @@
-"""Units at the edge: configuration strings in, SI inside (over pint).
+"""Units at the edge: configuration strings in, SI inside.
 
 A quantity is either a bare number, whose unit its key names (`crank_bearing_um = 2`), or a string
-with a unit (`"0.002 mm"`) that is converted to the unit of the key.
+with a unit (`"0.002 mm"`) that is converted to the unit of the key. An angle is a quantity of its
+own: 1/s is a frequency, rad/s is none. A rotational speed alone may be stated in 1/min, 1/s or Hz,
+which then count its turns.
 """
 
 from __future__ import annotations
 
 import math
 import re
-import tokenize
+from fractions import Fraction
 from functools import lru_cache
 from typing import Any
+
+from .unit_definitions import ANGLE, TIME, Unit, names_in, unit_of
+from .unit_grammar import UnitError
 
 ARCMIN = math.radians(1.0 / 60.0)
 """Radians in an arc minute."""
@@ -38,6 +43,7 @@ SUFFIXES = frozenset(
         "C",
         "s",
         "rpm",
+        "Hz",
         "Nm",
         "kg",
         "N",
@@ -47,39 +53,37 @@ SUFFIXES = frozenset(
 )
 """The unit suffixes that names of parameters, variables and outputs end with."""
 
-_PINT_NAMES = {
-    "Nm": "newton * meter",
-    "C": "degC",
-    "": "dimensionless",
-    "N_per_mm": "newton / millimeter",
-    "Nm_per_arcmin": "newton * meter / arcminute",
-}
-_QUANTITY = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
+LONGEST = 300
+"""Characters of a quantity at most."""
+SHOWN = 60
+"""Characters of a text that a message repeats."""
+_QUANTITY = re.compile(r"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(.*)")
 
 
-@lru_cache(maxsize=1)
-def _registry() -> Any:
-    from pint import UnitRegistry
-
-    return UnitRegistry(autoconvert_offset_to_baseunit=True)
-
-
-def to_unit(text: str, unit: str) -> float:
+def to_unit(text: str, unit: str, scale_only: bool = False) -> float:
     """The number in `unit` that `text` ("2 um") states.
 
-    Raises ValueError with the remedy where the text is not a number with a unit that fits.
+    With `scale_only` it is a difference or a rate: degC does not state a difference of temperature
+    in K, nor 1/s a drift in deg/s. Raises ValueError with the remedy where the text is not a number
+    with a unit that fits.
     """
-    from pint.errors import PintError
-
     wanted = f"a string with a unit of {unit}" if unit else "a plain number"
-    match = _QUANTITY.match(text)
+    shown = text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
+    message = f'must be a number or {wanted}, got "{shown}"'
+    match = _QUANTITY.fullmatch(text.strip()) if len(text) <= LONGEST else None
     if match is None or bool(match[2]) != bool(unit):
-        raise ValueError(f'must be a number or {wanted}, got "{text}"')
+        raise ValueError(message)
     try:
-        quantity = _registry().Quantity(float(match[1]), pint_unit(match[2]))
-        return float(quantity.to(pint_unit(unit)).magnitude)
-    except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
-        raise ValueError(f'must be a number or {wanted}, got "{text}"') from error
+        scale, zero = _scale(match[2], unit, scale_only)
+    except UnitError as error:
+        raise ValueError(f"{message}: {error}" if str(error) else message) from error
+    number = float(match[1])
+    if not math.isfinite(number):
+        return number
+    try:
+        return float(Fraction(number) * scale + zero)
+    except OverflowError:
+        return math.copysign(math.inf, number)
 
 
 def split_unit(name: str) -> tuple[str, str]:
@@ -93,18 +97,29 @@ def split_unit(name: str) -> tuple[str, str]:
 
 
 def dimension(unit: str) -> str:
-    """The base unit of the physical dimension that `unit` measures, empty for a plain number.
+    """What `unit` measures, as powers of SI units and of the radian; empty for a plain number.
 
     Raises ValueError where the unit is not known.
     """
-    from pint.errors import PintError
-
     try:
-        name = pint_unit("" if unit == "1" else unit)
-        text = str(_registry().Quantity(1.0, name).to_base_units().units)
-    except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
-        raise ValueError(f'"{unit}" is not a unit; write "mm", "N m", "rad", "rpm", ...') from error
-    return "" if text == "dimensionless" else text
+        found = unit_of(unit)
+    except UnitError as error:
+        text = f'"{unit}" is not a unit; write "mm", "N m", "rad", "rpm", ...'
+        raise ValueError(f"{text} ({error})") from error
+    return _in_si(found) if found.dimensions else ""
+
+
+def fits(unit: str, to: str) -> bool:
+    """Whether a quantity in `unit` can be stated in `to`.
+
+    Raises ValueError where one of them is not known.
+    """
+    dimension(unit), dimension(to)
+    try:
+        _scale(unit, to)
+    except UnitError:
+        return False
+    return True
 
 
 def unit_key(unit: str) -> str:
@@ -125,45 +140,68 @@ def converted(values: Any, unit: str, to: str) -> Any:
     return values * scale + zero if zero else values * scale
 
 
+def family(unit: str) -> tuple[str, float]:
+    """What `unit` measures ("meter", "radian", empty for a plain number; see `dimension`), and how
+    many of the SI unit it is.
+
+    Raises ValueError where the unit is not known, or its zero is not that of the SI unit.
+    """
+    name = dimension(unit)
+    found = unit_of(unit)
+    if found.zero:
+        raise ValueError(f'"{unit}" has a zero of its own; take an absolute unit')
+    return name, float(found.factor)
+
+
 @lru_cache(maxsize=256)
 def _affine(unit: str, to: str) -> tuple[float, float]:
     """How many of `to` one `unit` is, and where its zero lies."""
-    from pint.errors import PintError
-
     try:
-        zero, one = (
-            float(_registry().Quantity(at, pint_unit(unit)).to(pint_unit(to)).magnitude)
-            for at in (0.0, 1.0)
-        )
-    except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
-        raise ValueError(f'"{unit}" is not a unit that can be stated in {to}') from error
-    return one - zero, zero
+        scale, zero = _scale(unit, to)
+    except UnitError as error:
+        message = f'"{unit}" is not a unit that can be stated in {to}'
+        raise ValueError(f"{message}: {error}" if str(error) else message) from error
+    return float(scale), float(zero)
 
 
-def pint_unit(unit: str) -> str:
-    """A unit as pint reads it: there "Nm" is a nanometre and "C" a coulomb."""
-    if unit in _PINT_NAMES:
-        return _PINT_NAMES[unit]
-    return re.sub(r"\bNm\b", "(newton * meter)", unit)
+def _scale(unit: str, to: str, scale_only: bool = False) -> tuple[Fraction, Fraction]:
+    """The same, exactly. Raises UnitError where it cannot be."""
+    own, wanted = unit_of(unit), unit_of(to)
+    factor = own.factor
+    if own.dimensions != wanted.dimensions:
+        if scale_only or own.dimensions != _PER_TIME or not _is_speed(to):
+            raise UnitError(_misfit(unit, own, to, wanted))
+        factor *= unit_of("turn").factor
+    if scale_only and own.zero != wanted.zero:
+        raise UnitError(f'it is a difference, "{unit}" a temperature: write K')
+    return factor / wanted.factor, (own.zero - wanted.zero) / wanted.factor
 
 
-def family(unit: str) -> tuple[str, float]:
-    """The base unit that `unit` measures ("meter", "radian", empty for a plain number), and how
-    many of it one is.
+_PER_TIME = ((TIME, -1),)
+_ANGULAR_SPEED = ((ANGLE, 1), (TIME, -1))
 
-    Raises ValueError where the unit is not known, or its zero is not that of the base unit.
-    """
-    from pint.errors import PintError
 
-    if unit in ("", "1"):
-        return "", 1.0
-    try:
-        quantity = _registry().Quantity(1.0, _PINT_NAMES.get(unit, unit))
-        zero = _registry().Quantity(0.0, _PINT_NAMES.get(unit, unit)).to_base_units().magnitude
-    except (PintError, tokenize.TokenError, ValueError, AttributeError, TypeError) as error:
-        raise ValueError(f'"{unit}" is not a unit; write "mm", "um", "rad", "deg", ...') from error
-    if zero != 0.0:
-        raise ValueError(f'"{unit}" has a zero of its own; take an absolute unit')
-    base = quantity.to_base_units()
-    name = str(base.units)
-    return "" if name == "dimensionless" else name, float(base.magnitude)
+def _is_speed(unit: str) -> bool:
+    """Whether it is that of a rotational speed: rpm, or turns, radians or degrees per time."""
+    parts = [unit_of(name) for name in names_in(unit)]
+    turning = {unit_of(name).factor for name in ("rpm", "rps", "turn", "rad", "deg")}
+    return unit_of(unit).dimensions == _ANGULAR_SPEED and all(
+        part.factor in turning for part in parts if part.power(ANGLE)
+    )
+
+
+def _misfit(unit: str, own: Unit, to: str, wanted: Unit) -> str:
+    """Why a quantity in `unit` cannot be stated in `to`, where that is not plain."""
+    if own.without(ANGLE) == wanted.without(ANGLE) and own.power(ANGLE) != wanted.power(ANGLE):
+        if wanted.dimensions == _PER_TIME:
+            return f'"{unit}" is an angular speed, and {to} a frequency: write Hz or 1/s'
+        if not own.power(ANGLE):
+            return f'"{unit}" does not say of what angle: write it with one, as {to} has'
+    if not set("'\"′″").isdisjoint(unit):
+        return "' and \" are arc minutes and seconds: write ft and in for feet and inches"
+    return ""
+
+
+def _in_si(unit: Unit) -> str:
+    powers = (base if power == 1 else f"{base}^{power}" for base, power in unit.dimensions)
+    return " ".join(powers) or "a plain number"

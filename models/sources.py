@@ -30,6 +30,8 @@ class Source:
     from_zero: bool = False
     widest: float = float("inf")
     """The largest factor on its half-width about its middle that is physical."""
+    moves: bool = True
+    """Whether units are moved by an error that all of them have alike."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,11 @@ if TYPE_CHECKING:
     from .tolerance_problem import ToleranceProblem
 
 
+PRINTED = "printed"
+"""The reading in which a parameter has the value that a document prints."""
+NOT_PRINTED = object()
+
+
 def assumptions_of(problem: ToleranceProblem) -> tuple[Assumption, ...]:
     """Assumed parameters, ranges and cost curves, each with its value and who set it."""
     return (*_parameters(problem), *_variables(problem), *_costs(problem))
@@ -30,7 +35,7 @@ def _parameters(problem: ToleranceProblem) -> list[Assumption]:
             _set_by(p.name, given.parameters),
         )
         for p in problem.parameters
-        if p.assumed
+        if p.assumed and settings.parameters[p.name] != p.readings.get(PRINTED, NOT_PRINTED)
     ]
 
 

@@ -13,22 +13,22 @@ import pandas as pd
 from numpy.typing import NDArray
 from pymoo.core.problem import Problem
 
-from ..declarations import Assumption, Output, Parameter, Value, Variable
+from ..declarations import Assumption, Output, Parameter, Variable, completed
 from ..errors import Fault, ModelError
 from ..models.costs import CostCurve
-from ..records import Bars
 from ..section import Section
 from .assumptions import assumptions_of
 from .forms import Form
 from .limits import impossible, limits_of
 from .settings import Bound, Settings, VariableSetting
+from .shown import Shown
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
 """Proven lower and upper bound of an output over the search space; infinite where not known."""
 
 
-class ToleranceProblem(Problem):
+class ToleranceProblem(Shown, Problem):
     """A tolerance allocation problem: some variables are searched, the others fixed.
 
     A subclass declares `parameters`, `variables`, `outputs` and defaults, and gives `_outputs`.
@@ -52,8 +52,6 @@ class ToleranceProblem(Problem):
     """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""
     default_algorithm: ClassVar[str] = ""
     """The best algorithm for the problem; empty: NSGA-II or, of one objective, the GA."""
-    explained: ClassVar[Mapping[str, str]] = {}
-    """By output without a derivative, the one whose derivative tells what contributes to it."""
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
@@ -176,10 +174,6 @@ class ToleranceProblem(Problem):
         """Derivatives (n, all variables) of the outputs for which the model gives them."""
         return {}
 
-    def bars(self) -> tuple[Bars, ...]:
-        """Charts of what matters in this problem, whatever is optimised."""
-        return ()
-
     def counterparts(self) -> tuple[str, ...]:
         """What each active effect does in this problem; empty where it does nothing."""
         return ("",) * len(self.settings.effects)
@@ -216,10 +210,9 @@ class ToleranceProblem(Problem):
 
     def _completed(self, given: Settings) -> Settings:
         """The settings with every default filled in."""
-        parameters: dict[str, Value] = {p.name: p.default for p in self.parameters}
         return replace(
             given,
-            parameters=parameters | dict(given.parameters),
+            parameters=completed(self.parameters, given.parameters),
             variables={
                 v.name: self._variable(v, given.variables.get(v.name)) for v in self.variables
             },

@@ -35,7 +35,7 @@ def choice_sections(result: RunResult) -> tuple[str, ...]:
     names = ["choice", "meaning", "point"]
     for name in axes:
         names += [name, f"rounded_{name}", f"rounding_loss_{name}_percent"]
-    names += ["rounded_feasible", "rounded_violated_limits", "unchanged_percent"]
+    names += ["rounded_feasible", "rounded_violated_limits", "unchanged_percent", "model"]
     parts = [f"<p>{escape(CHOICES)}</p>\n{table(chosen(result.choices, names))}"]
     if result.choice_sensitivity is not None:
         moved = result.choice_sensitivity[~result.choice_sensitivity["same"].astype(bool)]

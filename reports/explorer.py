@@ -80,6 +80,7 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
         "rounded": _rounded(result),
         "contributions": _contributions(result.contributions),
         "exact": _exact(result, names),
+        "overlays": _overlays(result, names, most),
         "ideal": dict(result.summary.get("ideal") or {}),
     }
 
@@ -166,3 +167,16 @@ def _exact(result: RunResult, names: list[str]) -> list[list[float]] | None:
     if found is None or any(name not in found for name in names):
         return None
     return [found[name].tolist() for name in names]
+
+
+def _overlays(result: RunResult, names: list[str], most: int) -> list[dict[str, Any]]:
+    """Fronts of other algorithms in the order of the first objective, at most `most` points."""
+    found = []
+    for label, front in result.overlays.items():
+        if front.empty or any(name not in front for name in names):
+            continue
+        own = front.reset_index(drop=True)
+        kept = own.iloc[thinned(own, names, [], most)]
+        aims = [kept[name].tolist() for name in names]
+        found.append({"label": f"{label}, {len(front)} points", "aims": aims})
+    return found

@@ -11,6 +11,8 @@ from .drawing import as_png, as_svg, axis_label, flags, new_figure, plain
 
 FRONT_COLOUR = "#1f5fa8"
 COLOURS = ("#c4501b", "#2b7a3d", "#7b3fa0", "#8a6d00", "#b0245f")
+OVERLAY_COLOUR = "#555555"
+OVERLAY_DASHES = ("--", ":", "-.")
 MARKERS = "s^DvPX<>"
 """Eight markers and five colours: forty references before a pair repeats."""
 
@@ -53,6 +55,7 @@ def _draw_plane(axes: Axes, result: RunResult) -> None:
     if exact is not None and len(result.objectives) == 2 and {x.name, y.name} <= set(exact):
         axes.plot(exact[x.name], exact[y.name], linestyle="-.", linewidth=2.5, color="#999999",
                   zorder=1.5, label="exact front")  # fmt: skip
+    _draw_overlays(axes, result, x.name, y.name)
     if not result.front.empty:
         _draw_front(axes, result, x.name, y.name)
     for at, (_, row) in enumerate(result.references.iterrows()):
@@ -75,6 +78,18 @@ def _draw_before(axes: Axes, before: pd.DataFrame, x: str, y: str) -> None:
     """The front of the model without its effects."""
     axes.plot(before[x], before[y], linestyle=":", linewidth=1.0, marker="o", markersize=2.0,
               color="#777777", label=f"without effects, {len(before)} points")  # fmt: skip
+
+
+def _draw_overlays(axes: Axes, result: RunResult, x: str, y: str) -> None:
+    """Fronts of other algorithms, thin and hollow behind that of the run."""
+    for at, (label, found) in enumerate(result.overlays.items()):
+        if found.empty or not {x, y} <= set(found):
+            continue
+        front = found.sort_values([x, y])
+        style = OVERLAY_DASHES[at % len(OVERLAY_DASHES)] if len(result.objectives) == 2 else "none"
+        axes.plot(front[x], front[y], linestyle=style, linewidth=0.8, marker="o", markersize=3.0,
+                  markerfacecolor="none", color=OVERLAY_COLOUR, zorder=1.8,
+                  label=_legend_text(f"{label}, {len(front)} points", feasible=True))  # fmt: skip
 
 
 def _draw_bound(axes: Axes, front: pd.DataFrame, x: str, y: str) -> None:

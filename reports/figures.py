@@ -9,6 +9,7 @@ from .contributions import contributions_figure
 from .convergence import convergence_figure
 from .figure import front_figure
 from .tolerances import tolerances_figure
+from .units import population_figure, turn_figure
 
 
 def figures(result: RunResult) -> dict[str, Figure]:
@@ -18,5 +19,7 @@ def figures(result: RunResult) -> dict[str, Figure]:
         "convergence": None if result.convergence.empty else convergence_figure(result.convergence),
         "contributions": contributions_figure(result),
         "tolerances": tolerances_figure(result),
+        "unit_turn": None if result.unit_turn is None else turn_figure(result),
+        "population": None if result.population is None else population_figure(result),
     }
     return {name: figure for name, figure in found.items() if figure is not None}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..records import Bars, RunResult
+from ..records import Bars, RunResult, model_lines
 from .bars import bars_figure
 from .choices import choice_sections
 from .convergence import RATIO, convergence_figure, known
@@ -21,6 +21,7 @@ from .figure import front_figure
 from .scripts import plotly
 from .summary import summary_table
 from .tables import chosen, table
+from .units import unit_sections
 
 DRAWN = 500
 """Points of the front in its still picture at most; front.svg has all."""
@@ -51,8 +52,10 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
     scripted = interactive(result)
     sections = (
         *remarked(remarks),
+        _model(result.summary),
         section("Front", _front(result, scripted)),
         section("In words", bullets(result.notes)),
+        *unit_sections(result),
         *choice_sections(result),
         *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),
         section("References", _references(result)),
@@ -64,6 +67,16 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         section("Configuration", folded("config.toml", _verbatim(result.configuration))),
     )
     return document(result.title, "\n".join(sections), scripts() if scripted else ())
+
+
+def _model(summary: Mapping[str, Any]) -> str:
+    """By which of several models everything below was computed; empty where there is but one."""
+    lines = model_lines(summary)
+    if not lines:
+        return ""
+    first = escape(lines[0].removeprefix("model: "))
+    more = bullets(lines[1:]) if lines[1:] else ""
+    return f'<p class="model"><strong>Every number here is of {first}.</strong></p>\n{more}'
 
 
 def _verbatim(text: str) -> str:

@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.tooth_modification import ToothModification
 from tolevo.workflows.reproduce.calculation import Calculation
 from tolevo.workflows.reproduce.calculations.reducer_monte_carlo import ReducerMonteCarlo
@@ -22,6 +23,26 @@ def test_every_name_of_the_tooth_modification_is_documented() -> None:
     for variable in kind.variables:
         row = next(line for line in text.splitlines() if line.startswith(f"| `{variable.name}`"))
         assert f"| {variable.low:g} .. {variable.high:g} |" in row
+
+
+def test_every_name_of_the_exact_contact_is_documented() -> None:
+    text = (DOCS / "rv_reducer.md").read_text(encoding="utf-8")
+    kind = RvReducer
+    names = [variable.name for variable in kind.variables]
+    names += [output.name for output in kind.outputs] + [one.name for one in kind.parameters]
+    assert [name for name in names if f"`{name}`" not in text] == []
+    rows = text.partition("## Variables")[2].splitlines()
+    for variable in kind.variables:
+        row = next(line for line in rows if line.startswith(f"| `{variable.name}` |"))
+        assert f"| {variable.low:g} .. {variable.high:g} |" in row
+
+
+def test_assumed_parameters_of_the_exact_contact_are_marked() -> None:
+    text = (DOCS / "rv_reducer.md").read_text(encoding="utf-8").partition("## Parameters")[2]
+    rows = [line for line in text.splitlines() if line.startswith("| `")]
+    for one in RvReducer.parameters:
+        row = next(line for line in rows if f"`{one.name}`" in line)
+        assert not one.assumed or "assumed" in row, one.name
 
 
 @pytest.mark.parametrize(

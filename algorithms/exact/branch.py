@@ -119,7 +119,8 @@ class Branch:
         broken = np.sum(np.maximum(g, 0.0), axis=1)
         for objective in range(min(2, len(self.unit))):
             order = np.lexsort([f[:, objective], broken])
-            starts = [*self.y, *y[order[:TRIES]]]
+            tries = min(TRIES, 2) if run.problem.sampled else TRIES
+            starts = [*self.y, *y[order[:tries]]]
             for start in starts:
                 end = self.minimise(objective, start, none)
                 if end is not None and len(end) > 1:

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...counts import POINTS
 from ...problems.forms import Form
 from ...problems.tolerance_problem import ToleranceProblem
 from ..run import Run
@@ -32,7 +33,7 @@ class Exact(Solver):
 
     many_objectives: ClassVar[bool] = True
     one_objective: ClassVar[bool] = True
-    points: int = field(default=1000, metadata={"low": 2})
+    points: int = field(default=1000, metadata={"low": 2, "need": POINTS})
 
     def solve(self, run: Run) -> None:
         form = closed_form(run.problem)

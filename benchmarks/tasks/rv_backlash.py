@@ -1,8 +1,8 @@
 """`rv_backlash` as a plain function of 12 variables: cost against effective backlash.
 
 The tooth modification is fixed at -0.04 and -0.07 mm, so that no limit is left: not every peer
-takes constraints. Backlash by convolution, as a run searches. No closed form is known: the best
-front is the union of long runs, kept in rv_backlash_front.csv;
+takes constraints. Document B's formula as printed, by convolution, as a run searches. No closed
+form is known: the best front is the union of long runs, kept in rv_backlash_front.csv;
 `python -m benchmarks.tasks.rv_backlash` makes it anew.
 """
 
@@ -36,7 +36,8 @@ def watched() -> WatchedRv:
 
 
 def settings() -> Settings:
-    return Settings(variables={n: VariableSetting(value=value) for n, value in FIXED.items()})
+    fixed = {name: VariableSetting(value=value) for name, value in FIXED.items()}
+    return Settings(parameters={"reading": "printed"}, variables=fixed)
 
 
 def rv_backlash() -> Task:

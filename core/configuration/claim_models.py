@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .. import registry
+from ..counts import SAMPLES
 from ..section import Range, Section
 from ..workflows.reproduce.recipes import STATISTICS, ByModel, ByProblem, Recipe, Statistic
 from .claim_parts import configured, names_of, tried
@@ -25,7 +26,7 @@ def by_model(section: Section, count: int) -> Recipe | None:
         return None
     kind = registry.load("models", found.model_name)
     at = _points(section.section("at"), kind)
-    drawn = section.integer("units", Range(low=2)) or 0
+    drawn = section.integer("units", Range(low=2), SAMPLES) or 0
     statistic = _statistic(section, drawn, max((len(one) for one in at.values()), default=1))
     if kind.population and not drawn:
         section.fault("units", f"is missing: {found.model_name} draws units; say how many")

@@ -65,7 +65,7 @@ def _file(table: Table, faults: list[Fault]) -> ClaimsFile:
     document = Document(
         _needed(top, "document"), _needed(top, "title"), top.text("reference") or ""
     )
-    seed = top.integer("seed", Range(low=0))
+    seed = top.integer("seed", Range(low=0), None)
     study = top.text("study") or ""
     seen: dict[str, int] = {}
     claims = []

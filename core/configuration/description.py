@@ -20,7 +20,8 @@ def describe(configuration: Configuration) -> str:
     if problem is None:
         return _commented(configuration.toml(), _effects(configuration))
     settings = configuration.settings.variables
-    lines = _effects(configuration)
+    lines = ["Model", f"  {problem.model_statement}", ""] if problem.model_statement else []
+    lines += _effects(configuration)
     lines += ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
     lines += ["", "Assumptions (no document prints them)", *_assumptions(problem.assumptions())]
     if warnings := problem.warnings():
@@ -81,8 +82,12 @@ def _assumptions(assumptions: Iterable[Assumption]) -> list[str]:
 def describe_plan(plan: StudyPlan) -> str:
     """TOML of a study that can be run as it stands, with its size and warnings as comments."""
     settings = plan.settings
-    lines = [f"{plan.total} runs: {len(plan.points)} settings, {settings.seeds} replicates each",
+    count = len(plan.design)
+    lines = [f"{count * settings.seeds} runs: {count} settings, {settings.seeds} replicates each",
              f"Responses: {', '.join(settings.responses)}"]  # fmt: skip
+    if len(plan.points) < count:
+        lines += [f"{len(plan.points)} of the settings were read as the runs that they mean; "
+                  "`tolevo study` reads all before it begins"]  # fmt: skip
     if plan.warnings:
         lines += ["", "Warnings", *(f"  {warning}" for warning in plan.warnings)]
     comments = "\n".join(f"# {line}".rstrip() for line in lines)

@@ -72,7 +72,8 @@ def _value(section: Section, key: str, number: EffectParameter) -> float | None:
     if number.unit and key != number.name and not isinstance(value, str):
         section.fault(key, f'needs a unit: write {key} = "... {number.unit}", or {number.name}')
         return None
-    found = section.as_number(key, value, number.unit, Range(number.low, number.high))
+    within = Range(number.low, number.high)
+    found = section.as_number(key, value, number.unit, within, scale_only=True)
     if found is not None and number.choices and found not in number.choices:
         listed = ", ".join(f"{choice:g}" for choice in number.choices)
         section.fault(key, f"must be one of {listed}, got {shown(value)}")

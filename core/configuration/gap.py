@@ -10,6 +10,8 @@ from typing import Any
 import tomli_w
 
 from .. import registry
+from ..counts import PLAIN, Need
+from ..declarations import completed
 from ..errors import Fault, InputError, nearest, raise_all
 from ..models.measurable import MeasurableModel
 from ..section import POSITIVE, Range, Section, shown
@@ -28,6 +30,12 @@ from .table import TABLE
 from .zero import ZERO
 
 OF_THE_MODEL = (*OF_A_RUN, "effect", ZERO)
+NEEDS = {
+    "simulations": Need("simulation", bytes=3.2e3),  # 400 columns of noise
+    "bootstrap": Need("replicate", bytes=1e3, seconds=0.1),
+    "rows_used": Need("row", bytes=1e4),  # in every column of the library
+}
+"""What the counts of `[settings]` take."""
 
 
 def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:
@@ -59,9 +67,10 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
         top.fault("model", 'is missing: name a model (see `tolevo list`), or model = "table"')
     configuration = _configuration(top, name or "", table, faults)
     settings = _settings(top.section("settings"))
-    free = read_free(top, configuration if name != TABLE else None)
+    judged = configuration is not None or name == TABLE
+    free = read_free(top, configuration if name != TABLE else None) if judged else {}
     library = _library(top.section("effects"))
-    noise = _noise(top.section("noise"), configuration)
+    noise = _noise(top.section("noise"), configuration) if judged else {}
     blocks = _blocks(top.section("validation"))
     drop = _drop(top.section("data"))
     run = read_run(top, name or "", table, path.parent)
@@ -129,9 +138,7 @@ def _parameters(configuration: Configuration) -> dict[str, Any]:
     if configuration.model_name == TABLE:
         return {}
     kind = registry.load("models", configuration.model_name)
-    return {one.name: one.default for one in kind.parameters} | dict(
-        configuration.settings.parameters
-    )
+    return completed(kind.parameters, configuration.settings.parameters)
 
 
 def _settings(section: Section) -> GapSettings:
@@ -148,7 +155,7 @@ def _settings(section: Section) -> GapSettings:
         "parts_out_of_limits": Range(0.0, 1.0, open_low=True, open_high=True),
     }
     given: dict[str, Any] = {
-        one.name: section.integer(one.name, ranges[one.name])
+        one.name: section.integer(one.name, ranges[one.name], NEEDS.get(one.name, PLAIN))
         if isinstance(one.default, int)
         else section.number(one.name, "", ranges[one.name])
         for one in fields(GapSettings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..section import Section
-from ..units import dimension
+from ..units import dimension, fits
 from ..workflows.gap.plan import ROLE_UNITS, ROLES, ColumnRole, output_of
 
 PLAIN = ("unit", "lot", "repeat", "direction", "ignore")
@@ -38,7 +38,7 @@ def _column(section: Section) -> ColumnRole | None:
         return None
     wanted = ROLE_UNITS.get(role)
     try:
-        if unit and (wanted is not None) and dimension(unit) != dimension(wanted):
+        if unit and (wanted is not None) and not fits(unit, wanted):
             section.fault("unit", f'must be a unit of {role} such as "{wanted}", got "{unit}"')
         elif unit and role not in PLAIN:
             dimension(unit)
@@ -74,7 +74,7 @@ def _same(section: Section, name: str, output: str, columns: dict[str, ColumnRol
     """A prediction is in a unit of the same dimension as its measurement."""
     mine, other = columns[name].unit, columns[output].unit
     try:
-        if dimension(mine) != dimension(other):
+        if not fits(mine, other):
             text = f'"{mine}" does not fit {output}, which is in "{other}"'
             section.section(name).fault("unit", text)
     except ValueError:

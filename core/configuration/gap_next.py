@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ KEY = "next_measurement"
 READINGS = Range(1, 100_000)
 ABSOLUTE_ZERO = -273.15
 """[degC]"""
+MESH = 100_000
+"""Points that are asked at most."""
 STEPS = 33
 """Values of each range at which it is asked whether all of them together hold a point."""
 
@@ -158,7 +161,7 @@ def _reached(section: Section, model: MeasurableModel, spans: dict[str, Span]) -
     steps = np.linspace(0.0, 1.0, STEPS)
     axes = [np.array(one.values) if one.values else one.low + steps * (one.high - one.low)
             for one in spans.values()]  # fmt: skip
-    if len(axes) > 3:
+    if len(axes) > 3 or prod(len(axis) for axis in axes) > MESH:
         return  # asked again of the points themselves
     mesh = np.meshgrid(*axes, indexing="ij")
     table = {name: one.ravel() for name, one in zip(spans, mesh, strict=True)}

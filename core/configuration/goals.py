@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
+from ..counts import SAMPLES
 from ..declarations import Output, Variable
 from ..problems.settings import METHODS, Bound, PropagationSetting
 from ..section import Range, Section
@@ -79,7 +80,7 @@ def read_propagation(section: Section) -> PropagationSetting:
     default = PropagationSetting()
     method = section.text("method", METHODS)
     coverage = section.number("coverage", within=INSIDE)
-    samples = section.integer("samples", Range(2, 2**26))
+    samples = section.integer("samples", Range(2, 2**26), SAMPLES)
     section.finish()
     return PropagationSetting(
         default.method if method is None else method,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
+from ..counts import PLAIN
 from ..declarations import Parameter, Value
 from ..section import Range, Section, shown
 from ..units import split_unit
@@ -24,7 +25,7 @@ def _read(section: Section, parameter: Parameter) -> Value | None:
         case str():
             return section.text(parameter.name, parameter.choices)
         case int() if not parameter.unit:
-            return section.integer(parameter.name, within)
+            return section.integer(parameter.name, within, parameter.need or PLAIN)
         case tuple():
             return _list(section, parameter, len(parameter.default), within)
         case Mapping():

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..declarations import Value
+from ..declarations import Value, completed
 from ..errors import Fault, InputError, raise_all
 from ..problems.settings import Settings, VariableSetting
 from ..section import Range, Section
@@ -21,7 +21,7 @@ from .pairs import belongs, stranger
 from .parameters import read_parameters
 from .plugins import load_named
 from .resolved import resolved_problem, resolved_variables
-from .search import read_algorithm, read_budget, read_engine, resolved_algorithm
+from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
 from .source import Table, overridden
 from .table import TABLE, read_table_model
 from .variables import mid_parameter, read_variable
@@ -50,7 +50,7 @@ def read_table(table: Table, faults: list[Fault]) -> Configuration:
 
 
 def _seed(top: Section) -> int:
-    seed = top.integer("seed", Range(low=0))
+    seed = top.integer("seed", Range(low=0), None)
     return 0 if seed is None else seed
 
 
@@ -79,6 +79,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     name, algorithm = read_algorithm(
         section, len(objectives), getattr(kind, "default_algorithm", "")
     )
+    check_size(section, algorithm, budget)
     engine = read_engine(section, name, algorithm)
     choice = read_choice(top, objectives, kind.outputs, kind.variables)
     top.finish()
@@ -175,7 +176,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         v.name: _at_document(v, variables.get(v.name, VariableSetting())) for v in kind.variables
     }
     settings = Settings(
-        parameters={p.name: p.default for p in kind.parameters} | parameters,
+        parameters=completed(kind.parameters, parameters),
         variables=complete,
         seed=seed,
         effects=effects,

@@ -10,10 +10,11 @@ from .. import registry
 from ..algorithms.engine import ENGINES
 from ..algorithms.refused import REFUSED
 from ..algorithms.settings import CROSSOVERS, MUTATIONS, AlgorithmSettings, Budget
+from ..counts import EVALUATIONS, GENERATIONS, PLAIN, POINTS, too_many
 from ..section import POSITIVE, Range, Section
 from .plugins import load_named
 
-GENERATIONS = 200
+DEFAULT_GENERATIONS = 200
 """Budget of a run whose configuration names none."""
 
 
@@ -26,7 +27,7 @@ def read_algorithm(
     name = section.take("name") or name
     section.known(["engine"])
     if kind is None or "points" not in {field.name for field in fields(kind)}:
-        section.integer("points", Range(low=2))  # of the exact front, whatever algorithm runs
+        section.integer("points", Range(low=2), POINTS)  # of the exact front, whatever runs
     section.known(field.name for field in fields(Budget))
     if kind is None:  # the settings of an unknown algorithm cannot be judged
         return name, None
@@ -62,7 +63,7 @@ def settings_of(section: Section, kind: type[Any]) -> Any:
         if hints[field.name] is bool:
             value: Any = section.flag(field.name)
         elif hints[field.name] is int:
-            value = section.integer(field.name, within)
+            value = section.integer(field.name, within, field.metadata.get("need", PLAIN))
         elif hints[field.name] is str:
             value = section.text(field.name, field.metadata.get("choices", ()))
         else:
@@ -93,11 +94,28 @@ def read_budget(section: Section) -> Budget:
     """When the search ends."""
     whole = Range(low=1)
     budget = Budget(
-        section.integer("generations", whole),
-        section.integer("evaluations", whole),
+        section.integer("generations", whole, GENERATIONS),
+        section.integer("evaluations", whole, EVALUATIONS),
         section.number("time_limit_s", within=POSITIVE),
     )
-    return Budget(generations=GENERATIONS) if budget == Budget() else budget
+    return Budget(generations=DEFAULT_GENERATIONS) if budget == Budget() else budget
+
+
+def check_size(section: Section, algorithm: AlgorithmSettings | None, budget: Budget) -> None:
+    """A fault where generations and population together are too many evaluations."""
+    if not budget.generations or evaluations(algorithm, budget) == budget.evaluations:
+        return
+    population = getattr(algorithm, "population", 1)
+    complaint = too_many(budget.generations, EVALUATIONS, population, "generations x population")
+    if complaint:
+        section.fault("generations", complaint)
+
+
+def evaluations(algorithm: AlgorithmSettings | None, budget: Budget) -> int:
+    """Evaluations that a search may take at most, as far as its settings say."""
+    by_generations = (budget.generations or 0) * getattr(algorithm, "population", 1)
+    ends = [one for one in (by_generations, budget.evaluations) if one]
+    return min(ends, default=0)
 
 
 def resolved_algorithm(

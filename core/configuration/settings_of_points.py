@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from ..errors import Fault, InputError, raise_all
@@ -15,7 +16,7 @@ from ..workflows.study.plan import Point
 from ..workflows.study.records import Factor, Level
 from .configuration import Configuration
 from .reader import read_table
-from .search import read_algorithm, read_budget, read_engine
+from .search import check_size, read_algorithm, read_budget, read_engine
 from .source import Table
 from .varied import variable_table, with_values
 
@@ -49,6 +50,17 @@ def built_points(
     return tuple(points), tuple(builder.problems)
 
 
+def some(design: pd.DataFrame, factors: tuple[Factor, ...], most: int) -> pd.DataFrame:
+    """At most about `most` rows: the ends of every factor, and the others evenly."""
+    if len(design) <= most:
+        return design
+    rows = set(np.linspace(0, len(design) - 1, most).astype(int).tolist())
+    for factor in factors:
+        order = design[factor.key].astype(str if factor.categorical else float).argsort()
+        rows |= {int(order.iloc[0]), int(order.iloc[-1])}
+    return design.iloc[sorted(rows)]
+
+
 class _Builder:
     """Reads points; a problem is built once, however many points share it."""
 
@@ -68,7 +80,9 @@ class _Builder:
         faults: list[Fault] = []
         section = Section({"algorithm": algorithm}, "", faults).section("algorithm")
         budget = read_budget(section)
-        name, settings = read_algorithm(section, self.problems[number].n_obj)
+        problem = self.problems[number]
+        name, settings = read_algorithm(section, problem.n_obj, problem.default_algorithm)
+        check_size(section, settings, budget)
         engine = read_engine(section, name, settings)
         raise_all(faults)
         assert settings is not None

@@ -48,7 +48,10 @@ def load(path: Path, faults: list[Fault]) -> Table | None:
 def _parsed(text: str, place: str, faults: list[Fault]) -> Table | None:
     try:
         return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (
+        ValueError,
+        RecursionError,
+    ) as error:  # a number of thousands of digits is no TOML error
         faults.append(Fault(place, f"is not valid TOML: {error}"))
         return None
 
@@ -69,7 +72,7 @@ def _setting(key: str, value: str) -> Table | None:
     for text in (value, quoted):
         try:
             return tomllib.loads(f"{key} = {text}") if "\n" not in key else None
-        except tomllib.TOMLDecodeError:
+        except (ValueError, RecursionError):
             continue
     return None
 

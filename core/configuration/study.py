@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, fields
+from os.path import abspath
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tomli_w
 
+from ..counts import EVALUATIONS, RUNS, SETTINGS, too_many
 from ..errors import Fault, InputError, nearest, raise_all
 from ..section import POSITIVE, Range, Section
 from ..workflows.study.designs import DESIGNS
@@ -19,8 +21,8 @@ from ..workflows.study.responses import unsuitable
 from .configuration import Configuration
 from .reader import read_table
 from .readings import read_readings, written
-from .search import settings_of
-from .settings_of_points import built_points
+from .search import evaluations, settings_of
+from .settings_of_points import built_points, some
 from .source import Table, load, override
 from .varied import base_values, read_factors
 
@@ -32,11 +34,12 @@ RESPONSE = ("hypervolume_ratio", "gap_percent")
 """Default response of a front, and of one objective."""
 
 
-def read_study(path: Path, overrides: Sequence[str] = ()) -> StudyPlan:
+def read_study(path: Path, overrides: Sequence[str] = (), most: int | None = None) -> StudyPlan:
     """The study in the TOML file `path`, with `key=value` overrides applied.
 
-    `run.<key>` overrides the run configuration, wherever it stands. Raises InputError with every
-    fault found.
+    `run.<key>` overrides the run configuration, wherever it stands. Of a design of more than `most`
+    settings only so many are read as the runs that they mean: the plan is then good to look at, not
+    to run. Raises InputError with every fault found.
     """
     faults: list[Fault] = []
     table = load(path, faults)
@@ -48,19 +51,21 @@ def read_study(path: Path, overrides: Sequence[str] = ()) -> StudyPlan:
     top = Section(table, "", faults)
     run = _run_table(top, table, path, overrides, faults)
     base = None if run is None else _base(run, faults)
-    seed, seeds = top.integer("seed", Range(low=0)), top.integer("seeds", Range(low=1))
+    seed = top.integer("seed", Range(low=0), None)
+    seeds = top.integer("seeds", Range(low=1), RUNS)
     limit = top.number("time_limit_s", within=POSITIVE)
     responses = _responses(top, base)
     design = _design(top.section("design"), path.parent)
     factors: tuple[Factor, ...] = ()
-    vary = top.section("vary")
-    if base is not None:
-        factors = read_factors(vary, top.take("vary") or {}, base_values(run or {}, base.resolved))
+    vary, varied = top.section("vary"), top.take("vary")
+    if base is not None and isinstance(varied, dict | None):
+        factors = read_factors(vary, varied or {}, base_values(run or {}, base.resolved))
     readings = read_readings(top, factors, responses)
     top.finish()
     seed, seeds = 0 if seed is None else seed, SEEDS if seeds is None else seeds
     if design is not None and factors and not _faulty(faults, "vary"):
         faults += [_placed(fault) for fault in design.faults(factors, seeds)]
+        faults += _size_faults(design.size(factors), seeds)
     raise_all(faults)
     assert base is not None
     assert design is not None
@@ -77,22 +82,36 @@ def read_study(path: Path, overrides: Sequence[str] = ()) -> StudyPlan:
         readings=readings,
         configuration=_resolved(base, factors, design, responses, seeds, seed, limit, readings),
     )
-    return _planned(settings, base, run or {}, limit)
+    return _planned(settings, base, run or {}, limit, most)
+
+
+def _size_faults(settings: int, seeds: int) -> list[Fault]:
+    """A design of too many settings, or of too many runs."""
+    if complaint := too_many(settings, SETTINGS):
+        return [Fault("design", f"its settings are too many: {complaint}")]
+    complaint = too_many(seeds, RUNS, settings, "settings x seeds")
+    return [Fault("seeds", complaint)] if complaint else []
 
 
 def _planned(
-    settings: StudySettings, base: Configuration, run: Table, limit: float | None
+    settings: StudySettings, base: Configuration, run: Table, limit: float | None, most: int | None
 ) -> StudyPlan:
-    """The plan, once every point of the design has been read as a run configuration."""
+    """The plan, once the points of the design have been read as run configurations."""
     rng = np.random.default_rng(np.random.SeedSequence(settings.seed, spawn_key=DESIGN_STREAM))
     design = settings.design.points(settings.factors, settings.base, rng).reset_index(drop=True)
-    points, problems = built_points(design, settings.factors, base, run)
+    chosen = design if most is None else some(design, settings.factors, most)
+    points, problems = built_points(chosen, settings.factors, base, run)
     faults = [
         Fault("response", f'"{name}" {text}')
         for name in settings.responses
         for text in dict.fromkeys(unsuitable(name, problem) for problem in problems)
         if text
     ]
+    wanted = sum(evaluations(point.algorithm, point.budget) for point in points)
+    each = wanted * len(design) // max(len(points), 1)
+    product = "settings x seeds x those of a run"
+    if complaint := too_many(settings.seeds, EVALUATIONS, each, product):
+        faults.append(Fault("seeds", complaint))
     raise_all(faults)
     return StudyPlan(settings, design, points, problems, limit)
 
@@ -111,7 +130,7 @@ def _run_table(
     dotted = {key: table[key] for key in table if key.startswith(f"{RUN}.")}
     top.known(dotted)
     if isinstance(run, str):
-        run = load((path.parent / run).resolve(), faults)
+        run = load(Path(abspath(path.parent / run)), faults)
     elif not isinstance(run, dict):
         text = "is missing: name a run configuration" if run is None else "must be a file name"
         top.fault(RUN, f'{text} (run = "x.toml"), or give a [run] table')
@@ -174,7 +193,7 @@ def _design(section: Section, folder: Path) -> Design | None:
     section.known(["kind"])
     found = settings_of(section, DESIGNS[kind])
     if "file" in names and found.file:
-        found = type(found)(**(asdict(found) | {"file": str((folder / found.file).resolve())}))
+        found = type(found)(**(asdict(found) | {"file": abspath(folder / found.file)}))
     assert isinstance(found, Design)
     return found
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from typing import Any
 
+from ..counts import SETTINGS
 from ..errors import nearest
 from ..section import Range, Section, flat, shown
 from ..workflows.study.records import Factor, Level
@@ -86,7 +87,7 @@ def _levels(section: Section, key: str, value: list[Any], own: Any) -> Factor | 
 def _range(section: Section, key: str, value: Table, whole: bool) -> Factor | None:
     own = section.of(key, value)
     low, high = own.number("low"), own.number("high")
-    count = own.integer("levels", Range(low=2))
+    count = own.integer("levels", Range(low=2), SETTINGS)
     log, integer = own.flag("log") or False, own.flag("integer")
     own.finish()
     if low is None or high is None:

@@ -12,13 +12,13 @@ from ..inputs import Distribution, Uniform
 from ..propagation import ClippedSum, Term
 from ..propagation.sums import total_cumulants
 from . import involute, output_stage
-from .cycloid import LINEAR_ERRORS, EccentricityLaw, coefficients
+from .cycloid import LINEAR_ERRORS, ROTATIONS, EccentricityLaw, coefficients, pin_circle_growth
 from .geometry import RvGeometry
 from .modification import modification_backlash
+from .tighter_of import tighter_of
+from .tighter_planet import TighterPlanet
 
 Array = NDArray[np.float64]
-STAGGER_GAIN = 4.0
-"""phi_2' = phi_2 - 4 delta' of two discs staggered by delta' (document B)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Allocation:
     """Tolerances of n designs: lengths in metres, angles in radians, all arrays of shape (n,).
 
     `half_width` has the eight errors of `LINEAR_ERRORS` and `eccentricity`; `crank_bearing` is the
-    full clearance c of the zone [0, c].
+    full clearance c of the zone [0, c]; `stagger` the turn of each disc, one ahead and one back.
     """
 
     half_width: Mapping[str, Array]
@@ -43,9 +43,15 @@ class BacklashModel:
 
     `mid` holds the mid-limits [m] of the cycloid-stage errors (0 where not named), `inputs` the
     distributions of errors over units by name (uniform where not named; `involute_grade` stands for
-    the flank clearance j_n between its two limits, `crank_bearing` for the bearing clearance).
+    the flank clearance j_n of one planet between its two limits, `crank_bearing` for the bearing
+    clearance).
 
     phi_2 below zero is interference, not backlash: it is the clipped part of the sum.
+
+    phi_1 is that of the tighter of the planets (`tighter`). With `sun_held` phi_2 and phi_3, turns
+    of the discs, are divided by how far a disc turns per turn of the carrier. Discs turned by the
+    stagger delta, one ahead and one back, take `stagger_gain` delta from phi_2. Where not
+    `position_mids_count`, the mid-limits of `ROTATIONS` move no unit's backlash.
     """
 
     geometry: RvGeometry = RvGeometry()
@@ -53,35 +59,64 @@ class BacklashModel:
     eccentricity: EccentricityLaw = EccentricityLaw()
     mid: Mapping[str, float] = field(default_factory=dict)
     inputs: Mapping[str, Distribution] = field(default_factory=dict)
+    tighter: TighterPlanet = TighterPlanet()
+    sun_held: bool = True
+    stagger_gain: float = 2.0
+    position_mids_count: bool = False
+
+    @property
+    def output_factor(self) -> float:
+        """Turn of the carrier per turn of a disc against its mesh: 117/121 with the sun held."""
+        return 1.0 / self.geometry.output_ratio if self.sun_held else 1.0
+
+    def gain(self, name: str) -> float:
+        """Change of phi_2 [rad/m] with one of the `LINEAR_ERRORS` that differs between units."""
+        return self.output_factor * coefficients(self.geometry)[name] / self.geometry.lever
+
+    def moves(self, name: str) -> bool:
+        """Whether an error that all units have alike moves their backlash."""
+        return self.position_mids_count or name not in ROTATIONS
+
+    def opening(self, changes: Mapping[str, Array | float]) -> Array | float:
+        """What changes [m] of errors that a unit has as a whole add to phi_2 [rad]."""
+        return sum((self.gain(name) * by for name, by in changes.items() if self.moves(name)), 0.0)
+
+    def thermal_opening(self, disc: Array, housing: Array) -> Array:
+        """What temperature rises [K] of discs and housing add to phi_2 [rad], (n,)."""
+        return self.gain("pin_circle_radius") * pin_circle_growth(self.geometry, disc, housing)
 
     def _input(self, name: str) -> Distribution:
         return self.inputs.get(name, Uniform())
 
     def involute_term(self, allocation: Allocation) -> Term:
-        """phi_1."""
+        """phi_1: the clearance of the tighter planet."""
         mid, half = involute.backlash_zone(self.stage, self.geometry, allocation.involute_grade)
-        return Term(self._input("involute_grade"), mid, half)
+        return Term(tighter_of(self._input("involute_grade"), self.tighter), mid, half)
 
     def output_term(self, allocation: Allocation) -> Term:
         """phi_3."""
         mid, half = output_stage.backlash_zone(self.geometry, allocation.crank_bearing)
-        return Term(self._input("crank_bearing"), mid, half)
+        factor = self.output_factor
+        return Term(self._input("crank_bearing"), factor * mid, factor * half)
+
+    def nominal(self, dr_rp: Array, dr_p: Array, stagger: Array) -> Array:
+        """phi_2 of parts without errors [rad], (n,): what modification and stagger leave."""
+        play = modification_backlash(self.geometry, dr_rp, dr_p)
+        return self.output_factor * (play - self.stagger_gain * stagger)
 
     def cycloid_terms(self, allocation: Allocation) -> tuple[Term, ...]:
         """phi_2, modification and stagger included in the constant of the first term."""
-        lever = self.geometry.lever
-        fixed = modification_backlash(self.geometry, allocation.dr_rp, allocation.dr_p)
-        fixed = fixed - STAGGER_GAIN * allocation.stagger
+        fixed = self.nominal(allocation.dr_rp, allocation.dr_p, allocation.stagger)
         terms = []
         for name in LINEAR_ERRORS:
-            gain = coefficients(self.geometry)[name] / lever
-            constant = fixed + gain * self.mid.get(name, 0.0)
-            terms.append(Term(self._input(name), constant, gain * allocation.half_width[name]))
+            constant = fixed + self.opening({name: self.mid.get(name, 0.0)})
+            linear = self.gain(name) * allocation.half_width[name]
+            terms.append(Term(self._input(name), constant, linear))
             fixed = np.zeros_like(fixed)
         return (*terms, self._eccentricity_term(allocation.half_width["eccentricity"]))
 
     def _eccentricity_term(self, half_width: Array) -> Term:
-        unit = 2.0 / self.geometry.lever
+        unit = self.output_factor * self.eccentricity.factor / self.geometry.lever
         about = self.eccentricity.expanded(self.mid.get("eccentricity", 0.0))
         constant, linear, quadratic = (unit * coefficient for coefficient in about)
         return Term(

@@ -17,10 +17,10 @@ from ..measurable import NO_CHANGES, Changeable, Column, MeasurableModel, Role
 from ..propagation import Convolution, Term
 from ..sources import Sources
 from . import batch_declared, declared
+from .backlash import BacklashModel
 from .contact_batch import ContactUnits
 from .contact_sources import ContactSources
-from .cycloid import LINEAR_ERRORS, coefficients, pin_circle_growth
-from .geometry import RvGeometry
+from .cycloid import LINEAR_ERRORS
 from .sources import sources_of
 
 ANGLE = "output_angle_deg"
@@ -57,7 +57,7 @@ class RvBatch(MeasurableModel):
         Changeable("housing_temperature_K", "K", "temperature of the housing above 20 degC"),
     )
     population = True
-    corrects = ("rv_backlash", "rv_reducer")
+    corrects: ClassVar[tuple[str, ...]] = ("rv_backlash", "rv_reducer")
     free: ClassVar[Mapping[str, float]] = {
         f"{v.name.removesuffix('_um')}_mid_um": float(v.document)
         for v in declared.VARIABLES
@@ -97,14 +97,14 @@ class RvBatch(MeasurableModel):
         if self.contact is not None:
             return {"backlash_arcmin": self.contact.predict(row, rng, changes, table.get(ANGLE))}
         count = int(row.max(initial=-1)) + 1
-        cycloid = drawn(self.total.clipped, count, rng)[row] + opening(self.model.geometry, changes)
+        cycloid = drawn(self.total.clipped, count, rng)[row] + opening(self.model, changes)
         effective = np.maximum(cycloid, 0.0) + drawn(self.total.free, count, rng)[row]
         return {"backlash_arcmin": effective / ARCMIN}
 
     def means(self, changes: Mapping[str, Array] = NO_CHANGES) -> Mapping[str, float]:
         if self.contact is not None:
             return {"backlash_arcmin": self.contact.mean(changes)}
-        total = self.total.shifted(float(np.mean(opening(self.model.geometry, changes))))
+        total = self.total.shifted(float(np.mean(opening(self.model, changes))))
         exact = Convolution().propagate(total, 0.9973, ARCMIN)
         return {"backlash_arcmin": float(exact.mean.value[0]) / ARCMIN}
 
@@ -117,15 +117,11 @@ class RvBatch(MeasurableModel):
         return sources_of(self.model, self.allocation, self.total)
 
 
-def opening(geometry: RvGeometry, changes: Mapping[str, Array]) -> Array | float:
+def opening(model: BacklashModel, changes: Mapping[str, Array]) -> Array | float:
     """What changes of errors [um] and temperatures [K] add to phi_2 [rad]: A . change/(e z_c)."""
-    gains = coefficients(geometry)
-    total: Array | float = 0.0
-    for error in LINEAR_ERRORS:
-        total = total + gains[error] * UM * np.asarray(changes.get(f"{error}_um", 0.0))
+    errors = {one: UM * np.asarray(changes.get(f"{one}_um", 0.0)) for one in LINEAR_ERRORS}
     rises = [np.asarray(changes.get(f"{part}_temperature_K", 0.0)) for part in ("disc", "housing")]
-    total = total + gains["pin_circle_radius"] * pin_circle_growth(geometry, *rises)
-    return total / geometry.lever
+    return model.opening(errors) + model.thermal_opening(*rises)
 
 
 def _units(table: Mapping[str, NDArray[Any]]) -> NDArray[np.int64]:

@@ -54,7 +54,7 @@ def _phase_2(unit: LoadedUnit, amount: float) -> LoadedUnit:
 
 
 def _stagger(unit: LoadedUnit, amount: float) -> LoadedUnit:
-    return _errors(unit, "angle", 0.5 * np.array([[-amount, amount]]))
+    return _errors(unit, "angle", np.array([[-amount, amount]]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,13 @@ CHANGES = (
         _phase_2,
     ),
     Change(
-        "stagger_arcmin", "arcmin", "disc 2 turned against disc 1", ARCMIN, -0.02, 0.02, _stagger
+        "stagger_arcmin",
+        "arcmin",
+        "turn of each disc, disc 2 ahead and disc 1 back",
+        ARCMIN,
+        -0.01,
+        0.01,
+        _stagger,
     ),
 )
 """First order is exact for none of them, but within a few percent for changes of the size of a

@@ -1,4 +1,4 @@
-"""What changes of one toleranced input do to units on the exact contact, for the laws of a batch."""
+"""What changes of one toleranced input do to units on the exact contact, for a batch."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..inputs.distribution import Array
 from ..propagation import ClippedSum, Term
 from ..sources import Source, Sources
 from .contact_batch import ContactUnits
+from .involute import lever
 from .population.design import ERRORS
 from .population.sample import BaseSample
 
@@ -68,9 +69,10 @@ class ContactSources:
         design = self.units.design
         unit = "mrad" if error == IN_MRAD else "um"
         from_zero = error == "crank_bearing"
-        part = "clearance of the crank-arm bearings" if from_zero else f"{_words(error)} error"
-        return Source(f"{error}_{unit}", unit, part, design.width(error) * (0.5 if from_zero else 1),
-                      self._slope(error), clipped=True, at=0,
+        part = f"{_words(error)} error"
+        part = "clearance of the crank-arm bearings" if from_zero else part
+        half = design.width(error) * (0.5 if from_zero else 1.0)
+        return Source(f"{error}_{unit}", unit, part, half, self._slope(error), clipped=True, at=0,
                       law=self.units.basis.hierarchy.of(error), from_zero=from_zero)  # fmt: skip
 
     def _slope(self, error: str) -> float:
@@ -92,8 +94,8 @@ class ContactSources:
     def _flank(self) -> Source:
         """The clearance of the involute stage."""
         basis, involute = self.units.basis, self.units.involute
-        nominal = basis.geometry.nominal
-        per = basis.cosine * UM / (nominal.reduction_ratio * nominal.sun_pitch_radius) / ARCMIN
+        arm = lever(basis.stage, basis.geometry.nominal)
+        per = UM / arm / ARCMIN if basis.geared else 0.0
         half = involute.half / per if per else 0.0
         widest = involute.middle / max(involute.half, 1e-300)
         return Source("flank_clearance_um", "um", "flank clearance j_n of the involute stage", half,

@@ -18,6 +18,8 @@ LINEAR_ERRORS = (
     "shift",
 )
 """The errors that act at first order, in the order of document B's table."""
+ROTATIONS = ("pin_position", "pitch")
+"""Errors whose mean is a turn that all pins, or all teeth, share: no backlash comes of it."""
 
 
 def coefficients(geometry: RvGeometry) -> dict[str, float]:
@@ -51,14 +53,16 @@ def pin_circle_growth(geometry: RvGeometry, disc: Array, housing: Array) -> Arra
 
 @dataclass(frozen=True, slots=True)
 class EccentricityLaw:
-    """phi_2 changes by 2/(e z_c) (linear d + quadratic d^2) with an eccentricity error d [m].
+    """phi_2 changes by factor/(e z_c) (linear d + quadratic d^2) with an eccentricity error d [m].
 
-    Document B has 0 at first order; the coefficients are fitted to exact 40-pin geometry of the
-    RV-40E-121 and hold for |d| <= 10 um.
+    Document B has 0 at first order. With a factor of 1 the coefficients are fitted to exact 40-pin
+    geometry of the RV-40E-121 (67.8 arcmin/mm times the polynomial) and hold for |d| <= 10 um; a
+    factor of 2 counts the error once for each flank, which is twice too much.
     """
 
     linear: float = -0.055
     quadratic: float = -12.6e3
+    factor: float = 1.0
 
     def expanded(self, mid: float) -> tuple[float, float, float]:
         """Constant, linear and quadratic coefficient about d = mid + x."""

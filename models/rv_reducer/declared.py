@@ -8,13 +8,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import radians
 
-from ...declarations import Kind, Parameter, Value, Variable, number
+from ...declarations import READING, Kind, Parameter, Value, Variable, completed, number
 from ...units import ARCMIN, MM, UM
 from ..inputs.distribution import Array, Distribution
 from .backlash import Allocation, BacklashModel
 from .cycloid import LINEAR_ERRORS, EccentricityLaw
 from .geometry import RvGeometry
 from .involute import InvoluteStage
+from .reading import READINGS
+from .tighter_planet import TighterPlanet
 
 ERRORS = (*LINEAR_ERRORS, "eccentricity")
 """The errors of the cycloid stage that have a half-width and a mid-limit."""
@@ -22,6 +24,7 @@ MAX_ECCENTRICITY_UM = 10.0
 """The eccentricity law is fitted up to here."""
 
 _B = "document B"
+_LAW = "exact 40-pin geometry of the RV-40E-121, with an eccentricity_factor of 1"
 _MID_UM = {
     "pin_circle_radius": -1.0,
     "pin_position": -1.0,
@@ -67,6 +70,7 @@ def _mid(error: str) -> Parameter:
 
 
 PARAMETERS: tuple[Parameter, ...] = (
+    *READINGS,
     _printed("pin_circle_radius_mm", 64.0, "mm", "radius r_p of the pin circle", 1e4),
     _printed("pin_radius_mm", 3.0, "mm", "radius r_rp of the pins", 1e3),
     _printed("eccentricity_mm", 1.3, "mm", "eccentricity e of the crankshafts", 1e3),
@@ -86,9 +90,9 @@ PARAMETERS: tuple[Parameter, ...] = (
     _deviation("thickness_deviation_upper_um", 56.0, "magnitude of E_ss of either gear"),
     _deviation("thickness_deviation_lower_um", 112.0, "magnitude of E_si of either gear"),
     Parameter("eccentricity_linear", -0.055, "", "part of an eccentricity error that acts as play, "
-              "first order", "fitted to exact 40-pin geometry", assumed=True, low=-10.0, high=10.0),
-    Parameter("eccentricity_quadratic_per_mm", -12.6, "1/mm", "the same, second order",
-              "fitted to exact 40-pin geometry", assumed=True, low=-1e4, high=1e4),
+              "first order", _LAW, assumed=True, low=-10.0, high=10.0),
+    Parameter("eccentricity_quadratic_per_mm", -12.6, "1/mm", "the same, second order", _LAW,
+              assumed=True, low=-1e4, high=1e4),
     Parameter("thermal_expansion_per_K", 11.5e-6, "1/K", "thermal expansion of disc and housing; "
               "matters to effects only", "bearing steel", assumed=True, low=0.0, high=1e-3),
     *(_mid(error) for error in ERRORS),
@@ -121,8 +125,8 @@ VARIABLES: tuple[Variable, ...] = (
     Variable("involute_grade", "", Kind.GRADE, 4, 8, "ISO grade of sun and planets; deviations "
              "grow by sqrt(2) per grade", 7, integer=True, valid_low=0.0, valid_high=12.0,
              random=True),
-    Variable("stagger_arcmin", "arcmin", Kind.NOMINAL, 0.0, 0.2, "stagger of the two discs", 0.0,
-             valid_low=0.0, valid_high=60.0),
+    Variable("stagger_arcmin", "arcmin", Kind.NOMINAL, 0.0, 0.4, "turn of each of the two discs, "
+             "one ahead and one back", 0.0, valid_low=0.0, valid_high=60.0),
     Variable("dr_rp_mm", "mm", Kind.NOMINAL, -0.08, 0.0, "equidistance modification", -0.040,
              valid_low=-1.0, valid_high=1.0),
     Variable("dr_p_mm", "mm", Kind.NOMINAL, -0.12, 0.0, "shift modification", -0.070,
@@ -140,11 +144,26 @@ def backlash_model(
     `mids_um` replaces mid-limits by name of the error (`pin_radius`); `inputs` has distributions by
     the same names and `crank_bearing`, `involute_grade`.
     """
-    p = {one.name: number(parameters.get(one.name, one.default)) for one in PARAMETERS}
+    given = completed(PARAMETERS, parameters)
+    p = {one.name: number(given[one.name]) for one in PARAMETERS if one.name != READING}
     mids = {error: p[f"{error}_mid_um"] for error in ERRORS} | dict(mids_um or {})
-    law = EccentricityLaw(p["eccentricity_linear"], p["eccentricity_quadratic_per_mm"] / MM)
     mid = {error: value * UM for error, value in mids.items()}
-    return BacklashModel(_geometry(p), _stage(p), law, mid, dict(inputs))
+    return BacklashModel(
+        _geometry(p),
+        _stage(p),
+        _law(p),
+        mid,
+        dict(inputs),
+        tighter=TighterPlanet(int(p["planets"]), p["planet_share"]),
+        sun_held=bool(p["sun_held"]),
+        stagger_gain=p["stagger_gain"],
+        position_mids_count=bool(p["position_mids_count"]),
+    )
+
+
+def _law(p: Mapping[str, float]) -> EccentricityLaw:
+    quadratic = p["eccentricity_quadratic_per_mm"] / MM
+    return EccentricityLaw(p["eccentricity_linear"], quadratic, p["eccentricity_factor"])
 
 
 def _geometry(p: Mapping[str, float]) -> RvGeometry:
@@ -172,6 +191,7 @@ def _stage(p: Mapping[str, float]) -> InvoluteStage:
         centre_distance=p["centre_distance_deviation_um"] * UM,
         thickness_upper=p["thickness_deviation_upper_um"] * UM,
         thickness_lower=p["thickness_deviation_lower_um"] * UM,
+        cosine=bool(p["involute_cosine"]),
     )
 
 

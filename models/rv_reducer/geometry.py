@@ -39,3 +39,12 @@ class RvGeometry:
     def lever(self) -> float:
         """e z_c, the largest lever arm of the cycloid mesh [m]."""
         return self.eccentricity * self.cycloid_teeth
+
+    @property
+    def output_ratio(self) -> float:
+        """How far a disc turns against its mesh per turn of the carrier, the sun held.
+
+        The cranks turn by 1 + z1/z2 with the carrier: 1 + (1 + z1/z2)/z_c, 121/117 by default.
+        """
+        gears = (self.reduction_ratio - 1.0) / self.pins  # z2/z1
+        return 1.0 + (1.0 + 1.0 / gears) / self.cycloid_teeth

@@ -32,6 +32,8 @@ class InvoluteStage:
     centre_distance: float = 19.5e-6
     thickness_upper: float = 56e-6
     thickness_lower: float = 112e-6
+    cosine: bool = True
+    """Whether j_n, which is normal to the flanks, is divided by cos(alpha)."""
 
     @property
     def compensation(self) -> float:
@@ -60,8 +62,14 @@ def grade_factor(grade: Array) -> Array:
     return np.asarray(np.sqrt(2.0) ** (grade - REFERENCE_GRADE))
 
 
+def lever(stage: InvoluteStage, geometry: RvGeometry) -> float:
+    """j_n/phi_1 [m]: i r_1 cos(alpha), as document B prints it i r_1."""
+    pitch = geometry.reduction_ratio * geometry.sun_pitch_radius
+    return pitch * cos(stage.pressure_angle) if stage.cosine else pitch
+
+
 def backlash_zone(stage: InvoluteStage, geometry: RvGeometry, grade: Array) -> tuple[Array, Array]:
-    """Mid value and half-width [rad] of phi_1 = j_n/(i r_1), each of the shape of `grade`."""
+    """Mid value and half-width [rad] of phi_1 of one planet, each of the shape of `grade`."""
     least, most = stage.flank_clearance()
-    unit = grade_factor(grade) / (geometry.reduction_ratio * geometry.sun_pitch_radius)
+    unit = grade_factor(grade) / lever(stage, geometry)
     return 0.5 * (most + least) * unit, 0.5 * (most - least) * unit

@@ -77,7 +77,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     _error("disc_runout_um", "um", "runout of both discs (twice the distance of the centres)",
            100.0, signed=False),
     _error("disc_pitch_um", "um", "cumulative pitch error of both discs", 100.0, signed=False),
-    _error("stagger_arcmin", "arcmin", "disc 2 turned against disc 1", 10.0),
+    _error("stagger_arcmin", "arcmin", "turn of each disc, disc 2 ahead and disc 1 back", 5.0),
     _error("crank_bearing_um", "um", "radial clearance of the crank bearings", 50.0, signed=False),
 )  # fmt: skip
 
@@ -151,14 +151,14 @@ def _part_errors(p: Mapping[str, float], geometry: ContactGeometry) -> PartError
     phase, eccentricity = np.zeros((2, 1, geometry.cranks, geometry.discs))
     phase[0, 0] = p["eccentric_phase_1_mrad"] * MRAD, p["eccentric_phase_2_mrad"] * MRAD
     eccentricity[0, 0] = p["eccentricity_1_um"] * UM, p["eccentricity_2_um"] * UM
-    half = 0.5 * p["stagger_arcmin"] * ARCMIN
+    turn = p["stagger_arcmin"] * ARCMIN
     return PartErrors(
         pin_radius=pin,
         crank_phase=phase,
         eccentricity=eccentricity,
         disc_offset=np.full((1, 1), 0.5 * p["disc_runout_um"] * UM),
         pitch=np.full((1, 1), p["disc_pitch_um"] * UM),
-        angle=np.array([[-half, half]]),
+        angle=np.array([[-turn, turn]]),
         bearing_clearance=np.full((1, 1, 1), p["crank_bearing_um"] * UM),
         circle_offset=np.array([p["pin_circle_runout_um"] * UM]),
         circle_phase=np.array([np.radians(p["pin_circle_phase_deg"])]),

@@ -45,7 +45,7 @@ class RvLostMotion(MeasurableModel):
     parameters = loaded_unit.PARAMETERS
     free: ClassVar[Mapping[str, float]] = {}
     changeable = CHANGEABLE
-    corrects = ("rv_backlash", "rv_reducer")
+    corrects: ClassVar[tuple[str, ...]] = ("rv_backlash", "rv_reducer")
 
     def __init__(
         self,

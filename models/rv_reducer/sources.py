@@ -8,27 +8,28 @@ from ...units import ARCMIN, UM
 from ..propagation import ClippedSum
 from ..sources import Source, Sources
 from .backlash import Allocation, BacklashModel
-from .cycloid import LINEAR_ERRORS, coefficients
-from .involute import backlash_zone
+from .cycloid import LINEAR_ERRORS
+from .involute import backlash_zone, lever
 
 
 def sources_of(model: BacklashModel, allocation: Allocation, total: ClippedSum) -> Sources:
     """The errors of the cycloid stage, the flank clearance and that of the crank bearings."""
-    lever, geometry = model.geometry.lever, model.geometry
-    linear = coefficients(geometry)
-    middle = model.mid.get("eccentricity", 0.0)
-    slopes = linear | {"eccentricity": 2.0 * model.eccentricity.expanded(middle)[1]}
+    geometry, law = model.geometry, model.eccentricity
+    bent = law.factor * law.expanded(model.mid.get("eccentricity", 0.0))[1] / geometry.lever
+    gains = {name: model.gain(name) for name in LINEAR_ERRORS}
+    slopes = gains | {"eccentricity": model.output_factor * bent}
     cycloid = tuple(
         Source(f"{name}_um", "um", f"{name.replace('_', ' ')} error",
-               float(np.squeeze(allocation.half_width[name])) / UM, slopes[name] * UM / lever,
-               clipped=True, at=at, law=total.clipped[at].distribution)
+               float(np.squeeze(allocation.half_width[name])) / UM, slopes[name] * UM,
+               clipped=True, at=at, law=total.clipped[at].distribution,
+               moves=model.moves(name))
         for at, name in enumerate((*LINEAR_ERRORS, "eccentricity"))
     )  # fmt: skip
     zone = backlash_zone(model.stage, geometry, allocation.involute_grade)
     mid, half = (float(np.squeeze(one)) for one in zone)
-    flank = UM / (geometry.reduction_ratio * geometry.sun_pitch_radius)
+    flank = UM / lever(model.stage, geometry)
     bearing = float(np.squeeze(allocation.crank_bearing)) / UM
-    play = UM / geometry.centre_distance
+    play = model.output_factor * UM / geometry.centre_distance
     return Sources(total, ARCMIN, (
         *cycloid,
         Source("flank_clearance_um", "um", "flank clearance j_n of the involute stage",

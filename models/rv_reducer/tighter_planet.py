@@ -47,54 +47,51 @@ class TighterPlanet(Distribution):
         return -1.0, 1.0
 
     def raw_moments(self, order: int) -> Array:
-        if self._alone:
+        if self.alone:
             return UNIFORM.raw_moments(order)
-        z, mass = _nodes(self.planets, self.share)
-        return np.array([np.sum(mass * z**k) for k in range(order + 1)])
+        return np.array(raw_moments(self, UNIFORM, order))
 
     def partial_moments(self, z: Array) -> tuple[Array, Array, Array]:
-        if self._alone:
+        if self.alone:
             return UNIFORM.partial_moments(z)
-        cell, part = _place(z)
-        mass, first, second = (_cubic(c, cell, part) for c in self._table.moments)
-        return mass, first, second
+        return partial_moments(self, UNIFORM, z)
 
     def cdf(self, z: Array) -> Array:
         """P(Z <= z), shape of `z`."""
-        if self._alone:
+        if self.alone:
             return UNIFORM.partial_moments(z)[0]
-        return _cubic(self._table.moments[0], *_place(z))
+        return _cubic(_moments(self, UNIFORM)[0], *_place(z))
 
     def density(self, z: Array) -> Array:
         """f(z), shape of `z`; 0 outside of the zone."""
         inside = np.abs(z) <= 1.0
-        if self._alone:
+        if self.alone:
             return np.where(inside, 0.5, 0.0)
-        return np.where(inside, _cubic(self._table.density, *_place(z)), 0.0)
+        return np.where(inside, _cubic(_densities(self), *_place(z)), 0.0)
 
     def quantile(self, probability: Array) -> Array:
-        if self._alone:
+        if self.alone:
             return UNIFORM.quantile(probability)
-        return _inverse(self._table.moments[0], np.asarray(probability, dtype=float))
+        return _inverse(_moments(self, UNIFORM)[0], np.asarray(probability, dtype=float))
 
     @property
-    def _alone(self) -> bool:
+    def alone(self) -> bool:
         """Whether the least clearance is that of any one planet."""
         return self.planets == 1 or self.share == 1.0
 
-    @property
-    def _table(self) -> _Table:
-        return _table(self.planets, self.share)
+
+def raw_moments(law: TighterPlanet, planet: Distribution, order: int) -> tuple[float, ...]:
+    """E[v^k], k = 0 .. order, of the least v = Q((1 + z)/2), Q the quantiles of each `planet`."""
+    return _raw_moments(law, planet, order)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Table:
-    """Cubics in the share of a cell of y = 2 artanh z, one column per cell, powers 0 to 3."""
-
-    moments: Array
-    """E[u^k; u <= z], k = 0, 1, 2, shape (3, 4, CELLS)."""
-    density: Array
-    """f(z), shape (4, CELLS)."""
+def partial_moments(
+    law: TighterPlanet, planet: Distribution, z: Array
+) -> tuple[Array, Array, Array]:
+    """E[v^k; v <= Q((1 + z)/2)], k = 0, 1, 2, of the same, each of the shape of `z`."""
+    cell, part = _place(z)
+    mass, first, second = (_cubic(c, cell, part) for c in _moments(law, planet))
+    return mass, first, second
 
 
 def _place(z: Array) -> tuple[NDArray[np.intp], Array]:
@@ -123,12 +120,12 @@ def _inverse(c: Array, probability: Array) -> Array:
     return np.where(probability <= 0.0, -1.0, np.where(probability >= 1.0, 1.0, z))
 
 
-def _density(y: Array, planets: int, share: float) -> Array:
+def _density(y: Array, law: TighterPlanet) -> Array:
     """f(z) at z = tanh(y/2), shape of `y`, by quadrature over the common cause."""
     score = -np.sign(y) * ndtri(1.0 / (1.0 + np.exp(np.abs(y))))  # from the nearer limit
-    own = np.sqrt(1.0 - share) * score[..., None]
-    others = ndtr(np.sqrt(share) * COMMON - own) ** (planets - 1)
-    return np.asarray(0.5 * planets * (others @ COMMON_WEIGHTS))
+    own = np.sqrt(1.0 - law.share) * score[..., None]
+    others = ndtr(np.sqrt(law.share) * COMMON - own) ** (law.planets - 1)
+    return np.asarray(0.5 * law.planets * (others @ COMMON_WEIGHTS))
 
 
 def _slope(y: Array) -> Array:
@@ -136,27 +133,46 @@ def _slope(y: Array) -> Array:
     return np.asarray(0.5 / np.cosh(0.5 * y) ** 2)
 
 
+def _values(y: Array, planet: Distribution) -> Array:
+    """v = Q((1 + z)/2) at z = tanh(y/2), shape of `y`."""
+    z = np.tanh(0.5 * y)
+    if isinstance(planet, Uniform):
+        return z
+    return planet.quantile(np.clip(0.5 * (1.0 + z), 1e-16, 1.0 - 1.2e-16))
+
+
 @lru_cache(maxsize=32)
-def _nodes(planets: int, share: float) -> tuple[Array, Array]:
-    """Values of z and their probabilities, each (4 CELLS,): Gauss-Legendre in each cell of y."""
+def _nodes(law: TighterPlanet) -> tuple[Array, Array]:
+    """Values of y and their probabilities, each (4 CELLS,): Gauss-Legendre in each cell."""
     point, weight = np.polynomial.legendre.leggauss(4)
     y = -REACH + WIDTH * (np.arange(CELLS)[:, None] + 0.5 * (1.0 + point))
-    mass = _density(y, planets, share) * _slope(y) * 0.5 * WIDTH * weight
-    return np.tanh(0.5 * y).ravel(), mass.ravel() / np.sum(mass)
+    mass = _density(y, law) * _slope(y) * 0.5 * WIDTH * weight
+    return y.ravel(), mass.ravel() / np.sum(mass)
+
+
+@lru_cache(maxsize=128)
+def _raw_moments(law: TighterPlanet, planet: Distribution, order: int) -> tuple[float, ...]:
+    y, mass = _nodes(law)
+    values = _values(y, planet)
+    return tuple(float(np.sum(mass * values**k)) for k in range(order + 1))
 
 
 @lru_cache(maxsize=32)
-def _table(planets: int, share: float) -> _Table:
-    """Hermite cubics through the integrals at the ends of the cells; a spline of the density."""
-    z, mass = _nodes(planets, share)
+def _moments(law: TighterPlanet, planet: Distribution) -> Array:
+    """Cubics (3, 4, CELLS) in the share of a cell: partial moment, power, cell."""
+    y, mass = _nodes(law)
     ends = np.linspace(-REACH, REACH, CELLS + 1)
-    density = _density(ends, planets, share)
-    tangent = WIDTH * density * _slope(ends)
-    steps = [(mass * z**k).reshape(CELLS, 4).sum(axis=1) for k in range(3)]
-    tangents = [tangent * np.tanh(0.5 * ends) ** k for k in range(3)]
-    moments = [_hermite(rise, slope) for rise, slope in zip(steps, tangents, strict=True)]
-    spline = CubicSpline(np.arange(CELLS + 1), density)
-    return _Table(np.array(moments), np.ascontiguousarray(spline.c[::-1]))
+    tangent = WIDTH * _density(ends, law) * _slope(ends)
+    values, at = _values(y, planet), _values(ends, planet)
+    steps = [(mass * values**k).reshape(CELLS, 4).sum(axis=1) for k in range(3)]
+    return np.array([_hermite(step, tangent * at**k) for k, step in enumerate(steps)])
+
+
+@lru_cache(maxsize=32)
+def _densities(law: TighterPlanet) -> Array:
+    """Cubics (4, CELLS) of f(z): a spline through its values at the ends of the cells."""
+    density = _density(np.linspace(-REACH, REACH, CELLS + 1), law)
+    return np.ascontiguousarray(CubicSpline(np.arange(CELLS + 1), density).c[::-1])
 
 
 def _hermite(rise: Array, tangent: Array) -> Array:

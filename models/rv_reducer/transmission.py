@@ -53,7 +53,7 @@ OWN: tuple[Parameter, ...] = (
     _inertia("load_inertia_kgm2", 4.216, "inertia at the output [kg m^2]"),
     Parameter("damping_ratio", 0.04, "", "damping ratio of the first mode", "0.02 to 0.06 is usual",
               assumed=True, low=0.0, high=0.999, open_low=True),
-    Parameter("first_mode_Hz", 0.0, "", "frequency [Hz] of the first mode at rated torque, to "
+    Parameter("first_mode_Hz", 0.0, "Hz", "frequency of the first mode at rated torque, to "
               "which both inertias are scaled; 0: as the inertias give it", "", low=0.0, high=1e4),
     Parameter("dynamics", "table", "", "table: static orders times their transfer functions; full: "
               "steady state of every operating point", choices=("table", "full")),

@@ -1,6 +1,6 @@
 """Errors of the cycloid stage that leave least backlash within bounds (document B, section 4).
 
-phi_2 = phi_mod + sum c_i delta_i/(e z_c) + 2 (a d + b d^2)/(e z_c), d the eccentricity error, is a
+phi_2 = phi_mod + sum c_i delta_i/(e z_c) + f (a d + b d^2)/(e z_c), d the eccentricity error, is a
 sum of functions of one error each, so that the optimum over a box is each one's own: a line is
 least at an end, the parabola at an end or, where b > 0, at its vertex.
 """
@@ -31,7 +31,8 @@ class Stage:
     def contribution(self, name: str, error: float) -> float:
         """What one error [m] adds to phi_2 [rad]."""
         if name == "eccentricity":
-            return 2.0 * (self.law.linear + self.law.quadratic * error) * error / self._lever
+            law = self.law
+            return law.factor * (law.linear + law.quadratic * error) * error / self._lever
         return coefficients(self.geometry)[name] * error / self._lever
 
     def backlash(self, errors: Mapping[str, float]) -> float:
@@ -53,12 +54,12 @@ class Stage:
 
     def _parabola(self, low: float, high: float) -> float:
         """Lower bound [rad] of the eccentricity's part between two errors [m]."""
-        a, b = self.law.linear, self.law.quadratic
+        a, b, unit = self.law.linear, self.law.quadratic, self.law.factor
         if b > 0.0:
             vertex = float(np.clip(-0.5 * a / b, low, high))
-            return 2.0 * (b * (vertex + 0.5 * a / b) ** 2 - 0.25 * a**2 / b) / self._lever
+            return unit * (b * (vertex + 0.5 * a / b) ** 2 - 0.25 * a**2 / b) / self._lever
         chord = [(a + b * (low + high)) * end - b * low * high for end in (low, high)]
-        return 2.0 * min(chord) / self._lever
+        return unit * min(chord) / self._lever
 
     @property
     def _lever(self) -> float:

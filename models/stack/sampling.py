@@ -37,11 +37,6 @@ class Sample:
         pieces = [kind.quantile(points[..., i]) for i, kind in enumerate(kinds)]
         return cls(np.ascontiguousarray(np.stack(pieces, axis=1)))
 
-    def first(self, samples: int) -> Sample:
-        """The first points of every replicate: a Sobol sample of at most that many in all."""
-        each = max(2, samples // len(self.deviations))
-        return Sample(self.deviations[..., :each])
-
     @property
     def size(self) -> int:
         """Units in all."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from ...models.effects.compose import Active
 from ...models.propagation import ClippedSum, Estimate, Propagated, Propagation
+from ...models.rv_reducer.backlash import BacklashModel
 from ...models.rv_reducer.batch import opening
-from ...models.rv_reducer.geometry import RvGeometry
 from ...units import ARCMIN, UM
 
 
@@ -70,26 +70,27 @@ def _moved(
     )
 
 
-def _expansion(values: Mapping[str, float], geometry: RvGeometry) -> Change:
+def _expansion(values: Mapping[str, float], model: BacklashModel) -> Change:
     warmer = np.array(values.get("temperature_difference_K", 0.0))
-    return Change(cycloid=float(opening(geometry, {"disc_temperature_K": warmer})))
+    return Change(cycloid=float(opening(model, {"disc_temperature_K": warmer})))
 
 
-def _shift(values: Mapping[str, float], geometry: RvGeometry) -> Change:
+def _shift(values: Mapping[str, float], model: BacklashModel) -> Change:
     return Change(effective=values.get("shift_arcmin", 0.0) * ARCMIN)
 
 
-def _inflation(values: Mapping[str, float], geometry: RvGeometry) -> Change:
+def _inflation(values: Mapping[str, float], model: BacklashModel) -> Change:
     return Change(growth=values.get("growth", 0.0))
 
 
-def _gap(values: Mapping[str, float], geometry: RvGeometry) -> Change:
+def _gap(values: Mapping[str, float], model: BacklashModel) -> Change:
     """Both halves of a gap that is crossed when the torque changes its sign."""
-    in_bearing = values.get("bearing_clearance_um", 0.0) * UM / geometry.centre_distance
-    return Change(effective=2.0 * values.get("half_width_arcmin", 0.0) * ARCMIN + in_bearing)
+    play = values.get("bearing_clearance_um", 0.0) * UM / model.geometry.centre_distance
+    gap = 2.0 * values.get("half_width_arcmin", 0.0) * ARCMIN
+    return Change(effective=gap + model.output_factor * play)
 
 
-COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], RvGeometry], Change], str]] = {
+COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], BacklashModel], Change], str]] = {
     "differential_thermal_expansion": (
         _expansion,
         "the warmer disc fills the pin circle: phi_2 changes by {cycloid:+.4g} arcmin",
@@ -101,20 +102,20 @@ COUNTERPARTS: Mapping[str, tuple[Callable[[Mapping[str, float], RvGeometry], Cha
 }
 
 
-def change_of(active: Active, geometry: RvGeometry) -> Change:
+def change_of(active: Active, model: BacklashModel) -> Change:
     """What one effect changes; nothing where it has no counterpart."""
     found = COUNTERPARTS.get(active.effect.name)
-    return found[0](active.values, geometry) if found else Change()
+    return found[0](active.values, model) if found else Change()
 
 
-def changes_of(effects: Iterable[Active], geometry: RvGeometry) -> Change:
+def changes_of(effects: Iterable[Active], model: BacklashModel) -> Change:
     """What all effects change."""
-    return sum((change_of(one, geometry) for one in effects), Change())
+    return sum((change_of(one, model) for one in effects), Change())
 
 
-def sentence(active: Active, geometry: RvGeometry) -> str:
+def sentence(active: Active, model: BacklashModel) -> str:
     """What one effect does here, empty where it does nothing."""
-    change = change_of(active, geometry)
+    change = change_of(active, model)
     if change == Change():
         return ""
     cycloid, effective = change.cycloid / ARCMIN, change.effective / ARCMIN

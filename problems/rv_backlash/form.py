@@ -18,7 +18,6 @@ from scipy.special import ndtri
 
 from ...models.costs import CostCurve, Reciprocal
 from ...models.propagation.sums import Term
-from ...models.rv_reducer.backlash import STAGGER_GAIN
 from ...models.rv_reducer.cycloid import LINEAR_ERRORS
 from ...units import ARCMIN, MM
 from ..forms import Feature, Form, Way
@@ -50,10 +49,9 @@ def form_of(problem: RvBacklash) -> Form | None:
     if k < 0.0 or pair is None:
         return None
     stagger = problem.interval("stagger_arcmin")[1]
-    fixed = 2.0 / problem.model.geometry.lever / ARCMIN * MM
     settled = {"dr_rp_mm": pair[0], "dr_p_mm": pair[1], "stagger_arcmin": stagger}
-    offset = fixed * (pair[0] - problem.model.geometry.flank * pair[1]) - STAGGER_GAIN * stagger
     terms = _unit_terms(problem)
+    offset = _nominal(problem, pair, stagger)
     offset += sum(float(term.constant[0]) for term in terms.values()) / ARCMIN
     features = tuple(_feature(problem, name, term, k) for name, term in terms.items())
     offset += problem.change.effective / ARCMIN
@@ -71,6 +69,14 @@ def form_of(problem: RvBacklash) -> Form | None:
         settled=settled,
         relaxed=relaxed,
     )
+
+
+def _nominal(problem: RvBacklash, pair: tuple[float, float], stagger: float) -> float:
+    """phi_2 [arcmin] of parts without errors, at a modification [mm] and a stagger [arcmin]."""
+    model = problem.model
+    unit = 2.0 / model.geometry.lever / ARCMIN * MM
+    play = unit * (pair[0] - model.geometry.flank * pair[1])
+    return model.output_factor * (play - model.stagger_gain * stagger)
 
 
 def _unit_terms(problem: RvBacklash) -> dict[str, Term]:
@@ -157,8 +163,8 @@ def _modification(problem: RvBacklash) -> tuple[float, float] | None:
 
     None where ranges and limits leave no room.
     """
-    lever, flank = problem.model.geometry.lever, problem.model.geometry.flank
-    unit = 2.0 / lever / ARCMIN * MM
+    flank = problem.model.geometry.flank
+    unit = 2.0 * problem.model.output_factor / problem.model.geometry.lever / ARCMIN * MM
     own = np.array([unit, -unit * flank])
     limits = {limit.name: limit for limit in problem.limits}
     above, below = [], []

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.propagation.sums import Term, total_cumulants
-from ...models.rv_reducer.backlash import STAGGER_GAIN
 from ...models.rv_reducer.cycloid import LINEAR_ERRORS
 from ...units import ARCMIN, MM
 from .form import deviations
@@ -36,11 +35,12 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     for name, pair in slopes.items():
         at = problem.names.index(name)
         mean[:, at], variance[:, at] = pair
-    unit = 2.0 / problem.model.geometry.lever
+    model = problem.model
+    unit = 2.0 * model.output_factor / model.geometry.lever
     fixed = {
-        "stagger_arcmin": -STAGGER_GAIN * ARCMIN,
+        "stagger_arcmin": -model.output_factor * model.stagger_gain * ARCMIN,
         "dr_rp_mm": unit * MM,
-        "dr_p_mm": -unit * problem.model.geometry.flank * MM,
+        "dr_p_mm": -unit * model.geometry.flank * MM,
     }
     for name, slope in fixed.items():
         mean[:, problem.names.index(name)] = slope

@@ -17,6 +17,7 @@ OUTPUTS = (
            "standard normal quantile at the coverage"),
     Output("backlash_mean_arcmin", "arcmin", "mean of phi_1 + max(0, phi_2) + phi_3", low=0.0),
     Output("backlash_std_arcmin", "arcmin", "standard deviation of the same", low=0.0),
+    Output("backlash_rms_arcmin", "arcmin", "root mean square of the same over units", low=0.0),
     Output("backlash_arcmin", "arcmin", "one-sided quantile of phi_1 + max(0, phi_2) + phi_3 at "
            "the coverage", low=0.0),
     Output("yield_percent", "%", "units whose effective backlash keeps backlash_limit_arcmin",
@@ -34,6 +35,8 @@ OUTPUTS = (
            error_of="backlash_mean_arcmin"),
     Output("backlash_std_arcmin_error", "arcmin", "stated numerical error",
            error_of="backlash_std_arcmin"),
+    Output("backlash_rms_arcmin_error", "arcmin", "stated numerical error",
+           error_of="backlash_rms_arcmin"),
     Output("backlash_arcmin_error", "arcmin", "stated numerical error", error_of="backlash_arcmin"),
     Output("yield_percent_error", "%", "stated numerical error", error_of="yield_percent"),
     Output("interference_probability_error", "", "stated numerical error",

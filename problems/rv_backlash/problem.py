@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from ...declarations import number
 from ...errors import Fault
-from ...models.propagation import Convolution, Moments, MonteCarlo, Propagated, Propagation
+from ...models.propagation import (
+    Convolution,
+    Estimate,
+    Moments,
+    MonteCarlo,
+    Propagated,
+    Propagation,
+)
 from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer import declared, modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
@@ -20,6 +27,7 @@ from ...units import ARCMIN, MM
 from ..forms import Form
 from ..settings import Bound, Settings
 from ..tolerance_problem import Interval, ToleranceProblem
+from .by_contact import verdicts
 from .costs import DEFAULT_COSTS
 from .counterparts import changes_of, sentence
 from .form import deviations, form_of
@@ -29,8 +37,9 @@ from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
 Array = NDArray[np.float64]
 SEARCH_POINTS = 512
 """Lattice of the search; its quantiles are within about 0.001 arcmin of the reported ones."""
-STAGGER_OF_DOCUMENT = 0.1
-"""Stagger of document B's structural adjustment [arcmin]."""
+STAGGER_OF_DOCUMENT = 0.2
+"""Turn of each disc [arcmin] in document B's structural adjustment: twice its delta' of 0.1'."""
+STAGGERED = "document B, staggered 0.2 arcmin (delta' = 0.1)"
 
 
 class RvBacklash(ToleranceProblem):
@@ -46,6 +55,8 @@ class RvBacklash(ToleranceProblem):
     default_limits = DEFAULT_LIMITS
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
+    model_name = "document"
+    model_statement = "document B's closed form"
     explained: ClassVar[Mapping[str, str]] = {
         "backlash_arcmin": "backlash_geometric_arcmin",
         "backlash_mean_arcmin": "backlash_geometric_mean_arcmin",
@@ -61,7 +72,7 @@ class RvBacklash(ToleranceProblem):
             {_stem(name): s.distribution for name, s in given.variables.items() if s.distribution},
         )
         self.limit = number(given.parameters["backlash_limit_arcmin"])
-        self.change = changes_of(given.effects, self.model.geometry)
+        self.change = changes_of(given.effects, self.model)
 
     # ---------------------------------------------------------------- evaluation
 
@@ -116,7 +127,7 @@ class RvBacklash(ToleranceProblem):
             "radial_gap_mm": (pair[0] - pair[1]) / MM,
             "clearance_min_mm": modification.least_raw_clearance(geometry, *pair) / MM,
             "conjugate_clearance_min_mm": modification.least_clearance(geometry, *pair) / MM,
-            "modification_backlash_arcmin": modification.modification_backlash(geometry, *pair)
+            "modification_backlash_arcmin": self.model.nominal(*pair, np.zeros(len(designs)))
             / ARCMIN,
         }
 
@@ -128,7 +139,7 @@ class RvBacklash(ToleranceProblem):
         return form_of(self) if self.change.growth == 0.0 else None
 
     def counterparts(self) -> tuple[str, ...]:
-        return tuple(sentence(one, self.model.geometry) for one in self.settings.effects)
+        return tuple(sentence(one, self.model) for one in self.settings.effects)
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         return gradients(self, designs)
@@ -140,7 +151,7 @@ class RvBacklash(ToleranceProblem):
         bands = np.array([float(v.document or 0.0) for v in self.variables])
         staggered = bands.copy()
         staggered[self.names.index("stagger_arcmin")] = STAGGER_OF_DOCUMENT
-        return {"document B": bands, "document B, staggered 0.1 arcmin": staggered}
+        return {"document B": bands, STAGGERED: staggered}
 
     def least_cost(self) -> tuple[str, RvBacklash]:
         """Least cost at the backlash limit, the documents' single objective."""
@@ -152,6 +163,9 @@ class RvBacklash(ToleranceProblem):
             limits=dict(self.given.limits) | {"backlash_arcmin": limit},
         )
         return f"GA, least cost at {limit.high:g} arcmin", RvBacklash(given)
+
+    def contact_verdict(self, designs: Array) -> tuple[str, ...]:
+        return verdicts(self, designs)
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: by monotonicity in the tolerances, or by leaving the cycloid stage out.
@@ -188,10 +202,12 @@ class RvBacklash(ToleranceProblem):
         phi_1, _, phi_3 = (float(value[0]) / ARCMIN for value in stage_means(self.total(tight)))
         free = self._tight_without_cycloid
         quantile = float(free.quantile.value[0] - free.quantile.error[0]) / ARCMIN
+        least = phi_1 + phi_3 + self.change.effective / ARCMIN
         return {
             "phi_1_arcmin": phi_1,
             "phi_3_arcmin": phi_3,
-            "backlash_mean_arcmin": phi_1 + phi_3 + self.change.effective / ARCMIN,
+            "backlash_mean_arcmin": least,
+            "backlash_rms_arcmin": max(least, 0.0),
             "backlash_arcmin": quantile,
         }
 
@@ -242,11 +258,20 @@ def _stem(name: str) -> str:
     return name.removesuffix("_um")
 
 
+def _rms(spread: Propagated) -> Estimate:
+    """Root mean square over units, sqrt(mean^2 + std^2) [rad], with its numerical error."""
+    mean, std = spread.mean, spread.std
+    rms = np.hypot(mean.value, std.value)
+    error = np.abs(mean.value) * mean.error + std.value * std.error
+    return Estimate(rms, error / np.where(rms > 0.0, rms, 1.0))
+
+
 def _spread(spread: Propagated) -> dict[str, Array]:
     """Outputs of the propagation, at the edge's units."""
     estimates = {
         "backlash_mean_arcmin": (spread.mean, ARCMIN),
         "backlash_std_arcmin": (spread.std, ARCMIN),
+        "backlash_rms_arcmin": (_rms(spread), ARCMIN),
         "backlash_arcmin": (spread.quantile, ARCMIN),
         "yield_percent": (spread.conforming, 0.01),
         "interference_probability": (spread.negative, 1.0),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ...counts import Need
 from ...declarations import Kind, Parameter, Variable
 from ...models.rv_reducer import declared as document
 from ...models.rv_reducer.contact import declared as contact
@@ -30,8 +31,16 @@ def _share(name: str, meaning: str) -> Parameter:
                      high=1.0)  # fmt: skip
 
 
-def _count(name: str, default: int, meaning: str, low: int, high: int) -> Parameter:
-    return Parameter(name, default, "", meaning, "", low=low, high=high)
+def _count(
+    name: str, default: int, meaning: str, low: int, high: int, need: Need | None = None
+) -> Parameter:
+    return Parameter(name, default, "", meaning, "", low=low, high=high, need=need)
+
+
+UNITS = Need("unit", bytes=2e3)
+"""Its errors, drawn."""
+READINGS = Need("reading", bytes=40.0)
+"""Of one unit at one position: contact, and what its derivatives need."""
 
 
 OWN: tuple[Parameter, ...] = (
@@ -56,12 +65,12 @@ OWN: tuple[Parameter, ...] = (
     _count("te_positions", 251, "positions of a turn at which the transmission error is measured",
            8, 10_007),
     _count("search_units", 0, "units of the sample that is searched on; 0: 512, and 2048 where "
-           "there is one objective", 0, 1_048_576),
+           "there is one objective", 0, 1_048_576, UNITS),
     _count("search_positions", 0, "positions that are searched on; 0: those that are reported", 0,
            100_003),
     _count("report_units", 4096, "fresh units on which every reported point is tested", 64,
-           4_194_304),
-    _count("elastic_units", 256, "units whose contact is solved under load", 16, 65_536),
+           4_194_304, UNITS),
+    _count("elastic_units", 256, "units whose contact is solved under load", 16, 65_536, UNITS),
 )  # fmt: skip
 
 _DOCUMENT = {p.name: p for p in document.PARAMETERS}

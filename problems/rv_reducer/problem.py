@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 
 from ...declarations import Variable, number
 from ...errors import Fault
+from ...models.inputs import Uniform
 from ...models.rv_reducer import modification
 from ...models.rv_reducer.geometry import RvGeometry
 from ...models.rv_reducer.population.lattice import nearest_prime
+from ...records import UnitsShown
 from ...units import ARCMIN, MM
 from ..rv_backlash.costs import DEFAULT_COSTS
 from ..settings import Bound, Settings, VariableSetting
+from ..shown import Variant
 from ..tolerance_problem import Interval, ToleranceProblem
 from . import geometry
 from .counterparts import changes_of, sentence
@@ -33,7 +36,11 @@ from .outputs import (
     SAMPLED_UNDER_LOAD,
 )
 from .references import REFERENCES
+from .shown import units_shown
+from .sizes import size_faults
 from .units import UnitModel
+from .validity import validity
+from .variants import variants
 
 Array = NDArray[np.float64]
 SEARCH, REPORT = 1, 2
@@ -291,6 +298,12 @@ class RvReducer(ToleranceProblem):
         given = replace(self.given, objectives=("cost",), limits=limits)
         return f"GA, least cost at {limit.high:g} arcmin", RvReducer(given).coarser()
 
+    def relaxed(self, limits: Mapping[str, Bound]) -> RvReducer:
+        """With other limits, on the sample of a front: it is there for comparison."""
+        given = dict(self.given.parameters) | {"search_units": min(MANY, self._search_units)}
+        limits = dict(self.given.limits) | dict(limits)
+        return RvReducer(replace(self.given, parameters=given, limits=limits))
+
     def coarser(self) -> RvReducer:
         """On at most 256 units at 31 positions, which no result of the search is tested on."""
         positions = nearest_prime(min(31, self.count("positions")), self.model.geometry)
@@ -323,7 +336,7 @@ class RvReducer(ToleranceProblem):
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
         found = geometry.faults(self.model.geometry, self.given, ends)
-        return [*found, *super().faults()]
+        return [*found, *(size_faults(self.count, KEPT) or super().faults())]
 
     def search_faults(self) -> list[Fault]:
         limits = self.settings.limits
@@ -342,3 +355,27 @@ class RvReducer(ToleranceProblem):
         gap = given.limits.get("radial_gap_mm", Bound())
         odd = geometry.warnings(self.model.geometry, given.parameters, gap)
         return (*still_default(self.given, given.parameters), *odd)
+
+    # ---------------------------------------------------------------- what a reader is shown
+
+    def title(self) -> str:
+        nominal = self.model.geometry.nominal
+        kind = "RV reducer" if self.settings.parameters["involute_stage"] else "Cycloidal reducer"
+        teeth = f"{nominal.cycloid_teeth} teeth on {nominal.pins} pins"
+        return f"{kind}, {teeth}: allocation on the exact contact"
+
+    def validity(self) -> tuple[str, ...]:
+        given = [one.distribution for one in self.settings.variables.values()]
+        return validity(
+            self.settings.parameters, all(d is None or isinstance(d, Uniform) for d in given)
+        )
+
+    def shown_limit(self) -> tuple[str, float] | None:
+        return "backlash_max_arcmin", number(self.settings.parameters["backlash_limit_arcmin"])
+
+    def shown_units(self, design: Array) -> UnitsShown | None:
+        found = self.evaluation(design, searching=False)
+        return units_shown(found, self.settings.parameters)
+
+    def variants(self) -> tuple[Variant, ...]:
+        return variants(self)

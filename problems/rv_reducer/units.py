@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -56,7 +56,15 @@ class UnitModel(UnitBasis):
         preload = 0.01 * number(parameters["preload_percent_of_rated"]) * rated
         basis = UnitBasis.from_parameters(parameters, inputs, mids)
         return cls(
-            *(getattr(basis, one.name) for one in fields(UnitBasis)), conditions, loading, preload
+            geometry=basis.geometry,
+            stage=basis.stage,
+            hierarchy=basis.hierarchy,
+            planet=basis.planet,
+            mid=basis.mid,
+            geared=basis.geared,
+            conditions=conditions,
+            loading=loading,
+            preload=preload,
         )
 
     def changed(self, change: Change) -> UnitModel:

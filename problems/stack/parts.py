@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from ...counts import is_forced
 from ...errors import Fault
 from ...models.expressions import CONSTANTS, FUNCTIONS
 from ...models.inputs import Distribution, Normal
@@ -17,6 +18,10 @@ from .zones import KEYS, Tolerance, read_tolerance
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
 MOST = 1000
 """Pieces of a part."""
+ALL = 2000
+"""Pieces of all parts: a sample of 8192 units then takes some seconds."""
+SOBOL = 21_201
+"""Pieces of all parts, however many are asked for: dimensions of a Sobol sequence (Joe, Kuo)."""
 
 
 def read_parts(top: Section, length_unit: str, faults: list[Fault]) -> list[Part | None]:
@@ -32,8 +37,18 @@ def read_parts(top: Section, length_unit: str, faults: list[Fault]) -> list[Part
             Fault(f.place, f"{f.message} (part {name})" if isinstance(name, str) else f.message)
             for f in own
         ]
-    faults += _duplicates([part for part in found if part is not None])
+    known = [part for part in found if part is not None]
+    faults += [*_duplicates(known), *_too_many(known)]
     return found
+
+
+def _too_many(parts: Sequence[Part]) -> list[Fault]:
+    """More pieces in all than a sample can be drawn of."""
+    pieces, most = sum(part.count for part in parts), SOBOL if is_forced() else ALL
+    if pieces <= most:
+        return []
+    remedy = "" if is_forced() else ", or add --force"
+    return [Fault("part", f"has {pieces} pieces in all, {most} at most: merge some{remedy}")]
 
 
 def _read(section: Section, length_unit: str) -> Part | None:

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...counts import Need, too_many
 from ...declarations import Assumption, Output, Parameter, Variable
 from ...errors import Fault, ModelError
 from ...models.costs import CostCurve
@@ -30,6 +31,10 @@ from .stand_in import stand_in
 from .writing import tables_of
 
 Array = NDArray[np.float64]
+DEVIATIONS = Need("deviation", bytes=16.0)
+"""Of every piece of every unit of the sample: a point, and the deviation."""
+WARNING_SAMPLES = 131_072
+"""Units at most by which warnings are judged before a run."""
 SEARCH_SAMPLES = 8192
 """Units of the search's own yields and half-widths; reported ones take `[propagation] samples`."""
 
@@ -206,12 +211,17 @@ class Stack(ToleranceProblem):
 
     @cached_property
     def _sample(self) -> Sample:
-        rng = np.random.default_rng(self.settings.seed)
-        return Sample.draw(self.definition.mechanism, self.settings.propagation.samples, rng)
+        return self._drawn(self.settings.propagation.samples)
 
     @cached_property
     def _searching(self) -> Sample:
-        return self._sample.first(SEARCH_SAMPLES)
+        return self._drawn(SEARCH_SAMPLES)
+
+    def _drawn(self, most: int) -> Sample:
+        """At most so many units; fewer are the first ones of more."""
+        rng = np.random.default_rng(self.settings.seed)
+        samples = min(most, self.settings.propagation.samples)
+        return Sample.draw(self.definition.mechanism, samples, rng)
 
     def cost_of(self, designs: Array) -> Array:
         """Sum over parts of count times the cost of the chosen process (n,)."""
@@ -343,7 +353,7 @@ class Stack(ToleranceProblem):
     # ---------------------------------------------------------------- faults and warnings
 
     def faults(self) -> list[Fault]:
-        found = super().faults()
+        found = self._size_faults() or super().faults()
         if self._wanted("yield_percent") and not self.definition.mechanism.bounded:
             text = "needs requirement.lower, requirement.upper or both: without them there is none"
             found.append(Fault("limits.yield_percent", text))
@@ -356,6 +366,12 @@ class Stack(ToleranceProblem):
                         "tolerances; tighten the ranges")  # fmt: skip
                 found.append(Fault("requirement.formula", text))
         return found
+
+    def _size_faults(self) -> list[Fault]:
+        """A sample of too many pieces."""
+        pieces, samples = len(self.definition.mechanism.owner), self.settings.propagation.samples
+        complaint = too_many(samples, DEVIATIONS, pieces, "samples x pieces")
+        return [Fault("propagation.samples", complaint)] if complaint else []
 
     def assumptions(self) -> tuple[Assumption, ...]:
         return assumptions_of(self.definition)
@@ -371,7 +387,7 @@ class Stack(ToleranceProblem):
             return tuple(found)
         unit = f" {self.definition.requirement.unit}".rstrip()
         found += linearity_warnings(self.definition.mechanism, self.linear, *self._tried, unit,
-                                    self._sample)  # fmt: skip
+                                    self._drawn(WARNING_SAMPLES))  # fmt: skip
         return tuple(found)
 
     @cached_property

@@ -78,14 +78,18 @@ OPEN = 5 * UM
 def one_disc(parameters: Mapping[str, Value]) -> LoadedContact:
     """The contact (SI) of one disc, modified in the middle of the range.
 
-    Perfect discs share the torque alike and see the same phases, so that one stands for all.
+    Perfect discs share the torque alike and see the same phases, so that one stands for all. Every
+    design is an error of this one, and has its lever arms: those of the unmodified profile, which
+    belong to no design more than to another.
     Raises InputError where the profile is undercut.
     """
     given = {one.name: one.default for one in PARAMETERS} | dict(parameters)
     p = {name: number(value) for name, value in given.items()}
     nominal = geometry_of(p)
     return LoadedContact(
-        geometry=ContactGeometry(nominal, nominal.flank * SHIFT + OPEN, SHIFT, discs=1),
+        geometry=ContactGeometry(
+            nominal, nominal.flank * SHIFT + OPEN, SHIFT, discs=1, true_levers=False
+        ),
         normal_stiffness=p["normal_stiffness_N_per_mm"] / MM,
         series_stiffness=p["series_stiffness_Nm_per_arcmin"] / ARCMIN,
         rated_torque=p["torque_Nm"] / p["discs"],

@@ -70,6 +70,14 @@
       { hovertemplate: hover(a, b) }));
   }
 
+  function overlayTraces(a, b) {
+    return found.overlays.map((one, at) => ({ type: "scatter", mode: two ? "lines+markers" : "markers",
+      name: entry(one.label), x: one.aims[a], y: one.aims[b],
+      marker: { symbol: "circle-open", size: 5, color: tone(HUES[at % HUES.length]) },
+      line: { dash: DASHES[1 + at % 5], width: 1, color: tone(HUES[at % HUES.length]) },
+      hovertemplate: hover(a, b) }));
+  }
+
   function choiceTraces(a, b, end) {
     const rows = [...new Set(found.choices.map((one) => one.row))];
     return rows.filter((row) => found.rows.includes(row)).map((row, at) => {
@@ -132,7 +140,7 @@
   function draw() {
     planes.forEach(({ pair: [a, b], div }, at) => {
       const end = "<extra>click to see it</extra>";
-      const traces = [frontTrace(a, b, end), ...lineTraces(a, b), ...choiceTraces(a, b, end), ...referenceTraces(a, b),
+      const traces = [frontTrace(a, b, end), ...overlayTraces(a, b), ...lineTraces(a, b), ...choiceTraces(a, b, end), ...referenceTraces(a, b),
                       ...idealTrace(a, b), selected(a, b)];
       const shown = at ? [] : traces; // one legend for all planes
       Plotly.react(div, traces, shaped(title(found.objectives[a]), title(found.objectives[b]), shown), CONFIG);

@@ -1,8 +1,11 @@
 """A drawn batch against the convolution of the same errors."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 
+from tolevo.declarations import Value
 from tolevo.errors import InputError
 from tolevo.models.inputs import Normal
 from tolevo.models.propagation import Convolution, Propagated
@@ -11,16 +14,24 @@ from tolevo.models.rv_reducer.backlash import BacklashModel
 from tolevo.models.rv_reducer.batch import RvBatch, drawn
 from tolevo.units import ARCMIN
 
-DOCUMENT = {"model": "document"}
+DOCUMENT: dict[str, Value] = {"model": "document"}
 """Units by document B's closed form."""
 UNITS = 200_000
 LIMIT = 5.0
 """Standard errors allowed: one seed in about two million is further off."""
 
 
-def expected(designs: dict[str, float], inputs: dict[str, Normal]) -> Propagated:
+CONSISTENT: Mapping[str, Value] = {}
+PRINTED: dict[str, Value] = {"reading": "printed"}
+
+
+def expected(
+    designs: dict[str, float],
+    inputs: dict[str, Normal],
+    parameters: Mapping[str, Value] = CONSISTENT,
+) -> Propagated:
     at = {v.name: float(v.document or 0.0) for v in declared.VARIABLES} | designs
-    model = declared.backlash_model({}, None, inputs)
+    model = declared.backlash_model(parameters, None, inputs)
     one = {name: np.array([value]) for name, value in at.items()}
     return Convolution().propagate(model.total(declared.allocation(one)), 0.9973, ARCMIN)
 
@@ -29,8 +40,9 @@ def expected(designs: dict[str, float], inputs: dict[str, Normal]) -> Propagated
     ("designs", "inputs"),
     [
         ({}, {}),
-        ({"stagger_arcmin": 0.1, "eccentricity_um": 8.0}, {}),
+        ({"stagger_arcmin": 0.2, "eccentricity_um": 8.0}, {}),
         ({"crank_bearing_um": 20.0}, {"pin_hole_radius": Normal(1.0, 0.3)}),
+        ({}, {"involute_grade": Normal()}),
     ],
 )
 def test_sample_agrees_with_convolution(
@@ -50,9 +62,9 @@ def test_sample_agrees_with_convolution(
 
 def test_share_of_interfering_units() -> None:
     """Document B's zones: phi_2 below zero in 48 % of units (issue 2)."""
-    cycloid = drawn(RvBatch(DOCUMENT).total.clipped, UNITS, np.random.default_rng(0))
+    cycloid = drawn(RvBatch(DOCUMENT | PRINTED).total.clipped, UNITS, np.random.default_rng(0))
     error = np.sqrt(0.48 * 0.52 / UNITS)
-    exact = expected({}, {}).negative.value[0]
+    exact = expected({}, {}, PRINTED).negative.value[0]
     assert exact == pytest.approx(0.48, abs=0.005)
     assert abs(np.mean(cycloid < 0.0) - exact) < LIMIT * error
 
@@ -80,6 +92,8 @@ def test_declared_defaults_are_those_of_the_records() -> None:
         ours, theirs = getattr(model, part), getattr(record, part)
         for name in type(ours).__slots__:
             assert getattr(ours, name) == pytest.approx(getattr(theirs, name), rel=1e-14), name
+    for name in ("tighter", "sun_held", "stagger_gain", "position_mids_count"):
+        assert getattr(model, name) == getattr(record, name), name
 
 
 def test_undercut_profile_is_refused() -> None:

@@ -1,4 +1,4 @@
-"""Units by contact against the allocation problem, the exact contact, and changes of their parts."""
+"""Units by contact against the allocation problem, the exact contact, and changes of parts."""
 
 import tracemalloc
 
@@ -126,7 +126,7 @@ def test_change_of_each_row_is_its_own() -> None:
 
 
 def test_warm_disc_closes_the_turn_mean_by_the_note() -> None:
-    """11.5e-6 x 64 mm = 0.736 um/K of 0.0767'/um (section 7): 0.0564'/K while all of a turn has play."""
+    """11.5e-6 x 64 mm = 0.736 um/K of 0.0767'/um (section 7): 0.0564'/K while a turn has play."""
     wide: Values = {"pin_circle_radius_mid_um": 60.0, "measured": "mean"}
     model, table = RvBatch(wide), {"unit": np.arange(100)}
     rise = np.full(100, 2.0)

@@ -145,7 +145,7 @@ def test_third_order_is_as_close_as_promised(size: float, least: float, within: 
     assert np.max(np.abs(found - exact)[:, ~near]) < within
 
 
-@pytest.mark.parametrize("geometry", [replace(GEOMETRY, true_levers=True), UNMODIFIED])
+@pytest.mark.parametrize("geometry", [GEOMETRY, UNMODIFIED])
 def test_lever_is_the_gap_closed_by_turning_forward(geometry: ContactGeometry) -> None:
     """The drawing turned clockwise by 1e-6 rad about the disc's centre, either way."""
     psi, step = 0.3, 1e-6
@@ -161,7 +161,7 @@ def test_lever_is_the_gap_closed_by_turning_forward(geometry: ContactGeometry) -
 
 def test_levers_of_the_unmodified_profile_are_the_closed_form() -> None:
     phi = UNMODIFIED.phase(ANGLES)
-    found = gaps(replace(UNMODIFIED, true_levers=True), PartErrors(), ANGLES).lever
+    found = gaps(UNMODIFIED, PartErrors(), ANGLES).lever
     np.testing.assert_allclose(found, lever(UNMODIFIED, phi), atol=1e-15)
 
 

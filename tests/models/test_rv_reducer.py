@@ -1,5 +1,6 @@
 """RV-40E-121: figures of document B, of issue 2, and exact pin and cycloid geometry."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,8 @@ from scipy.optimize import brentq
 
 from tolevo.models.inputs import Zone
 from tolevo.models.propagation import Convolution, Propagated
-from tolevo.models.rv_reducer import involute, modification, output_stage
-from tolevo.models.rv_reducer.backlash import Allocation, BacklashModel, stage_means
+from tolevo.models.rv_reducer import declared, involute, modification, output_stage
+from tolevo.models.rv_reducer.backlash import Allocation, stage_means
 from tolevo.models.rv_reducer.cycloid import LINEAR_ERRORS, EccentricityLaw, coefficients
 from tolevo.models.rv_reducer.geometry import RvGeometry
 from tolevo.units import ARCMIN, MM, UM
@@ -31,7 +32,8 @@ ZONES_UM = {
     "shift": (0.0, 2.0),
 }
 ZONES = {name: Zone.of_limits(low * UM, high * UM) for name, (low, high) in ZONES_UM.items()}
-MODEL = BacklashModel(mid={name: zone.mid for name, zone in ZONES.items()})
+PRINTED = declared.backlash_model({"reading": "printed"}, None, {})
+MODEL = replace(PRINTED, mid={name: zone.mid for name, zone in ZONES.items()})
 
 
 def document(clearance_um: float, stagger_arcmin: float = 0.0) -> Allocation:
@@ -85,7 +87,7 @@ def test_coefficients_of_section_2() -> None:
 def test_involute_stage_of_the_default_deviations() -> None:
     least, most = involute.InvoluteStage().flank_clearance()
     np.testing.assert_allclose([least / MM, most / MM], [0.061, 0.246], atol=5e-4)
-    mid, half = involute.backlash_zone(involute.InvoluteStage(), GEOMETRY, np.array([7.0]))
+    mid, half = involute.backlash_zone(PRINTED.stage, GEOMETRY, np.array([7.0]))
     np.testing.assert_allclose((mid - half) / ARCMIN, 0.19, atol=0.005)
     np.testing.assert_allclose((mid + half) / ARCMIN, 0.78, atol=0.005)
 
@@ -124,18 +126,19 @@ def test_issue_2_table_large_clearance() -> None:
 
 @pytest.mark.parametrize(("clearance", "above", "atol"), [(2.0, 0.0064, 6e-5), (20.0, 0.736, 7e-4)])
 def test_issue_2_table_with_stagger(clearance: float, above: float, atol: float) -> None:
-    found = propagated(clearance, 0.1)
+    found = propagated(clearance, 0.2)  # delta' of 0.1
     np.testing.assert_allclose(1.0 - found.conforming.value, above, atol=atol)
     assert found.negative.value[0] > 0.9  # what the stagger buys it with
 
 
-def test_stagger_shifts_phi_2_by_four_times_itself() -> None:
-    without, staggered = (stage_means(MODEL.total(document(2.0, s)))[1] for s in (0.0, 0.1))
+def test_stagger_shifts_phi_2_by_four_times_delta() -> None:
+    """delta' is half the turn of a disc."""
+    without, staggered = (stage_means(MODEL.total(document(2.0, s)))[1] for s in (0.0, 0.2))
     np.testing.assert_allclose((staggered - without) / ARCMIN, -0.4, rtol=1e-12)
 
 
 def test_first_and_third_stage_do_not_see_the_cycloid_stage() -> None:
-    phi_1, _, phi_3 = stage_means(MODEL.total(document(2.0, 0.1)))
+    phi_1, _, phi_3 = stage_means(MODEL.total(document(2.0, 0.2)))
     least, most = involute.InvoluteStage().flank_clearance()
     np.testing.assert_allclose(phi_1, 0.5 * (least + most) / (121 * 0.009), rtol=1e-12)
     np.testing.assert_allclose(phi_3, 1e-6 / 0.036, rtol=1e-12)
@@ -158,7 +161,7 @@ def test_eccentricity_term_is_the_law_at_the_limits() -> None:
     shape = {**allocation.half_width, "eccentricity": half}
     wide = Allocation(shape, *(getattr(allocation, n) for n in REST))
     mid = {"eccentricity": 2.0 * UM}
-    term = BacklashModel(mid=mid).total(wide).clipped[-1]
+    term = replace(PRINTED, mid=mid).total(wide).clipped[-1]
     assert term.quadratic is not None
     d_mm = 7e-3  # mid + half-width
     wanted = 135.6 * (-0.055 * d_mm - 12.6 * d_mm**2)

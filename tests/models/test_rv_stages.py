@@ -21,7 +21,7 @@ EDGES = np.linspace(0.2, 1.6, 51) * ARCMIN
 
 
 def document(**laws: Distribution) -> ClippedSum:
-    model = declared.backlash_model({}, None, laws)
+    model = declared.backlash_model({"reading": "printed"}, None, laws)
     design = {v.name: np.array([float(v.document or 0.0)]) for v in declared.VARIABLES}
     return model.total(declared.allocation(design))
 

@@ -66,7 +66,7 @@ def test_journals_turn_the_disc_by_the_angle_asked_on_average() -> None:
 @pytest.mark.parametrize("way", ["turn", "journals"])
 def test_both_discs_take_four_times_the_stagger_from_the_backlash(way: str) -> None:
     contact = LoadedContact(exact=True)
-    turn = float(stagger.turn_of_disc(np.array(0.1 * ARCMIN)))
+    turn = 0.2 * ARCMIN  # document B's delta' of 0.1 arcmin
     phase = phase_for(turn)
     moved = {
         "turn": PartErrors(angle=np.array([[turn, -turn]])),

@@ -27,7 +27,8 @@ BOUNDS: dict[str, tuple[float, float]] = {
 
 def by_the_model(errors: dict[str, float]) -> float:
     """phi_2 [rad] of a unit with given errors: zones of no width about them."""
-    model = declared.backlash_model({}, {name: one * 1e6 for name, one in errors.items()}, {})
+    mids = {name: one * 1e6 for name, one in errors.items()}
+    model = declared.backlash_model({"reading": "printed"}, mids, {})
     design = {v.name: np.zeros(1) for v in declared.VARIABLES}
     design |= {"dr_rp_mm": np.array([-0.040]), "dr_p_mm": np.array([-0.070])}
     total = model.total(declared.allocation(design | {"involute_grade": np.array([7.0])}))
@@ -35,7 +36,9 @@ def by_the_model(errors: dict[str, float]) -> float:
 
 
 def stage(offset_arcmin: float = 0.0, quadratic: float = -12.6e3) -> Stage:
-    return Stage(law=EccentricityLaw(quadratic=quadratic), offset=offset_arcmin * ARCMIN)
+    return Stage(
+        law=EccentricityLaw(quadratic=quadratic, factor=2.0), offset=offset_arcmin * ARCMIN
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))

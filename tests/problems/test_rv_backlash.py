@@ -19,7 +19,7 @@ class TestContract(ProblemContract):
 
 @pytest.fixture(scope="module")
 def printed() -> Any:
-    problem = RvBacklash()
+    problem = RvBacklash(Settings(parameters={"reading": "printed"}))
     return problem.frame(np.stack(list(problem.references().values())))
 
 

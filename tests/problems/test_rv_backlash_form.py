@@ -57,7 +57,7 @@ def local_optimum(problem: RvBacklash, grade: int, limit: float) -> float:
     """Least cost by SLSQP on the model's own values and gradients, in the log of tolerances."""
     names = [v.name for v in problem.free]
     start = problem.complete(np.atleast_2d(problem.xl))[0]
-    settled = {"dr_rp_mm": -0.041935, "dr_p_mm": -0.07194, "stagger_arcmin": 0.2}
+    settled = {"dr_rp_mm": -0.041935, "dr_p_mm": -0.07194, "stagger_arcmin": 0.4}
     for name, fixed in (settled | {"involute_grade": float(grade)}).items():
         start[names.index(name)] = fixed
     moving = [names.index(v.name) for v in problem.free if v.tolerance and not v.integer]

@@ -13,8 +13,10 @@ from tests.reports.html import parsed
 from tolevo.records import Axis, RunResult
 from tolevo.reports import page
 from tolevo.reports.explorer import thinned
+from tolevo.reports.figure import front_figure
 from tolevo.reports.scripts import plotly
 from tolevo.reports.tables import shown, table
+from tolevo.reports.units import population_figure, turn_figure
 
 EVIL = '<script>alert("x")</script>'
 
@@ -202,3 +204,45 @@ def test_numbers_are_rounded_for_reading(value: object, text: str) -> None:
 def test_table_escapes_headings_and_cells() -> None:
     assert "&lt;b&gt;" in table(pd.DataFrame({"<b>": ["<i>"]}))
     assert "&lt;i&gt;" in table(pd.DataFrame({"<b>": ["<i>"]}))
+
+
+def test_fronts_of_other_algorithms_are_drawn_beside(result: RunResult) -> None:
+    other = pd.DataFrame({"cost": [14.0, 9.0], "backlash_arcmin": [1.1, 1.5]})
+    both = replace(result, overlays={EVIL: other, "empty": other.iloc[:0]})
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page(both))
+    assert found is not None
+    assert json.loads(found[1])["overlays"] == [
+        {"label": f"{EVIL}, 2 points", "aims": [[9.0, 14.0], [1.5, 1.1]]}
+    ]
+    lines = {line.get_label(): line for line in front_figure(both).axes[0].get_lines()}
+    assert np.asarray(lines[f"{EVIL}, 2 points"].get_xdata()).tolist() == [9.0, 14.0]
+    assert not any(str(label).startswith("empty") for label in lines)
+    assert EVIL not in page(both)
+
+
+def test_units_are_shown_as_they_are_in_the_tables(result: RunResult) -> None:
+    turn = pd.DataFrame({"turn_deg": [90.0, 180.0, 270.0], "backlash_arcmin": [0.4, 0.9, 0.6],
+                         "measured": [True, False, True]})  # fmt: skip
+    population = pd.DataFrame({"backlash_max_arcmin": [0.2, 0.6, 1.0],
+                               "share_within_percent": [0.0, 70.0, 100.0],
+                               "share_percent": [0.0, 70.0, 30.0]})  # fmt: skip
+    units = {"words": [EVIL], "quantile": 0.95, "limit": 1.0, "coverage_percent": 99.73,
+             "point": 1, "chosen": "the knee", "cost": 10.0}  # fmt: skip
+    cost = pd.DataFrame({"assumption": ["as it is", EVIL], "value": ["", "0.5"],
+                         "cost": [10.0, float("nan")], "change_percent": [0.0, float("nan")],
+                         "remark": ["", "none found"]})  # fmt: skip
+    shown_units = replace(
+        result, unit_turn=turn, population=population, assumptions_cost=cost,
+        summary={**result.summary, "units": units, "validity": [EVIL]},
+    )  # fmt: skip
+    text = page(shown_units)
+    assert EVIL not in text
+    assert "Shown for the knee (point 1 of front.csv): cost 10." in text
+    assert "none found" in text
+    lines = {one.get_label(): one for one in turn_figure(shown_units).axes[0].get_lines()}
+    assert lines["largest of them"].get_ydata() == [0.6, 0.6]
+    assert np.asarray(lines["2 positions"].get_xdata()).tolist() == [90.0, 270.0]
+    marks = [line for axes in population_figure(shown_units).axes for line in axes.get_lines()]
+    drawn = {line.get_label(): line.get_xdata() for line in marks}
+    assert np.asarray(drawn["99.73 % of the units: 0.95 arcmin"]).tolist() == [0.95, 0.95]
+    assert np.asarray(drawn["limit: 1 arcmin"]).tolist() == [1.0, 1.0]

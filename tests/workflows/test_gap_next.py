@@ -273,7 +273,8 @@ def test_wider_or_mixed_is_told_by_more_units(tmp_path: Path) -> None:
     drawn = model.predict({"unit": units}, np.random.default_rng(1))["backlash_arcmin"]
     wider = drawn.mean() + 1.6 * (drawn - drawn.mean())
     text = (
-        'model = "rv_batch"\nparameters.model = "document"\n[free]\n[settings]\nsimulations = 200\n[effects]\n'
+        'model = "rv_batch"\nparameters.model = "document"\n[free]\n[settings]\n'
+        "simulations = 200\n[effects]\n"
         'consider = ["population"]\n[next_measurement]\nreadings = 30\n'
     )
     ended = found(tmp_path, pd.DataFrame({"unit": units, "backlash_arcmin": wider}), text)

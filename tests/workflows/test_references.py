@@ -30,7 +30,7 @@ def test_distance_to_nothing_is_unknown() -> None:
 @pytest.mark.parametrize(
     ("kind", "labels"),
     [
-        (RvBacklash, ["document B", "document B, staggered 0.1 arcmin"]),
+        (RvBacklash, ["document B", "document B, staggered 0.2 arcmin (delta' = 0.1)"]),
         (RvTransmissionError, ["document A, Q = 0", "document A, Q = 5", "document A, Q = 10"]),
     ],
 )

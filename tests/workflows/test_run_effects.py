@@ -45,13 +45,13 @@ def test_front_before_is_that_of_a_run_without_effects(outcome: RunOutcome, tmp_
 
 
 def test_allocation_moves_by_what_the_effect_does(outcome: RunOutcome) -> None:
-    """Kept, a design has up to 0.291 arcmin less backlash: what phi_2 loses and is not cut off."""
+    """Kept, a design has up to 0.281 arcmin less backlash: what phi_2 loses and is not cut off."""
     moved = pd.read_csv(outcome.folder / "allocation_moved.csv")
     assert moved["allocation"].tolist() == ["before", "kept", "after"] * 3
     rows = {label: part.reset_index() for label, part in moved.groupby("allocation")}
     before, kept, after = rows["before"], rows["kept"], rows["after"]
     gained = before["backlash_arcmin"] - kept["backlash_arcmin"]
-    assert np.all((gained > 0.05) & (gained < 0.2912))
+    assert np.all((gained > 0.05) & (gained < 0.2814))
     np.testing.assert_allclose(kept["cost"], before["cost"], rtol=1e-12)
     assert np.all(before["pin_radius_um"] == kept["pin_radius_um"])
     for row in (before, after):
@@ -62,7 +62,7 @@ def test_allocation_moves_by_what_the_effect_does(outcome: RunOutcome) -> None:
 def test_effects_are_told(outcome: RunOutcome) -> None:
     effects = json.loads((outcome.folder / "summary.json").read_text())["effects"]
     assert [one["name"] for one in effects] == ["differential_thermal_expansion", "gauge_bias"]
-    assert "phi_2 changes by -0.29" in effects[0]["counterpart"]
+    assert "phi_2 changes by -0.28" in effects[0]["counterpart"]
     assert effects[1]["counterpart"] is None
     assert effects[1]["parameters"] == {"offset_arcmin": 0.1}
     lines = "\n".join(outcome.lines)

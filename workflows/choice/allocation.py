@@ -28,9 +28,11 @@ def allocation(
 
     `choices` names the rules that choose a row of the front, `designs` its unrounded and rounded
     full design, `grades` what a value of a variable is called, and `said` how it is rounded.
-    Limits are those of the zone around nominal and mid, deviations where no nominal is known.
+    Limits are those of the zone around nominal and mid, deviations where no nominal is known. Where
+    a problem is one of several models, the last column says which.
     """
     rows = []
+    models = _models(problem, {point: both[1] for point, both in designs.items()})
     for point, label in choices.items():
         for at, variable in enumerate(problem.variables):
             own, new = (float(design[at]) for design in designs[point])
@@ -38,9 +40,19 @@ def allocation(
             rows.append(
                 {"choice": label, "point": point, "rounding": said.get(variable.name, "fixed")}
                 | _row(problem, variable, own, new, name)
+                | models[point]
             )
-    found = pd.DataFrame(rows, columns=list(COLUMNS))
+    columns = [*COLUMNS, *(["model"] if problem.model_statement else [])]
+    found = pd.DataFrame(rows, columns=columns)
     return found.astype(dict.fromkeys(("nominal", "mid", "lower_limit", "upper_limit"), float))
+
+
+def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int, dict[str, str]]:
+    """By point: by which model its rounded design was chosen; nothing where there is but one."""
+    if not problem.model_statement:
+        return {point: {} for point in rounded}
+    labels = problem.model_labels(np.stack(list(rounded.values())))
+    return {point: {"model": label} for point, label in zip(rounded, labels, strict=True)}
 
 
 def _row(

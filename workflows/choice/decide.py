@@ -121,6 +121,8 @@ def _table(
         table[f"rounding_loss_{name}_percent"] = 100.0 * share
     table["rounded_feasible"] = after["feasible"]
     table["rounded_violated_limits"] = broken
+    if problem.model_statement:
+        table["model"] = problem.model_labels(problem.designs_of(own))
     same = spread.groupby("choice")["same"].mean() if len(spread) else pd.Series(dtype=float)
     table["unchanged_percent"] = [100.0 * same.get(name, np.nan) for name in found]
     return table

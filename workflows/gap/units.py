@@ -51,9 +51,10 @@ def one_per_unit(
 
 def _readings_of_parts(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
     """Columns that make a row one of many readings of a unit, which a batch has no law for."""
-    text = "a batch is compared by one reading of each unit: give the largest (or the mean) of its " \
-           "readings, set [parameters] positions to how many they are, and leave this column " \
-           "out"  # fmt: skip
+    text = (
+        "a batch is compared by one reading of each unit: give the largest (or the mean) of its "
+        "readings, set [parameters] positions to how many they are, and leave this column out"
+    )
     names = [c.name for c in columns if c.role is Role.INPUT and c.name in frame]
     return [Fault(f"{place}: column {name}", text) for name in names]
 

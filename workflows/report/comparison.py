@@ -78,7 +78,8 @@ def _table(
                "hypervolume": hypervolume(values, ideal, nadir)}  # fmt: skip
         row |= {f"least {name}": low for name, low in zip(names, values.min(axis=0), strict=True)}
         row |= {key: run.summary.get(key) for key in ("evaluations", "seconds", "status", "seed")}
-        rows.append(row)
+        statement = run.summary.get("model_statement")
+        rows.append(row | ({"model": statement} if statement else {}))
     found = pd.DataFrame(rows)
     found.insert(3, "share_of_best_percent", 100.0 * found["hypervolume"] / _most(found))
     return found

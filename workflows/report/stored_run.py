@@ -14,6 +14,7 @@ from ..run.choices import FORMAT
 from .stored import Stored
 
 SUMMARY = "summary.json"
+OVERLAYS = "overlays.csv"
 OPTIONAL = {
     "before": "front_without_effects.csv",
     "moved": "allocation_moved.csv",
@@ -22,12 +23,18 @@ OPTIONAL = {
     "allocation": "allocation.csv",
     "contributions": "contributions.csv",
     "exact_front": "exact_front.csv",
+    "unit_turn": "unit_turn.csv",
+    "population": "population.csv",
+    "assumptions_cost": "assumptions_cost.csv",
 }
 NEEDED = {
     "choices": ("choice", "meaning", "point"),
     "choice_sensitivity": ("choice", "same"),
     "allocation": ("point", "variable", "rounded"),
     "contributions": ("point", "output", "explained"),
+    "unit_turn": ("turn_deg", "backlash_arcmin", "measured"),
+    "population": ("backlash_max_arcmin", "share_within_percent", "share_percent"),
+    "assumptions_cost": ("assumption", "value", "cost"),
 }
 """Columns that the page reads of them."""
 
@@ -62,6 +69,7 @@ def stored_run(stored: Stored) -> RunResult | None:
         notes=tuple(map(str, summary.get("notes") or ())),
         bars=_bars(summary),
         configuration=configuration,
+        overlays=_overlays(stored, [axis.name for axis in objectives]),
         **_optional(stored, len(front)),
     )  # fmt: skip
 
@@ -98,6 +106,15 @@ def _front(stored: Stored, names: list[str]) -> pd.DataFrame:
     return pd.DataFrame() if found is None else found
 
 
+def _overlays(stored: Stored, names: list[str]) -> dict[str, pd.DataFrame]:
+    """Fronts of other algorithms by label."""
+    found = _with(stored.table(OVERLAYS, names, needed=False), ("label", *names), OVERLAYS, stored)
+    if found.empty:
+        return {}
+    groups = found.groupby(found["label"].astype(str), sort=False)
+    return {str(label): own.drop(columns="label").reset_index(drop=True) for label, own in groups}
+
+
 def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
     found: dict[str, pd.DataFrame | None] = {}
     for field, name in OPTIONAL.items():
@@ -123,6 +140,7 @@ def _typed(summary: dict[str, Any], stored: Stored) -> dict[str, Any]:
     kinds: dict[str, type | tuple[type, ...]] = {
         "versions": dict, "ideal": dict, "nadir": dict, "axes": dict, "files": dict,
         "choices": dict, "notes": list, "assumptions": list, "bars": list, "rounding": list,
+        "validity": list, "units": dict, "assumptions_at": dict,
         "title": str, "format": int,
     }  # fmt: skip
     for name, kind in kinds.items():

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...claim_records import Chart, ComputedTable
-from ...declarations import Output, Parameter, Value
+from ...declarations import Output, Parameter, Value, completed
 from ...errors import Fault
 
 __all__ = ["Calculation", "Chart", "Computed", "ComputedTable", "Quantity"]
@@ -53,7 +53,7 @@ class Calculation(ABC):
 
     def completed(self, values: Mapping[str, Value]) -> dict[str, Value]:
         """All parameters by name; those left out have their defaults."""
-        return {one.name: one.default for one in self.parameters} | dict(values)
+        return completed(self.parameters, values)
 
     def faults(self, values: Mapping[str, Value]) -> list[Fault]:
         """What is wrong with all parameters together, before anything is computed.

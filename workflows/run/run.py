@@ -16,9 +16,10 @@ from ...algorithms.search import Progress, SearchResult, search
 from ...errors import refuse
 from ...files import write_text
 from ...problems.tolerance_problem import ToleranceProblem
-from ...records import Axis, RunResult
+from ...records import Axis, RunResult, model_lines
 from ..choice import decide
 from . import effects, overlay
+from .assumptions import with_assumptions
 from .choices import with_choices
 from .front import inside, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
@@ -26,6 +27,7 @@ from .proofs import Exact, exact_front, measures, proof_notes, with_bounds
 from .references import compare, documents, side_searches, table
 from .resume import notes_of, opened, seconds_before
 from .sides import Sides
+from .units import with_units
 from .write import write
 
 
@@ -89,6 +91,9 @@ def run(
     decisions = decide(plan.problem, front, plan.choice)
     result = _result(plan, found, front, references, summary, proven, exact)
     result = replace(with_choices(result, decisions, plan, exact), overlays=others)
+    result = with_units(result, plan.problem)
+    if not cut:
+        result = with_assumptions(result, plan.problem, found.history, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     write(result, out)
@@ -127,8 +132,16 @@ def _summary(
         "nadir": dict(zip(names, nadir.tolist(), strict=True)),
         "notes": list(notes),
         "assumptions": [asdict(a) for a in plan.problem.assumptions()],
+        **_model(plan.problem),
         **effects.summary(plan.problem),
     }
+
+
+def _model(problem: ToleranceProblem) -> dict[str, object]:
+    """Which of several models the numbers are of; nothing where there is but one."""
+    if not problem.model_statement:
+        return {}
+    return {"model": problem.model_name, "model_statement": problem.model_statement}
 
 
 def _result(
@@ -145,7 +158,7 @@ def _result(
     whole = exact.hypervolume if exact is not None else float("nan")
     convergence.insert(4, "hypervolume_ratio", convergence["hypervolume"] / whole)
     return RunResult(
-        plan.title,
+        plan.problem.title() or plan.title,
         front,
         references,
         convergence,
@@ -184,6 +197,7 @@ def _lines(result: RunResult, status: str, out: Path) -> tuple[str, ...]:
     """A short summary for the terminal."""
     lines = [f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
              f"evaluations, {float(str(result.summary['seconds'])):.1f} s"]  # fmt: skip
+    lines += model_lines(result.summary)
     for row in result.references.to_dict("records"):
         kept = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
         values = ", ".join(f"{axis.name} {row[axis.name]:.4g}" for axis in result.objectives)

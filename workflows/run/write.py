@@ -18,7 +18,8 @@ from ...reports.sheet import allocation_sheet
 
 OPTIONAL = ("front_without_effects.csv", "allocation_moved.csv", "choices.csv",
             "choice_sensitivity.csv", "allocation.csv", "contributions.csv", "exact_front.csv",
-            "overlays.csv", "allocation.xlsx")  # fmt: skip
+            "overlays.csv", "unit_turn.csv", "population.csv", "assumptions_cost.csv",
+            "allocation.xlsx")  # fmt: skip
 """Files that a run need not have; what an older one left is removed."""
 
 
@@ -62,6 +63,9 @@ def _texts(result: RunResult) -> dict[str, str]:
         "contributions.csv": result.contributions,
         "exact_front.csv": result.exact_front,
         "overlays.csv": _overlays(result),
+        "unit_turn.csv": result.unit_turn,
+        "population.csv": result.population,
+        "assumptions_cost.csv": result.assumptions_cost,
     }
     texts = {n: frame.to_csv(index=False) for n, frame in tables.items() if frame is not None}
     return {"config.toml": result.configuration} | texts

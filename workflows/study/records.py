@@ -102,6 +102,10 @@ class Design(ABC):
         """
         return []
 
+    def size(self, factors: tuple[Factor, ...]) -> int:
+        """How many settings it has, as far as that is known before they are made."""
+        return 0
+
     @abstractmethod
     def points(
         self,

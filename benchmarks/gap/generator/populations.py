@@ -66,6 +66,7 @@ def differential_thermal_expansion(rng: np.random.Generator, at: Units) -> Injec
     """Discs warmer than the housing by a share of the temperature take up the backlash."""
     grown = 64.0 * ((1.0 + 11.5e-6 * rng.uniform(0.1, 0.8)) ** at.tau - 1.0)
     play = 2.0 * np.sqrt(1.0 - 0.8125**2) * grown / (1.3 * 39.0)
+    play *= 117.0 / 121.0  # of a disc; the carrier turns less while the sun is held
     return Injected(-np.degrees(play) * 60.0)
 
 

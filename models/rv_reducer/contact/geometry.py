@@ -28,11 +28,10 @@ _BOTTOM = 0.9
 class ContactGeometry:
     """Nominal parts: lengths in metres; the modification of document B by default.
 
-    Two cranks and two discs are assumptions, as in document A. Lever arms are
-    e z_c sin(phi)/sqrt(S), as in the figures that the model is checked with; with `true_levers`
-    those of the modified profile's own normals, 1 % different where pins are loaded (7 % near the
-    bottom of a tooth space), which takes 0.7 % off peak force and wind-up. Without an
-    `involute_stage` the cranks themselves are the input.
+    Two cranks and two discs are assumptions, as in document A. Lever arms are those of the modified
+    profile's own normals; without `true_levers` e z_c sin(phi)/sqrt(S), those of the unmodified
+    profile, 1 % different where pins are loaded (7 % near the bottom of a tooth space), which puts
+    0.7 % on peak force and wind-up. Without an `involute_stage` the cranks are the input.
     """
 
     nominal: RvGeometry = RvGeometry()
@@ -40,7 +39,7 @@ class ContactGeometry:
     dr_p: float = -70e-6
     discs: int = 2
     cranks: int = 2
-    true_levers: bool = False
+    true_levers: bool = True
     involute_stage: bool = True
 
     @property
@@ -52,15 +51,10 @@ class ContactGeometry:
     def output_ratio(self) -> float:
         """b'/b: how far a disc turns against its mesh when the carrier turns and the input is held.
 
-        With the sun held the cranks turn by 1 + z1/z2 with the carrier, and the mesh carries the
-        disc back by 1/z_c of that: 1 + (1 + z1/z2)/z_c, 121/117 for the RV-40E. Cranks that are
-        held themselves stand in the housing, and so does the mesh: 1.
+        With the sun held it is that of the nominal geometry, 121/117 for the RV-40E; cranks that
+        are held themselves stand in the housing, and so does the mesh: 1.
         """
-        if not self.involute_stage:
-            return 1.0
-        nominal = self.nominal
-        gears = (nominal.reduction_ratio - 1.0) / nominal.pins  # z2/z1
-        return 1.0 + (1.0 + 1.0 / gears) / nominal.cycloid_teeth
+        return self.nominal.output_ratio if self.involute_stage else 1.0
 
     @property
     def pin_angles(self) -> Array:

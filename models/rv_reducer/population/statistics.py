@@ -185,10 +185,12 @@ def share_below(values: Array, limit: float, growth: Array, z: Array) -> Statist
 
 def share_above(values: Array, limit: float) -> Statistic:
     """P(Y > limit) with a normal kernel of Silverman's width, so that it has derivatives."""
-    count = len(values)
-    width = max(0.9 * float(np.std(values)) * count**-0.2, 1e-12)
+    count, spread = len(values), max(float(np.std(values)), 1e-12)
+    width = 0.9 * spread * count**-0.2
     z = (values - limit) / width
-    above = ndtr(z)
-    weight = np.exp(-0.5 * z * z) / (np.sqrt(2.0 * np.pi) * width * count)
+    above, density = ndtr(z), np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi)
+    by_width = -float(np.mean(density * z)) / spread  # the width grows with the spread
+    by_spread = (values - np.mean(values)) / (count * spread)
+    weight = density / (width * count) + by_width * by_spread
     error = float(np.std(above)) / np.sqrt(count)
     return Statistic(float(np.mean(above)), weight, 0.0, error)

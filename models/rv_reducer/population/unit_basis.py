@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, radians
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +31,7 @@ def stem(name: str) -> str:
 class UnitBasis:
     """Geometry, involute stage, hierarchy of errors and mid-limits [um] of all units.
 
-    `cosine` scales phi_1: 1/cos(pressure angle) where the flank clearance counts along the pitch
-    circle, 0 where there is no involute stage.
+    Where there is no involute stage (`geared` false) phi_1 is 0.
     """
 
     geometry: ContactGeometry
@@ -41,7 +39,7 @@ class UnitBasis:
     hierarchy: Hierarchy
     planet: TighterPlanet
     mid: Mapping[str, float]
-    cosine: float
+    geared: bool
 
     @classmethod
     def from_parameters(
@@ -66,8 +64,6 @@ class UnitBasis:
             true_levers=True,
             involute_stage=bool(parameters["involute_stage"]),
         )
-        alpha = radians(number(parameters["pressure_angle_deg"]))
-        scale = 1.0 / cos(alpha) if parameters.get("involute_cosine", True) else 1.0
         shares = number(parameters["share_pins"]), number(parameters["share_discs"])
         return cls(
             geometry,
@@ -75,7 +71,7 @@ class UnitBasis:
             Hierarchy(*shares, inputs),
             TighterPlanet(cranks, number(parameters.get("planet_share", 0.5))),
             mid,
-            scale if parameters["involute_stage"] else 0.0,
+            bool(parameters["involute_stage"]),
         )
 
     def involute(self, grade: float) -> Involute:
@@ -83,7 +79,7 @@ class UnitBasis:
         middle, half = involute.backlash_zone(
             self.stage, self.geometry.nominal, np.array(float(grade))
         )
-        unit = self.cosine / ARCMIN
+        unit = 1.0 / ARCMIN if self.geared else 0.0
         return Involute(float(middle) * unit, float(half) * unit, self.planet)
 
     def tightest(self, planets: Array) -> Array:

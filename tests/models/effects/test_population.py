@@ -8,13 +8,14 @@ import pytest
 from scipy import stats
 
 from tolevo import registry
+from tolevo.declarations import Value
 from tolevo.models.effects.compose import Active, predicted
 from tolevo.models.effects.effect import Effect, Target
 from tolevo.models.effects.readings import target_of
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.testing import EffectContract
 
-DOCUMENT: dict[str, float | str] = {"model": "document"}
+DOCUMENT: dict[str, Value] = {"model": "document"}
 """Units by document B's closed form."""
 
 N = 50
@@ -160,11 +161,12 @@ def test_labels_that_are_numbers() -> None:
 
 
 def test_disc_warmer_than_the_housing_closes_the_pin_circle() -> None:
-    """By hand: 2 sqrt(1 - k1^2) alpha r_p/(e z_c) per kelvin, 0.058'; interference cut off."""
+    """By hand: 2 sqrt(1 - k1^2) alpha r_p/(e z_c) per kelvin, 0.058', times 117/121."""
     k1 = 1.3 * 40 / 64.0
     per_kelvin = 2.0 * math.sqrt(1.0 - k1**2) * 11.5e-6 * 64.0 / (1.3 * 39)
     slope = math.degrees(per_kelvin) * 60.0
     assert slope == pytest.approx(0.058, abs=5e-4)
+    slope *= 117.0 / 121.0  # at the carrier, the sun held
     table = {"unit": np.arange(2000)}
     wide = RvBatch(DOCUMENT | {"pin_circle_radius_mid_um": 60.0})  # phi_2 is never cut off
     for difference in (1.0, -4.0, 10.0):
@@ -176,6 +178,9 @@ def test_disc_warmer_than_the_housing_closes_the_pin_circle() -> None:
         warm = predicted(wide, "rv_batch", table, active, rngs[0])["backlash_arcmin"]
         cold = wide.predict(table, rngs[1])["backlash_arcmin"]
         np.testing.assert_allclose(warm - cold, found, atol=1e-12)
+
+
+PRINTED: dict[str, Value] = {"reading": "printed"}
 
 
 def changed(model: RvBatch, table: dict[str, np.ndarray], by: dict[str, float]) -> np.ndarray:
@@ -200,13 +205,15 @@ def test_share_of_the_measured_temperature() -> None:
     rngs = [np.random.default_rng(0) for _ in range(2)]
     warm = predicted(wide, "rv_batch", table, active, rngs[0])["backlash_arcmin"]
     cold = wide.predict(table, rngs[1])["backlash_arcmin"]
-    expected = -0.05818 * 0.5 * (table["temperature_C"] - 20.0)
+    expected = -0.05818 * 117.0 / 121.0 * 0.5 * (table["temperature_C"] - 20.0)
     np.testing.assert_allclose(warm - cold, expected, rtol=2e-3, atol=1e-9)
 
 
 def test_cold_disc_cannot_open_what_interferes() -> None:
     """Units whose phi_2 is below zero gain less than the slope: the interference goes first."""
-    found = changed(RvBatch(DOCUMENT), {"unit": np.arange(5000)}, {"housing_temperature_K": 1.0})
+    found = changed(
+        RvBatch(DOCUMENT | PRINTED), {"unit": np.arange(5000)}, {"housing_temperature_K": 1.0}
+    )
     assert found.min() >= 0.0
     assert found.max() == pytest.approx(0.0582, abs=2e-4)
     assert np.mean(found < 0.058) > 0.3
@@ -215,7 +222,7 @@ def test_cold_disc_cannot_open_what_interferes() -> None:
 @pytest.mark.parametrize("error", ["pin_circle_radius", "pin_radius", "runout"])
 def test_change_of_an_error_is_that_of_its_mid_limit(error: str) -> None:
     table = {"unit": np.arange(1000)}
-    wide = {"pin_hole_radius_mid_um": 60.0}
+    wide: dict[str, Value] = {"pin_hole_radius_mid_um": 60.0}
     mids = {
         one.name: float(str(one.default)) for one in RvBatch.parameters if "_mid_um" in one.name
     }

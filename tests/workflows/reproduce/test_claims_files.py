@@ -178,7 +178,7 @@ FAULTS = {
     ),
     "unknown reference": (
         reading('problem = "rv_backlash"\nreference = "document C"\noutput = "cost"'),
-        "reading[0].reference: must be one of document B, document B, staggered 0.1 arcmin",
+        "reading[0].reference: must be one of document B, document B, staggered 0.2 arcmin",
     ),
     "design out of range": (
         reading('problem = "rv_backlash"\noutput = "cost"\ndesign = { pin_radius_um = -1.0 }'),

@@ -9,6 +9,7 @@ from tolevo.models.assembly.model import Assembly
 from tolevo.models.expressions import Formula
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.problems.settings import Settings
 from tolevo.workflows.reproduce.recipes import (
     ByCalculation,
     ByFormula,
@@ -73,11 +74,11 @@ def test_operating_points_are_rows() -> None:
 
 
 def test_derivatives_of_a_problem() -> None:
-    """Document B: phi_2 falls by 4 per stagger; phi_3 is du/a_0/2 on average over [0, du]."""
-    problem = RvBacklash()
+    """Document B: phi_2 falls by 2 per turn of a disc; phi_3 is du/a_0/2 on average."""
+    problem = RvBacklash(Settings(parameters={"reading": "printed"}))
     design = tuple(problem.references()["document B"].tolist())
     for output, by, step, wanted in (
-        ("phi_2_arcmin", "stagger_arcmin", 0.05, -4.0),
+        ("phi_2_arcmin", "stagger_arcmin", 0.05, -2.0),
         ("phi_3_arcmin", "crank_bearing_um", 0.5, 0.5e-6 / 0.036 * 60 * 180 / np.pi),
         ("phi_3_arcmin", "centre_distance_mm", 0.01, -1e-6 / 0.036**2 * 1e-3 * 60 * 180 / np.pi),
     ):
@@ -90,7 +91,7 @@ def test_derivative_of_a_calculation_by_its_parameter() -> None:
     kind = registry.load("calculations", "backlash_stages")
     recipe = Derivative(ByCalculation(kind, (), ("cycloid_mean_arcmin",)), "stagger_arcmin", 0.02)
     (found,) = recipe.found(rng()).quantities
-    np.testing.assert_allclose(found.value, -4.0, rtol=1e-9)
+    np.testing.assert_allclose(found.value, -2.0, rtol=1e-9)
 
 
 def test_both_ends_of_a_derivative_take_the_same_random_numbers() -> None:

@@ -118,7 +118,7 @@ def test_printed_zones_beside_the_optimum() -> None:
     "given",
     [
         {},
-        {"crank_bearing_um": 20.0, "stagger_arcmin": 0.1, "units": 5000},
+        {"crank_bearing_um": 20.0, "stagger_arcmin": 0.2, "units": 5000},
         {"distribution": "normal", "cp": 1.33, "pitch_distribution": "triangular"},
     ],
 )
@@ -158,7 +158,7 @@ def test_stagger_of_section_2() -> None:
     sweep = columns(found, "sweep")
     assert np.all(np.diff(sweep["interference_percent"]) >= 0.0)
     assert np.all(np.diff(sweep["backlash_mean_arcmin"]) <= 0.0)
-    np.testing.assert_allclose(sweep["stagger_arcmin"], np.linspace(0.0, 0.3, 31))
+    np.testing.assert_allclose(sweep["stagger_arcmin"], np.linspace(0.0, 0.6, 31))
 
 
 def test_stagger_for_every_unit_leaves_none_above_the_limit() -> None:

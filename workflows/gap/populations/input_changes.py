@@ -204,7 +204,7 @@ class Tables:
 
     def _moved(self, kind: str, by: Array, log: Array, clipped: bool) -> Iterator[Change]:
         for one in self.law.sources.inputs:
-            if one.clipped is clipped and one.tolerance > 0.0 and one.per_unit != 0.0:
+            if one.clipped is clipped and one.tolerance > 0.0 and one.moves and one.per_unit != 0.0:
                 per = one.per_unit / self.law.sources.unit
                 most = 2.0 * self.out * one.tolerance * abs(per)
                 yield Change(kind, one, by, log, -most, most, per)

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ....declarations import Output, Parameter, Value, number
+from ....declarations import READING, Output, Parameter, Value, number
 from ....models.propagation.sums import total_cumulants
 from ....models.rv_reducer import declared
+from ....models.rv_reducer.reading import PRINTED
 from ....records import Axis
 from ....units import ARCMIN
 from ..calculation import Calculation, Computed, ComputedTable, Quantity
@@ -19,7 +20,8 @@ STAGES = ("involute", "cycloid", "output")
 class BacklashStages(Calculation):
     """Mean and spread of the backlash of each stage over units, in closed form.
 
-    The cycloid stage as geometry has it: below zero is interference.
+    As document B prints it (reading = "printed"). The cycloid stage as geometry has it: below zero
+    is interference.
     """
 
     name = "backlash_stages"
@@ -30,8 +32,8 @@ class BacklashStages(Calculation):
         Parameter("crank_bearing_um", 2.0, "um", "clearance c of the crank-arm bearings, zone "
                   "[0, c]", "document B: 2 in its table, 20 in its Monte Carlo", low=0.0,
                   high=1e3),
-        Parameter("stagger_arcmin", 0.0, "arcmin", "stagger of the discs", "document B", low=0.0,
-                  high=60.0),
+        Parameter("stagger_arcmin", 0.0, "arcmin", "turn of each disc, one ahead and one back",
+                  "document B", low=0.0, high=60.0),
     )  # fmt: skip
     outputs = tuple(
         one
@@ -49,7 +51,9 @@ class BacklashStages(Calculation):
         at = {one.name: float(one.document or 0.0) for one in declared.VARIABLES}
         at |= {name: number(value) for name, value in own.items()}
         design = {name: np.array([value]) for name, value in at.items()}
-        total = declared.backlash_model({}, None, {}).total(declared.allocation(design))
+        total = declared.backlash_model({READING: PRINTED}, None, {}).total(
+            declared.allocation(design)
+        )
         involute, output = total.free
         parts = [total_cumulants(terms) for terms in ((involute,), total.clipped, (output,))]
         mean, variance = np.array([[float(part[k][0]) for part in parts] for k in (0, 1)])

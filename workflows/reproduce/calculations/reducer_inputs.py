@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
-from ....declarations import Kind, Parameter, Value, Variable, number
+from ....declarations import READING, Kind, Parameter, Value, Variable, number
 from ....errors import refuse
 from ....models.inputs import DISTRIBUTIONS, Distribution
 from ....models.propagation import ClippedSum
 from ....models.rv_reducer import declared
 from ....models.rv_reducer.backlash import BacklashModel
+from ....models.rv_reducer.reading import PRINTED
 
 PLAIN = ("uniform", "triangular", "trapezoid", "normal", "truncated_normal", "rayleigh")
 """Distributions whose parameters all have defaults."""
@@ -43,7 +44,7 @@ def stem(name: str) -> str:
 
 
 PARAMETERS: tuple[Parameter, ...] = (
-    *declared.PARAMETERS,
+    *(replace(one, default=PRINTED) if one.name == READING else one for one in declared.PARAMETERS),
     *(_of_variable(one) for one in declared.VARIABLES),
     Parameter(COMMON, "uniform", "", "distribution of every error over units, where it has none of "
               "its own", "assumed: document B names none", assumed=True, choices=PLAIN),

@@ -11,7 +11,7 @@ from ....declarations import Parameter, Value, number
 from ....models.propagation import Convolution, Propagated
 from ....models.propagation.sums import ClippedSum
 from ....models.rv_reducer import stagger
-from ....models.rv_reducer.backlash import STAGGER_GAIN
+from ....models.rv_reducer.backlash import BacklashModel
 from ....models.rv_reducer.contact.contact import LoadedContact
 from ....models.rv_reducer.contact.errors import PartErrors
 from ....models.rv_reducer.contact.geometry import ContactGeometry
@@ -41,7 +41,7 @@ OUTPUTS = (
     *(output(f"without_{name}", f"{text}, no stagger") for name, text in STATISTICS.items()),
     output("stagger_for_every_unit_arcmin", "least stagger at which the zones allow no unit above "
            "the limit; infinite where the other stages alone exceed it"),
-    output("turn_of_disc_arcmin", "turn of each disc, one ahead and one back, that makes 4 delta'"),
+    output("turn_of_disc_arcmin", "the stagger: turn of each disc, one ahead and one back"),
     output("hole_offset_um", "for it: offset of a disc's bearing holes along their circle"),
     output("blank_angle_mrad", "or: angle at which the profile is machined to the holes"),
     output("blank_at_rim_um", "the same on the radius of the pin circle"),
@@ -54,7 +54,10 @@ OUTPUTS = (
 
 
 class StaggeredAssembly(Calculation):
-    """Backlash and interference against the stagger delta', and the parts that make it."""
+    """Backlash and interference against the stagger, and the parts that make it.
+
+    The stagger is the turn of each disc, one ahead and one back: twice the delta' of document B.
+    """
 
     name = "staggered_assembly"
     about = "Backlash against interference over the stagger of the discs, and the parts it takes."
@@ -63,9 +66,9 @@ class StaggeredAssembly(Calculation):
     outputs = OUTPUTS
     parameters = (
         *(one for one in reducer_inputs.PARAMETERS if one.name != "stagger_arcmin"),
-        Parameter("stagger_arcmin", 0.1, "arcmin", "stagger delta' of the quantities", "document B",
-                  low=0.0, high=60.0),
-        Parameter("stagger_most_arcmin", 0.3, "arcmin", "end of the sweep", "assumed", assumed=True,
+        Parameter("stagger_arcmin", 0.2, "arcmin", "turn of each disc, one ahead and one back, for "
+                  "the quantities", "document B: twice its delta'", low=0.0, high=60.0),
+        Parameter("stagger_most_arcmin", 0.6, "arcmin", "end of the sweep", "assumed", assumed=True,
                   low=0.0, high=60.0, open_low=True),
         Parameter("points", 31, "", "points of the sweep", "assumed", assumed=True, low=2,
                   high=10_000),
@@ -77,7 +80,8 @@ class StaggeredAssembly(Calculation):
         limit = number(given["backlash_limit_arcmin"]) * ARCMIN
         at = np.array([0.0, number(given["stagger_arcmin"])])
         total = reducer_inputs.total_of(model, given, stagger_arcmin=at)
-        numbers = _outcome(Convolution().propagate(total, COVERAGE, limit), total, limit)
+        found = Convolution().propagate(total, COVERAGE, limit)
+        numbers = _outcome(found, total, limit, model)
         numbers |= _parts(model.geometry, at[1] * ARCMIN)
         numbers |= _contact(model.geometry, given, at[1] * ARCMIN)
         sweep = np.linspace(0.0, number(given["stagger_most_arcmin"]), int(number(given["points"])))
@@ -94,7 +98,9 @@ def _most(total: ClippedSum) -> tuple[Array, Array]:
     return free, clipped
 
 
-def _outcome(found: Propagated, total: ClippedSum, limit: float) -> dict[str, float]:
+def _outcome(
+    found: Propagated, total: ClippedSum, limit: float, model: BacklashModel
+) -> dict[str, float]:
     """Without and with the stagger (rows 0 and 1)."""
     free, clipped = _most(total)
     worst = free + np.maximum(clipped, 0.0)
@@ -104,7 +110,9 @@ def _outcome(found: Propagated, total: ClippedSum, limit: float) -> dict[str, fl
         for row, prefix in ((0, "without_"), (1, ""))
         for name, column in columns.items()
     }
-    needed = np.maximum(free[0] + clipped[0] - limit, 0.0) / STAGGER_GAIN
+    needed = np.maximum(free[0] + clipped[0] - limit, 0.0) / (
+        model.output_factor * model.stagger_gain
+    )
     reached = needed if free[0] <= limit else np.inf
     return named | {"stagger_for_every_unit_arcmin": float(reached) / ARCMIN}
 
@@ -119,17 +127,16 @@ def _statistics(found: Propagated) -> dict[str, Array]:
     }
 
 
-def _parts(geometry: RvGeometry, delta: float) -> dict[str, float]:
+def _parts(geometry: RvGeometry, turn: float) -> dict[str, float]:
     """What one disc is turned by, and each way to do it; the other disc takes the opposite."""
-    found = _dimensions(geometry, np.array([delta / ARCMIN]))
+    found = _dimensions(geometry, np.array([turn / ARCMIN]))
     return {name: float(column[0]) for name, column in found.items()}
 
 
 def _dimensions(geometry: RvGeometry, staggers: Array) -> dict[str, Array]:
-    turn = stagger.turn_of_disc(staggers * ARCMIN)
-    found = stagger.parts(geometry, turn)
+    found = stagger.parts(geometry, staggers * ARCMIN)
     return {
-        "turn_of_disc_arcmin": turn / ARCMIN,
+        "turn_of_disc_arcmin": staggers,
         "hole_offset_um": found.hole_offset / UM,
         "blank_angle_mrad": found.blank_angle / MRAD,
         "blank_at_rim_um": found.at_rim / UM,
@@ -138,11 +145,10 @@ def _dimensions(geometry: RvGeometry, staggers: Array) -> dict[str, Array]:
     }
 
 
-def _contact(geometry: RvGeometry, given: Mapping[str, Value], delta: float) -> dict[str, float]:
+def _contact(geometry: RvGeometry, given: Mapping[str, Value], turn: float) -> dict[str, float]:
     """What the contact model says that the discs' turn takes from the backlash of the discs."""
     dr_rp, dr_p = (number(given[name]) * MM for name in ("dr_rp_mm", "dr_p_mm"))
     contact = LoadedContact(ContactGeometry(geometry, dr_rp, dr_p), exact=True)
-    turn = float(stagger.turn_of_disc(np.array([delta]))[0])
     phase = float(stagger.parts(geometry, np.array([turn])).journal_phase[0])
     ways = {
         "": PartErrors(),
@@ -157,7 +163,7 @@ def _contact(geometry: RvGeometry, given: Mapping[str, Value], delta: float) -> 
 
 def _sweep(sweep: Array, found: Propagated) -> ComputedTable:
     columns = {"stagger_arcmin": sweep} | _statistics(found)
-    meaning = "Backlash (quantile at 0.9973) and interference (phi_2 < 0) over the stagger delta'"
+    meaning = "Backlash (quantile at 0.9973) and interference (phi_2 < 0) over the stagger"
     chart = Chart("lines", "stagger_arcmin", ("above_limit_percent", "interference_percent"))
     return tabulated("sweep", meaning, columns, chart)
 

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ....declarations import Parameter, Value, number
+from ....declarations import READING, Parameter, Value, number
 from ....errors import Fault, raise_all
 from ....models.rv_reducer import declared
 from ....models.rv_reducer.backlash import BacklashModel
 from ....models.rv_reducer.cycloid import LINEAR_ERRORS, coefficients
 from ....models.rv_reducer.modification import modification_backlash
+from ....models.rv_reducer.reading import PRINTED
 from ....models.rv_reducer.zone_optimum import (
     ERRORS,
     Bounds,
@@ -98,7 +99,7 @@ class ToleranceZones(Calculation):
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         given = self.completed(values)
-        model = declared.backlash_model(given, None, {})
+        model = declared.backlash_model({READING: PRINTED} | given, None, {})
         stage, bounds = _stage(model, given), _bounds(given)
         found, clipped = least(stage, bounds), least_clipped(stage, bounds)
         numbers = _optimum(stage, found, clipped) | _printed(stage, found)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from ....declarations import Value, number
+from ....declarations import Value, completed, number
 from ....models.effects.compose import Active, predicted
 from ....models.inputs.distribution import Distribution
 from ....models.measurable import MeasurableModel
@@ -160,6 +160,5 @@ class ByModel(Recipe):
             document = {one.name: float(one.document or 0.0) for one in self.kind.variables}
             own = (document | dict(self.designs))[name]
             return replace(self, designs=dict(self.designs) | {name: own + step})
-        default = {one.name: one.default for one in self.kind.parameters}
-        value = number((default | dict(self.parameters))[name]) + step
+        value = number(completed(self.kind.parameters, self.parameters)[name]) + step
         return replace(self, parameters=dict(self.parameters) | {name: value})

@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 import pandas as pd
 
+from ....counts import is_forced
 from ....errors import Fault
 from ..records import Design, Factor, Level
 from .needs import column, level_faults, replicate_faults
@@ -27,11 +28,15 @@ class Factorial(Design):
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
         found = level_faults(factors, self.kind)
-        count = prod(len(factor.grid()) or 1 for factor in factors)
-        if count > MOST:
-            text = f"has {count} settings, {MOST} at most: give fewer levels, or use sobol"
+        count = self.size(factors)
+        if count > MOST and not is_forced():
+            text = f"has {count} settings, {MOST} at most: give fewer levels, use sobol, or add "
+            text += "--force"
             found.append(Fault("kind", text))
         return found + replicate_faults(seeds, "shares of variance")
+
+    def size(self, factors: tuple[Factor, ...]) -> int:
+        return prod(len(factor.grid()) or 1 for factor in factors)
 
     def points(
         self,

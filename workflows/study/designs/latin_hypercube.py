@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import qmc
 
+from ....counts import SETTINGS
 from ....errors import Fault
 from ..records import Design, Factor, Level
 from .needs import frame_of, replicate_faults, small
@@ -28,13 +29,16 @@ class LatinHypercube(Design):
     """`samples` settings that fill the space of the keys."""
 
     kind: ClassVar[str] = "latin_hypercube"
-    samples: int = field(default=64, metadata={"low": 2})
+    samples: int = field(default=64, metadata={"low": 2, "need": SETTINGS})
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
         statistic = "an analysis of variance needs twice its terms,"
         least = 2 * terms(factors)
         found = small("samples", self.samples, least, statistic)
         return found + replicate_faults(seeds, "shares of variance")
+
+    def size(self, factors: tuple[Factor, ...]) -> int:
+        return self.samples
 
     def points(
         self,

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 import pandas as pd
 
+from ....counts import SETTINGS
 from ....errors import Fault
 from ..records import Design, Factor, Level
 from .needs import frame_of, replicate_faults, small
@@ -24,7 +25,7 @@ class Morris(Design):
     """Elementary effects (Morris 1991) along `trajectories` of one setting more than keys."""
 
     kind: ClassVar[str] = "morris"
-    trajectories: int = field(default=20, metadata={"low": 1})
+    trajectories: int = field(default=20, metadata={"low": 1, "need": SETTINGS})
     levels: int = field(default=4, metadata={"low": 2})
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
@@ -34,6 +35,9 @@ class Morris(Design):
             text = f"is {self.levels}: steps of half the grid need an even number of levels"
             found.append(Fault("levels", text))
         return found + replicate_faults(seeds, "elementary effects")
+
+    def size(self, factors: tuple[Factor, ...]) -> int:
+        return self.trajectories * (len(factors) + 1)
 
     def points(
         self,

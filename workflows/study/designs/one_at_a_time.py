@@ -23,6 +23,9 @@ class OneAtATime(Design):
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
         return level_faults(factors, self.kind)
 
+    def size(self, factors: tuple[Factor, ...]) -> int:
+        return 1 + sum(len(factor.grid()) for factor in factors)
+
     def points(
         self,
         factors: tuple[Factor, ...],

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 import pandas as pd
 
+from ....counts import SETTINGS
 from ....errors import Fault
 from ..records import Design, Factor, Level
 from .needs import frame_of, replicate_faults, small
@@ -22,7 +23,7 @@ class Sobol(Design):
     """`samples` blocks of A, A with one key from B for every key, and B (Saltelli et al. 2010)."""
 
     kind: ClassVar[str] = "sobol"
-    samples: int = field(default=128, metadata={"low": 1})
+    samples: int = field(default=128, metadata={"low": 1, "need": SETTINGS})
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
         found = small("samples", self.samples, LEAST, "intervals of Sobol indices need")
@@ -31,6 +32,9 @@ class Sobol(Design):
             text = f"is {self.samples}: a Sobol sequence is balanced at powers of 2; use"
             found.append(Fault("samples", f"{text} {max(lower, LEAST)} or {max(2 * lower, LEAST)}"))
         return found + replicate_faults(seeds, "Sobol indices")
+
+    def size(self, factors: tuple[Factor, ...]) -> int:
+        return self.samples * (len(factors) + 2)
 
     def points(
         self,

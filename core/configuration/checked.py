@@ -1,0 +1,28 @@
+"""`tolevo check`: a configuration of any kind, validated, and the text that says all of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from .description import describe, describe_plan
+from .gap import read_gap
+from .gap_kind import is_gap
+from .reader import read
+from .simulated import build_model
+from .study import is_study, read_study
+
+CHECKED = 300
+"""Settings of a study that are read as runs: the rest would take its time."""
+
+
+def checked(path: Path, overrides: Sequence[str] = ()) -> str:
+    """The resolved configuration as TOML with comments. Raises InputError with every fault."""
+    if is_study(path):
+        return describe_plan(read_study(path, overrides, CHECKED))
+    if is_gap(path):
+        return read_gap(path, overrides).configuration
+    configuration = read(path, overrides)
+    if configuration.problem is None:
+        build_model(configuration)  # it refuses what only its physics can tell
+    return describe(configuration)

@@ -1,0 +1,177 @@
+"""What a name of a unit is worth in SI, by the definitions of pint and a few of our own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+from .unit_grammar import Factors, UnitError, factors
+
+ANGLE, TIME = "radian", "second"
+_BASES = frozenset(["meter", "gram", TIME, "ampere", "kelvin", "mole", "candela", ANGLE])
+"""What units are made of; an angle is a quantity of its own here."""
+_SI = {"gram": "kilogram"}
+_PLAIN = frozenset(["%", "‰", "percent", "permille", "ppm"])
+"""Names of plain numbers; what else is one (pi, decades) is no unit here."""
+_PREFIXES: Mapping[str, int] = {
+    "yocto": -24, "zepto": -21, "atto": -18, "femto": -15, "pico": -12, "nano": -9, "micro": -6,
+    "milli": -3, "centi": -2, "deci": -1, "deca": 1, "deka": 1, "hecto": 2, "kilo": 3, "mega": 6,
+    "giga": 9, "tera": 12, "peta": 15, "exa": 18, "zetta": 21, "yotta": 24,
+    "da": 1, "a": -18, "f": -15, "p": -12, "n": -9, "u": -6, "µ": -6, "m": -3, "c": -2, "d": -1,
+    "h": 2, "k": 3, "M": 6, "G": 9, "T": 12, "P": 15, "E": 18,
+}  # fmt: skip
+"""Powers of ten; those of more letters first."""
+_OURS: Mapping[str, str] = {
+    "C": "degC", "°C": "degC", "°F": "degF", "°": "degree",
+    "'": "arcmin", "′": "arcmin", '"': "arcsec", "″": "arcsec", "‰": "permille",
+    "mil": "thou", "mils": "thou", "rev": "turn", "r": "turn",
+    "kgfm": "kgf m", "kgfcm": "kgf cm", "kgfmm": "kgf mm",
+    "lbfin": "lbf in", "lbfft": "lbf ft", "ozfin": "ozf in",
+}  # fmt: skip
+"""Names that pint has not, or has for something else: a mil is an angle there, C a coulomb."""
+_NEWTONS = ("n", "u", "µ", "m", "c", "d", "da", "", "h", "k", "M", "G")
+_METRES = ("mm", "cm", "dm", "m")
+_TORQUES: Mapping[str, str] = {f"{p}N{m}": f"{p}N {m}" for p in _NEWTONS for m in _METRES}
+"""Torques in one word: kNm, Nmm. (Of pint's, "Nm" is a number times a length.)"""
+LARGEST = 1e150
+"""SI units in a unit, or units in an SI unit, at most: a quotient of two is a number as well."""
+_PLURALS = 3
+"""Letters that a name has at least where an "s" may follow it: "mils", but not "mms"."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit: how many of its SI unit one is, the powers of what it is made of, and where its zero
+    lies in its SI unit (of a temperature alone).
+    """
+
+    factor: Fraction
+    dimensions: tuple[tuple[str, int], ...]
+    zero: Fraction = Fraction(0)
+
+    def power(self, base: str) -> int:
+        """The exponent of `base`, 0 where it has none."""
+        return dict(self.dimensions).get(base, 0)
+
+    def without(self, base: str) -> tuple[tuple[str, int], ...]:
+        """The powers of everything but `base`."""
+        return tuple((name, power) for name, power in self.dimensions if name != base)
+
+
+NUMBER = Unit(Fraction(1), ())
+"""A plain number."""
+
+
+@lru_cache(maxsize=1024)
+def unit_of(text: str) -> Unit:
+    """The unit that a text names; "" and "1" are a plain number.
+
+    Raises UnitError, which says why, where it names none.
+    """
+    parts = _written_out(text)
+    if len(parts) == 1 and parts[0][1] == 1:
+        return _named(parts[0][0])
+    above = [name for name, power in parts if power > 0]
+    if len(above) > 1 and not _PLAIN.isdisjoint(above):
+        raise UnitError("a percentage of a unit is no unit")
+    found = NUMBER
+    for name, power in parts:
+        found = _times(found, _named(name), power)
+    if not 1.0 / LARGEST < found.factor < LARGEST:
+        raise UnitError(f'"{text}" is beyond all that is measured')
+    return found
+
+
+def _written_out(text: str) -> Factors:
+    """The factors of a text, none of a plain number, with abbreviations spelt out."""
+    found: Factors = ()
+    for name, power in factors(text) if text.strip() else ():
+        longhand = _longhand(name)
+        inner = ((name, 1),) if longhand == name else _written_out(longhand)
+        found += tuple((own, exponent * power) for own, exponent in inner)
+    return found
+
+
+def names_in(text: str) -> tuple[str, ...]:
+    """The names that a unit is made of, abbreviations written out."""
+    return tuple(name for name, _ in _written_out(text))
+
+
+def _longhand(name: str) -> str:
+    """What a name stands for: "kN m" for "kNm", "N/mm" for "N_per_mm", as names of keys end."""
+    name = name.replace("μ", "µ")
+    above, per, below = name.rpartition("_per_")
+    if per and name not in _names():
+        return f"{above}/{below}"
+    return _TORQUES.get(name) or _OURS.get(name, name)
+
+
+def _times(one: Unit, other: Unit, power: int) -> Unit:
+    """The product with a power of another unit; of a temperature with a zero, a difference."""
+    powers = dict(one.dimensions)
+    for base, own in other.dimensions:
+        powers[base] = powers.get(base, 0) + own * power
+    dimensions = tuple(sorted((base, total) for base, total in powers.items() if total))
+    return Unit(one.factor * other.factor**power, dimensions)
+
+
+@lru_cache(maxsize=1)
+def _registry() -> Any:
+    from pint import UnitRegistry
+
+    exact: Any = Fraction  # pint takes any kind of number, and declares float
+    return UnitRegistry(non_int_type=exact)
+
+
+@lru_cache(maxsize=1)
+def _names() -> frozenset[str]:
+    """Every name that pint defines a unit by, without prefixes."""
+    return frozenset(_registry())
+
+
+@lru_cache(maxsize=1024)
+def _named(name: str) -> Unit:
+    """The unit of one name, with or without a prefix or a plural's s."""
+    prefix, stem = _split(name)
+    found = _defined(stem)
+    if prefix and found.zero:
+        raise UnitError(f'"{name}" is not a unit: what has a zero of its own takes no prefix')
+    exponent = _PREFIXES[prefix] if prefix else 0
+    return Unit(found.factor * Fraction(10) ** exponent, found.dimensions, found.zero)
+
+
+def _split(name: str) -> tuple[str, str]:
+    """Prefix and defined name."""
+    for whole in (name, name[:-1] if name.endswith("s") and len(name) > _PLURALS else name):
+        if whole in _names():
+            return "", whole
+        for prefix in _PREFIXES:
+            if whole.startswith(prefix) and whole.removeprefix(prefix) in _names():
+                return prefix, whole.removeprefix(prefix)
+    raise UnitError(f'"{name}" is not a unit')
+
+
+def _defined(name: str) -> Unit:
+    """A unit of pint's, without a prefix."""
+    from pint.util import to_units_container
+
+    registry = _registry()
+    canonical = registry.get_name(name)
+    single = registry.UnitsContainer({canonical: Fraction(1)})
+    factor, root = registry.get_root_units(single, check_nonmult=False)
+    container: Any = to_units_container(root)
+    powers = {str(base): Fraction(power) for base, power in container.items()}
+    whole = all(power.denominator == 1 for power in powers.values())
+    if not set(powers) <= _BASES or not whole or not (powers or name in _PLAIN):
+        raise UnitError(f'"{name}" is not a unit that is known here')
+    size: Fraction = factor / Fraction(1000) ** int(powers.get("gram", 0))
+    dimensions = sorted((_SI.get(base, base), int(power)) for base, power in powers.items())
+    return Unit(Fraction(size), tuple(dimensions), _zero(canonical, root))
+
+
+def _zero(name: str, root: Any) -> Fraction:
+    """Where the zero of a unit lies in its SI unit `root`."""
+    return Fraction(_registry().Quantity(Fraction(0), name).to(root).magnitude)

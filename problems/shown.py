@@ -1,0 +1,82 @@
+"""What a problem tells its readers beside numbers of a front; by default nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import Bars, UnitsShown
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from .tolerance_problem import ToleranceProblem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """A problem in which one assumption is another: which one, what it is, and the problem."""
+
+    assumption: str
+    value: str
+    problem: ToleranceProblem
+
+
+class Shown:
+    """What the page of a run has beside the front, where a problem knows it."""
+
+    explained: ClassVar[Mapping[str, str]] = {}
+    """By output without a derivative, the one whose derivative tells what contributes to it."""
+
+    model_name: ClassVar[str] = ""
+    """Which of several models of one thing the numbers are of; empty where there is one."""
+    model_statement: ClassVar[str] = ""
+    """The same in words, printed wherever the numbers appear."""
+
+    def contact_verdict(self, designs: Array) -> tuple[str, ...]:
+        """What the exact contact says of each full design (n, all variables), such as "keeps 1
+        arcmin in 43 % of units"; empty where it is not asked.
+        """
+        return ()
+
+    def model_labels(self, designs: Array) -> tuple[str, ...]:
+        """By which model each full design (n, all variables) is judged, and what contact says.
+
+        Empty texts where there is but one model.
+        """
+        alone, verdicts = self.model_statement, self.contact_verdict(designs)
+        if not alone or not verdicts:
+            return (alone,) * len(designs)
+        return tuple(f"{alone}; by contact this allocation {one}" for one in verdicts)
+
+    def bars(self) -> tuple[Bars, ...]:
+        """Charts of what matters in this problem, whatever is optimised."""
+        return ()
+
+    def title(self) -> str:
+        """The mechanism in words, for the heading of a page; empty where the name says it."""
+        return ""
+
+    def validity(self) -> tuple[str, ...]:
+        """Limits of validity of the model, a sentence each."""
+        return ()
+
+    def shown_limit(self) -> tuple[str, float] | None:
+        """Output and upper limit by which the point is chosen whose units are shown."""
+        return None
+
+    def shown_units(self, design: Array) -> UnitsShown | None:
+        """One unit and the population of a full design (all variables,), None without units."""
+        return None
+
+    def variants(self) -> tuple[Variant, ...]:
+        """The problem as it is, then with one assumption changed at a time.
+
+        They search the same free variables; empty where no assumption is worth trying.
+        """
+        return ()

@@ -1,0 +1,122 @@
+"""What backlash means in a run: one unit, the population, and what assumptions cost."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from ..records import RunResult
+from .document import bullets, picture, section
+from .drawing import COLOURS, flags, new_figure, plain
+from .tables import chosen, shown, table
+
+COST = (
+    "Least cost at {level} when one assumption is changed and all others stay: the allocation is "
+    "solved again from the point above, at its grade, on the sample of the search. The first row "
+    "is the same with nothing changed, so that the differences are those of the assumption. No "
+    "value of an assumption is the worst case; measured parts would settle it."
+)
+HEIGHT = 3.4
+"""Height [inch] of either figure."""
+
+
+def unit_sections(result: RunResult) -> tuple[str, ...]:
+    """The sections on units, none where the problem knows none."""
+    found = []
+    units = result.summary.get("units")
+    if isinstance(units, dict) and result.unit_turn is not None and result.population is not None:
+        found.append(section("What backlash means here", _meaning(result, units)))
+    if result.assumptions_cost is not None:
+        cost = _cost(result.assumptions_cost, result.summary.get("assumptions_at"))
+        found.append(section("Assumptions and what they cost", cost))
+    if result.summary.get("validity"):
+        limits = bullets([str(one) for one in result.summary["validity"]])
+        found.append(section("Limits of validity", limits))
+    return tuple(found)
+
+
+def _meaning(result: RunResult, units: dict[str, Any]) -> str:
+    words = bullets([str(one) for one in units.get("words") or ()])
+    values = ", ".join(f"{name.replace('_', ' ')} {shown(units[name])}"
+                       for name in ("cost", "yield_percent", "interference_probability")
+                       if name in units)  # fmt: skip
+    point = f"Shown for {units.get('chosen', 'one point')} (point {shown(units.get('point'))} of " \
+            f"front.csv): {values}."  # fmt: skip
+    drawn = [
+        picture("unit", turn_figure(result), "One unit of this allocation over one turn of the "
+                "output: the unit whose largest backlash is the median of the population. "
+                "unit_turn.csv has the values."),
+        picture("population", population_figure(result), "The population of units of this "
+                "allocation by their largest backlash, with the quantile that the run reports and "
+                "the limit. population.csv has the values."),
+    ]  # fmt: skip
+    return "\n".join([words, f"<p>{escape(point)}</p>", *drawn])
+
+
+def turn_figure(result: RunResult) -> Figure:
+    """Backlash of one unit over the turn, the positions that count marked."""
+    found = result.unit_turn
+    assert found is not None
+    figure = new_figure(HEIGHT)
+    axes = figure.add_subplot()
+    counts = pd.Series(flags(found, "measured"), index=found.index)
+    axes.plot(found["turn_deg"], found["backlash_arcmin"], linewidth=0.7, color=COLOURS[0],
+              label="backlash of the unit")  # fmt: skip
+    own = found[counts]
+    axes.plot(own["turn_deg"], own["backlash_arcmin"], linestyle="none", marker="o", markersize=3.0,
+              color=COLOURS[1], label=f"{len(own)} positions")  # fmt: skip
+    if len(own):
+        axes.axhline(float(own["backlash_arcmin"].max()), color=COLOURS[1], linestyle="--",
+                     linewidth=1.0, label="largest of them")  # fmt: skip
+    axes.set_xlim(0.0, 360.0)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("turn of the output [deg]")
+    axes.set_ylabel("backlash [arcmin]")
+    figure.legend(frameon=False, fontsize="small", ncols=3, loc="outside lower center")
+    plain(axes)
+    return figure
+
+
+def population_figure(result: RunResult) -> Figure:
+    """Units by their largest backlash: shares and their sum, quantile and limit marked."""
+    found, units = result.population, dict(result.summary.get("units") or {})
+    assert found is not None
+    figure = new_figure(HEIGHT)
+    axes = figure.add_subplot()
+    axes.stairs(found["share_percent"].iloc[1:], found["backlash_max_arcmin"], fill=True,
+                color=COLOURS[0], alpha=0.45, label="units per step")  # fmt: skip
+    axes.set_xlabel("largest backlash of a unit over the turn [arcmin]")
+    axes.set_ylabel("units per step [%]")
+    both = axes.twinx()
+    both.plot(found["backlash_max_arcmin"], found["share_within_percent"], color=COLOURS[0],
+              linewidth=1.5, label="units within")  # fmt: skip
+    both.set_ylim(0.0, 104.0)
+    both.set_ylabel("units within [%]")
+    marks = (("quantile", f"{shown(units.get('coverage_percent'))} % of the units", "--", 1),
+             ("limit", "limit", ":", 2))  # fmt: skip
+    for name, words, style, colour in marks:
+        if isinstance(units.get(name), int | float):
+            both.axvline(float(units[name]), linestyle=style, color=COLOURS[colour], linewidth=1.4,
+                         label=f"{words}: {shown(units[name])} arcmin")  # fmt: skip
+    lines = [one.get_legend_handles_labels() for one in (axes, both)]
+    handles, labels = lines[0][0] + lines[1][0], lines[0][1] + lines[1][1]
+    figure.legend(handles, labels, frameon=False, fontsize="small", ncols=2,
+                  loc="outside lower center")  # fmt: skip
+    plain(axes)
+    both.spines[["top"]].set_visible(False)
+    return figure
+
+
+def _cost(found: pd.DataFrame, level: object) -> str:
+    """The table, the problem as it is marked; a cell without a value stays empty."""
+    words = {name: [shown(cell) for cell in found[name]]
+             for name in ("assumption", "value", "remark") if name in found}  # fmt: skip
+    names = ("assumption", "value", "cost", "change_percent", "remark")
+    marked = [True] + [False] * (len(found) - 1)
+    held = level if isinstance(level, dict) else {}
+    named = ", ".join(f"{name} {shown(value)}" for name, value in held.items())
+    text = COST.format(level=named or "the backlash of the point above")
+    return f"<p>{escape(text)}</p>\n{table(chosen(found.assign(**words), names), marked)}"

@@ -1,0 +1,108 @@
+"""`run` on the exact contact: files beside the front, repetition, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from typer.testing import CliRunner, Result
+
+from tolevo.algorithms.settings import Budget
+from tolevo.cli import app
+from tolevo.workflows.run import overlay
+
+SMALL = """
+problem = "rv_reducer"
+seed = 3
+[parameters]
+search_units = 32
+report_units = 128
+elastic_units = 16
+positions = 11
+te_positions = 31
+[variables]
+involute_grade = { value = 5 }
+dr_rp_mm = { low = -0.06, high = -0.02 }
+dr_p_mm = { low = -0.09, high = -0.05 }
+[algorithm]
+"""
+LIMITED = """
+[limits]
+interference_probability = 0.05
+"""
+EVOLVED = 'name = "nsga2"\npopulation = 20\ngenerations = 3\n'
+EXACT = 'name = "exact"\npoints = 4\n'
+
+
+def tolevo(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "small.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of few units, beside it an NSGA-II of three generations."""
+    folder = tmp_path_factory.mktemp("run")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(overlay, "BUDGET", Budget(generations=3))
+        path = written(folder, SMALL + EXACT + LIMITED)
+        told = tolevo("run", path, "--out", folder / "a", "--workers", 1)
+        assert told.exit_code == 0, told.output
+    return folder / "a"
+
+
+def test_another_front_stands_beside_it(finished: Path) -> None:
+    front, others = (pd.read_csv(finished / f"{one}.csv") for one in ("front", "overlays"))
+    assert set(others["label"]) == {"NSGA-II"}
+    distance = front["above_best_known_percent"]
+    assert (distance >= 0.0).all()
+    joint = pd.concat([front, others])
+    for _, row in front.iterrows():  # 0 for the points that nothing dominates, and only near it
+        better = (joint["cost"] < row["cost"] * (1.0 - 1e-9)) & (
+            joint["backlash_max_arcmin"] <= row["backlash_max_arcmin"]
+        )
+        assert better.any() <= (row["above_best_known_percent"] > 0.0)
+
+
+def test_every_point_keeps_its_limits_and_has_its_error(finished: Path) -> None:
+    front = pd.read_csv(finished / "front.csv")
+    assert (front["interference_probability"] <= 0.05).all()
+    assert (front["backlash_max_arcmin_error"] > 0.0).all()
+    assert front["lost_motion_arcmin"].notna().all()
+    assert front["bound"].isna().all()  # nothing is proven
+
+
+def test_its_configuration_gives_the_same_front_on_two_processes(
+    finished: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(overlay, "BUDGET", Budget(generations=3))
+    out = finished.parent / "b"
+    told = tolevo("run", finished / "config.toml", "--out", out, "--workers", 2)
+    assert told.exit_code == 0, told.output
+    for name in ("front.csv", "overlays.csv"):
+        assert (out / name).read_bytes() == (finished / name).read_bytes(), name
+
+
+def test_a_search_without_a_limit_on_interference_is_refused(tmp_path: Path) -> None:
+    told = tolevo("run", written(tmp_path, SMALL + EVOLVED), "--out", tmp_path / "out")
+    assert told.exit_code == 2
+    assert "limits.interference_probability: is missing" in " ".join(told.output.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_limit_that_no_design_keeps_is_refused_with_the_least_found(tmp_path: Path) -> None:
+    """No design has a backlash of 0.55': by contact 0.6 to 0.7' is the least at grade 5."""
+    text = SMALL + EVOLVED + LIMITED + "backlash_max_arcmin = 0.55\n"
+    told = tolevo("run", written(tmp_path, text), "--out", tmp_path / "out")
+    shown = " ".join(told.output.split())
+    assert told.exit_code == 2
+    assert "limits.backlash_max_arcmin" in shown
+    assert "the least found is" in shown
+    assert "dr_rp_mm" in shown  # the design that has it
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,169 @@
+"""What the assumptions of a run cost: its allocation again, with one of them changed at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...algorithms.exact.branch import NEARLY, Branch
+from ...algorithms.run import Progress, Run
+from ...algorithms.settings import Budget
+from ...problems.shown import Variant
+from ...problems.tolerance_problem import ToleranceProblem
+from ...records import RunResult
+from .units import NEAR, shown_point
+
+Array = NDArray[np.float64]
+COLUMNS = ("assumption", "value", "cost", "change_percent", "remark")
+INFEASIBLE = "no allocation found that keeps the limits at this grade"
+RIGID = "backlash_"
+"""How outputs begin that are searched within a fraction of a second."""
+
+
+def with_assumptions(
+    result: RunResult,
+    problem: ToleranceProblem,
+    history: Sequence[Progress],
+    progress: Callable[[Progress], None] | None,
+) -> RunResult:
+    """The result with the table of its shown point; `progress` is told of it after `history`."""
+    chosen = shown_point(result.front, problem)
+    if chosen is None:
+        return result
+
+    def phase(share: float) -> None:
+        if progress is not None and history:
+            now = replace(history[-1], phase="what assumptions cost", share=share, remaining=None)
+            progress(now)
+
+    own = result.front.iloc[[chosen[0]]]
+    level = _aim(own, problem)
+    ends = [np.array([result.summary[end][name] for name in problem.objectives])
+            for end in ("ideal", "nadir")]  # fmt: skip
+    unit = np.maximum(ends[1] - ends[0], 1e-12)
+    more = np.zeros(len(unit))
+    if level is not None and level[0] in problem.objectives:
+        more[problem.objectives.index(level[0])] = level[1] - float(own[level[0]].iloc[0])
+    design = problem.designs_of(own)[0]
+    found = assumptions_cost(problem, design, unit, more, phase)
+    if found is None:
+        return result
+    summary = {**result.summary, "assumptions_at": _said(own, problem, level)}
+    return replace(result, assumptions_cost=found, summary=summary)
+
+
+def _aim(own: pd.DataFrame, problem: ToleranceProblem) -> tuple[str, float] | None:
+    """The problem's limit where the point is near to it: the level that all costs are for."""
+    limit = problem.shown_limit()
+    if limit is None or limit[0] not in own:
+        return None
+    return limit if abs(float(own[limit[0]].iloc[0]) / limit[1] - 1.0) <= NEAR else None
+
+
+def _said(
+    own: pd.DataFrame, problem: ToleranceProblem, level: tuple[str, float] | None
+) -> dict[str, float]:
+    """The outputs that are held, and at what, as they are reported."""
+    held = [name for name in problem.objectives if name != "cost"]
+    found = {name: float(own[name].iloc[0]) for name in held}
+    if not held:
+        found = {one.name: problem.settings.limits[one.name].high for one in problem.limits
+                 if one.name.startswith(RIGID)}  # fmt: skip
+    return {name: level[1] if level and level[0] == name and held else value
+            for name, value in found.items()}  # fmt: skip
+
+
+def assumptions_cost(
+    problem: ToleranceProblem,
+    design: Array,
+    unit: Array,
+    more: Array,
+    phase: Callable[[float], None] = lambda share: None,
+) -> pd.DataFrame | None:
+    """Least cost at the other objective's level of a full design (all variables,), by assumption.
+
+    The first row is the problem as it is. All are solved on the sample of the search, from the
+    design, at its integers; `unit` (m,) is the scale of the objectives, `more` (m,) is what is
+    added to the levels of the design. `phase` is called with the share that is done. None where the
+    question has no answer: another problem than cost against backlash, least cost without a limit
+    on backlash, or nothing found even as it is. An interrupt leaves out what is missing.
+    """
+    if not _asked(problem):
+        return None
+    variants = problem.variants()
+    rows: list[dict[str, Any]] = []
+    try:
+        for row in _rows(problem, variants, design, (unit, more)):
+            rows.append(row)
+            phase(len(rows) / len(variants))
+            if np.isnan(float(rows[0]["cost"])):
+                return None
+    except KeyboardInterrupt:
+        pass
+    return pd.DataFrame(rows, columns=list(COLUMNS)) if len(rows) > 1 else None
+
+
+def _asked(problem: ToleranceProblem) -> bool:
+    """Whether the run asks for cost against backlash, or for least cost at a backlash."""
+    others = [name for name in problem.objectives if name != "cost"]
+    if len(problem.objectives) != len(others) + 1 or not problem.sampled:
+        return False
+    if others:
+        return len(others) == 1 and others[0].startswith(RIGID)
+    return any(limit.name.startswith(RIGID) for limit in problem.limits)
+
+
+def _rows(
+    problem: ToleranceProblem,
+    variants: tuple[Variant, ...],
+    design: Array,
+    scale: tuple[Array, Array],
+) -> Iterator[dict[str, Any]]:
+    free = [problem.names.index(v.name) for v in problem.free]
+    x = np.clip(design[free], problem.xl, problem.xu)
+    limit: Array | None = None
+    base = np.nan
+    for variant in variants:
+        branch = Branch(Run(variant.problem, Budget(), seed=0), x, scale[0])
+        if limit is None:
+            limit = _level(branch, x) + scale[1]
+        cost = _least(branch, x, limit)
+        base = cost if np.isnan(base) else base
+        yield {
+            "assumption": variant.assumption,
+            "value": variant.value,
+            "cost": cost,
+            "change_percent": 100.0 * (cost / base - 1.0),
+            "remark": INFEASIBLE if np.isnan(cost) else "",
+        }
+
+
+def _level(branch: Branch, x: Array) -> Array:
+    """The level (m,) of the objectives but the cost, at a search vector on the search's sample."""
+    limit = branch.smooth.values(branch.smooth.scaled(x[None, :])[0])[0].copy()
+    limit[branch.smooth.run.problem.objectives.index("cost")] = np.inf
+    return limit
+
+
+def _least(branch: Branch, x: Array, limit: Array) -> float:
+    """Least cost within the limits, begun at `x` or else at the problem's own starts; or NaN."""
+    run = branch.smooth.run
+    cost = run.problem.objectives.index("cost")
+    own = branch.smooth.scaled(x[None, :])[0]
+    found = _kept(branch, cost, own, limit)
+    if not np.isnan(found):
+        return found
+    starts = (_kept(branch, cost, start, limit) for start in branch.starts(run))
+    return next((one for one in starts if not np.isnan(one)), np.nan)
+
+
+def _kept(branch: Branch, cost: int, start: Array, limit: Array) -> float:
+    found = branch.minimise(cost, start, limit)
+    if found is None or np.any(found > limit + NEARLY * branch.unit):
+        return np.nan
+    return float(found[cost])

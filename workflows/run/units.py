@@ -1,0 +1,67 @@
+"""What backlash means in a run, shown on the units of one of its points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from ...problems.shown import Shown
+from ...problems.tolerance_problem import ToleranceProblem
+from ...records import RunResult
+
+SHOWN = ("cost", "yield_percent", "interference_probability")
+"""Outputs of the shown point that the page repeats, beside the one that is limited."""
+
+NEAR = 0.1
+"""Share of the limit by which a point may miss it to be shown in place of the knee."""
+
+
+def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
+    """The result with the limits of validity, and one unit and the population of its shown point.
+
+    As it is for problems without them.
+    """
+    validity = problem.validity()
+    if validity:
+        result = replace(result, summary={**result.summary, "validity": list(validity)})
+    chosen = shown_point(result.front, problem)
+    if chosen is None:
+        return result
+    row, why = chosen
+    found = problem.shown_units(problem.designs_of(result.front.iloc[[row]])[0])
+    limit = problem.shown_limit()
+    if found is None or limit is None:
+        return result
+    own = result.front.iloc[row]
+    units = {
+        "point": row,
+        "chosen": why,
+        "words": list(found.words),
+        "limit": limit[1],
+        "quantile": float(own[limit[0]]),
+        "coverage_percent": 100.0 * problem.settings.propagation.coverage,
+        **{name: float(own[name]) for name in SHOWN if name in own},
+    }
+    return replace(
+        result,
+        summary={**result.summary, "units": units},
+        unit_turn=found.turn,
+        population=found.population,
+    )
+
+
+def shown_point(front: pd.DataFrame, problem: Shown) -> tuple[int, str] | None:
+    """Row of the point whose units are shown, and by what it was chosen; None without any.
+
+    The point nearest to the problem's limit; where none is `NEAR`, the knee.
+    """
+    limit = problem.shown_limit()
+    if limit is None or front.empty or limit[0] not in front:
+        return None
+    name, most = limit
+    away = np.abs(front[name].to_numpy(dtype=float) / most - 1.0)
+    if away.min() > NEAR and "knee" in front and front["knee"].any():
+        return int(np.argmax(front["knee"].to_numpy(dtype=bool))), "the knee"
+    return int(np.argmin(away)), f"the point nearest to {name} {most:g}"
