@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 
 from ..run import Run
 from .afresh import tested_afresh
-from .branch import Branch
+from .branch import NEARLY, Branch
 
 Array = NDArray[np.float64]
 RATIO = 0.75
 """Ratio of neighbouring levels of the coarse front."""
 BEATEN = 0.02
 """Share of the least value by which a set of integers is beaten where it is not tried between."""
+STEPS = 3
+"""Steps to a level that is not reached at once."""
 SWEEPS, SAGGING = 2, 1e-3
 """Times that points are solved again from their neighbours, and the excess over the chord of both
 from which that is done, in natural logarithms."""
@@ -133,8 +135,8 @@ def _widest(levels: dict[float, Array], unit: Array) -> tuple[float, float]:
 
 
 def _value(branch: Branch, level: float) -> float:
-    """The least first objective that a branch has at a level."""
-    own = [f[0] for f in branch.f if f[1] <= level * (1.0 + 1e-6)]
+    """The least first objective that a branch has at a level, or nearly there."""
+    own = [f[0] for f in branch.f if f[1] <= level + NEARLY * branch.unit[1]]
     return min(own, default=np.inf)
 
 
@@ -152,7 +154,19 @@ def _solved(branch: Branch, level: float) -> float:
         branch.minimise(0, tighter + share * (branch.y[above] - tighter), limit)
     if _value(branch, level) > 0.999 * branch_value(branch, above - 1, values):
         branch.minimise(0, tighter, limit)
+    if _value(branch, level) > 0.999 * branch_value(branch, above - 1, values):
+        _stepped(branch, level)
     return _value(branch, level)
+
+
+def _stepped(branch: Branch, level: float) -> None:
+    """From the next looser point to a level in steps, where no larger one leads there."""
+    looser = [f[1] for f in branch.f if f[1] > level]
+    if not looser:
+        return
+    for target in np.geomspace(min(looser), level, STEPS + 1)[1:]:
+        start = branch.nearest(float(min(f[1] for f in branch.f if f[1] >= target)))
+        branch.minimise(0, start, _at_most(branch, 1, float(target)))
 
 
 def branch_value(branch: Branch, at: int, values: Array) -> float:
