@@ -11,7 +11,8 @@ from tolevo.workflows.evaluate import evaluate
 
 
 def problem() -> RvBacklash:
-    return RvBacklash(Settings(variables={"stagger_arcmin": VariableSetting(value=0.1)}))
+    fixed = {"stagger_arcmin": VariableSetting(value=0.1)}
+    return RvBacklash(Settings(parameters={"reading": "printed"}, variables=fixed))
 
 
 def designs(**changes: float) -> pd.DataFrame:

@@ -28,8 +28,9 @@ from tolevo.workflows.gap.mean_unit import of_mean_unit
 from tolevo.workflows.gap.plan import GapPlan
 from tolevo.workflows.gap.read import read_data
 
-DOCUMENT = {"model": "document"}
-"""Units by document B's closed form."""
+DOCUMENT = {"model": "document", "reading": "printed"}
+"""Units by document B's closed form, as printed."""
+PLAN = 'model = "rv_batch"\nparameters = { model = "document", reading = "printed" }\n'
 
 Array = np.ndarray
 Table = dict[str, Array]
@@ -129,9 +130,7 @@ BATCHES: Mapping[str, Callable[[], Table]] = {
 def analysed(table: Mapping[str, Array], text: str = "[free]\n") -> GapResult:
     with TemporaryDirectory() as folder:
         configuration, data = Path(folder, "gap.toml"), Path(folder, "units.csv")
-        configuration.write_text(
-            f'model = "rv_batch"\nparameters.model = "document"\n{text}', encoding="utf-8"
-        )
+        configuration.write_text(f"{PLAN}{text}", encoding="utf-8")
         pd.DataFrame(table).to_csv(data, index=False)
         plan = read_gap(configuration)
         return gap.found(plan, read_data(plan, data))

@@ -24,8 +24,8 @@ from tolevo.workflows.gap.populations.weighed import Weighed
 from tolevo.workflows.gap.read import read_data
 from tolevo.workflows.gap.write import record
 
-DOCUMENT = {"model": "document"}
-"""Units by document B's closed form."""
+DOCUMENT = {"model": "document", "reading": "printed"}
+"""Units by document B's closed form, as printed."""
 
 Array = np.ndarray
 ARCMIN = 180.0 * 60.0 / np.pi
@@ -260,7 +260,8 @@ def test_two_causes_are_of_no_single_input() -> None:
 def analysed(folder: Path, y: Array, **columns: Array) -> GapResult:
     configuration, data = folder / "gap.toml", folder / "units.csv"
     configuration.write_text(
-        'model = "rv_batch"\nparameters.model = "document"\n[free]\n', encoding="utf-8"
+        'model = "rv_batch"\nparameters = { model = "document", reading = "printed" }\n[free]\n',
+        encoding="utf-8",
     )
     frame = {"unit": np.arange(1, len(y) + 1), "backlash_arcmin": y, **columns}
     pd.DataFrame(frame).to_csv(data, index=False)

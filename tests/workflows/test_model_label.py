@@ -27,6 +27,13 @@ STATEMENT = "document B's closed form"
 CHOSEN = "; by contact this allocation keeps 1 arcmin in "
 
 
+class Silent(RvBacklash):
+    """The problem that no other model is asked about."""
+
+    def contact_verdict(self, designs: NDArray[np.float64]) -> tuple[str, ...]:
+        return ()
+
+
 class Judged(RvBacklash):
     """The problem with another model's word on every design: its cost stands in for a share."""
 
@@ -42,7 +49,7 @@ def outcome(kind: type[RvBacklash], folder: Path) -> RunOutcome:
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> RunOutcome:
-    return outcome(RvBacklash, tmp_path_factory.mktemp("label") / "plain")
+    return outcome(Silent, tmp_path_factory.mktemp("label") / "plain")
 
 
 @pytest.fixture(scope="module")

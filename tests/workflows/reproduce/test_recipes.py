@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from tolevo import registry
+from tolevo.declarations import Value
 from tolevo.models.assembly.model import Assembly
 from tolevo.models.expressions import Formula
 from tolevo.models.rv_reducer.batch import RvBatch
@@ -26,9 +27,12 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(5)
 
 
+PRINTED: dict[str, Value] = {"model": "document", "reading": "printed"}
+
+
 def batch(statistic: Statistic, units: int = 4000) -> ByModel:
     return ByModel(
-        "rv_batch", RvBatch, {}, {}, {}, (), {}, ("backlash_arcmin",), statistic, units
+        "rv_batch", RvBatch, PRINTED, {}, {}, (), {}, ("backlash_arcmin",), statistic, units
     )  # fmt: skip
 
 
@@ -52,7 +56,7 @@ def test_standard_errors_are_those_of_the_bootstrap(statistic: Statistic) -> Non
 def test_share_of_units_is_that_of_the_problem() -> None:
     """The sample against the convolution: another code path."""
     (found,) = batch(Statistic("fraction_below", 1.0)).found(rng()).quantities
-    problem = RvBacklash()
+    problem = RvBacklash(Settings(parameters={"reading": "printed"}))
     bands = problem.references()["document B"]
     exact = problem.outputs_of(bands[None])["yield_percent"][0] / 100.0
     assert found.unit == "1"

@@ -38,6 +38,7 @@ tolerance = 0.05
 tolerance_reason = "1000 units have a standard error of 0.01"
 [[claim.reading]]
 model = "rv_batch"
+parameters = { model = "document", reading = "printed" }
 units = 1000
 output = "backlash_arcmin"
 statistic = "fraction_above"

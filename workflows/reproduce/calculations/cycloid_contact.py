@@ -91,6 +91,10 @@ class CycloidContact(Calculation):
             "angles", 40, "", "crank angles over a pin pitch", "assumed", assumed=True, low=1,
             high=1000,
         ),
+        Parameter(
+            "true_levers", True, "", "lever arms of the modified profile; otherwise those of the "
+            "unmodified one", "geometry",
+        ),
     )  # fmt: skip
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
@@ -111,6 +115,7 @@ def _finite(values: Mapping[str, Value]) -> Finite:
         dr_p=number(values["dr_p_mm"]) * MM,
         discs=1,
         cranks=1,
+        true_levers=bool(values["true_levers"]),
     )
     count = int(number(values["angles"]))
     angles = 2.0 * np.pi / geometry.pins * np.arange(count) / count
