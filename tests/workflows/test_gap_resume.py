@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 
 from tolevo.configuration.gap import read_gap
-from tolevo.directory import MANIFEST, UNFINISHED
+from tolevo.directory import KINDS, MANIFEST, UNFINISHED
+from tolevo.directory.names import present
 from tolevo.errors import InputError
 from tolevo.workflows.gap import uncertainty
 from tolevo.workflows.gap.gap import GapOutcome, gap
@@ -74,6 +75,9 @@ def lines(folder: Path) -> list[str]:
 def test_what_has_ended_is_not_made_again(folder: Path) -> None:
     whole = analysed(folder, "whole")
     assert whole.status == "done"
+    kind = KINDS["gap"]  # what is not known by name would be in no manifest
+    known = {*present(folder / "whole", (*kind.files, *kind.pages)), MANIFEST}
+    assert {one.name for one in (folder / "whole").iterdir()} == known
     expected = (folder / "whole" / "gap.json").read_bytes()
     cut = analysed(folder, "cut", watch=Watch(stop=5))
     assert cut.status == "interrupted"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import sqlite3
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
 from tolevo.directory import MANIFEST
+from tolevo.directory.unfinished import write_unfinished
 from tolevo.records import Axis, RunResult
 from tolevo.workflows.report.comparison import compared
 
@@ -186,6 +189,54 @@ def test_a_study_without_its_page_data_says_what_to_do(tmp_path: Path) -> None:
     assert result.exit_code == 2
     assert "page.json: is missing" in result.stderr
     assert "run `tolevo study` on it again, with --resume" in result.stderr
+
+
+def of_a_study(folder: Path) -> None:
+    connection = sqlite3.connect(folder / "study.sqlite")
+    connection.execute("CREATE TABLE runs (number)")
+    connection.execute("INSERT INTO runs VALUES (1), (2)")
+    connection.commit()
+    connection.close()
+
+
+def of_a_reproduction(folder: Path) -> None:
+    (folder / "checked").mkdir()
+    for number in range(3):
+        (folder / "checked" / f"0_{number}.json").write_text("{}", encoding="utf-8")
+
+
+def of_an_analysis(folder: Path) -> None:
+    (folder / "replicates.jsonl").write_text("{}\n" * 5, encoding="utf-8")
+
+
+def of_nothing(folder: Path) -> None:
+    (folder / "config.toml").write_text("seed = 1\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("command", "state", "words"),
+    [
+        ("study", of_a_study, "2 runs have ended."),
+        ("reproduce", of_a_reproduction, "3 claims have been checked."),
+        ("gap", of_an_analysis, "4 replicates have ended."),
+        ("run", of_nothing, "Nothing has been saved."),
+        ("study", of_nothing, "No run has ended."),
+    ],
+)
+def test_an_unfinished_result_is_shown_as_such(
+    tmp_path: Path, command: str, state: Callable[[Path], None], words: str
+) -> None:
+    state(tmp_path)
+    write_unfinished(tmp_path, command, "token")
+    result = tolevo("report", tmp_path)
+    assert result.exit_code == 0, result.stderr
+    said = f"this result of `tolevo {command}` is unfinished; run the same command with --resume"
+    assert f"manifest.json: is missing: {said}" in result.stderr
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert words in page
+    assert f"This result of `tolevo {command}` is unfinished." in page
+    compared = tolevo("report", tmp_path, tmp_path / "none", "--out", tmp_path / "c.html")
+    assert compared.exit_code == 2
 
 
 def result(cost: list[float], error: list[float], **summary: object) -> RunResult:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,14 @@ import pytest
 from tolevo.algorithms.ga import GA
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.settings import AlgorithmSettings, Budget
+from tolevo.directory import KINDS, MANIFEST
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, PropagationSetting, Settings, VariableSetting
+from tolevo.records import RunResult
 from tolevo.workflows.run import RunOutcome, RunPlan, run
 from tolevo.workflows.run.front import knee, with_references
 from tolevo.workflows.run.references import gains, relaxed_bounds
+from tolevo.workflows.run.write import _texts
 
 FILES = {
     "front.csv", "front.parquet", "front.json", "references.csv", "convergence.csv",
@@ -211,3 +215,17 @@ def test_single_objective_run_never_ends_worse_than_its_reference(tmp_path: Path
     assert found.status == "done"
     best = found.result.references.query("feasible")["cost"].min()
     assert found.result.front["cost"].tolist() == pytest.approx([best])
+
+
+def test_every_file_that_a_run_may_write_is_known_by_name() -> None:
+    """What is not would be in no manifest, and would outlive the result that it belongs to."""
+    frame = pd.DataFrame({"label": ["a"]})
+    optional = [one.name for one in fields(RunResult) if one.type == "pd.DataFrame | None"]
+    whole = replace(
+        RunResult("t", frame, frame, frame, {}, (), overlays={"a": frame}),
+        **dict.fromkeys(optional, frame),  # type: ignore[arg-type]
+    )
+    written = set(_texts(whole))
+    assert {"overlays.csv", "unit_turn.csv", "front.csv", "exact_front.csv"} <= written
+    assert written <= set(KINDS["run"].files)
+    assert {*KINDS["run"].files, *KINDS["run"].pages, MANIFEST} >= FILES

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from ...algorithms.checkpoint import Checkpoint
 from ...algorithms.search import Progress, SearchResult, search
 from ...directory import Ownership, owned
 from ...errors import refuse
@@ -27,7 +28,7 @@ from .plan import RunOutcome, RunPlan
 from .proofs import Exact, exact_front, measures, proof_notes, with_bounds
 from .references import compare, documents, side_searches, table
 from .resume import CHECKPOINT, CONFIGURATION, notes_of, opened, seconds_before
-from .sides import Sides
+from .sides import Fronts, Sides
 from .units import with_units
 from .write import write
 
@@ -70,19 +71,7 @@ def _run(
     place.begin(keep=(CONFIGURATION, CHECKPOINT) if resume else (CONFIGURATION,))
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
-    with Sides(searches, workers, checkpoint) as sides:
-
-        def report(state: Progress) -> None:
-            sides.collect()
-            if progress is not None:
-                progress(state)
-
-        found = search(
-            plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint
-        )
-        if not found.interrupted:
-            sides.finish()
-        fronts = sides.fronts()
+    found, fronts = _searched(plan, checkpoint, Sides(searches, workers, checkpoint), progress)
     searched = reported_front(plan.problem, found)
     exact = exact_front(plan.problem)
     references = table(plan, printed, fronts, exact)
@@ -120,6 +109,28 @@ def _run(
     if not cut:
         place.complete(status)
     return RunOutcome(status, out, _lines(result, status, out), result)
+
+
+def _searched(
+    plan: RunPlan,
+    checkpoint: Checkpoint,
+    beside: Sides,
+    progress: Callable[[Progress], None] | None,
+) -> tuple[SearchResult, Fronts]:
+    """What the search found, and the fronts of those beside it."""
+    with beside as sides:
+
+        def report(state: Progress) -> None:
+            sides.collect()
+            if progress is not None:
+                progress(state)
+
+        found = search(
+            plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint
+        )
+        if not found.interrupted:
+            sides.finish()
+        return found, sides.fronts()
 
 
 def _summary(

@@ -11,6 +11,8 @@ from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
 from tolevo.configuration.claims import read_claims
+from tolevo.directory import KINDS, MANIFEST, standing
+from tolevo.directory.names import present
 from tolevo.workflows.reproduce import reproduce as command
 from tolevo.workflows.reproduce.task import Checked, ClaimTask, check
 
@@ -114,6 +116,13 @@ def files(folder: Path) -> dict[str, bytes]:
         for path in sorted(folder.rglob("*"))
         if path.is_file()
     }
+
+
+def test_every_file_is_known_by_name(done: Path) -> None:
+    """What is not would be in no manifest, and would outlive the result that it belongs to."""
+    kind = KINDS["reproduce"]
+    assert set(files(done)) == {*present(done, (*kind.files, *kind.pages)), MANIFEST}
+    assert standing(done).complete
 
 
 def test_table(done: Path) -> None:

@@ -18,7 +18,8 @@ from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
 from tolevo.configuration.study import read_study
-from tolevo.directory import owned
+from tolevo.directory import KINDS, MANIFEST, owned, standing
+from tolevo.directory.names import present
 from tolevo.errors import InputError
 from tolevo.workflows.study import StudyOutcome, study
 from tolevo.workflows.study.execution import InProcess
@@ -105,6 +106,14 @@ def test_a_finished_study_reopens_in_a_second(config: Path, out: Path) -> None:
     assert time.process_time() - start < 1.0
     assert outcome.status == "done"
     assert (out / "study.csv").read_bytes() == before
+
+
+def test_every_file_is_known_by_name(finished: Path) -> None:
+    """What is not would be in no manifest, and would outlive the study that it belongs to."""
+    kind = KINDS["study"]
+    known = {*present(finished, (*kind.files, *kind.pages)), MANIFEST}
+    assert {path.name for path in finished.iterdir()} == known
+    assert standing(finished).complete
 
 
 def test_seeds_may_grow_and_only_the_new_runs_are_made(config: Path, out: Path) -> None:
