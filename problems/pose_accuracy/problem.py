@@ -115,6 +115,11 @@ class PoseAccuracy(ToleranceProblem):
             return {}
         return {"grouping": {name: list(sources) for name, sources in self.grouping.items()}}
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the fields over the ring, a megabyte that is soon computed again."""
+        dropped = ("_fields", "population")
+        return {name: value for name, value in self.__dict__.items() if name not in dropped}
+
     # ---------------------------------------------------------------- evaluation
 
     @cached_property

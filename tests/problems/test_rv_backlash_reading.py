@@ -64,7 +64,7 @@ def test_consistent_reading_takes_the_credit_back() -> None:
 def test_root_mean_square_of_drawn_units(reading: str) -> None:
     """Of 200,000 units of the batch model, within four standard errors of the mean square."""
     found = values(tuple(RvBacklash().references()["document B"]), reading=reading)
-    drawn = RvBatch({"reading": reading}).predict(
+    drawn = RvBatch({"model": "document", "reading": reading}).predict(
         {"unit": np.arange(200_000)}, np.random.default_rng(2)
     )["backlash_arcmin"]
     error = np.std(drawn**2) / np.sqrt(drawn.size)
@@ -150,14 +150,19 @@ def test_a_turn_that_all_share_moves_no_unit(error: str) -> None:
     table = {"unit": np.arange(500)}
 
     def change(**parameters: str) -> tuple[float, float]:
-        model, mid = RvBatch(parameters), {f"{error}_mid_um": 40.0}
+        model, mid = RvBatch({"model": "document", **parameters}), {f"{error}_mid_um": 40.0}
         plain, changed, moved = (
             one.predict(table, np.random.default_rng(0), by)["backlash_arcmin"]
             for one, by in ((model, {}), (model, {f"{error}_um": np.array(40.0)}),
-                            (RvBatch({**parameters, **mid}), {}))
+                            (RvBatch({"model": "document", **parameters, **mid}), {}))
         )  # fmt: skip
         return float(np.max(np.abs(changed - plain))), float(np.max(np.abs(moved - plain)))
 
     assert change() == (0.0, 0.0)
     assert min(change(reading="printed")) > 1.0
-    assert next(s for s in RvBatch().sources().inputs if s.name == f"{error}_um").moves is False
+    assert (
+        next(
+            s for s in RvBatch({"model": "document"}).sources().inputs if s.name == f"{error}_um"
+        ).moves
+        is False
+    )

@@ -268,13 +268,13 @@ def test_the_units_of_a_batch_are_counted_and_its_twins_told(tmp_path: Path) -> 
 
 def test_wider_or_mixed_is_told_by_more_units(tmp_path: Path) -> None:
     """The discrimination of units that are independent grows with their number."""
-    model, n = registry.load("models", "rv_batch")({"model": "document"}), 60
+    model, n = registry.load("models", "rv_batch")({"model": "document", "reading": "printed"}), 60
     units = np.arange(n).astype(str)
     drawn = model.predict({"unit": units}, np.random.default_rng(1))["backlash_arcmin"]
     wider = drawn.mean() + 1.6 * (drawn - drawn.mean())
     text = (
-        'model = "rv_batch"\nparameters.model = "document"\n[free]\n[settings]\n'
-        "simulations = 200\n[effects]\n"
+        'model = "rv_batch"\nparameters.model = "document"\nparameters.reading = "printed"\n'
+        "[free]\n[settings]\nsimulations = 200\n[effects]\n"
         'consider = ["population"]\n[next_measurement]\nreadings = 30\n'
     )
     ended = found(tmp_path, pd.DataFrame({"unit": units, "backlash_arcmin": wider}), text)
