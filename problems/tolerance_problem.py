@@ -28,7 +28,7 @@ Interval = tuple[float, float]
 """Proven lower and upper bound of an output over the search space; infinite where not known."""
 
 
-class ToleranceProblem(Shown, Problem):
+class ToleranceProblem(Problem, Shown):
     """A tolerance allocation problem: some variables are searched, the others fixed.
 
     A subclass declares `parameters`, `variables`, `outputs` and defaults, and gives `_outputs`.

@@ -46,7 +46,11 @@ def shipped(name: str) -> RvReducer:
 
 
 def fitted(
-    geometry: ContactGeometry, psi: float, disc: int, journals: Array, bores: Array
+    geometry: ContactGeometry,
+    psi: float,
+    disc: int,
+    journals: NDArray[np.complex128],
+    bores: NDArray[np.complex128],
 ) -> tuple[complex, float]:
     """Displacement [um] and forward turn [arcmin] of a disc by least squares over its bearings.
 
@@ -86,7 +90,9 @@ def test_cranks_place_a_disc_as_a_rigid_body(cranks: int) -> None:
                 one = (slice(None), disc, unit)
                 journals = 3.0 * z["eccentricity"][one] + 1.5j * ahead * z["crank_phase"][one]
                 bores = 2.0 * (z["bore_radial"][one] + 1j * z["bore_tangential"][one])
-                centre, turn = fitted(geometry, float(angle), disc, journals, bores)
+                centre, turn = fitted(
+                    geometry, float(angle), disc, journals, np.asarray(bores, dtype=np.complex128)
+                )
                 pair = units.turning[disc, unit] * eccentric + units.offset[disc, unit] * own
                 moved = units.ahead[disc, unit] - np.imag(units.around[disc, unit] * crank)
                 np.testing.assert_allclose([pair, moved], [centre, turn], atol=1e-9)

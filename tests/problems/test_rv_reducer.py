@@ -23,7 +23,7 @@ of a unit, so that smaller steps would show its rounding."""
 
 def small(parameters: dict[str, Any] | None = None, **settings: Any) -> RvReducer:
     """A problem whose samples are small enough for tests."""
-    given = {"limits": LIMITS} | settings
+    given: dict[str, Any] = {"limits": LIMITS} | settings
     return RvReducer(Settings(parameters=SMALL | (parameters or {}), **given))
 
 

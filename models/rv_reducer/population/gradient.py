@@ -70,7 +70,8 @@ class Slopes:
 
 
 def _parts(value: Array | Complex) -> tuple[Array, ...]:
-    return (value.real, value.imag) if np.iscomplexobj(value) else (np.asarray(value),)
+    whole = np.asarray(value, dtype=np.complex128)
+    return (whole.real, whole.imag) if np.iscomplexobj(value) else (whole.real,)
 
 
 def _single(value: Array) -> Single:

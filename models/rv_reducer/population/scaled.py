@@ -77,7 +77,7 @@ class Scaled:
 
 def sides(geometry: ContactGeometry) -> Array:
     """Which way the stagger turns each disc, (discs,): alternately ahead and back."""
-    return np.asarray((-1.0) ** np.arange(geometry.discs))
+    return np.where(np.arange(geometry.discs) % 2 == 0, 1.0, -1.0)
 
 
 def crank_lines(geometry: ContactGeometry) -> Complex:
