@@ -85,6 +85,21 @@ pathlib.Path.unlink = counted(pathlib.Path.unlink)
 """Killed before the step of that number: each moves a file to its place, or removes one."""
 
 
+TOGETHER = """
+import pathlib, time
+from tolevo.directory import ownership
+taken = ownership._taken
+def together(*arguments):
+    pathlib.Path({own!r}).touch()
+    until = time.monotonic() + 60.0
+    while not pathlib.Path({other!r}).exists() and time.monotonic() < until:
+        time.sleep(0.001)
+    return taken(*arguments)
+ownership._taken = together
+"""
+"""Begun only when the other one is about to take the directory as well."""
+
+
 def tolevo(*arguments: object) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
@@ -142,15 +157,22 @@ def test_of_two_starts_on_one_directory_one_is_refused(
     if how:
         shutil.copytree(place.old, out)
     more = ("--set", "algorithm.generations=400") if how == ("--resume",) else NEW
-    processes = [start(run_words(place, out, *how, *more), tmp_path / str(at)) for at in range(2)]
+    ready = [str(tmp_path / f"{at}.ready") for at in range(2)]
+    processes = [
+        start(
+            run_words(place, out, *how, *more),
+            tmp_path / str(at),
+            TOGETHER.format(own=ready[at], other=ready[1 - at]),
+        )
+        for at in range(2)
+    ]
     for process in processes:
         process.join()
     said = [(tmp_path / f"{at}.err").read_text(encoding="utf-8") for at in range(2)]
     codes = sorted(process.exitcode or 0 for process in processes)
     assert codes == [0, 2], said
     refusal = next(text for text in said if text)
-    assert refusal.startswith(f"--out: {out} is ")
-    assert "is in use by `tolevo run` (process " in refusal or not how
+    assert "is in use by `tolevo run` (process " in refusal
     assert "Traceback" not in refusal
     assert standing(out).complete
     assert not {path.name for path in out.iterdir()} & {LOCK, UNFINISHED}

@@ -106,6 +106,7 @@ def test_a_finished_study_reopens_in_a_second(config: Path, out: Path) -> None:
     assert time.process_time() - start < 1.0
     assert outcome.status == "done"
     assert (out / "study.csv").read_bytes() == before
+    assert standing(out).complete  # its database, too, is as it was
 
 
 def test_every_file_is_known_by_name(finished: Path) -> None:
