@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from ..errors import nearest
@@ -19,6 +20,9 @@ def read_effects(top: Section, model: Any, name: str) -> tuple[Active, ...]:
     if count and model is None and not name:
         top.fault("effect", "needs a model: this problem has none that effects could act in")
     target = target_of(model, name) if count and model is not None else None
+    if target is not None and isinstance(model, type):  # of a class: its parameters say the gear
+        given = top.take("parameters")
+        target = replace(target, gear=model.gear_of(given if isinstance(given, Mapping) else {}))
     found = [_effect(top.item("effect", at), target) for at in range(count)]
     return tuple(one for one in found if one is not None)
 
@@ -33,7 +37,9 @@ def _effect(section: Section, target: Target | None) -> Active | None:
         return None
     effect: Effect = kind()
     if not effect.applies(target):
-        section.fault("name", f'"{effect.name}" has no place in the model {target.model}')
+        why = effect.left_out(target)
+        text = f'"{effect.name}" has no place in the model {target.model}'
+        section.fault("name", text if why in text else f"{text}: {why}")
         return None
     values = _values(parameters, effect, target)
     return Active(effect, values) if values is not None else None

@@ -61,9 +61,30 @@ def readings_of(columns: Iterable[Column], table: Table) -> Readings:
         if column.role not in by_role:
             values = table[column.name]
             unit = fixed_unit(column)
-            by_role[column.role] = values if column.text else _in_unit(values, column.unit, unit)
+            one = values if column.text else _in_unit(values, column.unit, unit)
+            by_role[column.role] = -one if column.sense < 0 else one
+    _turn_by_speed(by_role)
     order = np.argsort(by_role[Role.TIME], kind="stable") if Role.TIME in by_role else None
     return Readings(table, by_role, order)
+
+
+def _turn_by_speed(by_role: dict[Role, NDArray[Any]]) -> None:
+    """A speed with a sign tells the direction: effects see its magnitude beside that sign."""
+    if Role.SPEED not in by_role:
+        return
+    speed = np.asarray(by_role[Role.SPEED], dtype=float)
+    if Role.DIRECTION not in by_role:
+        by_role[Role.DIRECTION] = np.sign(speed)
+    by_role[Role.SPEED] = np.abs(speed)
+
+
+def _derived(roles: set[Role], readings: Readings | None) -> frozenset[Role]:
+    """Roles that follow from another column: the direction from a speed of both signs."""
+    if Role.SPEED not in roles or Role.DIRECTION in roles:
+        return frozenset()
+    if readings is not None and np.ptp(readings[Role.DIRECTION]) == 0.0:
+        return frozenset()
+    return frozenset([Role.DIRECTION])
 
 
 def _in_unit(values: NDArray[Any], unit: str, fixed: str) -> NDArray[Any]:
@@ -76,7 +97,8 @@ def target_of(model: MeasurableModel | type[MeasurableModel], name: str, table: 
               ) -> Target:  # fmt: skip
     """What effects may do in a model; of a known table, in the columns that it has."""
     columns = (*model.columns, *(one for one in EXTRAS if table is None or one.name in table))
-    return target_from(name, model.outputs, columns, table, model.changeable, model.population)
+    found = target_from(name, model.outputs, columns, table, model.changeable, model.population)
+    return replace(found, gear=model.gear)
 
 
 def target_from(
@@ -95,7 +117,9 @@ def target_from(
     if table is not None:
         columns = tuple(_present(columns, table))
     units = {column.role: fixed_unit(column) for column in reversed(columns)}
-    target = Target(name, outputs, columns, changeable, population, several, units=units)
+    roles = {column.role for column in columns}
+    target = Target(name, outputs, columns, changeable, population, several, units=units,
+                    derived=_derived(roles, None))  # fmt: skip
     if table is None:
         return target
     readings = readings_of(columns, table)
@@ -104,7 +128,17 @@ def target_from(
     labels = {
         role: tuple(labels_of(readings[role])[0].tolist()) for role in LABELS if role in readings
     }
-    return replace(target, largest=largest, labels=labels, locked=follows_load(readings))
+    return replace(target, largest=largest, labels=labels, locked=follows_load(readings),
+                   pace=pace_of(readings), derived=_derived(roles, readings))  # fmt: skip
+
+
+def pace_of(readings: Readings) -> float:
+    """The usual step of the clock [s], 0 without one."""
+    if Role.TIME not in readings:
+        return 0.0
+    steps = np.diff(np.asarray(readings[Role.TIME], dtype=float))
+    ahead = steps[steps > 0.0]
+    return float(np.median(ahead)) if len(ahead) else 0.0
 
 
 def _present(columns: Iterable[Column], table: Table) -> list[Column]:
