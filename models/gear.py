@@ -50,9 +50,7 @@ def cycloidal(teeth: Mapping[str, int]) -> Gear:
     111, 1989.
     """
     step = teeth["pins"] - teeth["cycloid_teeth"]
-    return Gear(
-        "cycloidal", {PINS: teeth["cycloid_teeth"] / step, CRANK: teeth["pins"] / step}
-    )
+    return Gear("cycloidal", {PINS: teeth["cycloid_teeth"] / step, CRANK: teeth["pins"] / step})
 
 
 def rv(teeth: Mapping[str, int]) -> Gear:

@@ -56,7 +56,9 @@ def _target(configuration: Configuration) -> Target:
     """What the effects act in."""
     name = configuration.model_name
     if name == TABLE:
-        return target_of(table_model(configuration.settings.definition, configuration.settings.gear), name)
+        return target_of(
+            table_model(configuration.settings.definition, configuration.settings.gear), name
+        )
     kind = registry.load("models", name)
     return replace(target_of(kind, name), gear=kind.gear_of(configuration.settings.parameters))
 

@@ -10,6 +10,7 @@ from ..errors import nearest
 from ..models.effects.compose import Active
 from ..models.effects.effect import Effect, EffectParameter, Target
 from ..models.effects.readings import target_of
+from ..models.gear import Gear
 from ..section import Range, Section, shown
 from .plugins import load_named
 
@@ -20,11 +21,16 @@ def read_effects(top: Section, model: Any, name: str) -> tuple[Active, ...]:
     if count and model is None and not name:
         top.fault("effect", "needs a model: this problem has none that effects could act in")
     target = target_of(model, name) if count and model is not None else None
-    if target is not None and isinstance(model, type):  # of a class: its parameters say the gear
-        given = top.take("parameters")
-        target = replace(target, gear=model.gear_of(given if isinstance(given, Mapping) else {}))
+    if target is not None and isinstance(model, type):
+        target = replace(target, gear=_gear_of(model, top.take("parameters")))
     found = [_effect(top.item("effect", at), target) for at in range(count)]
     return tuple(one for one in found if one is not None)
+
+
+def _gear_of(model: Any, parameters: Any) -> Gear | None:
+    """The gear of a model that is not built yet: its parameters say it."""
+    found: Gear | None = model.gear_of(parameters if isinstance(parameters, Mapping) else {})
+    return found
 
 
 def _effect(section: Section, target: Target | None) -> Active | None:

@@ -106,7 +106,8 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
         gear=found.settings.gear,
         counterparts=counterparts if run else None,
         next_measurement=planned,
-        tables=resolved_gear(found.settings.gear) | resolved_effects(active) if of_table
+        tables=resolved_gear(found.settings.gear) | resolved_effects(active)
+        if of_table
         else dict(found.resolved),
     )
     return _with_text(plan, table), faults

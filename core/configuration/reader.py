@@ -22,8 +22,8 @@ from .parameters import read_parameters
 from .plugins import load_named
 from .resolved import resolved_problem, resolved_variables
 from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
-from .source import Table, overridden
 from .sense import read_sense, resolved_sense
+from .source import Table, overridden
 from .table import TABLE, read_table_model
 from .variables import mid_parameter, read_variable
 from .zero import read_zero, resolved_zero

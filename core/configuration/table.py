@@ -34,7 +34,10 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
     before = len(faults)
     columns = read_columns(top, table=True)
     gear = read_gear(top)
-    columns = _turned(columns, read_sense(top, outputs_of(columns)), top)
+    unknown = [
+        Output(name, "", "") for name in top.section("columns").given() if name not in columns
+    ]
+    columns = _turned(columns, read_sense(top, (*outputs_of(columns), *unknown)), top)
     if len(faults) > before:  # without its columns nothing can be said of its effects
         top.finish()
         raise InputError(faults)
@@ -83,7 +86,7 @@ def _turned(
 ) -> dict[str, ColumnRole]:
     """The columns with the sense that `[sense]` gives of outputs."""
     for name in sense:
-        if columns[name].sense < 0:
+        if name in columns and columns[name].sense < 0:
             top.section(SENSE).fault(name, f"is given twice: here and in columns.{name}")
     return {n: replace(c, sense=sense.get(n, c.sense)) for n, c in columns.items()}
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ...declarations import Output
 from ...units import dimension, unit_key
-from ..inputs.distribution import Array
 from ..gear import Gear
+from ..inputs.distribution import Array
 from ..measurable import Changeable, Column, Role
 
 FAMILIES = (

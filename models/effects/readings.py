@@ -29,6 +29,8 @@ FIXED: Mapping[Role, tuple[str, ...]] = {
 }
 """Units by role; the second is that of what moves along a line."""
 LABELS = (Role.UNIT, Role.LOT)
+SESSION = "session"
+"""A column that any table may have: which rows were measured in one go."""
 EXTRAS = (
     Column("time_s", "s", "order of measuring", False, role=Role.TIME),
     Column("repeat", "", "number of the repeat", False, role=Role.REPEAT),
@@ -64,8 +66,37 @@ def readings_of(columns: Iterable[Column], table: Table) -> Readings:
             one = values if column.text else _in_unit(values, column.unit, unit)
             by_role[column.role] = -one if column.sense < 0 else one
     _turn_by_speed(by_role)
-    order = np.argsort(by_role[Role.TIME], kind="stable") if Role.TIME in by_role else None
+    order = _order(by_role[Role.TIME], table.get(SESSION)) if Role.TIME in by_role else None
     return Readings(table, by_role, order)
+
+
+def _order(time: NDArray[Any], session: NDArray[Any] | None) -> NDArray[np.int64]:
+    """Rows in the order of measuring: by the clock, session by session where each has its own."""
+    if session is None or not own_clocks(session, time):
+        return np.argsort(time, kind="stable")
+    return np.lexsort((time, _appearance(session)))
+
+
+def own_clocks(session: NDArray[Any], time: NDArray[Any]) -> bool:
+    """Whether each session has a clock of its own: they follow each other in the file, and their
+    times overlap.
+    """
+    number = _appearance(session)
+    steps = np.diff(number)
+    if len(number) == 0 or number[-1] == 0 or (steps < 0).any():
+        return False
+    starts = np.r_[0, np.flatnonzero(steps) + 1]
+    first, last = np.minimum.reduceat(time, starts), np.maximum.reduceat(time, starts)
+    return bool((first[1:] <= last[:-1]).any())
+
+
+def _appearance(labels: NDArray[Any]) -> NDArray[np.int64]:
+    """Number (n,) of each row's label, by first appearance."""
+    _, first, which = np.unique(np.asarray(labels).astype(str), return_index=True,
+                                return_inverse=True)  # fmt: skip
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return np.asarray(rank[which.ravel()])
 
 
 def _turn_by_speed(by_role: dict[Role, NDArray[Any]]) -> None:

@@ -10,9 +10,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...errors import Fault
+from ...models.effects.readings import SESSION, own_clocks
 from ...models.measurable import Column, Role
 
-SESSION = "session"
 LATE = 0.05
 """Share of its span that a clock may begin away from 0."""
 FEW = 0.02
@@ -80,16 +80,10 @@ def clock_faults(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> 
 
 
 def _own_clocks(frame: pd.DataFrame, time: str) -> bool:
-    """Whether each session has a clock of its own: they overlap, and follow each other in the file.
-    """
-    if SESSION not in frame or frame[SESSION].nunique() < 2:
+    """Whether each session has a clock of its own."""
+    if SESSION not in frame:
         return False
-    label = frame[SESSION].to_numpy()
-    blocks = 1 + int(np.count_nonzero(label[1:] != label[:-1]))
-    if blocks != frame[SESSION].nunique():
-        return False
-    ends = frame.groupby(SESSION, sort=False)[time].agg(["min", "max"])
-    return bool((ends["min"].to_numpy()[1:] <= ends["max"].to_numpy()[:-1]).any())
+    return own_clocks(frame[SESSION].to_numpy(), frame[time].to_numpy(dtype=float))
 
 
 def _steps(frame: pd.DataFrame, time: str, own: bool) -> NDArray[Any]:
@@ -105,6 +99,8 @@ def _sorted(frame: pd.DataFrame, time: str, own: bool) -> pd.DataFrame:
     if not own:
         return frame.sort_values(time, kind="stable")
     number = pd.Series(pd.factorize(frame[SESSION])[0], index=frame.index)
-    return frame.assign(_number=number).sort_values(["_number", time], kind="stable").drop(
-        columns="_number"
+    return (
+        frame.assign(_number=number)
+        .sort_values(["_number", time], kind="stable")
+        .drop(columns="_number")
     )

@@ -97,7 +97,7 @@ class GapPlan:
     known standard deviation by output, `blocks` is "auto" or a column. `run` are the raw tables of
     the configuration whose allocation the corrected model is to repeat (empty for none), `tables`
     the resolved ones of the model, `active` the effects that are in it already, `zero` what is
-    added to outputs that have a zero, `sense` is -1 of outputs that read the other way round, `gear`
+    added to outputs that have a zero, `sense` is -1 of those that read the other way round, `gear`
     that of a table. `counterparts` says what each effect of a corrected
     configuration does in the problem of `run`; None without it. `next_measurement` is None where
     none was asked for.

@@ -87,7 +87,8 @@ def _stiff(data: GapData) -> Iterator[str]:
     for output in data.outputs:
         y = data.measured[output.name]
         spread = float(np.std(load) * np.std(y))
-        slope = float(np.mean((load - load.mean()) * (y - y.mean()))) / max(np.var(load), 1e-300)
+        slope = float(np.mean((load - load.mean()) * (y - y.mean())))
+        slope /= max(float(np.var(load)), 1e-300)
         if spread > 0.0 and abs(slope) * np.std(load) > FOLLOWS * np.std(y):
             said = unlikely(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
             if said:

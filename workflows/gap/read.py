@@ -14,9 +14,10 @@ import pandas as pd
 from ... import tables
 from ...declarations import Output
 from ...errors import Fault, nearest, raise_all
+from ...models.effects.readings import SESSION
 from ...models.measurable import Column, Role
 from ...units import converted
-from .clocks import SESSION, clock_faults, late
+from .clocks import clock_faults, late
 from .columns import alike, told_apart
 from .data import GapData, assembled
 from .next.faults import range_faults

@@ -11,7 +11,7 @@ class EccentricError(Orders):
 
     name = "eccentric_error"
     family = "geometry by angle"
-    cause = "A crank turns many times (40 in the RV-40E) per turn of the output and brings its error along."
+    cause = "A crank brings its error along, many times (RV-40E: 40) per turn of the output."
     formula = "c cos k theta + s sin k theta, k the order of the cranks (40)"
     mistaken_for = ("pin_circle_runout", "structural_resonance")
     reference = "Blanche and Yang, J. Mech. Transm. Autom. Des. 111, 1989"

@@ -20,7 +20,10 @@ class PitchDefect(OneColumn):
     name = "pitch_defect"
     family = "geometry by angle"
     cause = "One bad pin is scanned by each tooth of a disc (39 in the RV-40E)."
-    formula = "h exp(k (cos(n theta - p) - 1)), n the order in which pins pass (39), k from the pulse's width at half its height"
+    formula = (
+        "h exp(k (cos(n theta - p) - 1)), n the order in which pins pass (39), k from the pulse's "
+        "width at half its height"
+    )
     needs = (Role.ANGLE,)
     mistaken_for = ("pin_circle_runout", "two_disc_error", "load_sharing")
     reference = "von Mises pulse: Mardia and Jupp, Directional Statistics, 2000"

@@ -11,7 +11,7 @@ class SunRunout(Orders):
 
     name = "sun_runout"
     family = "geometry by angle"
-    cause = "The sun turns 121 times (RV-40E) per turn of the output, 120 times against the carrier."
+    cause = "The sun turns 121 times (RV-40E) per turn of the output, 120 against the carrier."
     formula = "the orders of the sun against the carrier and in the housing (120 and 121), as above"
     mistaken_for = ("structural_resonance",)
     reference = "Smith, Gear Noise and Vibration, 2003"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from itertools import pairwise
 from math import inf
 
 import numpy as np
@@ -67,9 +68,7 @@ class Delay(Effect):
                                for name, by in late.items() if by != 0.0})  # fmt: skip
 
 
-def delayed(
-    values: Array, time: Array, by: float, order: np.ndarray | None = None
-) -> Array:
+def delayed(values: Array, time: Array, by: float, order: np.ndarray | None = None) -> Array:
     """The channel (n,) at `time` (n,) less `by` [s], in the order of measuring."""
     at = np.arange(len(time)) if order is None else order
     t, y = time[at], np.asarray(values, dtype=float)[at]
@@ -88,7 +87,7 @@ def _stretches(time: Array) -> list[slice]:
     usual = float(np.median(ahead)) if len(ahead) else inf
     ends = np.flatnonzero((steps <= 0.0) | (steps > BREAK * usual)) + 1
     edges = [0, *ends.tolist(), len(time)]
-    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(a, b) for a, b in pairwise(edges)]
 
 
 def _continuous(values: Array) -> bool:

@@ -107,8 +107,9 @@ def test_gear_order_is_the_projection_of_a_wave_on_its_order() -> None:
     values = {"cos_N": 2.0 * math.cos(0.7), "sin_N": 2.0 * math.sin(0.7), "order": 17.0}
     np.testing.assert_allclose(effect.act(readings, values, target).output["pull_N"], wave)
     told = effect.described(values, target)
-    assert told["amplitude"] == (pytest.approx(2.0), "N")
-    assert told["phase"] == (pytest.approx(math.degrees(0.7)), "deg")
+    assert [unit for _, unit in told.values()] == ["N", "deg"]
+    assert told["amplitude"][0] == pytest.approx(2.0)
+    assert told["phase"][0] == pytest.approx(math.degrees(0.7))
 
 
 def test_orders_of_a_declared_gear_are_those_without_a_name() -> None:
@@ -128,12 +129,13 @@ LATE = 0.0031
 """[s] One and a half steps of the clock."""
 
 
-def recorded(name: str, y: np.ndarray, late: float, clock: np.ndarray | None = None) -> np.ndarray:
-    table = TABLE | {"clock": TABLE["clock"] if clock is None else clock}
+def recorded(name: str, y: np.ndarray, late: float, **more: np.ndarray) -> np.ndarray:
+    table = TABLE | more
     target = target_from("table", (PULL,), COLUMNS, table)
     effect = registry.load("effects", name)()
     values = {"delay_s": late}
-    return effect.act(readings_of(COLUMNS, table), values, target).reading["pull_N"](y)
+    action = effect.act(readings_of(COLUMNS, table), values, target)
+    return np.asarray(action.reading["pull_N"](y))
 
 
 def test_delay_of_a_slow_wave_is_a_shift_of_its_phase() -> None:
@@ -154,7 +156,8 @@ def test_a_small_delay_is_the_derivative() -> None:
 def test_an_interrupted_record_begins_anew() -> None:
     clock = np.r_[TABLE["clock"][:30], TABLE["clock"][:30]]  # a clock per session
     y = np.r_[np.full(30, 5.0), np.linspace(1.0, 2.0, 30)]
-    found = recorded("delay", y, LATE, clock)
+    session = np.repeat(["b", "a"], 30)
+    found = recorded("delay", y, LATE, clock=clock, session=session)
     assert found[30] == 1.0  # not of the session before
     assert found[29] == 5.0
 
