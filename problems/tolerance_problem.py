@@ -52,6 +52,9 @@ class ToleranceProblem(Problem, Shown):
     """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""
     default_algorithm: ClassVar[str] = ""
     """The best algorithm for the problem; empty: NSGA-II or, of one objective, the GA."""
+    drawn_again: ClassVar[frozenset[str]] = frozenset()
+    """Cached attributes that a copy in another process draws or computes again, as they are large.
+    """
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
@@ -77,6 +80,10 @@ class ToleranceProblem(Problem, Shown):
             xl=low,
             xu=high,
         )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but `drawn_again`."""
+        return {name: own for name, own in self.__dict__.items() if name not in self.drawn_again}
 
     # ---------------------------------------------------------------- what a subclass gives
 
@@ -373,6 +380,13 @@ class ToleranceProblem(Problem, Shown):
     def cost_of(self, designs: Array) -> Array:
         """Sum of the cost curves (n,) at full designs."""
         return np.asarray(np.sum(list(self.costs_of(designs).values()), axis=0))
+
+    def cost_slopes(self, designs: Array) -> Array:
+        """Derivatives of the cost (n, all variables) at full designs."""
+        found = np.zeros_like(designs)
+        for name, curve in self.settings.costs.items():
+            found[:, self.names.index(name)] = curve.slope(self.column(designs, name))
+        return found
 
     def costs_of(self, designs: Array) -> dict[str, Array]:
         """What each cost curve (n,) gives at full designs."""

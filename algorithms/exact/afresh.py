@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..indicators import nondominated
 from ..run import Run
-from .branch import Branch
+from .branch import Branch, joint
 
 Array = NDArray[np.float64]
 ROUNDS, SPARE = 3, 4
@@ -31,21 +30,12 @@ def tested_afresh(run: Run, branches: list[Branch], points: int, least: float) -
     Points whose last objective is below `least` are left out. A point that breaks a limit on fresh
     units is solved again with the limit moved by the excess.
     """
-    order = [(branch, at) for branch, at in _joint(branches) if branch.f[at][-1] >= least]
+    order = [(branch, at) for branch, at in joint(branches) if branch.f[at][-1] >= least]
     if len(order) > points:
         order = [order[int(at)] for at in np.linspace(0, len(order) - 1, points)]
     for done, (branch, at) in enumerate(order):
         run.phase("fresh units", 0.9 + 0.1 * done / len(order))
         run.choose(kept(run, branch, branch.y[at], branch.f[at], search=True))
-
-
-def _joint(branches: list[Branch]) -> list[tuple[Branch, int]]:
-    """Branch and index of the points that no point of any branch dominates, by objective 2, 1."""
-    places = [(branch, at) for branch in branches for at in range(len(branch.f))]
-    f = np.array([branch.f[at] for branch, at in places])
-    rows = np.flatnonzero(nondominated(f))
-    rows = rows[np.lexsort(f[rows].T)]
-    return [places[int(row)] for row in rows]
 
 
 def kept(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:

@@ -81,9 +81,9 @@ def _mended(branches: list[Branch], levels: Levels) -> bool:
         branch = branches[int(np.argmin(levels[level]))]
         for other in (order[order.index(level) - 1], order[order.index(level) + 1]):
             near = branches[int(np.argmin(levels[other]))]
-            near.minimise(0, near.nearest(other), _at_most(near, 1, level))
+            near.minimise(0, near.nearest(other), near.at_most(1, level))
             if near is not branch:
-                branch.minimise(0, near.nearest(other), _at_most(branch, 1, level))
+                branch.minimise(0, near.nearest(other), branch.at_most(1, level))
         levels[level] = np.array([_value(one, level) for one in branches])
     return bool(bad)
 
@@ -96,10 +96,10 @@ def _coarse(run: Run, branches: list[Branch]) -> Levels:
         start = branch.starts(run)[-1]
         branch.minimise(0, start, none)
         if branch.f:
-            branch.minimise(1, branch.y[0], _at_most(branch, 0, branch.f[0][0] * (1.0 + 1e-6)))
+            branch.minimise(1, branch.y[0], branch.at_most(0, branch.f[0][0] * (1.0 + 1e-6)))
         while branch.f:
             tightest = branch.f[0][1]
-            branch.minimise(0, branch.y[0], _at_most(branch, 1, RATIO * tightest))
+            branch.minimise(0, branch.y[0], branch.at_most(1, RATIO * tightest))
             if branch.f[0][1] > 0.95 * tightest:
                 break
     high = max((branch.f[-1][1] for branch in branches if branch.f), default=np.nan)
@@ -112,12 +112,6 @@ def _coarse(run: Run, branches: list[Branch]) -> Levels:
     count = int(np.ceil(np.log(low / high) / np.log(RATIO)))
     levels = np.geomspace(low, high, max(count, 2) + 1).tolist()
     return {level: np.array([_solved(b, level) for b in branches]) for level in levels}
-
-
-def _at_most(branch: Branch, objective: int, value: float) -> Array:
-    limit = np.full(len(branch.unit), np.inf)
-    limit[objective] = value
-    return limit
 
 
 def _promising(values: Array) -> NDArray[np.bool_]:
@@ -142,19 +136,18 @@ def _value(branch: Branch, level: float) -> float:
 
 def _solved(branch: Branch, level: float) -> float:
     """The least first objective at a level: from between its neighbours, else from the tighter."""
-    limit = np.full(len(branch.unit), np.inf)
-    limit[1] = level
+    limit = branch.at_most(1, level)
     values = np.array([f[1] for f in branch.f])
     above = int(np.searchsorted(values, level))
     if above == 0:  # tighter than the branch reaches
         return np.inf
-    tighter = branch.y[above - 1]
+    tighter, dearer = branch.y[above - 1], float(branch.f[above - 1][0])
     if above < len(values):
         share = (level - values[above - 1]) / max(values[above] - values[above - 1], 1e-12)
         branch.minimise(0, tighter + share * (branch.y[above] - tighter), limit)
-    if _value(branch, level) > 0.999 * branch_value(branch, above - 1, values):
+    if _value(branch, level) > 0.999 * dearer:
         branch.minimise(0, tighter, limit)
-    if _value(branch, level) > 0.999 * branch_value(branch, above - 1, values):
+    if _value(branch, level) > 0.999 * dearer:
         _stepped(branch, level)
     return _value(branch, level)
 
@@ -166,9 +159,4 @@ def _stepped(branch: Branch, level: float) -> None:
         return
     for target in np.geomspace(min(looser), level, STEPS + 1)[1:]:
         start = branch.nearest(float(min(f[1] for f in branch.f if f[1] >= target)))
-        branch.minimise(0, start, _at_most(branch, 1, float(target)))
-
-
-def branch_value(branch: Branch, at: int, values: Array) -> float:
-    """First objective of the point of a branch at the second objective `values[at]`."""
-    return next(float(f[0]) for f in branch.f if f[1] == values[at])
+        branch.minimise(0, start, branch.at_most(1, float(target)))
