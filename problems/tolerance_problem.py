@@ -21,7 +21,7 @@ from .assumptions import assumptions_of
 from .forms import Form
 from .limits import impossible, limits_of
 from .settings import Bound, Settings, VariableSetting
-from .shown import Shown
+from .shown import Shown, effect_notes
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -187,15 +187,7 @@ class ToleranceProblem(Problem, Shown):
 
     def effect_notes(self) -> tuple[str, ...]:
         """A sentence for each active effect, those without a counterpart included."""
-        missing = "has no counterpart in this problem: it changes nothing here"
-        pairs = zip(self.settings.effects, self.counterparts(), strict=True)
-        told = tuple(
-            f"effect {one.effect.name}: {does}" if does else f"effect {one.effect.name} {missing}"
-            for one, does in pairs
-        )
-        zeros = ", ".join(self.settings.zero)
-        why = "belongs to its instrument: it changes nothing in this problem"
-        return (*told, f"the zero of {zeros} {why}") if zeros else told
+        return effect_notes(self.settings, self.counterparts())
 
     def without_effects(self) -> ToleranceProblem:
         """The same problem with no effect in its model."""
@@ -204,14 +196,6 @@ class ToleranceProblem(Problem, Shown):
     def search_faults(self) -> list[Fault]:
         """What is wrong with a search of the problem, though its designs can be evaluated."""
         return []
-
-    def warnings(self) -> tuple[str, ...]:
-        """What the user should know before trusting a run of this problem."""
-        return ()
-
-    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
-        """What should be said of the reported points, a row each as `frame` makes them."""
-        return ()
 
     # ---------------------------------------------------------------- set-up
 
@@ -325,8 +309,14 @@ class ToleranceProblem(Problem, Shown):
     def tested(self, x: Array) -> tuple[Array, Array]:
         """F and G of search vectors as reported: where a search sees a sample, on a fresh one."""
         designs = self.complete(x)
-        found = self.outputs_of(designs, errors=False)
+        found = self.needed(designs)
         return self.objective_values(found), self.violations(designs, found)
+
+    def needed(self, designs: Array) -> dict[str, Array]:
+        """Outputs (n,) of full designs as reported: at least the cost, and those that objectives
+        and limits name.
+        """
+        return self.outputs_of(designs, errors=False)
 
     def frame(self, designs: Array, found: Mapping[str, Array] | None = None) -> pd.DataFrame:
         """Variables, outputs (at full accuracy) and limit margins of full designs, one row each.

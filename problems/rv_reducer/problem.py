@@ -161,26 +161,28 @@ class RvReducer(ToleranceProblem):
     # ---------------------------------------------------------------- evaluation
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        asked = self._asked if searching else SAMPLED_OUTPUTS
         columns = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
+        if searching:
+            return columns | self._statistics(designs, searching, self._asked)
+        return columns | self._statistics(designs, searching, SAMPLED_OUTPUTS, errors=True)
+
+    def needed(self, designs: Array) -> dict[str, Array]:
+        return self._statistics(designs, searching=False, names=self._asked)
+
+    def _statistics(
+        self, designs: Array, searching: bool, names: frozenset[str], errors: bool = False
+    ) -> dict[str, Array]:
+        """Sampled outputs (n,) of full designs, with their standard errors where asked for."""
+        more = [f"{name}_error" for name in names] if errors else []
+        columns = {name: np.empty(len(designs)) for name in ("phi_1_arcmin", *names, *more)}
         for at, design in enumerate(designs):
             found = self.evaluation(design, searching)
             columns["phi_1_arcmin"][at] = found.involute.mean
-            for name in asked:
+            for name in names:
                 columns[name][at] = found.value(name)
-                if not searching:
+                if errors:
                     columns[f"{name}_error"][at] = found.error(name)
         return columns | {"cost": self.cost_of(designs)} | self.profile(designs)
-
-    def tested(self, x: Array) -> tuple[Array, Array]:
-        designs = self.complete(x)
-        columns = {name: np.empty(len(designs)) for name in self._asked}
-        for at, design in enumerate(designs):
-            fresh = self.evaluation(design, searching=False)
-            for name in self._asked:
-                columns[name][at] = fresh.value(name)
-        found = columns | {"cost": self.cost_of(designs)} | self.profile(designs)
-        return self.objective_values(found), self.violations(designs, found)
 
     @cached_property
     def _asked(self) -> frozenset[str]:
