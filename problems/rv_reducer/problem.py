@@ -332,7 +332,17 @@ class RvReducer(ToleranceProblem):
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
         found = geometry.faults(self.model.geometry, self.given, ends)
-        return [*found, *(size_faults(self.count, KEPT) or super().faults())]
+        return [*found, *self._priceless(), *(size_faults(self.count, KEPT) or super().faults())]
+
+    def _priceless(self) -> list[Fault]:
+        """Errors between discs that are searched without a cost: the tightest would be free."""
+        free = {variable.name for variable in self.free}
+        return [
+            Fault(f"costs.{name}", f"is missing: {name} is searched, and nothing says what a tight "
+                  f"one costs; give a curve, or fix it (variables.{name}.value = {value:.4g})")
+            for name, value in DISC_TO_DISC.items() if name in free and name not in
+            self.settings.costs
+        ]  # fmt: skip
 
     def search_faults(self) -> list[Fault]:
         limits = self.settings.limits
