@@ -10,8 +10,8 @@ Cost is separable, and every requirement is convex in the tolerances t_j:
 Worst case is a = 0, root sum square is m = 0, an estimated mean shift (Cpk) and "mean plus k
 standard deviations" have both. The deviations D of a `Quantile` are independent, even and
 log-concave; then it is convex in the tolerances (docs/proofs.md). A yield is such a requirement: a
-share p of the units lies below a limit u where mean + q_p <= u. A feature may be made in several ways (alternative processes,
-grades, or pieces of a range), each with coefficients of its own.
+share p of the units lies below a limit u where mean + q_p <= u. A feature may be made in several
+ways (alternative processes, grades, or pieces of a range), each with coefficients of its own.
 """
 
 from __future__ import annotations
@@ -81,15 +81,12 @@ class Quantile:
         own = owner.astype(int)
         wide = np.where(own >= 0, s[:, np.maximum(own, 0)], 1.0) * weight
         found = total.quantile(wide, self.probability)
-        to_features = (own[:, None] == np.arange(len(self.pieces))) * weight[:, None]
-        return Tangent(
-            found.value,
-            np.where(s < 0.0, -1.0, 1.0) * (found.gradient @ to_features),
-            found.value_error,
-            np.nan_to_num(found.gradient_error, nan=np.inf) @ to_features
-            if np.all(np.isfinite(found.gradient_error))
-            else np.full(s.shape, np.inf),
-        )
+        kept = np.flatnonzero(own >= 0)
+        gradient, doubt = np.zeros((2, len(self.pieces), len(s)))
+        np.add.at(gradient, own[kept], (found.gradient * weight).T[kept])
+        np.add.at(doubt, own[kept], (found.gradient_error * weight).T[kept])
+        side = np.where(s < 0.0, -1.0, 1.0)
+        return Tangent(found.value, side * gradient.T, found.value_error, doubt.T)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,9 @@ For multipliers lambda_i >= 0, least cost under V_i(t) <= L_i is at least
 
 (weak duality; Boyd & Vandenberghe, Convex Optimization, 2004, ch. 5), and it stays a lower bound
 where V_i is replaced by something smaller that is separable: S is at least its tangent at any
-reference point (a root by Cauchy and Schwarz, a quantile because it is convex). A requirement that is a root alone is priced by its
-square, constant + sum a_j^2 t_j^2 <= (L - offset)^2, which needs no reference point.
+reference point (a root by Cauchy and Schwarz, a quantile because it is convex). A requirement that
+is a root alone is priced by its square, constant + sum a_j^2 t_j^2 <= (L - offset)^2, which needs
+no reference point.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ ROUNDING = 1e-13
 
 
 def only_roots(form: Form) -> NDArray[np.bool_]:
-    """Which requirements (r,) are priced by their square: a root, no linear part, no correlation."""
+    """Which requirements (r,) are priced by their square: roots, no linear part or correlation."""
     ways = [way for feature in form.features for way in feature.ways]
     nothing = (0.0,) * len(form.outputs)
     linear = np.any(np.array([way.linear for way in ways]), axis=0)

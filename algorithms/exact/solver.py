@@ -21,8 +21,9 @@ from .front import front, tightest
 from .pieces import convex_pieces
 
 Array = NDArray[np.float64]
-TIGHTER = 1e-12
-"""Relative tightening of a limit, so that rounding does not break it."""
+TIGHTER, TIGHTER_SHARE = 1e-12, 2e-10
+"""Relative tightening of a limit, so that rounding does not break it; that of a share of units,
+whose rounding an edge far out in the tail magnifies."""
 CORRECTIONS = 6
 """Times a limit is moved by what a form understates."""
 
@@ -62,7 +63,8 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     """Search vectors (k, variables) of the exact front, or of the one least cost."""
     upper = row_limits(problem, form)
     real = np.isfinite(upper)
-    least, slack = tightest(form)[real], TIGHTER * np.abs(upper[real])
+    tighter = np.where(np.isfinite(form.own_limits), TIGHTER_SHARE, TIGHTER)
+    least, slack = tightest(form)[real], (tighter * np.abs(upper))[real]
     if np.any(np.abs(upper[real] - least) <= slack):
         return _corner(problem, form)
     upper[real] -= slack

@@ -120,7 +120,7 @@ class EvenTruncatedNormal(Even):
 
     @property
     def _peak(self) -> float:
-        return 1.0 / (self.sigma * np.sqrt(2.0 * np.pi) * float(erf(np.sqrt(0.5) / self.sigma)))
+        return float(1.0 / (self.sigma * np.sqrt(2.0 * np.pi) * erf(np.sqrt(0.5) / self.sigma)))
 
     @property
     def std(self) -> float:
@@ -142,7 +142,9 @@ class EvenTruncatedNormal(Even):
     def _bend(self) -> float:
         """A bound of 2 |f'(1)| plus the total variation of f'."""
         turn = min(self.sigma, 1.0)
-        return 4.0 * self._peak * turn / self.sigma**2 * np.exp(-0.5 * (turn / self.sigma) ** 2)
+        return float(
+            4.0 * self._peak * turn / self.sigma**2 * np.exp(-0.5 * (turn / self.sigma) ** 2)
+        )
 
     def envelope(self, w: Array) -> tuple[Array, Array]:
         safe = np.maximum(w, 1e-300)

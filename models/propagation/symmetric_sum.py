@@ -134,8 +134,11 @@ class SymmetricSum:
         gradient = -slopes / density[:, None]
         value_error = 2.0 * (series.missing + ROUNDING) / density
         missing = series.missing_slopes + ROUNDING / np.where(end > 0.0, end, 1.0)[:, None]
-        doubt = missing + np.abs(gradient) * series.missing_density[:, None]
-        gradient_error = 2.0 * doubt / density[:, None]
+        with np.errstate(invalid="ignore", over="ignore"):
+            doubt = missing + np.abs(gradient) * series.missing_density[:, None]
+            gradient_error = np.nan_to_num(
+                2.0 * doubt / density[:, None], nan=np.inf, posinf=np.inf
+            )
         return self._alone(s, p, Tangent(y, gradient, value_error, gradient_error))
 
     def _alone(self, s: Array, p: float, found: Tangent) -> Tangent:
@@ -195,7 +198,7 @@ class _Series:
             room = k[-1] / period
             dense = np.where(order > 1.0, whole * room / (order - 1.0), np.inf)
             steep = np.where(rest_order > 1.0, partial * room[:, None] / (rest_order - 1.0), np.inf)
-        return cls(k, omega, phi, slopes, period, missing, dense, steep)
+        return cls(np.asarray(k), omega, phi, slopes, period, missing, dense, steep)
 
     def below(self, y: Array) -> Array:
         """F(y), (n,)."""

@@ -101,7 +101,7 @@ class Law:
 
     def _std(self, t: Array) -> Array:
         assert self.covariance is not None
-        return np.sqrt(np.maximum(np.sum((t @ self.covariance) * t, axis=1), 0.0))
+        return np.asarray(np.sqrt(np.maximum(np.sum((t @ self.covariance) * t, axis=1), 0.0)))
 
     def _scales(self, t: Array) -> Array:
         return np.asarray(t[:, self.mechanism.owners] * self.slopes)

@@ -105,9 +105,7 @@ def _linear_rows(stack: Stack, outputs: tuple[str, ...], method: str) -> list[Ro
     return [Row(*one) for one in zip(outputs, linear, spread, strict=True)]
 
 
-def _at(
-    stack: Stack, output: str, p: float, side: float = 0.0, most: float = np.inf
-) -> Row:
+def _at(stack: Stack, output: str, p: float, side: float = 0.0, most: float = np.inf) -> Row:
     """side * mean + the p-quantile of the deviations: a root where all parts are normal."""
     law = stack.law
     assert isinstance(law, Law)
@@ -129,8 +127,8 @@ def _yield_rows(stack: Stack) -> list[Row]:
         return []
     mechanism = law.mechanism
     above, below = mechanism.upper - mechanism.centre, mechanism.centre - mechanism.lower
-    even = abs(above - below) <= CENTRED * abs(above + below) and not np.any(law.mean)
-    if even:
+    two = bool(np.isfinite(above) and np.isfinite(below))
+    if two and abs(above - below) <= CENTRED * (above + below) and not np.any(law.mean):
         return [_at(stack, "yield_percent", 0.5 * (1.0 + p), 0.0, max(above, below))]
     return [
         _at(stack, "yield_percent", p, side, room)
@@ -257,8 +255,7 @@ def _left_out(stack: Stack, rows: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(
         limit.name
         for limit in stack.limits
-        if limit.name not in tolerances
-        and (limit.name not in (*rows, "cost") or _left(limit))
+        if limit.name not in tolerances and (limit.name not in (*rows, "cost") or _left(limit))
     )
 
 
