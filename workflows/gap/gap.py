@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from ...directory import owned
 from ...gap_records import GapResult
@@ -106,7 +107,18 @@ def found(
     progress: Tell | None = None,
     kept: Replicates | None = None,
 ) -> GapResult:
-    """The whole analysis of data that were read, without its files but that of its replicates."""
+    """The whole analysis of data that were read, without its files but that of its replicates.
+
+    One thread of linear algebra: columns are long and few, and threads that wait for each other took
+    two thirds of the CPU.
+    """
+    with threadpool_limits(1):
+        return _found(plan, data, workers, progress, kept)
+
+
+def _found(
+    plan: GapPlan, data: GapData, workers: int, progress: Tell | None, kept: Replicates | None
+) -> GapResult:
     tell, mine = progress or silent, kept or Replicates()
     tell(GapProgress("columns of the library"))
     setup = prepared(plan, data)
