@@ -57,7 +57,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     looser = np.where(np.isfinite(form.own_limits), LOOSER_SHARE, LOOSER)
     limits = np.where(np.isfinite(limits), limits + looser * np.abs(limits), np.inf)
     each, place = np.unique(limits, axis=0, return_inverse=True)
-    bound = np.min([_bound(one, each) for one in (form, *form.also)], axis=0)[np.ravel(place)]
+    bound = _least_bound(form, each)[np.ravel(place)]
     cost = np.asarray(values["cost"])
     least, most = cost_range(form)
     if np.any(bound - cost > 1e-9 * np.maximum(np.abs(cost), min(abs(least), abs(most)))):
@@ -65,6 +65,26 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
         raise ModelError(f"the proven bound {bound[at]} lies above a cost of {cost[at]}: the form "
                          f"of {type(problem).__name__} does not bound it")  # fmt: skip
     return Proof(np.minimum(bound, cost), form.statement)
+
+
+def _least_bound(form: Form, limits: Array) -> Array:
+    """Proven least costs (n,) of a form and of those for the designs that it leaves out.
+
+    What costs too much at the widest limits does so at all of them.
+    """
+    found = _bound(form, limits)
+    for other in form.also:
+        wide = np.full(len(other.outputs), np.inf)
+        shared = [other.outputs.index(name) if name in other.outputs else -1
+                  for name in form.outputs]  # fmt: skip
+        own = np.tile(np.minimum(wide, other.own_limits), (len(limits), 1))
+        for at, row in enumerate(shared):
+            if row >= 0:
+                own[:, row] = limits[:, at]
+        rest = found > _bound(other, own.max(axis=0)[None, :])[0]
+        if np.any(rest):
+            found[rest] = np.minimum(found[rest], _bound(other, own[rest]))
+    return found
 
 
 def _bound(form: Form, limits: Array) -> Array:
