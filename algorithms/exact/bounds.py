@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way
+from ...problems.least import least_value
 from ...problems.tolerance_problem import ToleranceProblem
 from .choices import cost_range, least_cost
 from .pieces import convex_pieces
@@ -91,7 +92,22 @@ def _bound(form: Form, limits: Array) -> Array:
     """Proven least costs (n,) of one form at limits (n, r)."""
     used = np.any(np.isfinite(limits), axis=0)
     used[0] |= not np.any(used)
-    return least_cost(convex_pieces(restricted(form, used)), limits[:, used]).bound
+    form, limits = convex_pieces(restricted(form, used)), limits[:, used]
+    bound, possible = np.full(len(limits), np.inf), within_reach(form, limits)
+    if np.any(possible):
+        bound[possible] = least_cost(form, limits[possible]).bound
+    return bound
+
+
+def within_reach(form: Form, limits: Array) -> NDArray[np.bool_]:
+    """Whether limits (n, r) are not proven to contradict each other at once."""
+    possible = np.ones(len(limits), dtype=bool)
+    for row in range(len(form.outputs) if form.quantiles else 0):
+        widest = limits.max(axis=0)
+        least = least_value(form, row, np.where(np.arange(len(widest)) == row, np.inf, widest))
+        if least is not None:
+            possible &= limits[:, row] >= least.value - LOOSER_SHARE * abs(least.value)
+    return possible
 
 
 def reason(problem: ToleranceProblem, form: Form | None) -> str:

@@ -33,7 +33,7 @@ from .counterparts import changes_of, sentence
 from .form import deviations, form_of
 from .gradient import gradients
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
-from .quantile_form import quantile_form
+from .quantile_form import quantile_form, shortfalls
 from .shift import SHIFT, columns_of, shift_of
 
 Array = NDArray[np.float64]
@@ -146,6 +146,14 @@ class RvBacklash(ToleranceProblem):
     @cached_property
     def _quantile_form(self) -> Form | str:
         return quantile_form(self)
+
+    def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
+        values = super().form_values(form, designs, found)
+        missing = shortfalls(self, designs, found)
+        for row, name in enumerate(form.outputs):
+            if np.isfinite(form.own_limits[row]):
+                values[:, row] = form.own_limits[row] + missing[name]
+        return values
 
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Modification and stagger of the shift that a form has found."""

@@ -13,6 +13,7 @@ these are even and log-concave its quantile is convex in the tolerances (docs/pr
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from ...models.costs import CostCurve, Reciprocal
 from ...models.propagation.even import UNIFORM, Even, even_law
-from ...models.propagation.sums import Term
+from ...models.propagation.sums import Term, total_cumulants
 from ...units import ARCMIN
 from ..forms import Feature, Form, Piece, Quantile, Way
 from ..limits import Limit
@@ -138,8 +139,9 @@ def _rows(problem: RvBacklash) -> list[Row | None]:
     if "yield_percent" in limits and 50.0 <= limits["yield_percent"].low < 100.0:
         share = 0.01 * limits["yield_percent"].low
         found.append(Row("yield_percent", share, False, problem.limit))
-    interfering = limits["interference_probability"].high if (
-        "interference_probability" in limits) else 1.0
+    interfering = (
+        limits["interference_probability"].high if ("interference_probability" in limits) else 1.0
+    )
     if 0.0 < interfering <= 0.5:
         share = 1.0 - interfering
         found.append(Row("interference_probability", share, True, 0.0))
@@ -259,6 +261,31 @@ def _shift_feature(shift: Shift, rows: list[Row]) -> Feature:
     way = Way(NONE, 1.0, 1.0 + shift.high - shift.low, tuple(sides), (0.0,) * len(rows),
               offset=tuple(side * start for side in sides))  # fmt: skip
     return Feature(SHIFT, (way,))
+
+
+def shortfalls(problem: RvBacklash, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
+    """By how much (n,) [arcmin] phi_2, or the limit of the yield, falls short of what is asked.
+
+    A step of Newton's method by the density of a normal law.
+    """
+    total = problem.total(designs)
+    limits, missing = {limit.name: limit for limit in problem.limits}, {}
+    if "interference_probability" in limits:
+        mean, variance = total_cumulants(total.clipped)[:2]
+        excess = found["interference_probability"] - limits["interference_probability"].high
+        missing["interference_probability"] = _step(excess, mean, variance)
+    if "yield_percent" in limits:
+        mean, variance = total_cumulants(total.clipped + total.free)[:2]
+        lacking = 0.01 * (limits["yield_percent"].low - found["yield_percent"])
+        missing["yield_percent"] = _step(lacking, problem.limit * ARCMIN - mean, variance)
+    return missing
+
+
+def _step(excess: Array, at: Array, variance: Array) -> Array:
+    """A probability over the normal density at a distance from the mean [rad], in arcmin."""
+    std = np.sqrt(variance)
+    density = np.exp(-0.5 * np.minimum((at / std) ** 2, 9.0)) / (std * np.sqrt(2.0 * np.pi))
+    return np.asarray(excess / density / ARCMIN)
 
 
 # ---------------------------------------------------------------- the parts
