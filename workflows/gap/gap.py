@@ -20,6 +20,7 @@ from .gaps import OF_UNITS, gaps
 from .locate import regions
 from .next.measurement import next_measurement
 from .plan import GapPlan
+from .plausible import unlikely_numbers
 from .populations.found import attribution_of, inputs_instead, population_of, said
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
@@ -207,7 +208,7 @@ def _region(data: GapData) -> dict[str, list[float]]:
 
 
 def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
-    found = [*data.notes, *end.setup.notes]
+    found = [*end.setup.first, *unlikely_numbers(end.fit, data), *data.notes, *end.setup.notes]
     for output, noise in zip(data.outputs, analysis.bare.noises, strict=True):
         if noise.outliers:
             found.append(f"{output.name}: {noise.outliers} outliers do not count")
