@@ -42,7 +42,7 @@ INSIDE = 2e-6
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A search vector (variables,) that keeps the limits in truth, its cost, ways and t (features,)."""
+    """A search vector (variables,) that keeps limits in truth; its cost, ways and t (features,)."""
 
     ways: tuple[int, ...]
     x: Array
@@ -148,6 +148,11 @@ class Corrected:
         return Programme(Combination(self.form, ways)).allocation(limit, self._start)
 
 
+def is_corrected(form: Form) -> bool:
+    """Whether a form is a bound that its problem's own values correct."""
+    return bool(form.quantiles) and not form.exact
+
+
 def corrected_vectors(run: Run, form: Form, points: int) -> Array:
     """Search vectors (k, variables) of about `points` along the front, or of the least cost."""
     limits = row_limits(run.problem, form)
@@ -163,10 +168,13 @@ def corrected_vectors(run: Run, form: Form, points: int) -> Array:
     end = corrected.point(chosen_at_end, limits, least=row)
     x = [] if end is None else [end.x]
     asked, chosen = _levels(run, form, limits, row, ends, points)
-    before = None
+    before: Point | None = None
     for done, (limit, ways) in enumerate(zip(asked, chosen.tolist(), strict=True)):
-        run.phase("points on the full model", 0.6 + 0.4 * done / len(asked))
-        best = corrected.best(tuple(ways) if before is None else before.ways, limit)
+        run.phase("points on the full model", 0.3 + 0.7 * done / len(asked))
+        best = corrected.best(tuple(ways), limit)
+        if before is not None and best is not None and before.ways not in (tuple(ways), best.ways):
+            other = corrected.point(before.ways, limit, than=best.cost)
+            best = best if other is None or other.cost >= best.cost else other
         if best is not None:
             x.append(best.x)
             before = best
@@ -200,9 +208,10 @@ def _levels(
         return asked, found.chosen
     length = arc_length(np.stack([asked[:, row], found.cost]))
     even = np.interp(np.linspace(0.0, length[-1], points), length, asked[:, row])
-    run.phase("fine front", 0.2)
-    found, asked = _at(form, limits, row, even)
-    return asked, found.chosen
+    chosen = found.chosen[np.argmin(np.abs(even[:, None] - asked[:, row]), axis=1)]
+    fine = np.tile(limits, (points, 1))
+    fine[:, row] = even
+    return fine, chosen
 
 
 def _at(form: Form, limits: Array, row: int, levels: Array) -> tuple[Optimum, Array]:
