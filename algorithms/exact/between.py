@@ -41,16 +41,11 @@ def least_bounds(form: Form, limits: Array) -> Array:
         at = np.clip(place + side, 0, len(some) - 1)
         real = np.isfinite(known.cost[at])
         if np.any(real):
-            near = _at(known, at[real])
+            near = known.at(at[real])
             found[rest[real]] = np.maximum(found[rest[real]], _by(form, near, limits[rest[real]]))
     wider = np.all(limits[some][None, :, :] >= limits[:, None, :], axis=2)
     proven = np.where(wider, known.bound[None, :], -np.inf).max(axis=1)
     return np.maximum(found, proven)
-
-
-def _at(known: Optimum, rows: NDArray[np.int64]) -> Optimum:
-    parts = (known.chosen, known.t, known.cost, known.bound, known.multiplier)
-    return Optimum(*(part[rows] for part in parts))
 
 
 def _by(form: Form, near: Optimum, limits: Array) -> Array:
@@ -83,4 +78,4 @@ def _combined(tables: list[Array]) -> Array:
     def joined(one: Array, other: Array) -> Array:
         return np.asarray((one[:, None] + other[None, :]).reshape(-1, *one.shape[1:]))
 
-    return reduce(joined, tables)
+    return np.asarray(reduce(joined, tables))

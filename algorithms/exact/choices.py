@@ -43,6 +43,11 @@ class Optimum:
     bound: Array
     multiplier: Array
 
+    def at(self, rows: NDArray[np.intp]) -> Optimum:
+        """Those of some limits."""
+        return Optimum(self.chosen[rows], self.t[rows], self.cost[rows], self.bound[rows],
+                       self.multiplier[rows])  # fmt: skip
+
 
 def least_cost(form: Form, limits: Array) -> Optimum:
     """The cheapest allocation that keeps each set of upper limits (n, r) of a form.

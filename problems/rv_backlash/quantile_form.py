@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .problem import RvBacklash
 
 Array = NDArray[np.float64]
-CELLS, COARSE = 24, 4
+CELLS, COARSE = 48, 4
 """Pieces of the range of the eccentricity, in geometric steps; those of designs for which
 y - Y >= 0 fails, which cost more than is of interest."""
 BETAS = (1.0, 0.5, 0.25)
