@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..declarations import Output, Parameter, Value, Variable
+from .gear import Gear
 from .inputs.distribution import Array, Distribution
 from .sources import Sources
 
@@ -37,7 +38,10 @@ class Role(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """An input column of a measurement table; `text` columns are labels, not numbers."""
+    """An input column of a measurement table; `text` columns are labels, not numbers.
+
+    `sense` is -1 where the column counts against the convention; effects see it turned.
+    """
 
     name: str
     unit: str
@@ -45,6 +49,7 @@ class Column:
     needed: bool = True
     text: bool = False
     role: Role = Role.INPUT
+    sense: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +90,7 @@ class MeasurableModel(ABC):
     changeable: ClassVar[tuple[Changeable, ...]] = ()
     population: ClassVar[bool] = False
     corrects: ClassVar[tuple[str, ...]] = ()
+    gear: Gear | None = None
 
     @abstractmethod
     def __init__(
@@ -105,6 +111,11 @@ class MeasurableModel(ABC):
 
         `changes` holds, by name, what is added to a changeable quantity: a number, or one per row.
         """
+
+    @classmethod
+    def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:
+        """The gear of a model with these parameters, None where it is of none."""
+        return cls.gear
 
     def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
         """Cells of a table of columns (n,) that are beyond the range of the model."""

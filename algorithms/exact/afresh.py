@@ -7,11 +7,13 @@ by what fresh units say more.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..run import Run
-from .branch import Branch, joint
+from .branch import Branch
 
 Array = NDArray[np.float64]
 ROUNDS, SPARE = 3, 4
@@ -24,17 +26,13 @@ FAR = 0.5
 """Share of a limit by which it is moved at most."""
 
 
-def tested_afresh(run: Run, branches: list[Branch], points: int, least: float) -> None:
-    """Hand `points` of the joint front to the run as its result, with limits that fresh units keep.
+def tested_afresh(run: Run, points: Sequence[tuple[Branch, int]]) -> None:
+    """Hand points, each by its branch and index, to the run as its result.
 
-    Points whose last objective is below `least` are left out. A point that breaks a limit on fresh
-    units is solved again with the limit moved by the excess.
+    A point that breaks a limit on fresh units is solved again with the limit moved by the excess.
     """
-    order = [(branch, at) for branch, at in joint(branches) if branch.f[at][-1] >= least]
-    if len(order) > points:
-        order = [order[int(at)] for at in np.linspace(0, len(order) - 1, points)]
-    for done, (branch, at) in enumerate(order):
-        run.phase("fresh units", 0.9 + 0.1 * done / len(order))
+    for done, (branch, at) in enumerate(points):
+        run.phase("fresh units", 0.9 + 0.1 * done / len(points))
         run.choose(kept(run, branch, branch.y[at], branch.f[at], search=True))
 
 

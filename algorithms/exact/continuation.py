@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..run import Run
 from .afresh import tested_afresh
-from .branch import NEARLY, Branch
+from .branch import NEARLY, Branch, joint
 
 Array = NDArray[np.float64]
 RATIO = 0.75
@@ -36,17 +36,15 @@ def sampled_front(run: Run, branches: list[Branch], points: int) -> None:
         for at, branch in enumerate(branches):
             run.phase("least value", 0.8 * at / len(branches))
             branch.begin(run)
-    least = -np.inf if run.problem.n_obj == 1 else _between(run, branches, points)
-    alive = [branch for branch in branches if branch.f]
-    if alive:
-        tested_afresh(run, alive, points, least)
+        alive = [branch for branch in branches if branch.f]
+        tested_afresh(run, joint(alive)[:1] if alive else [])
+    else:
+        levels = _between(run, branches, points)
+        tested_afresh(run, [_best(branches, level) for level in sorted(levels)])
 
 
-def _between(run: Run, branches: list[Branch], points: int) -> float:
-    """Solve at coarse levels, then where the joint front is widest, until it has `points`.
-
-    Returns the tightest level.
-    """
+def _between(run: Run, branches: list[Branch], points: int) -> Levels:
+    """Solve at coarse levels, then where the joint front is widest, until it has `points`."""
     levels = _coarse(run, branches)
     while levels and len(levels) < points:
         run.phase("largest gaps of the front", 0.4 + 0.5 * len(levels) / points)
@@ -61,7 +59,7 @@ def _between(run: Run, branches: list[Branch], points: int) -> float:
         run.phase("points from their neighbours", 0.8 + 0.1 * sweep / SWEEPS)
         if not _mended(branches, levels):
             break
-    return min(levels, default=-np.inf) * (1.0 - 1e-3)
+    return levels
 
 
 def _mended(branches: list[Branch], levels: Levels) -> bool:
@@ -130,8 +128,20 @@ def _widest(levels: dict[float, Array], unit: Array) -> tuple[float, float]:
 
 def _value(branch: Branch, level: float) -> float:
     """The least first objective that a branch has at a level, or nearly there."""
-    own = [f[0] for f in branch.f if f[1] <= level + NEARLY * branch.unit[1]]
-    return min(own, default=np.inf)
+    return min(_reached(branch, level), default=np.inf)
+
+
+def _reached(branch: Branch, level: float) -> list[float]:
+    """First objectives of the points of a branch up to a level, or nearly there."""
+    return [float(f[0]) for f in branch.f if f[1] <= level + NEARLY * branch.unit[1]]
+
+
+def _best(branches: list[Branch], level: float) -> tuple[Branch, int]:
+    """Branch and index of the least first objective at a level: others there are no part of the
+    front, though some are tighter by less than a solution is good for.
+    """
+    branch = min(branches, key=lambda one: _value(one, level))
+    return branch, int(np.argmin(_reached(branch, level)))
 
 
 def _solved(branch: Branch, level: float) -> float:
