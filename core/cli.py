@@ -323,8 +323,9 @@ def simulate(
         name, effects = configuration.model_name, configuration.settings.effects
         model, seed = build_model(configuration), configuration.seed
         zero = configuration.settings.zero
+        uses = configuration.settings.columns
         options, shown = ReadOptions(encoding, delimiter, decimal), partial(_understood, quiet=quiet)
-        _, notes = simulate(model, inputs, out, seed, name, effects, zero, options, shown)
+        _, notes = simulate(model, inputs, out, seed, name, effects, zero, options, shown, uses)
         for note in () if quiet else notes:
             typer.echo(f"note: {note}", err=True)
         typer.echo(f"written: {out}")

@@ -30,9 +30,11 @@ def evaluate(
     names = [variable.name for variable in problem.variables]
     needed = [name for name in names if name not in problem.fixed]
     text = [variable.name for variable in problem.variables if variable.labels]
-    given, notes, faults = tables.fitted(found, place, problem.variables)
-    frame, bad_cells = tables.parsed(given, place, needed, names, text)
-    faults += bad_cells
+    known = {variable.name: variable.unit for variable in problem.variables}
+    given = tables.fitted(found, place, known)
+    cells, unused = tables.without_unused(given.cells, names)
+    frame, faults = tables.parsed(cells, place, needed, names, text)
+    faults += given.faults
     for variable in problem.variables:
         if variable.name in frame:
             if variable.labels:
@@ -41,7 +43,7 @@ def evaluate(
                 bad = _outside(variable, frame[variable.name])
             faults += tables.cell_faults(place, variable.name, bad)
     raise_all(faults)
-    understood([*found.lines(place), *notes])
+    understood([*found.lines(place), *given.notes, *unused])
     frame = frame.assign(**{n: v for n, v in problem.fixed.items() if n not in frame})
     designs = frame[names].to_numpy(dtype=float)
     for name, bad_rows in problem.misplaced(designs).items():

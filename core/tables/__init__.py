@@ -5,6 +5,15 @@ The index of a table is the line number in its file (the row number in a Parquet
 
 from .aqdef import Characteristic, read_aqdef
 from .assembling import SHOWN
+from .naming import (
+    ColumnUse,
+    Fitted,
+    Tell,
+    fitted,
+    opened_whole,
+    silent,
+    without_unused,
+)
 from .options import AS_DETECTED, ReadOptions
 from .parsed import cell_faults, formed, numbers, parsed, read, write
 from .reading import PARQUET, opened, read_table
@@ -15,16 +24,23 @@ __all__ = [
     "PARQUET",
     "SHOWN",
     "Characteristic",
+    "ColumnUse",
     "Dialect",
+    "Fitted",
     "ReadOptions",
     "Table",
+    "Tell",
     "cell_faults",
+    "fitted",
     "formed",
     "numbers",
     "opened",
+    "opened_whole",
     "parsed",
     "read",
     "read_aqdef",
     "read_table",
+    "silent",
+    "without_unused",
     "write",
 ]
