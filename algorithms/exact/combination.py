@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ...models.costs.joint import Joint
 from ...problems.forms import Form, Way
+from ...problems.spread import Spread, spread_of
 from .prices import Prices
-from .spread import Spread, spread_of
 
 Array = NDArray[np.float64]
 
