@@ -14,6 +14,8 @@ from .options import NAMES
 
 SAMPLE = 200
 """Lines that are looked at."""
+DETECTED = 40
+"""Lines that the detector looks at: it takes long."""
 CANDIDATES = (",", ";", "\t", "|")
 SPACE = " "
 STEADY, CLEAN = 0.8, 0.9
@@ -61,7 +63,7 @@ def _confirmed(sample: list[str], sign: str, score: float, place: str) -> Separa
     from clevercsv import Detector
 
     try:
-        found = Detector().detect("\n".join(sample), delimiters=[*CANDIDATES, SPACE])
+        found = Detector().detect("\n".join(sample[:DETECTED]), delimiters=[*CANDIDATES, SPACE])
     except (ValueError, RuntimeError, IndexError):
         found = None
     named = "" if found is None else found.delimiter or ""
