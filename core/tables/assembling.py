@@ -113,12 +113,13 @@ def _table(
         unit_row=layout.units[0] if layout.units else 0,
     )
     slow = [name for name in numeric if name not in {names[n] for n in quick}]
+    slow += [names[n] for n, values in quick.items() if np.isnan(values).any()]
+    values = {names[n]: one for n, one in quick.items()}
     own = {names[n]: one for n, one in columns.items()}
     notes = [*layout.notes]
     for name in slow:
-        notes += _missing_notes(name, own[name], lines)
+        notes += _missing_notes(name, own[name], lines, values.get(name))
     headers = {names[n]: n for n in columns}
-    values = {names[n]: one for n, one in quick.items()}
     columns_of = Columns(own, lines)
     return Table(columns_of, found, units, tuple(notes), numeric, headers, values)
 
@@ -164,10 +165,13 @@ def _form_faults(header: list[str], body: list[Row], place: str) -> list[Fault]:
     return found
 
 
-def _missing_notes(name: str, cells: list[str], lines: list[int]) -> list[str]:
+def _missing_notes(
+    name: str, cells: Any, lines: list[int], values: NDArray[Any] | None
+) -> list[str]:
     """How many cells of a column of numbers are none."""
-    numbers = pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce").to_numpy()
-    bad = np.flatnonzero(np.isnan(numbers)).tolist()
+    if values is None:
+        values = pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce").to_numpy()
+    bad = np.flatnonzero(np.isnan(values)).tolist()
     if not bad:
         return []
     listed = ", ".join(f'row {lines[at]} "{cells[at]}"' for at in bad[:5])

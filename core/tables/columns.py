@@ -51,7 +51,8 @@ class Columns:
         if isinstance(cells, np.ndarray) and cells.dtype != object:
             return cells
         if values is not None and not (values == np.floor(values)).all():
-            return values
+            bad = np.isnan(values)
+            return np.where(bad, _objects(cells), values.astype(object)) if bad.any() else values
         return pd.Series(_objects(cells), index=self._index(), dtype=object)
 
     def _typed(self, cells: Any, numeric: bool) -> Any:

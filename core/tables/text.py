@@ -47,7 +47,9 @@ def rows_of(text: str, found: Separator, place: str) -> list[Row]:
     try:
         rows = [(reader.line_num + skipped, [*map(str.strip, row)]) for row in reader]
     except csv.Error as error:
-        raise refuse(f"{place}: row {reader.line_num + skipped}", f"is not CSV ({error})") from error
+        raise refuse(
+            f"{place}: row {reader.line_num + skipped}", f"is not CSV ({error})"
+        ) from error
     return [row for row in rows if any(row[1])]
 
 

@@ -13,8 +13,11 @@ LONGEST = 15
 """Digits of a whole number that a double holds; longer ones are serial numbers."""
 
 
-def whole_if_so(values: NDArray[Any]) -> NDArray[Any]:
-    """Numbers, whole ones as such."""
+def whole_if_so(values: NDArray[np.float64]) -> NDArray[Any]:
+    """Numbers, whole ones as such, None where one is missing."""
+    bad = np.isnan(values)
+    if bad.any():
+        return np.where(bad, None, values.astype(object))
     whole = values.astype(np.int64)
     return whole if (whole == values).all() else values
 

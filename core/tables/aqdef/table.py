@@ -12,7 +12,9 @@ from ..unit_text import known_unit
 from .reading import characteristics
 
 
-def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table | None, list[Fault]]:
+def table_of_aqdef(
+    path: Path, place: str, options: ReadOptions
+) -> tuple[Table | None, list[Fault]]:
     """The values of a file, those of one row measured one after the other on one part.
 
     Values that are not valid are empty cells. A column is named after its characteristic, and after
