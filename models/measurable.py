@@ -77,9 +77,12 @@ class MeasurableModel(ABC):
     tolerance (half-width, in the parameter's unit), `changeable` what effects may change in it. A
     model of a `population` draws a unit for each row: it is compared with data as a distribution,
     not row by row. `corrects` names the problems whose allocation can be repeated with what was
-    learnt of it; a problem whose `default_model` it is belongs to it as well. It is set up from
-    `parameters` and `designs` (variables by name, in their units; what is left out keeps its
-    default) and the distributions `inputs` of the variables by name.
+    learnt of it; a problem whose `default_model` it is belongs to it as well. Of units that are
+    `made_to_a_drawing` a gap analysis takes geometry and zones from that problem's configuration;
+    `geometry` are the parameters that tell one drawing from another, `of_the_bench` those that say
+    how units are measured. It is set up from `parameters` and `designs` (variables by name, in
+    their units; what is left out keeps its default) and the distributions `inputs` of the variables
+    by name.
     """
 
     columns: ClassVar[tuple[Column, ...]]
@@ -91,6 +94,9 @@ class MeasurableModel(ABC):
     population: ClassVar[bool] = False
     corrects: ClassVar[tuple[str, ...]] = ()
     gear: Gear | None = None
+    made_to_a_drawing: ClassVar[bool] = False
+    geometry: ClassVar[tuple[str, ...]] = ()
+    of_the_bench: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def __init__(

@@ -18,6 +18,7 @@ from ..section import POSITIVE, Range, Section, shown
 from ..workflows.gap.plan import GapPlan, GapSettings
 from .configuration import Configuration
 from .effects import resolved_effects
+from .gap_drawing import as_drawn
 from .gap_free import read_free
 from .gap_kind import OWN
 from .gap_next import read_next
@@ -74,8 +75,9 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     noise = _noise(top.section("noise"), configuration) if judged else {}
     blocks = _blocks(top.section("validation"))
     drop = _drop(top.section("data"))
-    run = read_run(top, name or "", table, path.parent)
+    run, of_run = read_run(top, name or "", table, path.parent)
     found = configuration or _stand_in(table, name)
+    found, drawing = (found, None) if found is None else as_drawn(top, found, of_run, path.parent)
     model = build_model(found) if found is not None else None
     planned = read_next(top, model)
     top.finish()
@@ -106,6 +108,7 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
         uses=dict(found.settings.columns),
         counterparts=counterparts if run else None,
         next_measurement=planned,
+        drawing=drawing,
         tables=resolved_gear(found.settings.gear) | resolved_effects(active)
         if of_table
         else dict(found.resolved),

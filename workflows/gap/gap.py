@@ -175,6 +175,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         corrected=text,
         next_measurement=planned.record if planned else None,
         next_points=planned.points if planned else None,
+        drawing=plan.drawing,
     )  # fmt: skip
 
 
@@ -209,7 +210,9 @@ def _region(data: GapData) -> dict[str, list[float]]:
 
 
 def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
-    found = [*end.setup.first, *unlikely_numbers(end.fit, data), *data.notes, *end.setup.notes]
+    drawing = end.setup.plan.drawing
+    found = [*([drawing.assumed] if drawing and drawing.assumed else []), *end.setup.first]
+    found += [*unlikely_numbers(end.fit, data), *data.notes, *end.setup.notes]
     for output, noise in zip(data.outputs, analysis.bare.noises, strict=True):
         if noise.outliers:
             found.append(f"{output.name}: {noise.outliers} outliers do not count")
@@ -229,7 +232,8 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
 
 def _lines(result: GapResult) -> tuple[str, ...]:
     """A short summary for the terminal."""
-    lines = [f"{result.verdict}: {result.summary['rows']} rows"]
+    lines = list(result.drawing.lines()) if result.drawing else []
+    lines.append(f"{result.verdict}: {result.summary['rows']} rows")
     words = FAR if result.summary["gap_is"] == OF_UNITS else RMSE
     for output in result.outputs:
         before, after = result.gap_before[output.name], result.gap_after[output.name]

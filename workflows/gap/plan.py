@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ...gap_drawing_records import Drawing
 from ...models.effects.compose import Active
 from ...models.gear import Gear
 from ...models.measurable import MeasurableModel
@@ -101,7 +102,8 @@ class GapPlan:
     added to outputs that have a zero, `sense` is -1 of those that read the other way round, `gear`
     that of a table. `counterparts` says what each effect of a corrected
     configuration does in the problem of `run`; None without it. `next_measurement` is None where
-    none was asked for. `uses` says what the columns of a file are to a model.
+    none was asked for. `uses` says what the columns of a file are to a model; `drawing` is what
+    units that are made to one are simulated as.
     """
 
     model_name: str
@@ -127,6 +129,7 @@ class GapPlan:
     configuration: str = ""
     uses: Mapping[str, ColumnUse] = field(default_factory=dict)
     next_measurement: NextPlan | None = None
+    drawing: Drawing | None = None
 
 
 def output_of(name: str, columns: Mapping[str, ColumnRole]) -> str | None:
