@@ -204,12 +204,12 @@ class Master:
             offset += total * self._offset[:, row]
         room = (self.limit - self.form.offset)[which] - np.array([c for _, _, c in self._cuts])
         t, value = np.zeros(len(self._ways)), np.full(len(self._ways), np.inf)
-        for row in np.flatnonzero(open_).tolist():
-            count = float(self.form.features[self._owner[row]].count)
-            way, p = self._ways[row], linear[row : row + 1]
+        for at in np.flatnonzero(open_).tolist():
+            count = float(self.form.features[self._owner[at]].count)
+            way, p = self._ways[at], linear[at : at + 1]
             best = way.curve.best(p / count, np.zeros(1), way.low, way.high)
-            t[row] = best[0]
-            value[row] = count * way.curve.cost(best)[0] + p[0] * best[0] + offset[row]
+            t[at] = best[0]
+            value[at] = count * way.curve.cost(best)[0] + p[0] * best[0] + offset[at]
         least = np.full(len(self.form.features), np.inf)
         np.minimum.at(least, self._owner, value)
         received = float(prices @ room)
