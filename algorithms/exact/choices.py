@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ...problems.forms import Feature, Form
 from ...problems.spread import Spread, largest_parts, spread_of
 from .combination import Combination
+from .master import Master
 from .path import Path
 from .prices import ROUNDING, Prices
 from .programme import Programme
@@ -29,6 +30,8 @@ PASSES = 8
 """Times the prices are improved at most before the search."""
 LEAVES = 4096
 """Allocations that are solved at most."""
+MIXED = 5
+"""Features with several ways from which on quantiles are searched by a linear master problem."""
 CLOSE = 1e-10
 """A node whose bound is this close to the best cost cannot improve it noticeably."""
 
@@ -54,13 +57,31 @@ def least_cost(form: Form, limits: Array) -> Optimum:
 
     Cost and bound are inf where no allocation can keep them; where none was found the cost alone.
     """
-    search = _Search(form, np.asarray(limits, dtype=float))
+    limits = np.asarray(limits, dtype=float)
+    if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
+        return _by_master(form, limits)
+    search = _Search(form, limits)
     every = np.ones(len(limits), dtype=bool)
     search.leaf((0,) * len(form.features), every)
     if form.combinations > 1 and len(limits):
         search.leaf(tightest_ways(form), every)
         search.run()
     return Optimum(search.chosen, search.t, search.cost, search.bound, search.multiplier)
+
+
+def _by_master(form: Form, limits: Array) -> Optimum:
+    """The same by a linear master problem, one set of limits after the other."""
+    n, features = len(limits), len(form.features)
+    found = Optimum(np.zeros((n, features), dtype=np.int64), np.full((n, features), np.nan),
+                    np.full(n, np.inf), np.full(n, np.inf), np.zeros_like(limits))  # fmt: skip
+    for row, limit in enumerate(limits):
+        master = Master(form, limit, *cost_range(form))
+        best = master.run()
+        found.bound[row] = master.proven
+        if best is not None:
+            found.chosen[row], found.t[row] = best.chosen, best.t
+            found.cost[row], found.bound[row] = best.cost, best.bound
+    return found
 
 
 @dataclass(eq=False)
