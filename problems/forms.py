@@ -62,7 +62,8 @@ class Form:
     variables that the form does not search, at the values that are best for it. `relaxed` names the
     limits that it leaves out: with any, it still bounds the cost from below. `exact` says that
     its values are those of the outputs; else they are lower bounds of them. `statement` says in
-    words what is proven.
+    words what is proven. `tested` names limits that it leaves out as well, but that are rarely met:
+    its optimum counts where it keeps them.
     """
 
     outputs: tuple[str, ...]
@@ -75,6 +76,7 @@ class Form:
     exact: bool = True
     settled: Mapping[str, float] = field(default_factory=dict)
     relaxed: tuple[str, ...] = ()
+    tested: tuple[str, ...] = ()
 
     @property
     def combinations(self) -> int:

@@ -43,7 +43,9 @@ class Exact(Solver):
         run.phase("closed form", 0.5)
         left = run.evaluations_left
         points = self.points if left is None else max(2, min(self.points, left))
-        run.evaluate(exact_vectors(run.problem, form, points))
+        _, violations = run.evaluate(exact_vectors(run.problem, form, points))
+        if form.tested and not np.all(violations <= 0.0):
+            epsilon_front(run, self.points)
 
 
 def closed_form(problem: ToleranceProblem) -> Form | None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from .domain import box, least_margin
 from .linear import Linear, linearised
 from .mechanism import Mechanism
-from .sampling import Sample, half_width, yield_percent
+from .sampling import Sample, half_width, joint_yield_percent, yield_percent
 
-__all__ = ["Linear", "Mechanism", "Sample", "half_width", "linearised", "yield_percent"]
+__all__ = ["Linear", "Mechanism", "Sample", "box", "half_width",
+           "least_margin", "joint_yield_percent", "linearised", "yield_percent"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,8 @@ from ...models.costs import Reciprocal
 from ...models.stack.linear import SIGMAS
 from ..forms import Feature, Form, Way
 from .definition import Part
+from .joint import VARIATIONS
+from .measured import Measured
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -18,72 +21,152 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 FREE = Reciprocal(a=0.0, b=0.0)
 """Cost of a part that has none."""
-ROWS = ("variation", "worst_case", "rss")
-"""Outputs that the form can describe."""
+ROWS = VARIATIONS
+"""Outputs that the form can describe, of one requirement or the largest of all."""
 
 
-def form_of(stack: Stack, method: str) -> Form | None:
-    """The convex form with the linear variation of a `method`; None where limits leave no process.
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One value of the form: `output` is at least `weight` times a kind of variation."""
 
-    Fixed parts go into the offset and the constant, but for those that are correlated with others.
+    output: str
+    weight: float
+    method: str
+    measured: Measured
+
+
+def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
+    """The convex form of the linear variations; None where limits leave no process.
+
+    `gaussian` has the root sum square stand for half-widths by Monte Carlo, which else are not in
+    it. Fixed parts go into the offset and the constant, but for those that are correlated with
+    others.
     """
-    if not _possible(stack):
+    rows = _rows(stack, gaussian)
+    if not rows or not possible(stack) or _entangled(stack):
         return None
-    named = {*stack.objectives, *(limit.name for limit in stack.limits)}
-    rows = tuple(name for name in ROWS if name == "variation" or name in named)
-    linear, spread = _coefficients(stack, rows, method)
+    linear, spread = _coefficients(rows)
     parts, t = stack.definition.parts, np.array([part.low for part in stack.definition.parts])
-    settled = _settled(stack)
+    settled, correlation = _settled(stack), _correlation(stack)
     kept = [at for at in range(len(parts)) if not settled[at]]
-    diagonal = np.sqrt(np.diag(stack.linear.covariance))
-    safe = np.where(diagonal > 0.0, diagonal, 1.0)  # 0: pieces that compensate each other wholly
-    correlation = stack.linear.covariance / np.outer(safe, safe)
-    np.fill_diagonal(correlation, 1.0)
     within = correlation[np.ix_(kept, kept)]
-    left_out = _left_out(stack, rows)
+    left_out = _left_out(stack, {row.output for row in rows})
     independent = np.array_equal(within, np.eye(len(kept)))
     return Form(
-        outputs=rows,
+        outputs=tuple(row.output for row in rows),
         features=tuple(
-            _feature(parts[at], linear[:, at], spread[:, at], _range(stack, parts[at]))
+            _feature(parts[at], linear[:, at], spread[:, at], range_of(stack, parts[at]))
             for at in kept
         ),
         offset=linear[:, settled] @ t[settled],
         constant=np.array([_square(one, t, correlation, settled) for one in spread]),
-        statement=_statement(method, left_out),
+        statement=_statement(stack, rows, left_out),
         base=float(sum(_fixed_cost(p) for p, out in zip(parts, settled, strict=True) if out)),
         correlation=None if independent else within,
         relaxed=left_out,
+        tested=tuple(limit.name for limit in stack.limits if limit.name in _domains(stack)),
     )
 
 
-def _possible(stack: Stack) -> bool:
+def _rows(stack: Stack, gaussian: bool) -> list[Row]:
+    """What the form describes: `variation` of one requirement, and all that is asked for."""
+    asked = {*stack.objectives, *(limit.name for limit in stack.limits)}
+    several = bool(stack.definition.requirement.key)
+    found = []
+    for one in stack.measured:
+        method = one.requirement.method
+        kinds = {"variation": method, "worst_case": "worst_case", "rss": "rss"}
+        if method == "monte_carlo":
+            kinds["variation"] = "rss" if gaussian else ""
+        for kind, how in kinds.items():
+            own = one.name(kind)
+            if how and (own in asked or (kind == "variation" and not several)):
+                found.append(Row(own, 1.0, how, one))
+            if how and several and kind in asked:
+                found.append(Row(kind, one.requirement.weight, how, one))
+    whole = [row for row in found if not several or row.output not in ROWS
+             or _complete(row, found, stack)]  # fmt: skip
+    first = stack.measured[0]
+    return whole or ([Row(first.name("rss"), 1.0, "rss", first)] if several else [])
+
+
+def _complete(row: Row, rows: list[Row], stack: Stack) -> bool:
+    """Whether a largest variation has a row for every requirement."""
+    return sum(other.output == row.output for other in rows) == len(stack.measured)
+
+
+def _entangled(stack: Stack) -> bool:
+    """Whether the correlation of two parts differs between requirements.
+
+    It does where a correlated piece shares its tolerance with others.
+    """
+    definition = stack.definition
+    if not definition.requirement.key:
+        return False
+    named = {piece for one in definition.correlations for piece in one.pieces}
+    return any(part.count > 1 and named & set(part.pieces) for part in definition.parts)
+
+
+def possible(stack: Stack) -> bool:
     """Whether limits leave every part a process."""
-    ends = [(part, *_range(stack, part)) for part in stack.definition.parts]
+    ends = [(part, *range_of(stack, part)) for part in stack.definition.parts]
     return all(
         any(max(one.low, low) <= min(one.high, high) for one in part.processes)
         for part, low, high in ends
     )
 
 
-def _coefficients(stack: Stack, rows: tuple[str, ...], method: str) -> tuple[Array, Array]:
+def _coefficients(rows: list[Row]) -> tuple[Array, Array]:
     """Linear and spread coefficients (rows, parts)."""
-    model = stack.linear
-    std = SIGMAS * np.sqrt(np.diag(model.covariance))
-    nothing = np.zeros_like(std)
-    kinds = {
-        "worst_case": (model.worst, nothing),
-        "rss": (nothing, std),
-        "shifted_rss": (model.shift, std),
-    }
-    found = [kinds[method if row == "variation" else row] for row in rows]
-    return np.array([one for one, _ in found]), np.array([one for _, one in found])
+    linear, spread = [], []
+    for row in rows:
+        model = row.measured.linear
+        std = SIGMAS * _deviation(model.covariance, row.measured)
+        nothing = np.zeros_like(std)
+        kinds = {
+            "worst_case": (model.worst, nothing),
+            "rss": (nothing, std),
+            "shifted_rss": (model.shift, std),
+        }
+        linear.append(row.weight * kinds[row.method][0])
+        spread.append(row.weight * kinds[row.method][1])
+    return np.array(linear), np.array(spread)
+
+
+def _deviation(covariance: Array, measured: Measured) -> Array:
+    """Standard deviation (parts,) at t = 1; with the sign by which parts compensate each other.
+
+    All requirements share the correlation of the parts.
+    """
+    std = np.sqrt(np.diag(covariance))
+    if measured.mechanism.correlation is None or not measured.requirement.key:
+        return std
+    owners = measured.mechanism.owners
+    each = np.bincount(owners, measured.mechanism.sensitivities, minlength=len(std))
+    return np.asarray(np.where(each < 0.0, -std, std))
+
+
+def _correlation(stack: Stack) -> Array:
+    """Correlation (parts, parts) of the contributions of the parts."""
+    covariance, mechanism = stack.linear.covariance, stack.definition.mechanism
+    if stack.definition.requirement.key:
+        found = np.eye(len(covariance))
+        if mechanism.correlation is not None:
+            owners = mechanism.owners
+            for i, j in zip(*np.nonzero(np.triu(mechanism.correlation, 1)), strict=True):
+                pair = owners[i], owners[j]
+                found[pair] = found[pair[::-1]] = mechanism.correlation[i, j]
+        return found
+    diagonal = np.sqrt(np.diag(covariance))
+    safe = np.where(diagonal > 0.0, diagonal, 1.0)  # 0: pieces that compensate each other wholly
+    correlation = covariance / np.outer(safe, safe)
+    np.fill_diagonal(correlation, 1.0)
+    return np.asarray(correlation)
 
 
 def _settled(stack: Stack) -> NDArray[np.bool_]:
     """Fixed parts that vary independently of all others, or not at all."""
-    covariance = stack.linear.covariance
-    alone = np.count_nonzero(covariance, axis=1) <= 1
+    alone = np.count_nonzero(_correlation(stack), axis=1) <= 1
     fixed = np.array([part.fixed for part in stack.definition.parts])
     none = np.array([part.high <= 0.0 for part in stack.definition.parts])
     return np.asarray(fixed & (alone | none))
@@ -94,7 +177,7 @@ def _square(spread: Array, t: Array, correlation: Array, settled: NDArray[np.boo
     return float(along @ correlation[np.ix_(settled, settled)] @ along)
 
 
-def _range(stack: Stack, part: Part) -> tuple[float, float]:
+def range_of(stack: Stack, part: Part) -> tuple[float, float]:
     """What limits leave of the tolerance of a part."""
     own = [limit for limit in stack.limits if limit.name == f"{part.name}_t"]
     low = max((limit.low for limit in own), default=-np.inf)
@@ -125,22 +208,33 @@ def _fixed_cost(part: Part) -> float:
     return 0.0 if curve is None else part.count * float(curve.cost(np.array([part.low]))[0])
 
 
-def _statement(method: str, left_out: tuple[str, ...]) -> str:
+def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
     what = {
         "worst_case": "its worst case",
         "rss": "its root sum square",
         "shifted_rss": "mean shifts plus root sum square",
-    }[method]
+    }
     more = f"; limits left out: {', '.join(left_out)}" if left_out else ""
-    return f"least cost of the linearised stack, variation = {what}{more}"
+    if not stack.definition.requirement.key:
+        return f"least cost of the linearised stack, variation = {what[rows[0].method]}{more}"
+    methods = dict.fromkeys(row.method for row in rows if not row.output.endswith("worst_case"))
+    told = " or ".join(what[method] for method in methods) or what["worst_case"]
+    named = ", ".join(dict.fromkeys(row.output for row in rows))
+    return f"least cost of the linearised stack; each variation is {told} ({named}){more}"
 
 
-def _left_out(stack: Stack, rows: tuple[str, ...]) -> tuple[str, ...]:
+def _left_out(stack: Stack, rows: set[str]) -> tuple[str, ...]:
     """Limits that the form cannot keep: on other quantities, or from below."""
     tolerances = {f"{part.name}_t" for part in stack.definition.parts if not part.fixed}
+    tested = _domains(stack)
     return tuple(
         limit.name
         for limit in stack.limits
-        if limit.name not in tolerances
-        and (limit.name not in (*rows, "cost") or np.isfinite(limit.low))
+        if limit.name not in tolerances | tested
+        and (limit.name not in {*rows, "cost"} or np.isfinite(limit.low))
     )
+
+
+def _domains(stack: Stack) -> set[str]:
+    """Names of the domain margins."""
+    return {one.name("domain_margin") for one in stack.measured if one.partial}

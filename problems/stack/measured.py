@@ -1,0 +1,132 @@
+"""One requirement of a stack: its linear variations, their slopes and proven ends, its margin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.stack import Linear, Mechanism, least_margin, linearised
+from ...models.stack.linear import SIGMAS
+from .definition import Definition, Part, Requirement
+
+Array = NDArray[np.float64]
+Interval = tuple[float, float]
+LINEAR = ("worst_case", "rss", "shifted_rss")
+"""Methods that follow from the linear model alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A requirement and its mechanism on the parts that all requirements share."""
+
+    requirement: Requirement
+    mechanism: Mechanism
+    parts: tuple[Part, ...]
+
+    @cached_property
+    def linear(self) -> Linear:
+        """The linear model about the mid-limits."""
+        return linearised(self.mechanism)
+
+    @property
+    def partial(self) -> bool:
+        """Whether its formula leaves its domain within the widest tolerances."""
+        return bool(self.mechanism.undefined)
+
+    @property
+    def bound_to_domain(self) -> bool:
+        """Whether designs must stay in the domain: where the variation is the formula's own.
+
+        The other methods know the formula by its slopes at the mid-limits alone.
+        """
+        return self.partial and self.requirement.method == "monte_carlo"
+
+    def name(self, output: str) -> str:
+        """The name of one of its outputs."""
+        return self.requirement.output(output)
+
+    @cached_property
+    def shown(self) -> tuple[int, ...]:
+        """The parts (places in `parts`) that it depends on: those with a contribution."""
+        slopes, owners = self.mechanism.sensitivities, self.mechanism.owners
+        alone = not self.requirement.key
+        return tuple(at for at in range(len(self.parts)) if alone or np.any(slopes[owners == at]))
+
+    def contribution(self, at: int) -> str:
+        """The name of the contribution of a part."""
+        return self.name(f"contribution_{self.parts[at].name}_percent")
+
+    def variations(self, t: Array) -> dict[str, Array]:
+        """The linear variations (n,) by output, of tolerances (n, parts)."""
+        found = {"worst_case": self.linear.worst_case(t), "rss": self.linear.rss(t)}
+        method = self.requirement.method
+        if method == "shifted_rss":
+            found["variation"] = self.linear.shifted_rss(t)
+        elif method != "monte_carlo":
+            found["variation"] = found[method]
+        return {self.name(name): value for name, value in found.items()}
+
+    def margin(self, t: Array) -> dict[str, Array]:
+        """The domain margin (n,), where the formula has an edge within the widest tolerances."""
+        return {self.name("domain_margin"): least_margin(self.mechanism, t)} if self.partial else {}
+
+    def shares(self, t: Array) -> dict[str, Array]:
+        """Contributions [%] of its parts (n,)."""
+        worst = self.requirement.method == "worst_case"
+        shares = self.linear.worst_shares(t) if worst else self.linear.variance_shares(t)
+        return {self.contribution(at): 100.0 * shares[:, at] for at in self.shown}
+
+    # ---------------------------------------------------------------- slopes
+
+    def slopes(self, t: Array, wanted: Sequence[str]) -> dict[str, Array]:
+        """Derivatives (n, parts) of the linear variations, and of a yield that is wanted.
+
+        That of the yield, a step function of its sample, is the normal linear model's.
+        """
+        worst, rss = np.broadcast_to(self.linear.worst, t.shape), self.linear.rss_slopes(t)
+        found = {"worst_case": worst, "rss": rss}
+        method = self.requirement.method
+        if method != "monte_carlo":
+            found["variation"] = {**found, "shifted_rss": rss + self.linear.shift}[method]
+        if self.mechanism.bounded and self.name("yield_percent") in wanted:
+            centre = self.mechanism.centre
+            ends = (np.full(len(t), end - centre)
+                    for end in (self.mechanism.lower, self.mechanism.upper))  # fmt: skip
+            found["yield_percent"] = 100.0 * self.linear.yield_slopes(t, *ends)
+        return {self.name(name): value for name, value in found.items()}
+
+    # ---------------------------------------------------------------- what is known
+
+    def intervals(self, low: Array, high: Array) -> dict[str, Interval]:
+        """Proven ends of its outputs between the tightest and loosest tolerances (parts,)."""
+        worst = float(low @ self.linear.worst), float(high @ self.linear.worst)
+        rss = self._rss_interval(low, high)
+        shift = float(low @ self.linear.shift), float(high @ self.linear.shift)
+        found = {"worst_case": worst, "rss": rss, "yield_percent": (0.0, 100.0),
+                 "shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}  # fmt: skip
+        method = self.requirement.method
+        if method in found:
+            found["variation"] = found[method]
+        del found["shifted_rss"]
+        return {self.name(name): ends for name, ends in found.items()}
+
+    def _rss_interval(self, low: Array, high: Array) -> Interval:
+        """Bounds of the root sum square; exact unless contributions compensate each other."""
+        adding = np.maximum(self.linear.covariance, 0.0)
+        taking = np.minimum(self.linear.covariance, 0.0)
+        ends = (
+            low @ adding @ low + high @ taking @ high,
+            high @ adding @ high + low @ taking @ low,
+        )
+        least, most = SIGMAS * np.sqrt(np.maximum(ends, 0.0))
+        return float(least), float(most)
+
+
+def measured(definition: Definition) -> tuple[Measured, ...]:
+    """Every requirement of a stack."""
+    pairs = zip(definition.requirements, definition.mechanisms, strict=True)
+    return tuple(Measured(one, mechanism, definition.parts) for one, mechanism in pairs)
