@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.forms import Feature, Form
+from .ascent import Ascent
 from .combination import Combination
 from .path import Path
 from .prices import ROUNDING, Prices
@@ -26,10 +27,14 @@ GRID = np.unique(np.concatenate([np.geomspace(0.02, 50.0, 15), np.geomspace(0.7,
 """Prices at which nodes are bounded, in units of the best known allocation's own."""
 PASSES = 8
 """Times the prices are improved at most before the search."""
+ROUNDS = 4
+"""Times all multipliers are improved at most, each after a better allocation."""
 LEAVES = 4096
 """Allocations that are solved at most."""
 CLOSE = 1e-10
 """A node whose bound is this close to the best cost cannot improve it noticeably."""
+ASCENDED = 16
+"""Sets of limits at most for which all multipliers are improved, not their common factor alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +79,7 @@ class _Search:
         self.t = np.full((n, features), np.nan)
         self.multiplier = np.zeros_like(self.limits)
         self.cost, self.bound = np.full(n, np.inf), np.full(n, np.inf)
-        self.factor = np.ones(n)
+        self.factor, self.ascended = np.ones(n), np.full_like(self.limits, np.nan)
         self.floor, self.ceiling = cost_range(self.form)
         self.alike = _alike(self.form)
         self.least = None if compensating(self.form) else _Least.of(self.form)
@@ -96,6 +101,7 @@ class _Search:
         self.cost[better], self.t[better] = found.cost[own], found.t[own]
         self.chosen[better], self.multiplier[better] = chosen, found.multiplier[own]
         self.factor[better] = 1.0
+        self.ascended[better] = np.nan
 
     # ---------------------------------------------------------------- bounds of nodes
 
@@ -129,7 +135,8 @@ class _Search:
         else:
             size = np.where(np.isfinite(self.limits), np.abs(self.limits), 0.0).max(axis=0)
             usual = (self.ceiling - self.floor) / np.where(size > 0.0, size, 1.0)
-        return np.asarray(np.where(known[:, None], self.multiplier, usual))
+        found = np.where(known[:, None], self.multiplier, usual)
+        return np.asarray(np.where(np.isnan(self.ascended), found, self.ascended))
 
     def _bounds(self, total: Array) -> Array:
         """Lower bounds (n,) from costs plus prices (g, n) of all features."""
@@ -144,9 +151,27 @@ class _Search:
             self.factor *= GRID[at]
             if not self._pick(at) and np.all((at > 0) & (at < len(GRID) - 1)):
                 break
+        if not self.separable and len(self.limits) <= ASCENDED:
+            self._ascend()
         self.tabulate()
         nothing = np.zeros((len(GRID), len(self.limits)))
         self.node((), np.ones(len(self.limits), dtype=bool), nothing, self._bounds(self.open_[0]))
+
+    def _ascend(self) -> None:
+        """Improve the multipliers of every set of limits, and solve what they choose."""
+        for _ in range(ROUNDS):
+            before, multiplier = self.cost.copy(), self._scaled_multipliers() * self.factor[:, None]
+            t = np.where(np.isnan(self.t), _middle(self.form), self.t)
+            s = t[:, None, :] * _spread(self.form, self.chosen)
+            for row, limit in enumerate(self.limits):
+                self.ascended[row] = Ascent(self.form, limit, s[row]).multipliers(multiplier[row])
+            self.factor[:] = 1.0
+            kept = self.ascended.copy()
+            self.tabulate()
+            self._pick(np.argmax(self.open_[0] - self.received, axis=0))
+            if not np.any(self.cost < before):
+                self.ascended = kept
+                return
 
     def _pick(self, at: NDArray[np.int64]) -> bool:
         """Solve what the prices `at` each limit and the next higher ones choose; whether it helped.
