@@ -162,6 +162,16 @@ class ToleranceProblem(Problem, Shown):
         """The convex form that bounds of the cost are proven with, None where there is none."""
         return None
 
+    def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
+        """What the requirements of the form (n, r) are in truth, from the outputs of designs.
+
+        Of a requirement with a limit of its own it is that limit plus what is missing to keep it.
+        """
+        nothing = np.full(len(designs), -np.inf)
+        return np.stack([nothing if np.isfinite(most) else self.values(designs, found, name)
+                         for name, most in zip(form.outputs, form.own_limits, strict=True)],
+                        axis=1)  # fmt: skip
+
     def guide(self) -> Form | None:
         """A convex form close to the problem, to begin a search from; it proves nothing."""
         return self.form()

@@ -16,6 +16,7 @@ from scipy import optimize
 
 from ...problems.forms import Form
 from .prices import Prices, only_roots
+from .spread import Spread
 
 Array = NDArray[np.float64]
 _minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
@@ -25,11 +26,11 @@ STEPS = 200
 
 @dataclass(frozen=True, eq=False)
 class Ascent:
-    """The dual of a form at one set of limits (r,), with tangents at s_ij (r, features)."""
+    """The dual of a form at one set of limits (r,), with tangents at one reference point."""
 
     form: Form
     limit: Array
-    s: Array
+    spread: Spread
 
     def multipliers(self, first: Array) -> Array:
         """Multipliers (r,) of the largest bound, begun from `first`."""
@@ -50,7 +51,7 @@ class Ascent:
     def value(self, multiplier: Array) -> tuple[float, Array]:
         """The proven bound, and its slope (r,) by the multipliers."""
         form = self.form
-        prices = Prices.at(form, multiplier[None, :], self.limit[None, :], self.s[None, :, :])
+        prices = Prices.at(form, multiplier[None, :], self.limit[None, :], self.spread)
         direction, total = prices.direction[0], 0.0
         linear, square = form.offset.copy(), form.constant.copy()
         for at, feature in enumerate(form.features):
@@ -67,10 +68,10 @@ class Ascent:
     def _slope(self, linear: Array, square: Array) -> Array:
         """What each requirement exceeds its limit by, as it is priced."""
         form, asked = self.form, np.isfinite(self.limit)
-        towards = self.s if form.correlation is None else self.s @ form.correlation
-        root = np.sqrt(form.constant + np.sum(towards * self.s, axis=1))
-        safe, limit = np.where(root > 0.0, root, 1.0), np.where(asked, self.limit, 0.0)
+        value = self.spread.value[0]
+        limit = np.where(asked, self.limit, 0.0)
         room = np.maximum(limit - form.offset, 0.0)
-        squared = only_roots(form) & (root > 0.0)
-        along = linear + form.constant / safe - limit
-        return np.where(asked, np.where(squared, (square - room**2) / (2.0 * safe), along), 0.0)
+        squared = only_roots(form) & (value > 0.0)
+        by_square = (square - room**2) / (2.0 * np.where(value > 0.0, value, 1.0))
+        along = linear + self.spread.intercept[0] - limit
+        return np.where(asked, np.where(squared, by_square, along), 0.0)

@@ -15,8 +15,9 @@ from .choices import cost_range, least_cost
 from .pieces import convex_pieces
 
 Array = NDArray[np.float64]
-LOOSER = 1e-11
-"""Relative widening of a limit, so that a point always keeps its own values."""
+LOOSER, LOOSER_SHARE = 1e-11, 1e-9
+"""Relative widening of a limit, so that a point always keeps its own values; that of a share of
+units, whose rounding an edge far out in the tail magnifies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,17 +49,15 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
         return Proof(np.full(points, np.nan), missing)
     limits = np.stack(
         [
-            np.minimum(_own(problem, values, name, points), upper_limit(problem, name))
-            for name in form.outputs
+            np.minimum(_own(problem, values, name, points), upper)
+            for name, upper in zip(form.outputs, row_limits(problem, form), strict=True)
         ],
         axis=1,
     )
-    limits = np.where(np.isfinite(limits), limits + LOOSER * np.abs(limits), np.inf)
-    used = np.any(np.isfinite(limits), axis=0)
-    used[0] |= not np.any(used)
-    form, limits = convex_pieces(restricted(form, used)), limits[:, used]
+    looser = np.where(np.isfinite(form.own_limits), LOOSER_SHARE, LOOSER)
+    limits = np.where(np.isfinite(limits), limits + looser * np.abs(limits), np.inf)
     each, place = np.unique(limits, axis=0, return_inverse=True)
-    bound = least_cost(form, each).bound[np.ravel(place)]
+    bound = np.min([_bound(one, each) for one in (form, *form.also)], axis=0)[np.ravel(place)]
     cost = np.asarray(values["cost"])
     least, most = cost_range(form)
     if np.any(bound - cost > 1e-9 * np.maximum(np.abs(cost), min(abs(least), abs(most)))):
@@ -66,6 +65,13 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
         raise ModelError(f"the proven bound {bound[at]} lies above a cost of {cost[at]}: the form "
                          f"of {type(problem).__name__} does not bound it")  # fmt: skip
     return Proof(np.minimum(bound, cost), form.statement)
+
+
+def _bound(form: Form, limits: Array) -> Array:
+    """Proven least costs (n,) of one form at limits (n, r)."""
+    used = np.any(np.isfinite(limits), axis=0)
+    used[0] |= not np.any(used)
+    return least_cost(convex_pieces(restricted(form, used)), limits[:, used]).bound
 
 
 def reason(problem: ToleranceProblem, form: Form | None) -> str:
@@ -84,6 +90,11 @@ def reason(problem: ToleranceProblem, form: Form | None) -> str:
 def upper_limit(problem: ToleranceProblem, name: str) -> float:
     """The upper limit of an output, inf where there is none."""
     return next((limit.high for limit in problem.limits if limit.name == name), np.inf)
+
+
+def row_limits(problem: ToleranceProblem, form: Form) -> Array:
+    """The upper limits (r,) that the problem sets to the requirements of its form."""
+    return np.minimum([upper_limit(problem, name) for name in form.outputs], form.own_limits)
 
 
 def _own(problem: ToleranceProblem, values: Mapping[str, Array], name: str, points: int) -> Array:
@@ -107,6 +118,8 @@ def restricted(form: Form, used: NDArray[np.bool_]) -> Form:
     return replace(
         form,
         outputs=tuple(form.outputs[i] for i in kept),
+        quantiles=tuple(form.quantiles[i] for i in kept) if form.quantiles else (),
+        most=tuple(form.most[i] for i in kept) if form.most else (),
         features=features,
         offset=form.offset[kept],
         constant=form.constant[kept],

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .combination import Combination, Solved
+from .prices import ROUNDING
 from .slsqp import ascend, slsqp
 
 Array = NDArray[np.float64]
@@ -69,10 +70,13 @@ class Programme:
         if self._keeps(t, limit):
             return t, True
         asked = np.isfinite(limit)
-        excess = weight[asked] @ (c.values(t[None, :])[0] - limit)[asked]
-        slopes = weight[asked] @ c.gradients(t[None, :])[0][asked]
-        least = excess + np.sum(np.minimum(slopes * (c.low - t), slopes * (c.high - t)))
-        return None, bool(least <= 0.0)
+        spread = c.spread_at(t[None, :])
+        slopes = weight[asked] @ (c.linear + c.spread * spread.direction[0])[asked]
+        given = (c.offset + spread.intercept[0] - limit)[asked]
+        ends = np.minimum(slopes * c.low, slopes * c.high)
+        least = weight[asked] @ given + np.sum(ends)
+        slack = ROUNDING * (weight[asked] @ np.abs(given) + np.sum(np.abs(ends)))
+        return None, not least > slack
 
     @property
     def _compensating(self) -> bool:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.costs import Reciprocal
-from ...models.stack.linear import SIGMAS
 from ..forms import Feature, Form, Way
+from ..limits import Limit
 from .definition import Part
-from .joint import VARIATIONS
-from .measured import Measured
+from .rows import YIELD, Row, quantile_of, rows_of
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -21,37 +19,29 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 FREE = Reciprocal(a=0.0, b=0.0)
 """Cost of a part that has none."""
-ROWS = VARIATIONS
-"""Outputs that the form can describe, of one requirement or the largest of all."""
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One value of the form: `output` is at least `weight` times a kind of variation."""
-
-    output: str
-    weight: float
-    method: str
-    measured: Measured
 
 
 def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
-    """The convex form of the linear variations; None where limits leave no process.
+    """The convex form of what is asked for; None where limits leave no process.
 
-    `gaussian` has the root sum square stand for half-widths by Monte Carlo, which else are not in
-    it. Fixed parts go into the offset and the constant, but for those that are correlated with
-    others.
+    Fixed parts go into the offset and the constant, but for those that are correlated with others.
+    None as well where the half-width of a sample has no law, unless the root sum square may stand
+    for it (`gaussian`).
     """
-    rows = _rows(stack, gaussian)
+    rows = rows_of(stack, gaussian)
     if not rows or not possible(stack) or _entangled(stack):
         return None
-    linear, spread = _coefficients(rows)
+    linear, spread = np.array([one.linear for one in rows]), np.array([one.spread for one in rows])
     parts, t = stack.definition.parts, np.array([part.low for part in stack.definition.parts])
     settled, correlation = _settled(stack), _correlation(stack)
     kept = [at for at in range(len(parts)) if not settled[at]]
     within = correlation[np.ix_(kept, kept)]
     left_out = _left_out(stack, {row.output for row in rows})
     independent = np.array_equal(within, np.eye(len(kept)))
+    quantiles = tuple(quantile_of(one, kept, settled, t) for one in rows)
+    rooted = [0.0 if one.probability else _square(one.spread, t, correlation, settled)
+              for one in rows]  # fmt: skip
+    names = [one.output for one in rows if one.most < np.inf]
     return Form(
         outputs=tuple(row.output for row in rows),
         features=tuple(
@@ -59,40 +49,16 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
             for at in kept
         ),
         offset=linear[:, settled] @ t[settled],
-        constant=np.array([_square(one, t, correlation, settled) for one in spread]),
+        constant=np.array(rooted),
         statement=_statement(stack, rows, left_out),
         base=float(sum(_fixed_cost(p) for p, out in zip(parts, settled, strict=True) if out)),
         correlation=None if independent else within,
+        exact=len(names) == len(set(names)),
         relaxed=left_out,
         tested=tuple(limit.name for limit in stack.limits if limit.name in _domains(stack)),
+        quantiles=quantiles if any(one is not None for one in quantiles) else (),
+        most=tuple(one.most for one in rows) if names else (),
     )
-
-
-def _rows(stack: Stack, gaussian: bool) -> list[Row]:
-    """What the form describes: `variation` of one requirement, and all that is asked for."""
-    asked = {*stack.objectives, *(limit.name for limit in stack.limits)}
-    several = bool(stack.definition.requirement.key)
-    found = []
-    for one in stack.measured:
-        method = one.requirement.method
-        kinds = {"variation": method, "worst_case": "worst_case", "rss": "rss"}
-        if method == "monte_carlo":
-            kinds["variation"] = "rss" if gaussian else ""
-        for kind, how in kinds.items():
-            own = one.name(kind)
-            if how and (own in asked or (kind == "variation" and not several)):
-                found.append(Row(own, 1.0, how, one))
-            if how and several and kind in asked:
-                found.append(Row(kind, one.requirement.weight, how, one))
-    whole = [row for row in found if not several or row.output not in ROWS
-             or _complete(row, found, stack)]  # fmt: skip
-    first = stack.measured[0]
-    return whole or ([Row(first.name("rss"), 1.0, "rss", first)] if several else [])
-
-
-def _complete(row: Row, rows: list[Row], stack: Stack) -> bool:
-    """Whether a largest variation has a row for every requirement."""
-    return sum(other.output == row.output for other in rows) == len(stack.measured)
 
 
 def _entangled(stack: Stack) -> bool:
@@ -114,36 +80,6 @@ def possible(stack: Stack) -> bool:
         any(max(one.low, low) <= min(one.high, high) for one in part.processes)
         for part, low, high in ends
     )
-
-
-def _coefficients(rows: list[Row]) -> tuple[Array, Array]:
-    """Linear and spread coefficients (rows, parts)."""
-    linear, spread = [], []
-    for row in rows:
-        model = row.measured.linear
-        std = SIGMAS * _deviation(model.covariance, row.measured)
-        nothing = np.zeros_like(std)
-        kinds = {
-            "worst_case": (model.worst, nothing),
-            "rss": (nothing, std),
-            "shifted_rss": (model.shift, std),
-        }
-        linear.append(row.weight * kinds[row.method][0])
-        spread.append(row.weight * kinds[row.method][1])
-    return np.array(linear), np.array(spread)
-
-
-def _deviation(covariance: Array, measured: Measured) -> Array:
-    """Standard deviation (parts,) at t = 1; with the sign by which parts compensate each other.
-
-    All requirements share the correlation of the parts.
-    """
-    std = np.sqrt(np.diag(covariance))
-    if measured.mechanism.correlation is None or not measured.requirement.key:
-        return std
-    owners = measured.mechanism.owners
-    each = np.bincount(owners, measured.mechanism.sensitivities, minlength=len(std))
-    return np.asarray(np.where(each < 0.0, -std, std))
 
 
 def _correlation(stack: Stack) -> Array:
@@ -209,18 +145,21 @@ def _fixed_cost(part: Part) -> float:
 
 
 def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
-    what = {
+    """What is proven, and of what."""
+    words = {
         "worst_case": "its worst case",
         "rss": "its root sum square",
         "shifted_rss": "mean shifts plus root sum square",
+        "monte_carlo": "half the width that holds the coverage",
     }
     more = f"; limits left out: {', '.join(left_out)}" if left_out else ""
+    for one in stack.measured:
+        if one.name(YIELD) in left_out and isinstance(one.law, str):
+            more += f" ({one.law})"
     if not stack.definition.requirement.key:
-        return f"least cost of the linearised stack, variation = {what[rows[0].method]}{more}"
-    methods = dict.fromkeys(row.method for row in rows if not row.output.endswith("worst_case"))
-    told = " or ".join(what[method] for method in methods) or what["worst_case"]
-    named = ", ".join(dict.fromkeys(row.output for row in rows))
-    return f"least cost of the linearised stack; each variation is {told} ({named}){more}"
+        return f"least cost of the linearised stack, variation = {words[rows[0].method]}{more}"
+    told = ", ".join(f"{row.output} by {row.method}" for row in rows)
+    return f"least cost of the linearised stack ({told}){more}"
 
 
 def _left_out(stack: Stack, rows: set[str]) -> tuple[str, ...]:
@@ -231,8 +170,13 @@ def _left_out(stack: Stack, rows: set[str]) -> tuple[str, ...]:
         limit.name
         for limit in stack.limits
         if limit.name not in tolerances | tested
-        and (limit.name not in {*rows, "cost"} or np.isfinite(limit.low))
+        and (limit.name not in {*rows, "cost"} or _left(limit))
     )
+
+
+def _left(limit: Limit) -> bool:
+    """Whether the form leaves out one side of a limit on an output that it has."""
+    return bool(np.isfinite(limit.high if limit.name.endswith(YIELD) else limit.low))
 
 
 def _domains(stack: Stack) -> set[str]:

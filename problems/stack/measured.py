@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.stack import Linear, Mechanism, least_margin, linearised
+from ...models.stack import Law, Linear, Mechanism, law_of, least_margin, linearised
 from ...models.stack.linear import SIGMAS
 from .definition import Definition, Part, Requirement
 
@@ -31,6 +31,11 @@ class Measured:
     def linear(self) -> Linear:
         """The linear model about the mid-limits."""
         return linearised(self.mechanism)
+
+    @cached_property
+    def law(self) -> Law | str:
+        """The law of a linear requirement of even deviations, or why there is none."""
+        return law_of(self.mechanism, self.linear.covariance)
 
     @property
     def partial(self) -> bool:
@@ -82,22 +87,28 @@ class Measured:
 
     # ---------------------------------------------------------------- slopes
 
-    def slopes(self, t: Array, wanted: Sequence[str]) -> dict[str, Array]:
-        """Derivatives (n, parts) of the linear variations, and of a yield that is wanted.
+    def slopes(self, t: Array, wanted: Collection[str], coverage: float) -> dict[str, Array]:
+        """Derivatives (n, parts) of the variations, and of a yield that is wanted.
 
-        That of the yield, a step function of its sample, is the normal linear model's.
+        That of a sampled yield, a step function, is the normal linear model's.
         """
         worst, rss = np.broadcast_to(self.linear.worst, t.shape), self.linear.rss_slopes(t)
         found = {"worst_case": worst, "rss": rss}
-        method = self.requirement.method
+        method, law = self.requirement.method, self.law
         if method != "monte_carlo":
             found["variation"] = {**found, "shifted_rss": rss + self.linear.shift}[method]
+        elif isinstance(law, Law):
+            found["variation"] = law.half_width_slopes(t, coverage)
         if self.mechanism.bounded and self.name("yield_percent") in wanted:
-            centre = self.mechanism.centre
-            ends = (np.full(len(t), end - centre)
-                    for end in (self.mechanism.lower, self.mechanism.upper))  # fmt: skip
-            found["yield_percent"] = 100.0 * self.linear.yield_slopes(t, *ends)
+            found["yield_percent"] = self._yield_slopes(t)
         return {self.name(name): value for name, value in found.items()}
+
+    def _yield_slopes(self, t: Array) -> Array:
+        if isinstance(self.law, Law):
+            return self.law.yield_slopes(t)
+        ends = (self.mechanism.lower, self.mechanism.upper)
+        lower, upper = (np.full(len(t), end - self.mechanism.centre) for end in ends)
+        return 100.0 * self.linear.yield_slopes(t, lower, upper)
 
     # ---------------------------------------------------------------- what is known
 

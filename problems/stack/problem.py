@@ -30,6 +30,7 @@ from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
 from .reading import read_definition
 from .remarks import domain_remarks, warnings_of
+from .rows import shortfall
 from .stand_in import stand_in
 from .writing import tables_of
 from .yields import Yields
@@ -213,13 +214,13 @@ class Stack(ToleranceProblem):
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives of cost and of the linear variations; 0 for a process.
 
-        That of a yield, a step function of its sample, is the normal linear model's.
+        That of a sampled yield, a step function, is the normal linear model's.
         """
-        t, wanted = self.tolerances(designs), sorted(self.wanted)
+        t, coverage = self.tolerances(designs), self.settings.propagation.coverage
         found = {"cost": self._by_part(designs, slope=True)}
         values: dict[str, Array] = {}
         for one in self.measured:
-            found |= one.slopes(t, wanted)
+            found |= one.slopes(t, self.wanted, coverage)
             values |= one.variations(t)
         if all(one.name("variation") in values for one in self.measured):
             found |= joint_slopes(self.measured, values, found)
@@ -234,8 +235,15 @@ class Stack(ToleranceProblem):
     def form(self) -> Form | None:
         return form_of(self)
 
+    def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
+        values = super().form_values(form, designs, found)
+        for at, (name, most) in enumerate(zip(form.outputs, form.own_limits, strict=True)):
+            if np.isfinite(most):
+                values[:, at] = most + shortfall(self, name, designs, found)
+        return values
+
     def guide(self) -> Form | None:
-        """The form; of a half-width by Monte Carlo that of the root sum square."""
+        """The form; of a half-width without a law that of the root sum square."""
         return form_of(self, gaussian=True)
 
     def interval(self, output: str) -> Interval:

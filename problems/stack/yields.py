@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.stack import Sample, half_width, joint_yield_percent
+from ...models.stack import Law, Sample, half_width, joint_yield_percent
 from ..limits import Limit
 from ..settings import Settings
 from .measured import Measured
@@ -49,7 +49,10 @@ class Yields:
         name = one.name("variation")
         if searching and not self.wanted & {name, "variation"}:
             return {name: np.full(len(t), np.nan)}
-        return {name: half_width(one.mechanism, t, sample, self.settings.propagation.coverage)}
+        coverage = self.settings.propagation.coverage
+        if isinstance(one.law, Law):
+            return {name: one.law.half_width(t, coverage)}
+        return {name: half_width(one.mechanism, t, sample, coverage)}
 
     def _yield(
         self, name: str, bounded: Sequence[Measured], t: Array, searching: bool
@@ -58,6 +61,9 @@ class Yields:
         names = (name, f"{name}_error")
         if not bounded or (searching and name not in self.wanted):
             return {name: np.full(len(t), np.nan) for name in names}
+        law = bounded[0].law
+        if len(bounded) == 1 and isinstance(law, Law):
+            return dict(zip(names, law.yield_percent(t), strict=True))
         mechanisms = [one.mechanism for one in bounded]
         sample = self.searching if searching else self.reported
         found = joint_yield_percent(mechanisms, t, sample)
