@@ -34,8 +34,6 @@ LEAVES = 4096
 """Allocations that are solved at most."""
 CLOSE = 1e-10
 """A node whose bound is this close to the best cost cannot improve it noticeably."""
-ASCENDED = 16
-"""Sets of limits at most for which all multipliers are improved, not their common factor alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +52,27 @@ def least_cost(form: Form, limits: Array) -> Optimum:
 
     Cost and bound are inf where no allocation can keep them; where none was found the cost alone.
     """
-    search = _Search(form, np.asarray(limits, dtype=float))
+    limits = np.asarray(limits, dtype=float)
+    if form.combinations == 1 or form.separable or len(limits) < 2:
+        return _least_cost(form, limits, ())
+    found: list[Optimum] = []
+    for limit in limits:  # multipliers of several requirements are improved for each alone
+        known = found[-1:]
+        first = tuple(known[0].chosen[0].tolist()) if known else ()
+        found.append(_least_cost(form, limit[None, :], first))
+    return Optimum(*(np.concatenate([getattr(one, name) for one in found])
+                     for name in Optimum.__dataclass_fields__))  # fmt: skip
+
+
+def _least_cost(form: Form, limits: Array, first: tuple[int, ...]) -> Optimum:
+    """The search at sets of limits together, with the ways of a neighbour to begin with."""
+    search = _Search(form, limits)
     every = np.ones(len(limits), dtype=bool)
     search.leaf((0,) * len(form.features), every)
     if form.combinations > 1 and len(limits):
         search.leaf(tightest_ways(form), every)
+        if first:
+            search.leaf(first, every)
         search.run()
     return Optimum(search.chosen, search.t, search.cost, search.bound, search.multiplier)
 
@@ -155,7 +169,7 @@ class _Search:
             self.factor *= GRID[at]
             if not self._pick(at) and np.all((at > 0) & (at < len(GRID) - 1)):
                 break
-        if not self.separable and len(self.limits) <= ASCENDED:
+        if not self.separable:
             self._ascend()
         self.tabulate()
         nothing = np.zeros((len(GRID), len(self.limits)))

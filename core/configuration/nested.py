@@ -15,9 +15,7 @@ class Nested:
         self._section = section
         heads = dict.fromkeys(name.partition(".")[0] for name in names if "." in name)
         self._tables = {
-            head: section.section(head)
-            for head in heads
-            if isinstance(section.take(head), Mapping)
+            head: section.section(head) for head in heads if isinstance(section.take(head), Mapping)
         }
 
     def find(self, name: str) -> tuple[Section, str]:

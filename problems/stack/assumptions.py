@@ -15,9 +15,7 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
             found.append(Assumption(f"part.{part.name}.{key}", value, "", why))
-    for requirement, mechanism in zip(
-        definition.requirements, definition.mechanisms, strict=True
-    ):
+    for requirement, mechanism in zip(definition.requirements, definition.mechanisms, strict=True):
         if not requirement.formula and requirement.nominal is None and mechanism.bounded:
             place = f"{requirement.place}.nominal"
             text = f"sum of sensitivity times nominal; {place} is not given"

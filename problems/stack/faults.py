@@ -53,8 +53,10 @@ def yield_faults(stack: Stack) -> list[Fault]:
             text = f"needs {place}.lower, {place}.upper or both: without them there is none"
             found.append(Fault(f"limits.{one.name('yield_percent')}", text))
     several = bool(stack.definition.requirement.key)
-    if several and "yield_percent" in stack.wanted and not any(
-        one.mechanism.bounded for one in stack.measured
+    if (
+        several
+        and "yield_percent" in stack.wanted
+        and not any(one.mechanism.bounded for one in stack.measured)
     ):
         text = "needs lower or upper of a [[requirement]]: without them there is none"
         found.append(Fault("limits.yield_percent", text))

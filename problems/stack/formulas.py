@@ -69,9 +69,7 @@ def _linearised(mechanism: Mechanism) -> Mechanism:
     return replace(mechanism, sensitivities=mechanism.gain * each * scale, centre=centre)
 
 
-def _name_faults(
-    formula: Formula, parts: Sequence[Part], requirement: Requirement
-) -> list[Fault]:
+def _name_faults(formula: Formula, parts: Sequence[Part], requirement: Requirement) -> list[Fault]:
     """Names that no part has, and parts that the one formula of a stack leaves out."""
     pieces = {piece: part for part in parts for piece in part.pieces}
     whole = {part.name: part for part in parts if part.count > 1}
@@ -84,6 +82,8 @@ def _name_faults(
         elif name not in pieces:
             close = nearest(name, [*pieces, *FUNCTIONS])
             found.append(Fault(place, f'column {column}: "{name}" is not a part{close}'))
+    if requirement.key and not formula.names:
+        found.append(Fault(place, "has no parts: a requirement depends on one at least"))
     for at, part in enumerate(parts if not requirement.key else ()):
         unused = [piece for piece in part.pieces if piece not in formula.names]
         if unused and part.name not in formula.names:
@@ -117,7 +117,8 @@ def _undefined(mechanism: Mechanism, nominals: Array, parts: Sequence[Part]) -> 
         return f"at the nominal values, {why}"
     tightest = np.array([part.low for part in parts])
     if why := formula.trouble(_within(mechanism, tightest)):
-        return f"even within the tightest tolerances, {why}; tighten the ranges or correct the formula"
+        told = "tighten the ranges or correct the formula"
+        return f"even within the tightest tolerances, {why}; {told}"
     return ""
 
 
@@ -142,7 +143,8 @@ def _slope_faults(
     mechanism: Mechanism, parts: Sequence[Part], requirement: Requirement
 ) -> list[Fault]:
     """Pieces of the formula on which it does not depend, or depends without bound."""
-    place, names = f"{requirement.place}.formula", mechanism.formula.names if mechanism.formula else {}
+    place = f"{requirement.place}.formula"
+    names = mechanism.formula.names if mechanism.formula else {}
     slopes, t = mechanism.sensitivities, np.array([part.high for part in parts])[mechanism.owners]
     effect = np.where(t > 0.0, np.abs(slopes) * t, np.nan)
     found = []
@@ -169,7 +171,8 @@ def _nominal_faults(requirement: Requirement, computed: float) -> list[Fault]:
         return []
     text = f"is stated as {requirement.nominal:.10g}, but the formula gives {computed:.10g}"
     unit = f" {requirement.unit}".rstrip()
-    return [Fault(f"{requirement.place}.nominal", f"{text}{unit} at the nominals; correct one of them")]
+    text = f"{text}{unit} at the nominals; correct one of them"
+    return [Fault(f"{requirement.place}.nominal", text)]
 
 
 def _rounding(stated: object, unit: str) -> float:

@@ -21,9 +21,7 @@ def common_unit(requirements: Sequence[Requirement]) -> str | None:
     return units.pop() if len(units) == 1 else None
 
 
-def joint_variations(
-    each: Sequence[Measured], values: Mapping[str, Array]
-) -> dict[str, Array]:
+def joint_variations(each: Sequence[Measured], values: Mapping[str, Array]) -> dict[str, Array]:
     """The largest weighted variation (n,) of several requirements of one unit, by kind."""
     if not each[0].requirement.key or common_unit([one.requirement for one in each]) is None:
         return {}

@@ -15,8 +15,8 @@ from .definition import Definition, Part, Requirement
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
-LINEAR = ("worst_case", "rss", "shifted_rss")
-"""Methods that follow from the linear model alone."""
+STEP = 1e-6
+"""Relative step of a tolerance for the slope of a domain margin, which is nearly linear."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,19 @@ class Measured:
             found["variation"] = law.half_width_slopes(t, coverage)
         if self.mechanism.bounded and self.name("yield_percent") in wanted:
             found["yield_percent"] = self._yield_slopes(t)
+        if self.partial and self.name("domain_margin") in wanted:
+            found["domain_margin"] = self._margin_slopes(t)
         return {self.name(name): value for name, value in found.items()}
+
+    def _margin_slopes(self, t: Array) -> Array:
+        """By differences towards tighter tolerances, on the corner that is nearest to the edge."""
+        base, found = least_margin(self.mechanism, t), np.zeros_like(t)
+        for at in range(t.shape[1]):
+            moved = t.copy()
+            moved[:, at] *= 1.0 - STEP
+            change = base - least_margin(self.mechanism, moved)
+            found[:, at] = change / np.where(t[:, at] > 0.0, STEP * t[:, at], 1.0)
+        return found
 
     def _yield_slopes(self, t: Array) -> Array:
         if isinstance(self.law, Law):

@@ -61,9 +61,7 @@ def _length(requirements: Sequence[Requirement]) -> str:
     return units.pop() if len(units) == 1 and family(min(units))[0] == "meter" else ""
 
 
-def _read(
-    section: Section, length_unit: str, requirements: Sequence[Requirement]
-) -> Part | None:
+def _read(section: Section, length_unit: str, requirements: Sequence[Requirement]) -> Part | None:
     name = _name(section)
     unit, assumed = _unit(section, length_unit)
     count = section.integer("count", Range(1, MOST))

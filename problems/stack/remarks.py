@@ -29,9 +29,7 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
         if one.mechanism.formula is not None:
             unit = f" {one.requirement.unit}".rstrip()
             sample = stack.yields.drawn(WARNING_SAMPLES)
-            told = linearity_warnings(
-                one.mechanism, one.linear, *_tried(stack, one), unit, sample
-            )
+            told = linearity_warnings(one.mechanism, one.linear, *_tried(stack, one), unit, sample)
             found += [f"{one.requirement.key}: {text}" if one.requirement.key else text
                       for text in told]  # fmt: skip
     return tuple(found)

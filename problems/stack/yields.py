@@ -33,7 +33,8 @@ class Yields:
     def outputs(self, t: Array, searching: bool) -> dict[str, Array]:
         """Half-widths and yields; NaN without limits, or where a search does not need them."""
         sample = self.searching if searching else self.reported
-        found, bounded = {}, [one for one in self.measured if one.mechanism.bounded]
+        found: dict[str, Array] = {}
+        bounded = [one for one in self.measured if one.mechanism.bounded]
         for one in self.measured:
             if one.requirement.method == "monte_carlo":
                 found |= self._half_width(one, t, sample, searching)
