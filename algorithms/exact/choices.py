@@ -21,7 +21,7 @@ from .combination import Combination
 from .path import Path
 from .prices import ROUNDING, Prices
 from .programme import Programme
-from .spread import Spread, largest_parts, spread_of
+from ...problems.spread import Spread, largest_parts, spread_of
 
 Array = NDArray[np.float64]
 GRID = np.unique(np.concatenate([np.geomspace(0.02, 50.0, 15), np.geomspace(0.7, 1.4, 13)]))

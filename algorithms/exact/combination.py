@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...models.costs.joint import Joint
 from ...problems.forms import Form, Way
 from .prices import Prices
-from .spread import Spread, spread_of
+from ...problems.spread import Spread, spread_of
 
 Array = NDArray[np.float64]
 

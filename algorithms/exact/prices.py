@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.forms import Form, Way
-from .spread import Spread
+from ...problems.spread import Spread
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-13

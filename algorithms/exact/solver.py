@@ -14,6 +14,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ..run import Run
 from ..settings import Solver
 from .bounds import reason, restricted, row_limits, upper_limit
+from .corrected import corrected_vectors
 from .choices import Optimum, least_cost, tightest_ways
 from .designs import search_vectors
 from .epsilon import epsilon_front
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 TIGHTER, TIGHTER_SHARE = 1e-12, 2e-10
 """Relative tightening of a limit, so that rounding does not break it; that of a share of units,
 whose rounding an edge far out in the tail magnifies."""
+CORRECTED = 200
+"""Points of a front that is corrected by the full model at most."""
 CORRECTIONS = 6
 """Times a limit is moved by what a form understates."""
 
@@ -44,6 +47,11 @@ class Exact(Solver):
         run.phase("closed form", 0.5)
         left = run.evaluations_left
         points = self.points if left is None else max(2, min(self.points, left))
+        if form.quantiles and not form.exact:
+            x = corrected_vectors(run, form, min(points, CORRECTED))
+            run.choose(x)
+            run.evaluate(x)
+            return
         _, violations = run.evaluate(exact_vectors(run.problem, form, points))
         if form.tested and not np.all(violations <= 0.0):
             epsilon_front(run, self.points)

@@ -23,6 +23,7 @@ from .parameters import read_parameters
 from .plugins import load_named
 from .resolved import resolved_problem, resolved_variables
 from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
+from .sense import read_sense, resolved_sense
 from .source import Table, overridden
 from .table import TABLE, read_table_model
 from .variables import mid_parameter, read_variable
@@ -67,13 +68,15 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     seed = _seed(top)
     effects = read_effects(top, model, model_name)
     zero = read_zero(top, model.outputs if model else ())
+    sense = read_sense(top, model.outputs if model else ())
     if named and model and not belongs(top.take("problem"), named, model_name, model):
         top.fault("model", stranger(top.take("problem"), model_name, model))
     if kind is None:  # its sections cannot be judged
         top.known(("parameters", "variables", *PROBLEM_ONLY))
         top.finish()
         raise InputError(faults)
-    settings = replace(_settings(top, kind, model), seed=seed, effects=effects, zero=zero)
+    settings = replace(_settings(top, kind, model), seed=seed, effects=effects,
+                       zero=zero, sense=sense)  # fmt: skip
     section = top.section("algorithm")
     objectives = settings.objectives or kind.default_objectives
     budget = read_budget(section)
@@ -97,6 +100,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         **resolved_problem(problem),
         "algorithm": resolved_algorithm(name, algorithm, budget, engine),
         **resolved_zero(zero),
+        **resolved_sense(sense),
         **resolved_effects(settings.effects),
         **resolved_choice(choice),
     }
@@ -163,6 +167,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
             top.fault(key, "needs a problem: a model alone takes seed, parameters and variables")
     effects = read_effects(top, kind, top.take("model"))
     zero = read_zero(top, kind.outputs if kind else ())
+    sense = read_sense(top, kind.outputs if kind else ())
     if kind is None:
         top.known(("parameters", "variables"))
         top.finish()
@@ -183,6 +188,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         seed=seed,
         effects=effects,
         zero=zero,
+        sense=sense,
     )
     name = top.take("model")
     resolved = {
@@ -191,6 +197,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         "parameters": dict(settings.parameters),
         "variables": resolved_variables(complete, kind.variables),
         **resolved_zero(zero),
+        **resolved_sense(sense),
         **resolved_effects(effects),
     }
     return Configuration(model_name=name, settings=settings, resolved=resolved)

@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from .even import Even
 
@@ -32,6 +33,10 @@ ENOUGH = 1e-14
 """What may be left out of a probability."""
 ROUNDING = 4e-15
 """Rounding of a probability."""
+CLOSE = 1e-14
+"""Relative step at which Newton's method has ended."""
+LARGE = 3
+"""Number of terms up to which a sum remembers how many it needs."""
 STEPS = 60
 """Steps of Newton's method, bisected where it leaves its bracket."""
 BLOCK = 1 << 21
@@ -54,6 +59,7 @@ class SymmetricSum:
 
     laws: Sequence[Even]
     _last: tuple[Array, float, Tangent] | None = field(default=None, init=False, repr=False)
+    _begin: int = field(default=0, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._kinds = {
@@ -116,11 +122,12 @@ class SymmetricSum:
 
     def _series(self, s: Array, end: Array, most: Array) -> _Series:
         safe = np.where(end > 0.0, end + most, 1.0)
-        found = _Series.of(self, s, safe, TERMS[0])
-        for terms in TERMS[1:]:
+        found = _Series.of(self, s, safe, TERMS[self._begin])
+        for at in range(self._begin + 1, len(TERMS)):
             if np.all((found.missing <= ENOUGH) | (end <= 0.0)):
                 break
-            found = _Series.of(self, s, safe, terms)
+            found = _Series.of(self, s, safe, TERMS[at])
+            self._begin = at if len(s) == 1 and at < LARGE else self._begin
         return found
 
     def _tangent(self, s: Array, p: float) -> Tangent:
@@ -128,7 +135,7 @@ class SymmetricSum:
         # a variable of this kind is strictly sub-Gaussian: P(X > y) <= exp(-y^2 / (2 std^2))
         high = np.minimum(end, 1.1 * std * np.sqrt(2.0 * np.log(1.0 / (1.0 - p))) + 1e-300)
         series = self._series(s, end, high)
-        y = series.solved(p, high)
+        y = series.solved(p, high, self._expected(s, p, std))
         density = np.maximum(series.density(y), 1e-300)
         slopes = series.slopes(y)
         gradient = -slopes / density[:, None]
@@ -140,6 +147,13 @@ class SymmetricSum:
                 2.0 * doubt / density[:, None], nan=np.inf, posinf=np.inf
             )
         return self._alone(s, p, Tangent(y, gradient, value_error, gradient_error))
+
+    def _expected(self, s: Array, p: float, std: Array) -> Array:
+        """Where to begin: on the tangent at the last scales, or at the normal quantile."""
+        last = self._last
+        if last is not None and last[1] == p and last[0].shape == s.shape:
+            return np.asarray(np.sum(last[2].gradient * s, axis=1))
+        return np.asarray(float(ndtri(p)) * std)
 
     def _alone(self, s: Array, p: float, found: Tangent) -> Tangent:
         """Sums of at most one term, whose quantile is that of its law, in place of the series."""
@@ -216,10 +230,10 @@ class _Series:
         each = np.einsum("nmk,nk->nm", self.slopes_of_phi, wave)
         return np.asarray(2.0 / self.period[:, None] * each)
 
-    def solved(self, p: float, high: Array) -> Array:
-        """The y (n,) with F(y) = p between 0 and `high`."""
+    def solved(self, p: float, high: Array, start: Array) -> Array:
+        """The y (n,) with F(y) = p between 0 and `high`, from `start` (n,) on."""
         low, high = np.zeros_like(high), np.array(high)
-        y = 0.5 * high
+        y = np.where((start > low) & (start < high), start, 0.5 * high)
         for _ in range(STEPS):
             excess = self.below(y) - p
             low, high = np.where(excess < 0.0, y, low), np.where(excess < 0.0, high, y)
@@ -228,7 +242,7 @@ class _Series:
             moved = y - step
             inside = (dense > 0.0) & (moved > low) & (moved < high)
             new = np.where(inside, moved, 0.5 * (low + high))
-            if np.all(np.abs(new - y) <= 1e-15 * np.abs(new)):
+            if np.all(np.abs(new - y) <= CLOSE * np.abs(new)):
                 return new
             y = new
         return y

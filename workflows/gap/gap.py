@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from ...directory import owned
 from ...gap_records import GapResult
@@ -19,6 +20,7 @@ from .gaps import OF_UNITS, gaps
 from .locate import regions
 from .next.measurement import next_measurement
 from .plan import GapPlan
+from .plausible import unlikely_numbers
 from .populations.found import attribution_of, inputs_instead, population_of, said
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
@@ -105,7 +107,18 @@ def found(
     progress: Tell | None = None,
     kept: Replicates | None = None,
 ) -> GapResult:
-    """The whole analysis of data that were read, without its files but that of its replicates."""
+    """The whole analysis of data that were read, without its files but that of its replicates.
+
+    One thread of linear algebra: columns are long and few, and threads that wait for each other took
+    two thirds of the CPU.
+    """
+    with threadpool_limits(1):
+        return _found(plan, data, workers, progress, kept)
+
+
+def _found(
+    plan: GapPlan, data: GapData, workers: int, progress: Tell | None, kept: Replicates | None
+) -> GapResult:
     tell, mine = progress or silent, kept or Replicates()
     tell(GapProgress("columns of the library"))
     setup = prepared(plan, data)
@@ -162,6 +175,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         corrected=text,
         next_measurement=planned.record if planned else None,
         next_points=planned.points if planned else None,
+        drawing=plan.drawing,
     )  # fmt: skip
 
 
@@ -195,7 +209,9 @@ def _region(data: GapData) -> dict[str, list[float]]:
 
 
 def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
-    found = [*data.notes, *end.setup.notes]
+    drawing = end.setup.plan.drawing
+    found = [*([drawing.assumed] if drawing and drawing.assumed else []), *end.setup.first]
+    found += [*unlikely_numbers(end.fit, data), *data.notes, *end.setup.notes]
     for output, noise in zip(data.outputs, analysis.bare.noises, strict=True):
         if noise.outliers:
             found.append(f"{output.name}: {noise.outliers} outliers do not count")
@@ -215,7 +231,8 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
 
 def _lines(result: GapResult) -> tuple[str, ...]:
     """A short summary for the terminal."""
-    lines = [f"{result.verdict}: {result.summary['rows']} rows"]
+    lines = list(result.drawing.lines()) if result.drawing else []
+    lines.append(f"{result.verdict}: {result.summary['rows']} rows")
     words = FAR if result.summary["gap_is"] == OF_UNITS else RMSE
     for output in result.outputs:
         before, after = result.gap_before[output.name], result.gap_after[output.name]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.forms import Form
+from .forms import Form
 
 Array = NDArray[np.float64]
 
