@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from ...problems.forms import Form
+from ...problems.spread import Spread
 from .prices import Prices, only_roots
-from .spread import Spread
 
 Array = NDArray[np.float64]
 _minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only

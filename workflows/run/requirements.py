@@ -14,8 +14,8 @@ from ...algorithms.exact.choices import Optimum, least_cost
 from ...algorithms.exact.combination import Combination
 from ...algorithms.exact.pieces import convex_pieces
 from ...algorithms.exact.programme import Programme
-from ...algorithms.exact.spread import largest_parts, spread_of
 from ...problems.forms import Form
+from ...problems.spread import largest_parts, spread_of
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 
