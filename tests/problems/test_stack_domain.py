@@ -124,8 +124,9 @@ def test_a_limit_on_the_margin_is_kept(tmp_path: Path) -> None:
     front = search(problem, Exact(), Budget(), seed=1)
     designs = problem.complete(front.x)
     found = problem.outputs_of(designs)
-    assert found["domain_margin"][0] >= 0.0 and found["variation"][0] <= 0.035
-    assert 24.462426 < found["cost"][0] < 27.0
+    best = int(np.argmin(found["cost"]))
+    assert found["domain_margin"][best] >= 0.0 and found["variation"][best] <= 0.035
+    assert 24.462426 < found["cost"][best] < 26.0
 
 
 def test_refused_where_no_design_is_inside(tmp_path: Path) -> None:
