@@ -324,7 +324,10 @@ def simulate(
         model, seed = build_model(configuration), configuration.seed
         zero = configuration.settings.zero
         uses = configuration.settings.columns
-        options, shown = ReadOptions(encoding, delimiter, decimal), partial(_understood, quiet=quiet)
+        options, shown = (
+            ReadOptions(encoding, delimiter, decimal),
+            partial(_understood, quiet=quiet),
+        )
         _, notes = simulate(model, inputs, out, seed, name, effects, zero, options, shown, uses)
         for note in () if quiet else notes:
             typer.echo(f"note: {note}", err=True)

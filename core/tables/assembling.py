@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ..errors import Fault
+from .bulk import Bulk, proven
+from .columns import Columns
+from .delimiter import Separator
 from .header import Layout, Row, laid_out
 from .options import ReadOptions
 from .record import Dialect, Table
 from .signs import Evidence, canonical, decide, evidence
+from .text import rows_of
 from .typed import is_label
 from .unit_text import split_header, unit_of_cell
 
@@ -19,28 +26,55 @@ SHOWN = 100
 
 
 def assembled(
-    rows: list[Row], dialect: Dialect, place: str, options: ReadOptions
+    rows: list[Row], dialect: Dialect, place: str, options: ReadOptions, bulk: Bulk | None = None
 ) -> tuple[Table | None, list[Fault]]:
-    """The table in the rows of a file, which are not empty."""
+    """The table in the rows of a file, which are not empty; of a long one, in its bulk."""
     layout = laid_out(rows, place)
-    faults = list(layout.faults)
     header, body = _squared(layout)
-    faults += _form_faults(header, body, place)
+    faults = [*layout.faults, *_form_faults(header, body, place)]
     whole = [row for row in body if len(row[1]) == len(header)] if faults else body
-    columns = [list(cells) for cells in zip(*(row for _, row in whole), strict=True)]
+    lines = [at for at, _ in whole]
+    columns: list[Any] = [list(cells) for cells in zip(*(row for _, row in whole), strict=True)]
+    if bulk is not None:
+        found = None if faults else bulk.columns(lines[0], lines[-1], len(header))
+        if found is None:
+            separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
+            return assembled(rows_of(bulk.text, separator, place), dialect, place, options)
+        columns, lines = found, list(range(lines[0], lines[-1] + 1))
     columns = columns or [[] for _ in header]
-    given = {}
+    given: dict[str, Any] = {}
     for name, cells in zip(header, columns, strict=True):
         given.setdefault(name, cells)
-    proofs = {name: evidence(cells) for name, cells in given.items()}
-    if dialect.kind == "csv":
-        signs, doubts = decide(proofs, options.decimal, dialect.delimiter, place)
-    else:
-        signs, doubts = decide(proofs, options.decimal, "", place)
-    faults += doubts
-    plain = {n: canonical(cells, signs[n] or ".") if _rewritten(proofs[n], signs.get(n)) else cells
-             for n, cells in given.items()}  # fmt: skip
-    return _table(layout, dialect, header, plain, proofs, signs, [at for at, _ in whole]), faults
+    proofs, numbers = _proofs(given)
+    delimiter = dialect.delimiter if dialect.kind == "csv" else ""
+    signs, doubts = decide(proofs, options.decimal, delimiter, place)
+    plain = {n: _plain(cells, proofs[n], signs.get(n)) for n, cells in given.items()}
+    return _table(layout, dialect, header, plain, proofs, signs, lines, numbers), faults + doubts
+
+
+def _proofs(given: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, NDArray[Any]]]:
+    """What the cells of each column prove, and the numbers of those that are read at once."""
+    proofs, numbers = {}, {}
+    for name, cells in given.items():
+        if isinstance(cells, list):
+            proofs[name] = evidence(cells)
+            continue
+        quick = proven(cells)
+        if quick is None:
+            given[name] = cells.to_pylist()
+            proofs[name] = evidence(given[name])
+        else:
+            proofs[name] = quick[0]
+            if quick[1] is not None:
+                numbers[name] = quick[1]
+    return proofs, numbers
+
+
+def _plain(cells: Any, proof: Evidence, sign: str | None) -> Any:
+    """The cells of a column with numbers in plain notation."""
+    if not isinstance(cells, list):
+        return cells
+    return canonical(cells, sign or ".") if _rewritten(proof, sign) else cells
 
 
 def _rewritten(proof: Evidence, sign: str | None) -> bool:
@@ -52,10 +86,11 @@ def _table(
     layout: Layout,
     dialect: Dialect,
     header: list[str],
-    columns: dict[str, list[str]],
+    columns: dict[str, Any],
     proofs: dict[str, Evidence],
     signs: dict[str, str],
     lines: list[int],
+    quick: dict[str, NDArray[Any]],
 ) -> Table:
     """The table with its names apart from their units."""
     names = _names(header)
@@ -64,11 +99,10 @@ def _table(
         for name, cell in zip(header, layout.units[1], strict=False):
             if cell and (unit := unit_of_cell(cell)):
                 units.setdefault(names[name], unit)
-    frame = pd.DataFrame(
-        {names[name]: pd.Series(cells, index=lines, dtype=object) for name, cells in columns.items()}
-    )
     numeric = tuple(
-        names[n] for n in columns if proofs[n].numeric and not any(map(is_label, columns[n]))
+        names[n]
+        for n in columns
+        if n in quick or (proofs[n].numeric and not any(map(is_label, columns[n])))
     )
     used = [signs[n] for n in columns if signs.get(n) and (proofs[n].point or proofs[n].comma)]
     found = replace(
@@ -78,9 +112,16 @@ def _table(
         header=layout.header[0],
         unit_row=layout.units[0] if layout.units else 0,
     )
-    notes = [*layout.notes, *_missing_notes(frame, numeric)]
+    slow = [name for name in numeric if name not in {names[n] for n in quick}]
+    slow += [names[n] for n, values in quick.items() if np.isnan(values).any()]
+    values = {names[n]: one for n, one in quick.items()}
+    own = {names[n]: one for n, one in columns.items()}
+    notes = [*layout.notes]
+    for name in slow:
+        notes += _missing_notes(name, own[name], lines, values.get(name))
     headers = {names[n]: n for n in columns}
-    return Table(frame, found, units, tuple(notes), numeric, headers)
+    columns_of = Columns(own, lines)
+    return Table(columns_of, found, units, tuple(notes), numeric, headers, values)
 
 
 def _names(header: list[str]) -> dict[str, str]:
@@ -124,14 +165,15 @@ def _form_faults(header: list[str], body: list[Row], place: str) -> list[Fault]:
     return found
 
 
-def _missing_notes(frame: pd.DataFrame, numeric: tuple[str, ...]) -> list[str]:
+def _missing_notes(
+    name: str, cells: Any, lines: list[int], values: NDArray[Any] | None
+) -> list[str]:
     """How many cells of a column of numbers are none."""
-    found = []
-    for name in numeric:
-        numbers = pd.to_numeric(frame[name], errors="coerce")
-        bad = numbers.index[numbers.isna()]
-        if len(bad):
-            listed = ", ".join(f'row {at} "{frame[name][at]}"' for at in bad[:5])
-            more = ", ..." if len(bad) > 5 else ""
-            found.append(f"{name}: {len(bad)} cells hold no number: {listed}{more}")
-    return found
+    if values is None:
+        values = pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce").to_numpy()
+    bad = np.flatnonzero(np.isnan(values)).tolist()
+    if not bad:
+        return []
+    listed = ", ".join(f'row {lines[at]} "{cells[at]}"' for at in bad[:5])
+    more = ", ..." if len(bad) > 5 else ""
+    return [f"{name}: {len(bad)} cells hold no number: {listed}{more}"]

@@ -14,6 +14,8 @@ from .options import NAMES
 
 SAMPLE = 200
 """Lines that are looked at."""
+DETECTED = 40
+"""Lines that the detector looks at: it takes long."""
 CANDIDATES = (",", ";", "\t", "|")
 SPACE = " "
 STEADY, CLEAN = 0.8, 0.9
@@ -61,16 +63,27 @@ def _confirmed(sample: list[str], sign: str, score: float, place: str) -> Separa
     from clevercsv import Detector
 
     try:
-        found = Detector().detect("\n".join(sample), delimiters=[*CANDIDATES, SPACE])
+        found = Detector().detect("\n".join(sample[:DETECTED]), delimiters=[*CANDIDATES, SPACE])
     except (ValueError, RuntimeError, IndexError):
         found = None
     named = "" if found is None else found.delimiter or ""
     if named != sign and score < 1.0:
         raise _unknown(place, [sign, named])
+    for other in CANDIDATES:
+        if other != sign and _as_often(sample, other):
+            raise _unknown(place, [sign, other])
     if sign == "," and _names_a_unit(sample):
         raise _unknown(place, [",", ""])
     quote = found.quotechar if found is not None and found.quotechar == "'" else '"'
     return Separator(sign, quote or '"')
+
+
+def _as_often(sample: list[str], sign: str) -> bool:
+    """Whether a sign stands as often in the names as in every row, so that it can separate them."""
+    if re.search(rf"\d{re.escape(sign)}\d", sample[0]):
+        return False  # the first row is one of numbers
+    counts = {line.count(sign) for line in sample}
+    return len(sample) > 1 and len(counts) == 1 and min(counts) > 0
 
 
 def _names_a_unit(sample: list[str]) -> bool:
@@ -109,9 +122,8 @@ def _clean(sample: list[str], sign: str) -> float:
     tops = [at for at, row in enumerate(rows) if len(row) == count and all(row)]
     if count < 2 or not tops:
         return 0.0
-    header = next((at for at in tops if not any(notation(cell) for cell in rows[at])), None)
-    if header is None:
-        return 0.0
+    # Without names every row is a reading, which is reported when the table is laid out.
+    header = next((at for at in tops if not any(notation(cell) for cell in rows[at])), -1)
     below = rows[header + 1 :]
     whole = [row for row in below if len(row) == count or not any(row[count:])]
     if not below or len(whole) < STEADY * len(below):

@@ -30,6 +30,10 @@ LATIN = {"fr", "es", "it", "pt", "da", "no", "nb", "nn", "sv", "nl", "de", "en",
 WESTERN = {"windows-1252", "iso-8859-1", "iso-8859-15", "cp1252"}
 GUESSES = ("cp1252", "cp1250", "cp850", "gbk", "big5", "cp932", "euc_kr", "mac_roman")
 """Encodings whose reading is shown where one must be stated."""
+CHUNK = 1 << 16
+"""Bytes that are looked through at once."""
+_NOT_ISO = bytes(range(0x80, 0xA0))
+_CONTROLS = bytes([*range(9), 0x0B, 0x0C, *range(0x0E, 0x20), 0x7F])
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 
 
@@ -42,15 +46,15 @@ def decoded(
     """
     encoding = stated or _marked(content) or _plain(content) or _legacy(content, place)
     try:
-        text = content.decode(encoding)
+        text = content.decode(_quick(content, encoding))
     except (UnicodeDecodeError, UnicodeError) as error:
         at = f" (byte {error.start})" if isinstance(error, UnicodeDecodeError) else ""
         where = "--encoding" if stated else place
         raise refuse(where, f"{place} is not {encoding}{at}; state another one") from error
     text = text.removeprefix("\ufeff")
-    stray = next((one for one in _CONTROL.finditer(text) if one[0] not in allowed), None)
+    stray = _stray(content, text, allowed)
     if stray:
-        what = "zero bytes" if stray[0] == "\0" else f"the control character {stray[0]!r}"
+        what = "zero bytes" if stray == "\0" else f"the control character {stray!r}"
         text = f"is not text in {encoding} (it holds {what}); state --encoding if it is text"
         raise refuse(place, text)
     return text, "utf-8" if encoding == "utf-8-sig" and not _marked(content) else encoding
@@ -77,7 +81,7 @@ def _plain(content: bytes) -> str | None:
 
 def _legacy(content: bytes, place: str) -> str:
     """An encoding of one or two bytes per character."""
-    lines = b"\n".join(line for line in content.splitlines() if not line.isascii())
+    lines = _beyond_ascii(content)
     detected = chardet.detect(lines[:SAMPLE])
     name, language = str(detected["encoding"] or "").lower(), str(detected.get("language") or "")
     kind = western(lines)
@@ -89,6 +93,33 @@ def _legacy(content: bytes, place: str) -> str:
     if len(candidates) == 1 and kind != UNSURE:
         return candidates[0]
     raise refuse(place, f"the encoding cannot be told: {_readings(lines)}; state --encoding")
+
+
+def _quick(content: bytes, encoding: str) -> str:
+    """ISO 8859-1 for cp1252 where both are the same: it is decoded ten times as fast."""
+    if encoding == "cp1252" and len(content.translate(None, _NOT_ISO)) == len(content):
+        return "latin-1"
+    return encoding
+
+
+def _beyond_ascii(content: bytes) -> bytes:
+    """The lines that hold more than ASCII."""
+    found = []
+    start = 0
+    while start < len(content):
+        end = content.find(b"\n", start + CHUNK) + 1 or len(content)
+        chunk = content[start:end]
+        if not chunk.isascii():
+            found += [line for line in chunk.splitlines() if not line.isascii()]
+        start = end
+    return b"\n".join(found)
+
+
+def _stray(content: bytes, text: str, allowed: str) -> str | None:
+    """The first control character that is no text."""
+    if len(content.translate(None, _CONTROLS)) == len(content):
+        return None
+    return next((one[0] for one in _CONTROL.finditer(text) if one[0] not in allowed), None)
 
 
 def _readings(lines: bytes) -> str:

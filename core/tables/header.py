@@ -140,7 +140,13 @@ def _bare(rows: list[Row], count: int, place: str) -> Layout:
     at = next((at for at, (_, row) in enumerate(rows) if len(row) >= count), 0)
     names = rows[at][1]
     found = Layout(rows[at], None, rows[at + 1 :])
-    if any(_is_reading(cell) for cell in names):
+    above = [row for _, row in rows[:at] if len(row) > 1]
+    if any(_is_reading(cell) for cell in names) and above:
+        text = (f"line {rows[at][0]} has {len(names)} cells, and no line above it as many names "
+                f"({len(above[-1])} cells expected by the last one); where decimal commas stand "
+                "between commas, export it with another delimiter")  # fmt: skip
+        found.faults.append(Fault(place, text))
+    elif any(_is_reading(cell) for cell in names):
         found.faults.append(Fault(place, f"has no column names: line {rows[at][0]} begins with "
                                   "readings; put a line of names above them"))  # fmt: skip
     return found

@@ -70,7 +70,7 @@ def fitted(
         name = spelt.get(key)
         if name is None:
             if use.target and use.target not in spelt:
-                text = f'{place} has no such column{nearest(key, spelt)}'
+                text = f"{place} has no such column{nearest(key, spelt)}"
                 faults.append(Fault(f'columns."{key}"', text))
         else:
             names[name] = use.target

@@ -59,7 +59,7 @@ def _sure(mantissa: str, points: int, commas: int, group: str) -> Notation | Non
 
 def _both(mantissa: str) -> Notation | None:
     """The sign that comes last is decimal, the other groups thousands."""
-    last = max("." , ",", key=mantissa.rfind)
+    last = max(".", ",", key=mantissa.rfind)
     whole, _, fraction = mantissa.rpartition(last)
     if not fraction.isdigit() or not _GROUPED[OTHER[last]].fullmatch(whole):
         return None

@@ -10,6 +10,7 @@ import pandas as pd
 from ..errors import Fault, InputError, raise_all, refuse
 from .aqdef.reading import SUFFIXES
 from .assembling import assembled
+from .columns import Columns
 from .options import AS_DETECTED, ReadOptions
 from .record import Dialect, Table
 from .text import rows_of_text
@@ -61,12 +62,12 @@ def opened(
         if suffix in WORKBOOKS or content[:4] == b"PK\x03\x04":
             from .workbook import rows_of_workbook
 
-            rows, dialect = rows_of_workbook(content, place)
+            (rows, dialect), bulk = rows_of_workbook(content, place), None
         else:
-            rows, dialect = rows_of_text(content, place, options)
+            rows, dialect, bulk = rows_of_text(content, place, options)
         if not rows:
             raise refuse(place, EMPTY)
-        return assembled(rows, dialect, place, options)
+        return assembled(rows, dialect, place, options, bulk)
     except InputError as error:
         return None, list(error.faults)
 
@@ -93,7 +94,8 @@ def _from_parquet(content: bytes, place: str) -> tuple[Table, list[Fault]]:
     except (OSError, ValueError) as error:
         raise refuse(place, f"is not a Parquet file ({error})") from error
     faults = [Fault(place, "has no rows")] if frame.empty else []
-    cells = frame.set_axis(pd.RangeIndex(1, len(frame) + 1)).rename(columns=str)
-    numeric = tuple(str(n) for n in cells if cells[n].dtype.kind in "fiu")
-    headers = {str(name): str(name) for name in cells}
-    return Table(cells, Dialect("parquet", header=0), {}, (), numeric, headers), faults
+    frame = frame.rename(columns=str)
+    numeric = tuple(str(n) for n in frame if frame[n].dtype.kind in "fiu")
+    headers = {str(name): str(name) for name in frame}
+    columns = Columns({str(n): frame[n].to_numpy() for n in frame}, range(1, len(frame) + 1))
+    return Table(columns, Dialect("parquet", header=0), {}, (), numeric, headers), faults

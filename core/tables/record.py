@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import pandas as pd
+from numpy.typing import NDArray
 
+from .columns import Columns
 from .options import NAMES
-from .typed import typed
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,26 +47,33 @@ class Table:
     """A table that was read.
 
     `cells` are as in the file, with numbers in plain notation (decimal point, no thousands), by the
-    line numbers of the file; `units` are those that names or a row of units state; `numeric` names
-    the columns of numbers, `headers` maps a name to how the file spells it, unit included.
+    line numbers of the file, and `frame` holds numbers; `units` are those that names or a row of units state; `numeric` names
+    the columns of numbers, `headers` maps a name to how the file spells it, unit included; `values` are the numbers of
+    columns that were read at once.
     """
 
-    cells: pd.DataFrame
+    columns: Columns
     dialect: Dialect
     units: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     numeric: tuple[str, ...] = ()
     headers: Mapping[str, str] = field(default_factory=dict)
+    values: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
-    @property
+    @cached_property
+    def cells(self) -> pd.DataFrame:
+        """The table as it is written, its numbers in plain notation."""
+        return self.columns.frame(self.values)
+
+    @cached_property
     def frame(self) -> pd.DataFrame:
         """The table with its numbers as such; invalid or missing values are None."""
-        return typed(self.cells, self.numeric)
+        return self.columns.typed(self.numeric, self.values)
 
     def lines(self, place: str) -> tuple[str, ...]:
         """What was understood, to be shown before anything is made of it."""
-        columns = ", ".join(self._described(str(name)) for name in self.cells)
-        first = f"{place}: {len(self.cells)} rows; {self.dialect}"
+        columns = ", ".join(self._described(str(name)) for name in self.columns.names)
+        first = f"{place}: {len(self.columns)} rows; {self.dialect}"
         return (first, f"{place}: columns {columns}", *(f"{place}: {one}" for one in self.notes))
 
     def record(self) -> dict[str, Any]:
@@ -72,9 +81,9 @@ class Table:
         dialect = {name: getattr(self.dialect, name) for name in Dialect.__slots__}
         return {
             "dialect": dialect,
-            "columns": [str(name) for name in self.cells],
+            "columns": self.columns.names,
             "units": dict(self.units),
-            "rows": len(self.cells),
+            "rows": len(self.columns),
             "notes": list(self.notes),
         }
 

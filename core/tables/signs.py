@@ -132,8 +132,10 @@ def _stated(
 ) -> tuple[dict[str, str], list[Fault]]:
     """Every column by the sign that was stated; one whose numbers all contradict it is a fault."""
     faults = [
-        Fault(f"{place}: column {name}", f'its numbers have decimal signs that are not "{stated}": '
-              "state another --decimal")  # fmt: skip
+        Fault(
+            f"{place}: column {name}",
+            f'its numbers have decimal signs that are not "{stated}": state another --decimal',
+        )  # fmt: skip
         for name, one in numeric.items()
         if one.votes() == {OTHER[stated]}
     ]

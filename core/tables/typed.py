@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,31 +13,35 @@ LONGEST = 15
 """Digits of a whole number that a double holds; longer ones are serial numbers."""
 
 
-def typed(cells: pd.DataFrame, numeric: Sequence[str]) -> pd.DataFrame:
-    """The table with the columns in `numeric` as numbers, None where a cell is none."""
-    columns = {name: _column(cells[name].to_numpy(), name in numeric) for name in cells}
-    return pd.DataFrame(columns, index=cells.index)
+def whole_if_so(values: NDArray[np.float64]) -> NDArray[Any]:
+    """Numbers, whole ones as such, None where one is missing."""
+    bad = np.isnan(values)
+    if bad.any():
+        return np.where(bad, None, values.astype(object))
+    whole = values.astype(np.int64)
+    return whole if (whole == values).all() else values
 
 
-def _column(cells: NDArray[Any], numeric: bool) -> Any:
+def typed_column(cells: NDArray[Any], numeric: bool) -> NDArray[Any]:
+    """The cells of a column as numbers or as text, None where one is missing or invalid."""
     if not numeric:
         if cells.dtype != object:
             return cells
-        return pd.array([None if c is None or c == "" else c for c in cells], dtype=object)
+        return np.where((cells == "") | pd.isna(cells), None, cells)
     if cells.dtype.kind in "fiu":
         return cells
     if all(map(_is_whole, cells)):
         return cells.astype(np.int64)
     try:
-        values = cells.astype(float)
+        found = cells.astype(float)
     except ValueError:
-        values = np.array([_value(cell) for cell in cells])
-    bad = ~np.isfinite(values)
+        found = np.array([_value(cell) for cell in cells])
+    bad = ~np.isfinite(found)
     if not bad.any():
-        return values
-    found = values.astype(object)
-    found[bad] = None
-    return found
+        return found
+    values = found.astype(object)
+    values[bad] = None
+    return values
 
 
 def _is_whole(cell: Any) -> bool:

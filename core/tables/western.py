@@ -13,7 +13,7 @@ SURE, UNSURE, NO = "sure", "unsure", "no"
 
 _UNITS = "m|s|A|V|N|g|l|W|F|H|Pa|rad|Nm|in|K|Ohm"
 _SYMBOL = re.compile(
-    r"[°±Ø×€–—…„“”‘’§·®©]"  # a sign on its own
+    r"[°±Ø×€–—…„“”‘’§·®©\u00a0]"  # a sign on its own
     r"|°[CFKcf]|Ø[dDiIaA]?|[dDiIaA]Ø"
     rf"|µ(?:{_UNITS})?[²³]?"
     r"|(?:[kcdm]?m|s|N|in|K)[²³]|[²³]"

@@ -7,7 +7,9 @@ from datetime import datetime
 
 _CLOCK = r"[/ .T](\d{1,2}):(\d{1,2})(?::(\d{1,2}))?"
 _FORMS = {
-    "day.month.year": re.compile(rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.(?P<y>\d{{4}}|\d\d){_CLOCK}"),
+    "day.month.year": re.compile(
+        rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.(?P<y>\d{{4}}|\d\d){_CLOCK}"
+    ),
     "month/day/year": re.compile(rf"(?P<m>\d{{1,2}})/(?P<d>\d{{1,2}})/(?P<y>\d{{4}}|\d\d){_CLOCK}"),
     "year-month-day": re.compile(rf"(?P<y>\d{{4}})-(?P<m>\d{{1,2}})-(?P<d>\d{{1,2}}){_CLOCK}"),
 }

@@ -178,7 +178,9 @@ def _twice(found: list[Characteristic], content: Content) -> None:
     for index, one in zip(sorted(content.characteristics), found, strict=True):
         key = (one.part_number, one.part, one.number, one.name)
         if any(key[2:]) and key in seen:
-            text = f"characteristic {index} ({one.label}) is described twice: as {seen[key]} as well"
+            text = (
+                f"characteristic {index} ({one.label}) is described twice: as {seen[key]} as well"
+            )
             content.faults.append(Fault(content.place, text))
         seen.setdefault(key, index)
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pandas as pd
-
 from ...errors import Fault
+from ..columns import Columns
 from ..options import ReadOptions
 from ..record import Dialect, Table
 from ..unit_text import known_unit
 from .reading import characteristics
 
 
-def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table | None, list[Fault]]:
+def table_of_aqdef(
+    path: Path, place: str, options: ReadOptions
+) -> tuple[Table | None, list[Fault]]:
     """The values of a file, those of one row measured one after the other on one part.
 
     Values that are not valid are empty cells. A column is named after its characteristic, and after
@@ -34,14 +35,13 @@ def table_of_aqdef(path: Path, place: str, options: ReadOptions) -> tuple[Table 
     for name, texts in extra.items():
         if any(texts) and name not in columns:
             columns[name] = [*texts, *[""] * (rows - len(texts))]
-    index = pd.RangeIndex(1, rows + 1)
-    cells = pd.DataFrame({n: pd.Series(c, index=index, dtype=object) for n, c in columns.items()})
+    cells = Columns(columns, range(1, rows + 1))
     units = {name: known_unit(one.unit) or "" for name, one in zip(names, found, strict=True)}
     notes = [f"{name}: {sum(v is None for v in one.values)} values are missing or not valid"
              for name, one in zip(names, found, strict=True) if None in one.values]  # fmt: skip
     stated = {name: unit for name, unit in units.items() if unit}
     table = Table(cells, Dialect("aqdef", header=0), stated, tuple(notes), tuple(names),
-                  {str(n): str(n) for n in cells})  # fmt: skip
+                  {name: name for name in columns})  # fmt: skip
     return table, faults
 
 
