@@ -172,6 +172,8 @@ class Effect(ABC):
     mistaken_for: ClassVar[tuple[str, ...]] = ()
     """Names of the effects that it is easily mistaken for."""
     reference: ClassVar[str] = ""
+    along_units: ClassVar[bool] = False
+    """Whether it moves unit after unit, as an input that wears off does."""
     inside_bounds: ClassVar[tuple[float, float]] = (0.0, inf)
     inside_name: ClassVar[str] = ""
     """The quantity inside of a model that stands for the effect, where not the one of its name."""

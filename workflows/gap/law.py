@@ -1,20 +1,20 @@
-"""The law that the units of a batch scatter by, about the mean of the model."""
+"""The law that the units of a batch scatter by, estimated from units where no density is known."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 from statsmodels.nonparametric.kde import KDEUnivariate
 
 from ...models.effects.compose import acting
+from ...models.effects.effect import Effect, Readings, Target
+from ...models.effects.population.law import Law
+from ...models.effects.population.units import OfUnits
 from ...models.effects.readings import readings_of, target_of
 from ...models.inputs.distribution import Array
-from .library import ON_SCATTER
 from .plan import GapPlan
 
 DRAWN = 200_000
@@ -23,75 +23,73 @@ CELLS = 512
 SMOOTHED = 0.1
 """Width of the kernel that smooths the drawn units, as a share of their standard deviation."""
 LEAST = 1e-12
+MAPPED = 8192
+"""Units that an effect without a density of its own is given."""
+DRAWS = 32
+"""Draws by which an effect on the scatter is told from one that moves each unit by its own."""
+STILL = 1e-9
 
 
-@dataclass(frozen=True)
-class Law:
-    """Log density of deviations from the model's mean, on a lattice of `low` + k `step`."""
-
-    low: float
-    step: float
-    log: Array
-    std: float
-
-    def __call__(self, x: Array) -> Array:
-        """Log density at deviations x; beyond the lattice it falls as a normal's."""
-        lattice = self.low + self.step * np.arange(len(self.log))
-        beyond = np.maximum(lattice[0] - x, x - lattice[-1]).clip(0.0) / self.std
-        return np.asarray(np.interp(x, lattice, self.log) - 0.5 * beyond**2 - 3.0 * beyond)
-
-    @cached_property
-    def histogram(self) -> Any:
-        """The same as a distribution of scipy: shares, quantiles, draws."""
-        edges = self.low + self.step * (np.arange(len(self.log) + 1) - 0.5)
-        return stats.rv_histogram((np.exp(self.log), edges), density=True)
-
-    def widened(self, growth: float) -> Law:
-        """Every deviation 1 + growth times as large."""
-        by = 1.0 + growth
-        return replace(self, low=by * self.low, step=by * self.step,
-                       log=self.log - np.log(by), std=by * self.std)  # fmt: skip
-
-    def mixed(self, offset: float, share: float) -> Law:
-        """A share of the units off by `offset`: the mean moves by share times offset."""
-        low, more = self.low + min(offset, 0.0), int(np.ceil(abs(offset) / self.step))
-        x = np.asarray(low + self.step * np.arange(len(self.log) + more), dtype=np.float64)
-        std = float(np.sqrt(self.std**2 + share * (1.0 - share) * offset**2))
-        return Law(low, self.step, mixture(self, x, offset, share), std)
-
-
-def mixture(law: Law, x: Array, offset: float, share: float) -> Array:
-    """Log density at deviations x where a share of the units is off by `offset`."""
-    first, second = np.log1p(-share) + law(x), np.log(share) + law(x - offset)
-    return np.asarray(np.logaddexp(first, second))
-
-
-def law_of(plan: GapPlan, name: str) -> Law:
-    """Of the model's units with the effects on their scatter that are in it already, smoothed."""
-    drawn = _drawn(plan, name)
-    drawn = drawn - drawn.mean()
+def estimated(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
+    """Of units (m,) as deviations from `middle`, smoothed."""
     std = float(drawn.std())
-    smooth = KDEUnivariate(drawn)
+    smooth = KDEUnivariate(drawn - middle)
     smooth.fit(bw=SMOOTHED * std, gridsize=CELLS, cut=0.5 / SMOOTHED)
     chance = np.maximum(smooth.density, LEAST / std)
     return Law(float(smooth.support[0]), float(np.ptp(smooth.support)) / (CELLS - 1),
-               np.log(chance), std)  # fmt: skip
+               np.log(chance), std, mean)  # fmt: skip
 
 
-def _drawn(plan: GapPlan, name: str) -> Array:
-    """Units of the model, each of them in a lot of its own where lots matter."""
+def law_of(plan: GapPlan, name: str) -> Law:
+    """Of the model's units with the effects on their scatter that are in it already."""
     assert plan.model is not None
     fixed, rng = plan.model.law_sample(), np.random.default_rng([plan.seed, 5])
     count = len(fixed[name]) if fixed else DRAWN
     table = {c.name: _constant(c.text, count) for c in plan.model.columns if c.needed}
     found = fixed or plan.model.predict(table, rng)
-    drawn = np.asarray(found[name], dtype=float)
-    active = [one for one in plan.active if one.effect.name in ON_SCATTER]
+    drawn, mean = np.asarray(found[name], dtype=float), float(plan.model.means()[name])
     target = target_of(plan.model, plan.model_name, table)
-    for action in acting(active, readings_of(target.columns, table), target):
+    readings = readings_of(target.columns, table)
+    active = [one for one in plan.active if on_scatter(one.effect, one.values, readings, target)]
+    for action in acting(active, readings, target):
         assert action.population is not None
-        drawn = action.population(drawn, plan.model.means()[name], rng)
-    return drawn
+        drawn = action.population(drawn, mean, rng)
+    return estimated(drawn, mean, float(drawn.mean()))
+
+
+def law_with(law: Law, effect: Effect, values: Mapping[str, float], target: Target) -> Law:
+    """The law with an effect on the scatter in it: its own, or that of units it was given."""
+    own = effect.law(law, values, target) if isinstance(effect, OfUnits) else None
+    return own or _mapped(law, effect, values, target)
+
+
+def _mapped(law: Law, effect: Effect, values: Mapping[str, float], target: Target) -> Law:
+    rng = np.random.default_rng(0)
+    units = law.histogram.ppf((rng.permutation(MAPPED) + 0.5) / MAPPED) + law.mean
+    table = {c.name: _constant(c.text, MAPPED) for c in target.columns if c.text}
+    action = effect.act(readings_of(target.columns, table), values, target)
+    assert action.population is not None
+    return estimated(np.asarray(action.population(units, law.mean, rng)), law.mean, law.mean)
+
+
+def on_scatter(
+    effect: Effect, values: Mapping[str, float], readings: Readings, target: Target
+) -> bool:
+    """Whether an effect on a population moves units otherwise than each by an amount of its own."""
+    act = effect.act(readings, values, target).population if target.population else None
+    if act is None:
+        return False
+    first, *others = (_moves(act, len(readings), seed) for seed in range(DRAWS))
+    size = max(float(np.abs(first).max(initial=0.0)), 1.0)
+    return any(bool((np.abs(one - first) > STILL * size).any()) for one in others)
+
+
+def _moves(
+    act: Callable[[Array, float, np.random.Generator], Array], count: int, seed: int
+) -> Array:
+    rng = np.random.default_rng(seed)
+    drawn = rng.normal(size=count)
+    return np.asarray(act(drawn, 0.0, rng) - drawn)
 
 
 def _constant(text: bool, count: int) -> NDArray[Any]:
