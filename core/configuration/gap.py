@@ -64,6 +64,7 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     top = Section(table, "", faults)
     top.known((*OF_THE_MODEL, *OWN))
     name = top.text("model")
+    top.known(_tables(name or ""))
     if name is None and "model" not in top:
         top.fault("model", 'is missing: name a model (see `tolevo list`), or model = "table"')
     configuration = _configuration(top, name or "", table, faults)
@@ -118,13 +119,21 @@ def _configuration(
         read_columns(top, False)
     if not name:
         return None
-    known = (*OF_THE_MODEL, "columns") if name == TABLE else OF_THE_MODEL
+    known = (*OF_THE_MODEL, "columns") if name == TABLE else (*OF_THE_MODEL, *_tables(name))
     part = {key: table[key] for key in known if key in table}
     try:
         return read_table(part, [])
     except InputError as error:
         faults += error.faults
         return None
+
+
+def _tables(name: str) -> tuple[str, ...]:
+    """The tables that a model is written in; none where it is not known."""
+    try:
+        return tuple(registry.load("models", name).tables)
+    except InputError:
+        return ()
 
 
 def _stand_in(table: Mapping[str, Any], name: str | None) -> Configuration | None:

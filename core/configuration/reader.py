@@ -165,7 +165,8 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         top.known(("parameters", "variables"))
         top.finish()
         raise InputError(faults)
-    parameters = read_parameters(top.section("parameters"), kind.parameters)
+    parameters = kind.written(top)
+    parameters |= read_parameters(top.section("parameters"), kind.parameters)
     variables = _variables(top.section("variables"), kind, parameters)
     for name, setting in variables.items():
         if setting.low is not None or setting.high is not None:
