@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..declarations import Output, Parameter, Value, Variable
 from ..section import Section
+from .gear import Gear
 from .inputs.distribution import Array, Distribution
 from .sources import Sources
 
@@ -38,7 +39,10 @@ class Role(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """An input column of a measurement table; `text` columns are labels, not numbers."""
+    """An input column of a measurement table; `text` columns are labels, not numbers.
+
+    `sense` is -1 where the column counts against the convention; effects see it turned.
+    """
 
     name: str
     unit: str
@@ -46,6 +50,7 @@ class Column:
     needed: bool = True
     text: bool = False
     role: Role = Role.INPUT
+    sense: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +94,7 @@ class MeasurableModel(ABC):
     changeable: ClassVar[tuple[Changeable, ...]] = ()
     population: ClassVar[bool] = False
     corrects: ClassVar[tuple[str, ...]] = ()
+    gear: Gear | None = None
     made_to_a_drawing: ClassVar[bool] = False
     geometry: ClassVar[tuple[str, ...]] = ()
     of_the_bench: ClassVar[tuple[str, ...]] = ()
@@ -123,6 +129,10 @@ class MeasurableModel(ABC):
     def free_of(cls, parameters: Mapping[str, Value]) -> Mapping[str, float]:
         """What a recalibration may move at these parameters, with its tolerance."""
         return cls.free
+
+    def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:
+        """The gear of a model with these parameters, None where it is of none."""
+        return cls.gear
 
     def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
         """Cells of a table of columns (n,) that are beyond the range of the model."""

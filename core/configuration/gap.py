@@ -18,19 +18,20 @@ from ..section import POSITIVE, Range, Section, shown
 from ..workflows.gap.plan import GapPlan, GapSettings
 from .configuration import Configuration
 from .effects import resolved_effects
-from .gap_columns import read_columns
 from .gap_drawing import as_drawn
 from .gap_free import read_free
 from .gap_kind import OWN
 from .gap_next import read_next
 from .gap_run import OF_A_RUN, counterparts, read_run
+from .gear import GEAR, check_gear, resolved_gear
 from .reader import read_table
+from .sense import SENSE
 from .simulated import build_model, rebuilt
 from .source import overridden
 from .table import TABLE
 from .zero import ZERO
 
-OF_THE_MODEL = (*OF_A_RUN, "effect", ZERO)
+OF_THE_MODEL = (*OF_A_RUN, "effect", ZERO, SENSE)
 NEEDS = {
     "simulations": Need("simulation", bytes=3.2e3),  # 400 columns of noise
     "bootstrap": Need("replicate", bytes=1e3, seconds=0.1),
@@ -62,7 +63,7 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     except InputError as error:
         return None, list(error.faults)
     top = Section(table, "", faults)
-    top.known((*OF_THE_MODEL, *OWN))
+    top.known((*OF_THE_MODEL, *OWN, GEAR))
     name = top.text("model")
     top.known(_tables(name or ""))
     if name is None and "model" not in top:
@@ -103,10 +104,15 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
         rebuild=None if of_table else Rebuilt(found),
         active=active,
         zero=dict(found.settings.zero),
+        sense=dict(found.settings.sense),
+        gear=found.settings.gear,
+        uses=dict(found.settings.columns),
         counterparts=counterparts if run else None,
         next_measurement=planned,
         drawing=drawing,
-        tables=resolved_effects(active) if of_table else dict(found.resolved),
+        tables=resolved_gear(found.settings.gear) | resolved_effects(active)
+        if of_table
+        else dict(found.resolved),
     )
     return _with_text(plan, table), faults
 
@@ -116,10 +122,10 @@ def _configuration(
 ) -> Configuration | None:
     """The part of the configuration that `simulate` would take; None where it is at fault."""
     if name != TABLE:
-        read_columns(top, False)
+        check_gear(top, _kind(name), name)
     if not name:
         return None
-    known = (*OF_THE_MODEL, "columns") if name == TABLE else (*OF_THE_MODEL, *_tables(name))
+    known = (*OF_THE_MODEL, "columns", *((GEAR,) if name == TABLE else _tables(name)))
     part = {key: table[key] for key in known if key in table}
     try:
         return read_table(part, [])
@@ -128,12 +134,18 @@ def _configuration(
         return None
 
 
+def _kind(name: str) -> Any:
+    """The class of a model, None where it is not known."""
+    try:
+        return registry.load("models", name) if name else None
+    except InputError:
+        return None  # reported where it stands
+
+
 def _tables(name: str) -> tuple[str, ...]:
     """The tables that a model is written in; none where it is not known."""
-    try:
-        return tuple(registry.load("models", name).tables)
-    except InputError:
-        return ()
+    kind = _kind(name)
+    return tuple(kind.tables) if kind is not None else ()
 
 
 def _stand_in(table: Mapping[str, Any], name: str | None) -> Configuration | None:

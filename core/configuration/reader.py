@@ -17,11 +17,13 @@ from .configuration import Configuration
 from .costs import check_ends, read_costs
 from .effects import read_effects, resolved_effects
 from .goals import read_limits, read_objectives, read_propagation
+from .model_columns import read_model_columns, resolved_columns
 from .pairs import belongs, stranger
 from .parameters import read_parameters
 from .plugins import load_named
 from .resolved import resolved_problem, resolved_variables
 from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
+from .sense import read_sense, resolved_sense
 from .source import Table, overridden
 from .table import TABLE, read_table_model
 from .variables import mid_parameter, read_variable
@@ -66,13 +68,15 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     seed = _seed(top)
     effects = read_effects(top, model, model_name)
     zero = read_zero(top, model.outputs if model else ())
+    sense = read_sense(top, model.outputs if model else ())
     if named and model and not belongs(top.take("problem"), named, model_name, model):
         top.fault("model", stranger(top.take("problem"), model_name, model))
     if kind is None:  # its sections cannot be judged
         top.known(("parameters", "variables", *PROBLEM_ONLY))
         top.finish()
         raise InputError(faults)
-    settings = replace(_settings(top, kind, model), seed=seed, effects=effects, zero=zero)
+    settings = replace(_settings(top, kind, model), seed=seed, effects=effects,
+                       zero=zero, sense=sense)  # fmt: skip
     section = top.section("algorithm")
     objectives = settings.objectives or kind.default_objectives
     budget = read_budget(section)
@@ -95,6 +99,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         **resolved_problem(problem),
         "algorithm": resolved_algorithm(name, algorithm, budget, engine),
         **resolved_zero(zero),
+        **resolved_sense(sense),
         **resolved_effects(settings.effects),
         **resolved_choice(choice),
     }
@@ -161,13 +166,15 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
             top.fault(key, "needs a problem: a model alone takes seed, parameters and variables")
     effects = read_effects(top, kind, top.take("model"))
     zero = read_zero(top, kind.outputs if kind else ())
+    sense = read_sense(top, kind.outputs if kind else ())
     if kind is None:
-        top.known(("parameters", "variables"))
+        top.known(("parameters", "variables", "columns"))
         top.finish()
         raise InputError(faults)
     parameters = kind.written(top)
     parameters |= read_parameters(top.section("parameters"), kind.parameters)
     variables = _variables(top.section("variables"), kind, parameters)
+    columns = read_model_columns(top, kind)
     for name, setting in variables.items():
         if setting.low is not None or setting.high is not None:
             top.section("variables").fault(name, "a model needs a value, not a range")
@@ -182,6 +189,8 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         seed=seed,
         effects=effects,
         zero=zero,
+        sense=sense,
+        columns=columns,
     )
     name = top.take("model")
     resolved = {
@@ -189,7 +198,9 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         "seed": seed,
         "parameters": dict(settings.parameters),
         "variables": resolved_variables(complete, kind.variables),
+        **resolved_columns(columns),
         **resolved_zero(zero),
+        **resolved_sense(sense),
         **resolved_effects(effects),
     }
     return Configuration(model_name=name, settings=settings, resolved=resolved)

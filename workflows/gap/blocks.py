@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...models.inputs.distribution import Array
 from .data import GapData
 from .fit import Fit, Fitter, Member
-from .linear import Groups, basis, beside
+from .linear import Groups, basis, beside, products
 from .scan import Dictionary
 
 
@@ -48,39 +48,68 @@ def held_out(
     rows = len(labels)
     y = fitter.y
     residual, fitted = np.zeros(rows), np.zeros(rows)
+    whole = Trained.of(fitter, fit.members)
     for block in np.unique(labels):
         out = np.flatnonzero(labels == block)
-        seen = np.ones(len(y), dtype=bool)
-        seen[out] = False
-        members = _for_training(fitter, fit.members, seen, book, white)
+        members = _for_training(fitter, fit.members, out, book, white)
+        same = all(one is other for one, other in zip(members, fit.members, strict=True))
+        found = (whole if same else Trained.of(fitter, members)).without(out, y)
         x = np.hstack([fitter.base, *(fitter.white(one) for one in members)])
-        size = np.maximum(np.linalg.norm(x[seen], axis=0), 1e-300)
-        found = np.linalg.lstsq(x[seen] / size, y[seen], rcond=1e-7)[0] / size
         residual[out] = y[out] - x[out] @ found
         raw = [fitter.columns.of(one.candidate, one.shape)[out] for one in members]
         fitted[out] = np.hstack([fitter.raw_base[out], *raw]) @ found
     return HeldOut(residual, fitted)
 
 
+@dataclass(frozen=True)
+class Trained:
+    """Columns q r, of unit length but for `size`, and what they make of a record: q' y."""
+
+    q: Array
+    r: Array
+    size: Array
+    product: Array
+
+    @classmethod
+    def of(cls, fitter: Fitter, members: Sequence[Member]) -> Trained:
+        """Of members and what is free."""
+        x = np.hstack([fitter.base, *(fitter.white(one) for one in members)])
+        size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
+        q, r = np.linalg.qr(x / size)
+        return cls(q, r, size, q.T @ fitter.y)
+
+    def without(self, out: NDArray[np.int64], y: Array) -> Array:
+        """Coefficients of a fit that never saw the rows `out`."""
+        mine = self.q[out]
+        gram = np.eye(len(self.product)) - mine.T @ mine
+        turned = np.linalg.lstsq(gram, self.product - mine.T @ y[out], rcond=1e-12)[0]
+        return np.asarray(np.linalg.lstsq(self.r, turned, rcond=1e-7)[0] / self.size)
+
+
 def _for_training(
-    fitter: Fitter, members: Sequence[Member], seen: NDArray[np.bool_], book: Dictionary,
+    fitter: Fitter, members: Sequence[Member], out: NDArray[np.int64], book: Dictionary,
     white: Groups,
 ) -> list[Member]:  # fmt: skip
-    """The members with the nonlinear parameters that the seen rows choose, one after another."""
+    """The members with the nonlinear parameters that all rows but `out` choose, one after another.
+    """
     found = list(members)
     for at, one in enumerate(found):
         if not one.shape:
             continue
         others = [fitter.white(other) for k, other in enumerate(found) if k != at]
-        q = basis(np.hstack([fitter.base, *others])[seen])
-        mine = np.flatnonzero([m.name == one.name for m in book.members])
-        some = white.some(mine)
-        left = beside(fitter.y[seen], q)
-        gains = Groups(some.columns[seen], some.starts, some.one_sided).orthonormal(q).gains(left)
-        own = Groups(fitter.white(one)[seen], np.zeros(1, dtype=np.int64),
-                     np.array([one.candidate.one_sided])).orthonormal(q).gains(left)  # fmt: skip
-        if len(mine) and gains.max() > own[0]:
-            found[at] = book.members[int(mine[np.argmax(gains)])]
+        seen = np.hstack([fitter.base, *others])
+        seen[out] = 0.0
+        left = fitter.y.copy()
+        left[out] = 0.0
+        q = basis(seen)
+        left = beside(left, q)
+        first, last = book.places[one.name]
+        grid = white.part(first, last)
+        gains = grid.gains_beside(*products(grid, q, left), out)
+        own = Groups(fitter.white(one), np.zeros(1, dtype=np.int64),
+                     np.array([one.candidate.one_sided]))  # fmt: skip
+        if gains.max(initial=0.0) > own.gains_beside(*products(own, q, left), out)[0]:
+            found[at] = book.members[first + int(np.argmax(gains))]
     return found
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.inputs.distribution import Array
 from .generic import Form, groups_of
-from .linear import Groups, basis, beside
+from .linear import Groups, basis, beside, products
 from .noise import Noise, autocorrelation, outliers, robust_scale, scale_left, size_follows
 from .scan import evidence
 
@@ -120,19 +120,22 @@ def _with_forms(of: Remainder, kept: Array, noise: Noise, trends: bool) -> tuple
     if not allowed.any():
         return kept, False
     which = np.flatnonzero(allowed)
-    groups, trend = of.generic.some(which), False
+    groups, trend = of.generic if allowed.all() else of.generic.some(which), False
     white = Groups(noise.whiten(groups.columns), groups.starts, groups.one_sided)
-    y, chosen = noise.whiten(of.residual), kept
-    while chosen.shape[1] < max(len(y) // 5, kept.shape[1] + 2):
-        q = basis(noise.whiten(chosen))
-        left = beside(y, q)
-        scale = left @ left / (len(y) - q.shape[1])
-        beside_q = white.orthonormal(q)
-        level = evidence(beside_q, beside_q.gains(left) / scale)
+    chosen, q = kept, basis(noise.whiten(kept))
+    left = beside(noise.whiten(of.residual), q)
+    projected, product = products(white, q, left)
+    while chosen.shape[1] < max(len(left) // 5, kept.shape[1] + 2):
+        scale = left @ left / (len(left) - q.shape[1])
+        level = evidence(white, white.gains_beside(projected, product) / scale)
         best = int(np.argmax(level))
         if level[best] < CERTAIN:
             break
         chosen = np.column_stack([chosen, groups.of(best)])
+        new = basis(beside(beside(white.of(best), q), q))
+        left, q = beside(left, new), np.hstack([q, new])
+        more, product = products(white, new, left)
+        projected = np.vstack([projected, more])
         trend |= of.slow[int(which[best])]
     return chosen, trend
 

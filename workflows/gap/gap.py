@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from ...directory import owned
 from ...gap_records import GapResult
@@ -19,6 +20,7 @@ from .gaps import OF_UNITS, gaps
 from .locate import regions
 from .next.measurement import next_measurement
 from .plan import GapPlan
+from .plausible import unlikely_numbers
 from .populations.found import attribution_of, inputs_instead, population_of, said
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
@@ -105,7 +107,18 @@ def found(
     progress: Tell | None = None,
     kept: Replicates | None = None,
 ) -> GapResult:
-    """The whole analysis of data that were read, without its files but that of its replicates."""
+    """The whole analysis of data that were read, without its files but that of its replicates.
+
+    One thread of linear algebra: columns are long and few, and threads that wait for each other took
+    two thirds of the CPU.
+    """
+    with threadpool_limits(1):
+        return _found(plan, data, workers, progress, kept)
+
+
+def _found(
+    plan: GapPlan, data: GapData, workers: int, progress: Tell | None, kept: Replicates | None
+) -> GapResult:
     tell, mine = progress or silent, kept or Replicates()
     tell(GapProgress("columns of the library"))
     setup = prepared(plan, data)
@@ -174,6 +187,7 @@ def _summary(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -
         "seed": plan.seed,
         "configuration_hash": hashlib.sha256(plan.configuration.encode()).hexdigest(),
         "data_hash": data.digest,
+        "data": dict(data.table),
         "rows": len(data),
         "rows_used": len(end.setup.data),
         "library": [one.name for one in (*end.setup.library, *end.setup.on_scatter)],
@@ -197,8 +211,8 @@ def _region(data: GapData) -> dict[str, list[float]]:
 
 def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
     drawing = end.setup.plan.drawing
-    found = [*([drawing.assumed] if drawing and drawing.assumed else []), *data.notes]
-    found += end.setup.notes
+    found = [*([drawing.assumed] if drawing and drawing.assumed else []), *end.setup.first]
+    found += [*unlikely_numbers(end.fit, data), *data.notes, *end.setup.notes]
     for output, noise in zip(data.outputs, analysis.bare.noises, strict=True):
         if noise.outliers:
             found.append(f"{output.name}: {noise.outliers} outliers do not count")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,15 @@ def basis(columns: Array) -> Array:
 def beside(columns: Array, q: Array) -> Array:
     """What is left of columns (N, ...) beside an orthonormal basis (N, r)."""
     return columns - q @ (q.T @ columns)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Groups of one size m: which ones (g,), their columns (g, m), and the products (g, m, m)."""
+
+    which: NDArray[np.int64]
+    at: NDArray[np.int64]
+    gram: Array
 
 
 @dataclass(frozen=True)
@@ -72,6 +82,51 @@ class Groups:
             left[:, at.ravel()] = _each_orthonormal(left, before, at)
         return Groups(left, self.starts, self.one_sided)
 
+    def part(self, first: int, last: int) -> Groups:
+        """Groups from `first` to before `last`, their columns not copied."""
+        key = (first, last)
+        if key not in self._parts:
+            ends = np.append(self.starts, self.columns.shape[1])
+            columns = self.columns[:, ends[first] : ends[last]]
+            starts = self.starts[first:last] - ends[first]
+            self._parts[key] = Groups(columns, starts, self.one_sided[first:last])
+        return self._parts[key]
+
+    @cached_property
+    def _parts(self) -> dict[tuple[int, int], Groups]:
+        return {}
+
+    @cached_property
+    def _blocks(self) -> tuple[Block, ...]:
+        """The groups by size, with the products of their columns."""
+        sizes = self.sizes
+        found = []
+        for size in np.unique(sizes):
+            which = np.flatnonzero(sizes == size)
+            at = self.starts[which][:, None] + np.arange(size)
+            found.append(Block(which, at, _grams(self.columns, at)))
+        return tuple(found)
+
+    def gains_beside(
+        self, projected: Array, products: Array, without: NDArray[np.int64] | None = None
+    ) -> Array:
+        """Gain (g,) of each group beside an orthonormal basis Q (N, r) of a residual beside it.
+
+        `projected` (r, C) are Q' X and `products` (C,) the columns' products with the residual;
+        `without` are rows that do not count, in which Q and the residual must be zero. The columns
+        themselves are not touched: what is left of them beside Q follows from their products.
+        """
+        gains = np.zeros(len(self.starts))
+        for block in self._blocks:
+            gram = block.gram
+            if without is not None:
+                gram = gram - _grams(self.columns[without], block.at)
+            p = projected[:, block.at]
+            left = gram - np.einsum("rgm,rgk->gmk", p, p, optimize=True)
+            gains[block.which] = _gains_of(gram, left, products[block.at],
+                                           self.one_sided[block.which])  # fmt: skip
+        return gains
+
     def gains(self, residuals: Array) -> Array:
         """Gain (g,) or (g, S) of each group for residuals (N,) or (N, S); groups orthonormal."""
         z = self.columns.T @ residuals
@@ -96,6 +151,39 @@ def _each_orthonormal(left: Array, before: Array, at: NDArray[np.int64]) -> Arra
     good = values > GONE
     turned = vectors * np.where(good, 1.0 / np.sqrt(np.where(good, values, 1.0)), 0.0)[:, None, :]
     return np.asarray(np.moveaxis(blocks @ turned, 0, 1).reshape(len(left), count * size))
+
+
+def _grams(columns: Array, at: NDArray[np.int64]) -> Array:
+    """Products (g, m, m) of the columns of each group `at` (g, m)."""
+    count, size = at.shape
+    found = np.empty((count, size, size))
+    for j in range(size):
+        for k in range(j, size):
+            pair = np.einsum("ij,ij->j", columns[:, at[:, j]], columns[:, at[:, k]])
+            found[:, j, k] = found[:, k, j] = pair
+    return found
+
+
+def _gains_of(gram: Array, left: Array, z: Array, one_sided: NDArray[np.bool_]) -> Array:
+    """Gains (g,) of groups with products `gram` (g, m, m), `left` of them beside others, and
+    products z (g, m) with a residual.
+    """
+    before = np.maximum(np.diagonal(gram, axis1=1, axis2=2), 1e-300)
+    if gram.shape[1] == 1:
+        square, lone = left[:, 0, 0], np.where(one_sided, np.maximum(z[:, 0], 0.0), z[:, 0])
+        good = square > GONE * before[:, 0]
+        return np.asarray(np.where(good, lone**2 / np.where(good, square, 1.0), 0.0))
+    scale = np.sqrt(before)
+    values, vectors = np.linalg.eigh(left / scale[:, :, None] / scale[:, None, :])
+    good = values > GONE
+    turned = np.einsum("gmk,gm->gk", vectors, z / scale)
+    return np.asarray(np.sum(np.where(good, turned**2 / np.where(good, values, 1.0), 0.0), axis=1))
+
+
+def products(groups: Groups, q: Array, residual: Array) -> tuple[Array, Array]:
+    """Q' X (r, C) and X' y (C,) of the columns X of groups, in one pass over them."""
+    both = np.column_stack([q, residual]).T @ groups.columns
+    return both[:-1], both[-1]
 
 
 def joined(parts: list[Array], one_sided: list[bool], rows: int = 0) -> Groups:

@@ -10,7 +10,7 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .fit import Fit, Fitter
 from .generic import PREDICTED, Form
-from .linear import basis, beside
+from .linear import basis, beside, products
 from .scan import Remaining, evidence
 from .setup import Setup
 from .where import along, curve_of, densest
@@ -34,11 +34,12 @@ def regions(
     for: two variables that one cause shows in, through chance correlation, are not two regions.
     """
     found: list[Region] = []
-    q, residual = fitter.q, fit.residual
-    groups = generic.white.orthonormal(q)
+    groups, q = generic.white, fitter.q
+    residual = beside(fit.residual, q)
+    projected, product = products(groups, q, residual)
     beyond = fit.rss - fitter.space.count
     while len(found) < MOST:
-        gains = groups.gains(residual)
+        gains = groups.gains_beside(projected, product)
         level = evidence(groups, gains)
         at = int(np.argmax(level))
         if level[at] <= limit:
@@ -50,8 +51,9 @@ def regions(
         low, high = _ends(setup, fitter, generic, at, q, residual, explained)
         found.append(_region(setup, generic, at, low, high, explained / beyond,
                              float(level[at]), limit))  # fmt: skip
-        groups, residual = groups.orthonormal(taken), beside(residual, taken)
-        q = np.hstack([q, taken])
+        q, residual = np.hstack([q, taken]), beside(residual, taken)
+        more, product = products(groups, taken, residual)
+        projected = np.vstack([projected, more])
     return tuple(found)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from ...models.measurable import Role
 from .fit import Fit, Fitter, Member
 from .generic import Form
 from .library import Candidate, Columns, grid
-from .linear import Groups, beside, joined
+from .linear import Groups, beside, joined, products
 from .space import Space
 
 CHUNK = 250
@@ -29,6 +30,13 @@ class Dictionary:
 
     members: tuple[Member, ...]
     raw: Groups
+
+    @cached_property
+    def places(self) -> dict[str, tuple[int, int]]:
+        """Where the grid of each name begins, and where it has ended."""
+        names = [one.name for one in self.members]
+        return {one: (names.index(one), names.index(one) + names.count(one))
+                for one in dict.fromkeys(names)}  # fmt: skip
 
     def white(self, space: Space) -> Groups:
         """The same in whitened space."""
@@ -108,7 +116,7 @@ class Found:
 def scan(fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Member]) -> list[Found]:
     """Each candidate that is not in a fit of `members`, at its best grid point, best first."""
     q = fitter.spanned(members)
-    gains = white.orthonormal(q).gains(beside(fitter.y, q))
+    gains = white.gains_beside(*products(white, q, beside(fitter.y, q)))
     taken = {one.name for one in members}
     best: dict[str, Found] = {}
     for member, gain in zip(book.members, gains.tolist(), strict=True):
@@ -130,7 +138,8 @@ class Remaining:
 
     def gains(self, fitter: Fitter, fit: Fit) -> Array:
         """Of each form, beside all that is in a fit."""
-        return self.white.orthonormal(fitter.spanned(fit.members)).gains(fit.residual)
+        q = fitter.spanned(fit.members)
+        return self.white.gains_beside(*products(self.white, q, beside(fit.residual, q)))
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,12 @@ from .data import GapData
 from .fit import Fit
 from .generic import Form, generic
 from .law import law_of
-from .library import Candidate, Columns, candidates, with_lots
+from .library import Candidate, Columns, candidates, left_out, with_lots
 from .linear import basis, beside
 from .plan import GapPlan
 from .predictor import predictor
 from .read import finite_faults
+from .senses import turned
 
 STEP = 0.02
 """Share of a tolerance by which a parameter is moved for its column."""
@@ -35,7 +36,8 @@ SAME_UNIT = 0.05
 class Setup:
     """Residual (N,) of the model at parameters `at`, where it fits best alone; the columns (N, p)
     of its free parameters, each for its whole tolerance, and of the zeros of outputs; `prior` is
-    the count of the former. `laws` are those of a population's outputs.
+    the count of the former. `laws` are those of a population's outputs; `first` is what is to be
+    said before anything else.
     """
 
     plan: GapPlan
@@ -52,6 +54,7 @@ class Setup:
     generic: list[Array]
     laws: Mapping[str, Law]
     notes: tuple[str, ...] = ()
+    first: tuple[str, ...] = ()
 
     @property
     def prior(self) -> int:
@@ -89,7 +92,8 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         forms=tuple(forms),
         generic=columns,
         laws=laws,
-        notes=(*notes, *few),
+        notes=(*notes, *few, *left_out(plan.library, data)),
+        first=tuple(turned(data, parts["predicted"], parts["base"], library, parts["columns"])),
         **parts,
     )
 

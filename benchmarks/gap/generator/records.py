@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from benchmarks.gap.generator.composites import BESIDE, Composition, composition
 from benchmarks.gap.generator.kinds import KINDS, TABLE, Draw, Kind, Simulator
 from benchmarks.gap.generator.noise import NOISES
 from benchmarks.gap.generator.outside import OUTSIDE
@@ -39,7 +40,8 @@ class Hidden:
 class Truth:
     """What is true of a record; `free` (m n, k) is the gradient of what may be recalibrated,
     `sigma` is the noise in the scales of the outputs, `noise_rms` that of the first output's noise
-    in its unit, outliers (5 sigma) aside.
+    in its unit, outliers (5 sigma) aside. Of composed records the first hidden effect dominates, and
+    one that is `outside` is the last; `turned`: what a positive reading means is turned over.
     """
 
     group: str
@@ -53,6 +55,7 @@ class Truth:
     sigma: float
     noise_rms: float
     free: Array
+    turned: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -80,6 +83,7 @@ class Task:
     n: tuple[int, int] = (60, 2400)
     snr: tuple[float, float] = (0.2, 3.0)
     only: tuple[str, ...] = ()
+    composed: bool = False
 
 
 QUIET = ("white", "autocorrelated", "outliers", "quantised")
@@ -108,6 +112,7 @@ GROUPS: dict[str, Task] = {
     "manipulator poor": Task(POSE, poor=True),
     "manipulator clean": Task(POSE, effects=0, noises=QUIET),
     "manipulator outside": Task(POSE, outside=True, n=(300, 2400), snr=(0.5, 3.0)),
+    "dominant": Task(("rotating",), n=(250, 2500), composed=True),
 }
 BENCH_GROUPS = tuple(name for name in GROUPS if " " not in name)
 """The groups that need no model: `model = "table"`."""
@@ -134,20 +139,27 @@ def record(
     name = task.kinds[rng.integers(len(task.kinds))]
     kind = KINDS[name]
     n, snr = _size(rng, task, len(kind.outputs))
-    poor = str(rng.choice(kind.ways)) if task.poor else None
+    parts = composition(rng) if task.composed else None
+    poor = str(rng.choice(kind.ways)) if task.poor or (parts and parts.poor) else None
     at = kind.points(rng, n, poor)
     predicted = (kind.simulate or simulators[kind.model])(at, int(rng.integers(1, 10**6)))
     if isinstance(at, Units):
         at = replace(at, drawn=predicted)
-    hidden, sigma = _hidden(rng, task, kind, at, snr)
+    if parts is None:
+        hidden, sigma = _hidden(rng, task, kind, at, snr)
+    else:
+        hidden, sigma = _composed(rng, kind, at, parts)
     laws = [law for law in task.noises if law in kind.noises]
     law = laws[rng.integers(len(laws))]
     reading, noise = _measured(rng, kind, law, sigma, predicted, hidden, at)
-    table = _table(kind, at, reading, predicted)
+    turned = parts is not None and parts.turned
+    sign = -1.0 if turned else 1.0
+    table = _table(kind, at, sign * reading, sign * predicted)
     good = np.abs(noise[:n]) < 5.0 * sigma
     size = kind.sizes[0] * float(np.sqrt(np.mean(noise[:n][good] ** 2)))
-    truth = Truth(group, name, number, at, hidden, task.outside, poor, law, sigma, float(size),
-                  kind.free(n))  # fmt: skip
+    outside = task.outside or (parts is not None and parts.outside)
+    truth = Truth(group, name, number, at, hidden, outside, poor, law, sigma, float(size),
+                  kind.free(n), turned)  # fmt: skip
     blind = f"r{rng.integers(10**9):09d}"
     return Record(blind, configuration(kind, number), table), truth
 
@@ -177,6 +189,29 @@ def _hidden(
         for one, size in zip(found, sizes, strict=True)
     )
     return scaled, spread or sizes[0] / snr
+
+
+def _composed(
+    rng: np.random.Generator, kind: Kind, at: Any, parts: Composition
+) -> tuple[tuple[Hidden, ...], float]:
+    """Effects of their own signal to noise each, the largest first, and the noise's deviation."""
+    free, sigma = kind.free(len(at)), float(np.exp(rng.uniform(np.log(0.1), np.log(3.0))))
+    while True:
+        inside = len(parts.ratios) - parts.outside
+        names = rng.choice(list(kind.mechanisms), inside, replace=False).tolist()
+        draws: list[tuple[str, Draw]] = [(name, kind.mechanisms[name]) for name in names]
+        if parts.outside:
+            name = str(rng.choice(list(BESIDE)))
+            draws.append((name, BESIDE[name]))
+        drawn = [(name, draw(rng, at)) for name, draw in draws]
+        found = [Hidden(name, one.added, one.beside) for name, one in drawn]
+        if _apart(found, free):
+            break
+    scaled = []
+    for one, ratio in zip(found, parts.ratios, strict=True):
+        size = float(np.sqrt(np.mean(orthogonal(free, one.added) ** 2)))
+        scaled.append(Hidden(one.name, ratio * sigma / size * one.added, one.beside))
+    return tuple(scaled), sigma
 
 
 def _drawn(rng: np.random.Generator, task: Task, kind: Kind, at: Any, free: Array) -> list[Hidden]:
