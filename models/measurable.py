@@ -130,6 +130,7 @@ class MeasurableModel(ABC):
         """What a recalibration may move at these parameters, with its tolerance."""
         return cls.free
 
+    @classmethod
     def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:
         """The gear of a model with these parameters, None where it is of none."""
         return cls.gear
