@@ -1,21 +1,23 @@
-"""The law that the units of a batch scatter by, estimated from units where no density is known."""
+"""The law that the units of a batch scatter by: convolved, or estimated from units."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from statsmodels.nonparametric.kde import KDEUnivariate
 
-from ...models.effects.compose import acting
 from ...models.effects.effect import Effect, Readings, Target
 from ...models.effects.population.law import Law
 from ...models.effects.population.units import OfUnits
 from ...models.effects.readings import readings_of, target_of
 from ...models.inputs.distribution import Array
+from ...models.sources import Sources
 from .plan import GapPlan
+from .populations.unit_law import UnitLaw
 
 DRAWN = 200_000
 """Units that the density is read from."""
@@ -41,19 +43,37 @@ def estimated(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
 
 
 def law_of(plan: GapPlan, name: str) -> Law:
-    """Of the model's units with the effects on their scatter that are in it already."""
+    """Of the model's units with the effects on their scatter that are in it already.
+
+    The inputs convolved where they add up, else estimated from units.
+    """
     assert plan.model is not None
-    fixed, rng = plan.model.law_sample(), np.random.default_rng([plan.seed, 5])
-    count = len(fixed[name]) if fixed else DRAWN
-    table = {c.name: _constant(c.text, count) for c in plan.model.columns if c.needed}
-    found = fixed or plan.model.predict(table, rng)
-    drawn, mean = np.asarray(found[name], dtype=float), float(plan.model.means()[name])
+    mean, sources = float(plan.model.means()[name]), plan.model.sources()
+    table = {c.name: _constant(c.text, MAPPED) for c in plan.model.columns if c.needed}
     target = target_of(plan.model, plan.model_name, table)
     readings = readings_of(target.columns, table)
-    active = [one for one in plan.active if on_scatter(one.effect, one.values, readings, target)]
-    for action in acting(active, readings, target):
-        assert action.population is not None
-        drawn = action.population(drawn, mean, rng)
+    law = _drawn(plan, name, mean) if sources is None or sources.widened else _exact(sources, mean)
+    for one in plan.active:
+        if on_scatter(one.effect, one.values, readings, target):
+            law = law_with(law, one.effect, one.values, target)
+    return replace(law, low=law.low - float(law.histogram.mean()))
+
+
+def _exact(sources: Sources, mean: float) -> Law:
+    units = UnitLaw(sources)
+    density = units.density()
+    held = np.flatnonzero(density > LEAST / units.std)
+    x, chance = units.x[held[0] : held[-1] + 1], density[held[0] : held[-1] + 1]
+    std = float(np.sqrt(np.average((x - np.average(x, weights=chance)) ** 2, weights=chance)))
+    return Law(float(x[0]) - mean, units.step, np.log(np.maximum(chance, LEAST / std)), std, mean)
+
+
+def _drawn(plan: GapPlan, name: str, mean: float) -> Law:
+    assert plan.model is not None
+    table = {c.name: _constant(c.text, DRAWN) for c in plan.model.columns if c.needed}
+    rng = np.random.default_rng([plan.seed, 5])
+    found = plan.model.law_sample() or plan.model.predict(table, rng)
+    drawn = np.asarray(found[name], dtype=float)
     return estimated(drawn, mean, float(drawn.mean()))
 
 
