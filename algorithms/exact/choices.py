@@ -19,6 +19,7 @@ from ...problems.forms import Feature, Form
 from ...problems.spread import Spread, largest_parts, spread_of
 from .ascent import Ascent
 from .combination import Combination
+from .master import Master
 from .path import Path
 from .prices import ROUNDING, Prices
 from .programme import Programme
@@ -32,6 +33,8 @@ ROUNDS = 4
 """Times all multipliers are improved at most, each after a better allocation."""
 LEAVES = 4096
 """Allocations that are solved at most."""
+MIXED = 5
+"""Features with several ways from which on quantiles are searched by a linear master problem."""
 CLOSE = 1e-10
 """A node whose bound is this close to the best cost cannot improve it noticeably."""
 
@@ -58,6 +61,8 @@ def least_cost(form: Form, limits: Array) -> Optimum:
     Cost and bound are inf where no allocation can keep them; where none was found the cost alone.
     """
     limits = np.asarray(limits, dtype=float)
+    if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
+        return _by_master(form, limits)
     if form.combinations == 1 or form.separable or len(limits) < 2:
         return _least_cost(form, limits, ())
     found: list[Optimum] = []
@@ -80,6 +85,21 @@ def _least_cost(form: Form, limits: Array, first: tuple[int, ...]) -> Optimum:
             search.leaf(first, every)
         search.run()
     return Optimum(search.chosen, search.t, search.cost, search.bound, search.multiplier)
+
+
+def _by_master(form: Form, limits: Array) -> Optimum:
+    """The same by a linear master problem, one set of limits after the other."""
+    n, features = len(limits), len(form.features)
+    found = Optimum(np.zeros((n, features), dtype=np.int64), np.full((n, features), np.nan),
+                    np.full(n, np.inf), np.full(n, np.inf), np.zeros_like(limits))  # fmt: skip
+    for row, limit in enumerate(limits):
+        master = Master(form, limit, *cost_range(form))
+        best = master.run()
+        found.bound[row] = master.proven
+        if best is not None:
+            found.chosen[row], found.t[row] = best.chosen, best.t
+            found.cost[row], found.bound[row] = best.cost, best.bound
+    return found
 
 
 @dataclass(eq=False)

@@ -173,7 +173,8 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         top.known(("parameters", "variables", "columns"))
         top.finish()
         raise InputError(faults)
-    parameters = read_parameters(top.section("parameters"), kind.parameters)
+    parameters = kind.written(top)
+    parameters |= read_parameters(top.section("parameters"), kind.parameters)
     variables = _variables(top.section("variables"), kind, parameters)
     columns = read_model_columns(top, kind)
     for name, setting in variables.items():
