@@ -1,7 +1,7 @@
 """Long files: the layout comes from their first and last lines, the readings all at once.
 
-Whatever is not plain (quoted line breaks, empty lines, rows of many lengths, numbers with grouped thousands) is
-read cell by cell instead, with the same result.
+Whatever is not plain (quoted line breaks, empty lines, rows of many lengths) is read cell by cell
+instead, with the same result.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Q-DAS files in every form: values, attributes, times and limits, by public descriptions of K keys."""
+"""Q-DAS files in every form: values, attributes, times, limits (public descriptions of K keys)."""
 
 from __future__ import annotations
 
+import re
 from datetime import datetime
 from pathlib import Path
 
@@ -54,7 +55,10 @@ def faults(folder: Path, text: str) -> str:
     return str(caught.value)
 
 
-@pytest.mark.parametrize("values", [KEYS, COMPACT, COMPACT.replace(".", ",").replace(",3,2026", ".3.2026").replace("1.3.", "01.03.")])  # fmt: skip
+COMMAS = re.sub(r"(-?\d+)\.(\d+)(?=\x14)", r"\1,\2", COMPACT)
+
+
+@pytest.mark.parametrize("values", [KEYS, COMPACT, COMMAS], ids=["keys", "points", "commas"])
 def test_both_forms_read_the_same(tmp_path: Path, values: str) -> None:
     bore, runout = read(tmp_path, HEAD + values)
     assert (bore.part, bore.part_number, bore.name) == ("Zykloidenscheibe", "4711", "Ø Bohrung")
@@ -84,7 +88,11 @@ def test_several_parts_have_their_own_characteristics(tmp_path: Path) -> None:
         "K2112/3 -0,002\nK2113/3 0,000\nK2142/3 mm\n" + KEYS + "K0001/3 2,9991\nK0001/3 2,9987\n"
     )
     bore, runout, radius = read(tmp_path, text)
-    assert (bore.part, runout.part, radius.part) == ("Zykloidenscheibe", "Zykloidenscheibe", "Stift")
+    assert (bore.part, runout.part, radius.part) == (
+        "Zykloidenscheibe",
+        "Zykloidenscheibe",
+        "Stift",
+    )
     assert (radius.nominal, radius.lower, radius.upper) == (3.0, 2.998, 3.0)
     assert radius.values == [2.9991, 2.9987]
     assert len(bore.values) == 2
@@ -130,7 +138,9 @@ def test_faults_with_their_places(tmp_path: Path, old: str, new: str, said: str)
 
 
 def test_more_values_than_characteristics(tmp_path: Path) -> None:
-    assert "3 characteristics in a line, 2 are described" in faults(tmp_path, HEAD + "1\x0f2\x0f3\n")
+    assert "3 characteristics in a line, 2 are described" in faults(
+        tmp_path, HEAD + "1\x0f2\x0f3\n"
+    )
 
 
 def test_as_a_table(tmp_path: Path) -> None:

@@ -12,8 +12,10 @@ import tolevo
 from tolevo import tables
 from tolevo.tables import ColumnUse
 
+Rows = list[list[object]]
 
-def workbook(folder: Path, rows: list[list[object]], more: list[list[object]] | None = None) -> Path:
+
+def workbook(folder: Path, rows: Rows, more: Rows | None = None) -> Path:
     book = openpyxl.Workbook()
     assert book.active is not None
     for row in rows:
@@ -24,7 +26,14 @@ def workbook(folder: Path, rows: list[list[object]], more: list[list[object]] | 
     return folder / "t.xlsx"
 
 
-ROWS = [["Protokoll"], [], ["Teil", "Spiel [arcmin]"], ["A1", 1.234], ["A2", None], ["A3", 1.5]]
+ROWS: Rows = [
+    ["Protokoll"],
+    [],
+    ["Teil", "Spiel [arcmin]"],
+    ["A1", 1.234],
+    ["A2", None],
+    ["A3", 1.5],
+]
 
 
 def test_a_workbook_holds_numbers_as_such(tmp_path: Path) -> None:
@@ -35,18 +44,18 @@ def test_a_workbook_holds_numbers_as_such(tmp_path: Path) -> None:
 
 
 def test_text_of_a_workbook_is_not_guessed(tmp_path: Path) -> None:
-    rows: list[list[object]] = [["Teil", "Spiel"], ["A1", "1,234"], ["A2", "1,235"]]
+    rows: Rows = [["Teil", "Spiel"], ["A1", "1,234"], ["A2", "1,235"]]
     with pytest.raises(tolevo.ConfigurationError, match="--decimal"):
         tolevo.read_table(workbook(tmp_path, rows))
 
 
 def test_two_sheets_are_asked_for(tmp_path: Path) -> None:
-    with pytest.raises(tolevo.ConfigurationError, match="several sheets .*Zwei"):
+    with pytest.raises(tolevo.ConfigurationError, match=r"several sheets .*Zwei"):
         tolevo.read_table(workbook(tmp_path, ROWS, ROWS))
 
 
 def test_a_formula_without_a_value_is_refused(tmp_path: Path) -> None:
-    rows: list[list[object]] = [["Teil", "Spiel"], ["A1", "=1+1"]]
+    rows: Rows = [["Teil", "Spiel"], ["A1", "=1+1"]]
     with pytest.raises(tolevo.ConfigurationError, match="cell B2: 1 formulas have no stored value"):
         tolevo.read_table(workbook(tmp_path, rows))
 
@@ -83,7 +92,7 @@ def test_mapped_columns_are_converted_and_turned(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("uses", "said"),
     [
-        ({"Spiel": ColumnUse("b_arcmin", "deg")}, 'the file says "arcmin", the configuration "deg"'),
+        ({"Spiel": ColumnUse("b_arcmin", "deg")}, 'the file says "arcmin", the configuration'),
         ({"Spiel": ColumnUse("t_mm")}, '"arcmin" cannot be stated in mm'),
         ({"Spil": ColumnUse("b_arcmin")}, "has no such column (did you mean `Spiel`?)"),
         ({"Spiel": ColumnUse("b_arcmin"), "x": ColumnUse("b_arcmin")}, "only one column can be"),
