@@ -89,9 +89,10 @@ def _without_columns(
 
 def _units(model: MeasurableModel) -> dict[str, str]:
     """The unit of every column that a table of the model can have, by name."""
-    units = {one.name: one.unit for one in (*model.columns, *model.outputs)}
-    stds = {f"{one.name}_std": one.unit for one in model.outputs}
-    return {"time_s": "s"} | stds | units
+    columns = {one.name: one.unit for one in model.columns}
+    outputs = {one.name: one.unit for one in model.outputs}
+    stds = {f"{name}_std": unit for name, unit in outputs.items()}
+    return {"time_s": "s"} | stds | columns | outputs
 
 
 def _inputs(
