@@ -24,6 +24,7 @@ from .resolved import resolved_problem, resolved_variables
 from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
 from .source import Table, overridden
 from .table import TABLE, read_table_model
+from .unresolved import read_unresolved
 from .variables import mid_parameter, read_variable
 from .zero import read_zero, resolved_zero
 
@@ -65,6 +66,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     references = top.text("references", REFERENCES) or "documents"
     seed = _seed(top)
     effects = read_effects(top, model, model_name)
+    read_unresolved(top, model, model_name)  # act on readings: an allocation has none
     zero = read_zero(top, model.outputs if model else ())
     if named and model and not belongs(top.take("problem"), named, model_name, model):
         top.fault("model", stranger(top.take("problem"), model_name, model))
@@ -160,6 +162,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         if top.take(key) is not None:
             top.fault(key, "needs a problem: a model alone takes seed, parameters and variables")
     effects = read_effects(top, kind, top.take("model"))
+    effects += read_unresolved(top, kind, top.take("model"))
     zero = read_zero(top, kind.outputs if kind else ())
     if kind is None:
         top.known(("parameters", "variables"))

@@ -15,6 +15,7 @@ from ..workflows.gap.plan import ColumnRole, output_of
 from .configuration import Configuration
 from .effects import read_effects, resolved_effects
 from .gap_columns import read_columns
+from .unresolved import UNRESOLVED, read_unresolved
 from .zero import ZERO, read_zero, resolved_zero
 
 TABLE = "table"
@@ -23,7 +24,7 @@ LABELS = ("unit", "lot")
 
 def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configuration:
     """The configuration of a table, as `simulate` takes it. Raises InputError with every fault."""
-    top.known(("model", "effect", ZERO))
+    top.known(("model", "effect", UNRESOLVED, ZERO))
     for key in ("parameters", "variables"):
         if top.take(key) is not None:
             top.fault(key, 'belongs to a model; model = "table" has none')
@@ -33,7 +34,7 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
         top.finish()
         raise InputError(faults)
     model = table_model(columns)
-    effects = read_effects(top, model, TABLE)
+    effects = read_effects(top, model, TABLE) + read_unresolved(top, model, TABLE)
     zero = read_zero(top, model.outputs)
     top.finish()
     raise_all(faults)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 from .fit import Fit, Member
 from .scan import scan
@@ -28,17 +29,20 @@ def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
     """Fits within the distance of a set, with one name exchanged, or one for two."""
     found: dict[tuple[tuple[str, ...], tuple[str, ...]], Other] = {}
     reach = search.settings.set_distance
+    barred = {one.name for one in fit.members}
     for at in kept:
         others = fit.without(at)
         for one in _near(search, others, fit):
             if one.names[-1] != fit.names[at] and one.score - fit.score <= reach:
                 key = ((one.names[-1],), (fit.names[at],))
                 found[key] = Other(one, *key, one.score - fit.score)
-    if len(fit.members) == 2:
-        for one in _near(search, (), fit):
-            if one.score - fit.score <= reach:
-                found[one.names, fit.names] = Other(one, one.names, fit.names,
-                                                    one.score - fit.score)  # fmt: skip
+    for pair in combinations(kept, 2):  # one name instead of two
+        names = tuple(fit.names[k] for k in pair)
+        rest = tuple(one for k, one in enumerate(fit.members) if k not in pair)
+        for one in _near(search, rest, fit):
+            new = one.names[-1]
+            if new not in barred and one.score - fit.score <= reach:
+                found[(new,), names] = Other(one, (new,), names, one.score - fit.score)
     return sorted(found.values(), key=lambda one: one.distance)
 
 

@@ -25,6 +25,7 @@ from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
 from .recalibration import moved_far
 from .replicates import Replicates, identity_of, is_whole, opened
+from .remainder import remainder_of, struck_of, terms_of
 from .result import (
     Ending,
     effects,
@@ -172,6 +173,8 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         attribution=attribution,
         configuration=plan.configuration,
         corrected=text,
+        remainder=remainder_of(end),
+        unresolved=terms_of(end),
         next_measurement=planned.record if planned else None,
         next_points=planned.points if planned else None,
     )  # fmt: skip
@@ -216,7 +219,7 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
         if noise.rho > 0.3:
             found.append(f"{output.name}: the noise is autocorrelated ({noise.rho:.2f} from one "
                          "reading to the next)")  # fmt: skip
-    if lost := [analysis.fit.names[at] for at in analysis.judged.lost]:
+    if lost := struck_of(analysis):
         found.append(f"{', '.join(lost)}: something like it is there, but its form is not that")
     if far := moved_far(end):
         found.append(far)
@@ -237,7 +240,9 @@ def _lines(result: GapResult) -> tuple[str, ...]:
     lines += [f"in the problem: {one.name}: {one.counterpart}"
               for one in result.effects if one.counterpart]  # fmt: skip
     lines += [f"rival {one}" for one in result.rivals]
-    lines += [f"without a name: {one}" for one in result.shapes]
+    lines += [f"remainder: {one}" for one in result.remainder]
+    if not result.remainder:
+        lines += [f"without a name: {one}" for one in result.shapes]
     lines += said(result.population, result.attribution)
     if (planned := result.next_measurement) is not None:
         lines.append(f"next measurement: {planned}")

@@ -17,6 +17,7 @@ from scipy.interpolate import BSpline
 from ...models.effects.readings import unit_numbers
 from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
+from ...units import converted
 from .data import GapData
 from .linear import Groups, joined
 
@@ -59,6 +60,7 @@ def generic(
     if sign is not None:
         found.append((Form("direction", "direction", direction="odd"), sign[:, None]))
     found += _products(inputs, values, sign)
+    found += _raw_products(inputs, values, sign)
     if predicted is not None and not {Role.TORQUE, Role.FORCE} & set(data.readings.by_role):
         found += _against_predicted(data, predicted)
     if data.target.population:  # whose mean is not free
@@ -144,6 +146,33 @@ def _products(
             form = Form("product", one.name, more=(other.name,), direction="odd")
             found.append((form, columns * sign[:, None]))
     return found
+
+
+def _raw_products(
+    inputs: list[Column], values: dict[str, Array], sign: Array | None
+) -> list[tuple[Form, Array]]:
+    """Products of two inputs as they are, one column each: what a law of two variables looks like."""
+    found = []
+    for one, other in combinations(inputs, 2):
+        a, b = (from_origin(c, values[c.name]) for c in (one, other))
+        for p, q in ((1, 1), (2, 1), (1, 2)):
+            columns = (a**p * b**q)[:, None]
+            form = Form("product", one.name, more=(other.name,), detail=f"powers {p} and {q}")
+            found.append((form, columns))
+            if sign is not None:
+                found.append((replace(form, direction="odd"), columns * sign[:, None]))
+    return found
+
+
+def origin(column: Column) -> float:
+    """Where a law of an input begins, in its unit: 20 degC of a temperature, else 0."""
+    return float(converted(20.0, "C", column.unit)) if column.role is Role.TEMPERATURE else 0.0
+
+
+def from_origin(column: Column, x: Array) -> Array:
+    """An input (n,) from its origin, of magnitude 1 at most."""
+    away = x - origin(column)
+    return np.asarray(away / max(float(np.abs(away).max()), 1e-300))
 
 
 def _steps(data: GapData) -> list[tuple[Form, Array]]:

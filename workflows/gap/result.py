@@ -32,6 +32,7 @@ from .noise import outliers, whiteness
 from .population import Scatter
 from .scan import scan
 from .separate import separating
+from .settle import names_of
 from .setup import Setup, nominal
 from .uncertainty import Spread
 
@@ -63,10 +64,24 @@ class Ending:
         """The one word."""
         if not self.analysis.significant:
             return "no_gap"
-        if not self.fit.members and not self.analysis.scatter:
+        if not self.named and not self.analysis.scatter:
             return "unnamed"
+        if self.remains:
+            return "partial"
         rivals = self.analysis.others or len(self.analysis.scatter) > 1 or self.twin
         return "ambiguous" if rivals else "named"
+
+    @property
+    def named(self) -> tuple[int, ...]:
+        """The places of the members that have a name."""
+        return names_of(self.fit.members)
+
+    @property
+    def remains(self) -> bool:
+        """Whether rows show something that has no name beside what is named."""
+        terms = len(self.named) < len(self.fit.members)
+        rows = not self.setup.data.target.population
+        return terms or (rows and bool(self.analysis.judged.significant))
 
     @property
     def twin(self) -> bool:
@@ -78,7 +93,8 @@ class Ending:
 def ended(analysis: Analysis) -> Ending:
     """The final fit of what keeps its name, in the full model."""
     search = analysis.search
-    kept = [analysis.fit.members[at] for at in analysis.judged.kept]
+    lost = analysis.judged.lost
+    kept = [one for at, one in enumerate(analysis.fit.members) if at not in lost]
     fit = search.fitter.refined(kept) if kept else analysis.ground.empty
     model = corrected(analysis.setup, search.fitter.space, fit)
     bare = analysis.bare
@@ -162,7 +178,7 @@ def scores(end: Ending) -> tuple[Score, ...]:
 
 def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
     """The effects that keep their name, with intervals and evidence."""
-    moving = [_effect(end, at, spread) for at in range(len(end.fit.members))]
+    moving = [_effect(end, at, spread) for at in end.named]
     return (*moving, *(_of_scatter(one) for one in end.analysis.scatter[:1]))
 
 

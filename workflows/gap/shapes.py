@@ -9,6 +9,7 @@ import numpy as np
 from ...gap_records import Shape
 from ...models.measurable import Role
 from .population import Misfit
+from .remainder import struck_of
 from .result import Ending
 from .scan import left_over
 from .setup import left_of
@@ -20,12 +21,13 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     analysis, search = end.analysis, end.analysis.search
     generic = analysis.ground.generic
     odd = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
-    if not analysis.significant or (end.fit.members and not analysis.judged.lost
-                                    and not analysis.judged.significant):  # fmt: skip
+    if not analysis.significant or (end.named and not analysis.judged.lost
+                                    and not end.remains and not analysis.judged.significant):  # fmt: skip
         return odd
-    left = left_over(end.fit, search.fitter, generic)
-    lost = tuple(analysis.fit.names[at] for at in analysis.judged.lost)
-    found = shapes(end.setup, search.fitter, generic, analysis.judged, left, end.fit,
+    fit = search.fitter.fit([end.fit.members[at] for at in end.named])
+    left = left_over(fit, search.fitter, generic)
+    lost = struck_of(analysis)
+    found = shapes(end.setup, search.fitter, generic, analysis.judged, left, fit,
                    search.thresholds.generic, lost)  # fmt: skip
     if end.verdict == "unnamed" and end.setup.plan.settings.empirical:
         found = tuple(_with_formula(end, one) for one in found)

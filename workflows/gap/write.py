@@ -49,6 +49,8 @@ def record(result: GapResult) -> dict[str, Any]:
         "effects": [_effect(one) for one in result.effects],
         "alternatives": [_rival(one) for one in result.rivals],
         "next_measurement": asdict(planned) if (planned := result.next_measurement) else None,
+        "unresolved": [asdict(one) for one in result.unresolved],
+        "remainder": [asdict(one) for one in result.remainder],
         "unnamed": [asdict(one) for one in result.shapes],
         "where": [_region(one) for one in result.where],
         "population": [asdict(one) for one in result.population],
