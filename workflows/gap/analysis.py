@@ -91,6 +91,7 @@ class Analysis:
     scatter: tuple[Scatter, ...] = ()
     misfit: Misfit | None = None
     struck: tuple[str, ...] = ()
+    barred: frozenset[str] = frozenset()
 
     @property
     def fit(self) -> Fit:
@@ -159,6 +160,16 @@ def _settled(
     return _answer(Ground(setup, tuple(noises), search, generic), found, done)
 
 
+def without(analysis: Analysis, name: str) -> Analysis:
+    """The analysis of rows without a name, all that is left fitted and tested again."""
+    ground, found = analysis.ground, analysis.selection
+    settling = Settling(ground.search, ground.generic, analysis.setup.data, ground.empty, found.accepted)
+    barred = frozenset({name, *analysis.barred})
+    done = settling.again(analysis.fit, barred)
+    done = replace(done, struck=(*analysis.struck, *({name} & {*found.named})))
+    return replace(_answer(ground, found, done), barred=barred)
+
+
 def _alike(one: Sequence[Noise], other: Sequence[Noise]) -> bool:
     """Whether two estimates of the noise are as good as the same."""
     return all(
@@ -178,7 +189,7 @@ def _answer(ground: Ground, found: Selection, done: Settled) -> Analysis:
         others = rivals(search, fit, named)
     labels = {one.name: label(one) for one in fit.members if is_term(one)}
     steps = concluding(search, found, fit, labels)
-    struck = tuple(one for one in found.fit.names if one in done.struck)
+    struck = tuple(one for one in found.named if one in done.struck)
     verdict = Judged(named, (), done.left, done.significant)
     seen = bool(ground.left.evidence.max(initial=0.0) > search.thresholds.generic)
     return Analysis(ground, ground, replace(found, fit=fit, steps=steps), verdict, tuple(others),

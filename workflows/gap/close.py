@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import optimize, stats
@@ -16,6 +16,12 @@ from .plan import GapPlan
 from .predictor import predictor
 from .setup import Setup, nominal
 from .space import Space
+
+
+LEAST_ROWS = 20
+"""Rows of a stretch of the record, at least."""
+STRETCHES = 40
+"""Stretches, at most."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,27 @@ class Corrected:
     values: Array
     errors: Array
     freedom: int
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+
+    def widened(self, by: Mapping[tuple[str, str], float]) -> Corrected:
+        """The same with more variance in some numbers, by owner and name."""
+        more = np.array([by.get((one.owner, one.name), 0.0) for one in self.numbers])
+        covariance = self.covariance + np.diag(more)
+        errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        return replace(self, covariance=covariance, errors=errors)
+
+    def nothing(self, member: Member) -> bool:
+        """Whether the joint interval of an effect's linear numbers holds 0: Wald's test, by F."""
+        linear = {one.name for one in member.candidate.linear}
+        at = [k for k, one in enumerate(self.numbers)
+              if one.owner == member.name and one.name in linear]  # fmt: skip
+        rounded = any(one.candidate.alone for one in self.members)  # has no derivatives
+        if rounded or not at or not np.isfinite(self.errors[at]).all():
+            return False
+        values, part = self.values[at], self.covariance[np.ix_(at, at)]
+        statistic = float(values @ np.linalg.pinv(part, rcond=1e-12) @ values) / len(at)
+        level = self.plan.settings.interval
+        return statistic < float(stats.f.ppf(level, len(at), self.freedom))
 
     def free(self) -> dict[str, float]:
         """Recalibrated parameters of the model by name."""
@@ -105,9 +132,14 @@ def corrected(setup: Setup, space: Space, fit: Fit) -> Corrected:
         again = optimize.least_squares(_residual(setup, used, found, scale), x, bounds=(low, high),
                                        max_nfev=12, diff_step=[1e-4])  # fmt: skip
         x, jacobian = again.x, np.asarray(again.jac)
-    errors = np.sqrt(np.maximum(np.diag(_covariance(jacobian, space, used)), 0.0)) * scale
+        left = np.asarray(again.fun)
+    else:
+        left = np.zeros(len(jacobian))
+    covariance = _larger(_covariance(jacobian, space, used), _by_stretches(jacobian, left, space))
+    covariance = covariance * np.outer(scale, scale)
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     freedom = max(space.count - len(numbers), 1)
-    return replace(found, values=x * scale, errors=errors, freedom=freedom)
+    return replace(found, values=x * scale, errors=errors, freedom=freedom, covariance=covariance)
 
 
 def _residual(
@@ -139,6 +171,28 @@ def _covariance(jacobian: Array, space: Space, used: Space) -> Array:
         part = real.coloured(jacobian[at * n : (at + 1) * n] / plain.sigma[:, None])
         middle = middle + part.T @ part
     return np.asarray(inverse @ middle @ inverse)
+
+
+def _by_stretches(jacobian: Array, left: Array, space: Space) -> Array:
+    """Covariance from the residuals themselves, stretches of the record as units.
+
+    Reference: Liang and Zeger, Biometrika 73, 1986. Misfit that goes on from row to row widens it.
+    """
+    n = space.readings
+    count = int(np.clip(n // LEAST_ROWS, 2, STRETCHES))
+    which = np.minimum(np.arange(n) * count // n, count - 1)
+    products = jacobian * left[:, None]
+    total = sum(products[k * n : (k + 1) * n] for k in range(len(space.noises)))
+    sums = np.array([total[which == k].sum(axis=0) for k in range(count)])
+    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
+    return np.asarray(inverse @ (sums.T @ sums) @ inverse * count / (count - 1))
+
+
+def _larger(model: Array, seen: Array) -> Array:
+    """The covariance of the noise, each number's variance at least that which is seen."""
+    ratio = np.diag(seen) / np.maximum(np.diag(model), 1e-300)
+    wider = np.sqrt(np.maximum(ratio, 1.0))
+    return np.asarray(model * np.outer(wider, wider))
 
 
 def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:

@@ -237,6 +237,8 @@ def _lines(result: GapResult) -> tuple[str, ...]:
         floor = result.noise_floor[output.name]
         lines.append(words.format(output.name, before, after, output.unit, floor))
     lines += [f"effect {one}" for one in result.effects]
+    lines += [f"at its physical bound: {name} of {one.name}"
+              for one in result.effects for name in one.at_bound]  # fmt: skip
     lines += [f"in the problem: {one.name}: {one.counterpart}"
               for one in result.effects if one.counterpart]  # fmt: skip
     lines += [f"rival {one}" for one in result.rivals]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -22,12 +22,13 @@ from ...gap_records import (
 )
 from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
-from .analysis import Analysis
+from .analysis import Analysis, without
 from .blocks import HeldOut, improvement
 from .close import Corrected, corrected
 from .data import GapData
 from .fit import Fit
 from .linear import beside
+from .misfit import misfit_of
 from .noise import outliers, whiteness
 from .population import Scatter
 from .scan import scan
@@ -77,11 +78,15 @@ class Ending:
         return names_of(self.fit.members)
 
     @property
+    def rows(self) -> bool:
+        """Whether each row is a reading, not a unit of a population."""
+        return not self.setup.data.target.population
+
+    @property
     def remains(self) -> bool:
         """Whether rows show something that has no name beside what is named."""
         terms = len(self.named) < len(self.fit.members)
-        rows = not self.setup.data.target.population
-        return terms or (rows and bool(self.analysis.judged.significant))
+        return terms or (self.rows and bool(self.analysis.judged.significant))
 
     @property
     def twin(self) -> bool:
@@ -91,14 +96,29 @@ class Ending:
 
 
 def ended(analysis: Analysis) -> Ending:
-    """The final fit of what keeps its name, in the full model."""
+    """The final fit of what keeps its name, in the full model; a name whose numbers may all be 0
+    beside the others, by their joint interval, is none, and the rest is fitted and tested again.
+    """
+    found = _ended(analysis)
+    for _ in found.named if found.rows else ():
+        weak = next((found.fit.names[at] for at in found.named
+                     if found.model.nothing(found.fit.members[at])), None)  # fmt: skip
+        if weak is None:
+            break
+        analysis = without(analysis, weak)
+        found = _ended(analysis)
+    return found
+
+
+def _ended(analysis: Analysis) -> Ending:
     search = analysis.search
     lost = analysis.judged.lost
     kept = [one for at, one in enumerate(analysis.fit.members) if at not in lost]
     fit = search.fitter.refined(kept) if kept else analysis.ground.empty
     model = corrected(analysis.setup, search.fitter.space, fit)
     bare = analysis.bare
-    return Ending(analysis, fit, model, bare.search.tested(bare.empty), search.tested(fit))
+    end = Ending(analysis, fit, model, bare.search.tested(bare.empty), search.tested(fit))
+    return replace(end, model=model.widened(misfit_of(analysis, fit)))
 
 
 def gate(end: Ending) -> Gate:

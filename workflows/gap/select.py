@@ -72,7 +72,7 @@ class Search:
 @dataclass(frozen=True)
 class Selection:
     """The fit that a search ended with, and its path; `accepted` are the fits of its accepted steps
-    with their held-out residuals, the model alone first.
+    with their held-out residuals, the model alone first; `named` are the names that it ended with.
     """
 
     fit: Fit
@@ -80,6 +80,7 @@ class Selection:
     rejected: tuple[str, ...] = ()
     improvements: dict[str, Improvement] = field(default_factory=dict)
     accepted: tuple[tuple[Fit, HeldOut], ...] = ()
+    named: tuple[str, ...] = ()
 
 
 def select(search: Search, quick: bool = False) -> Selection:
@@ -120,7 +121,7 @@ def select(search: Search, quick: bool = False) -> Selection:
         before = search.tested(fit)
     fit = search.fitter.refined(fit.members)
     gone = sorted(name for one in rejected for name in one)
-    return Selection(fit, tuple(steps), tuple(gone), real, tuple(accepted))
+    return Selection(fit, tuple(steps), tuple(gone), real, tuple(accepted), fit.names)
 
 
 def beside(
@@ -194,6 +195,9 @@ def _retested(
         better = _swapped(search, fit) or _dropped(search, fit)
         if better is None:
             return fit
+        if sorted(better.names) == sorted(fit.names):  # the same names, fitted better
+            fit = better
+            continue
         action = "drop" if len(better.members) < len(fit.members) else "swap"
         gone = [name for name in fit.names if name not in better.names]
         come = [name for name in better.names if name not in fit.names]
@@ -255,12 +259,12 @@ def concluding(
     """
     count = max(search.fitter.space.count, 1)
     errors = iter([float(np.sqrt(np.sum(one.white**2) / count)) for _, one in selection.accepted])
-    steps = [replace(one, held_out=next(errors)) if one.accepted else one
-             for one in selection.steps]  # fmt: skip
+    path = [one for one in selection.steps if one.reason not in (NO_FORM, BESIDE, TERM)]
+    steps = [replace(one, held_out=next(errors)) if one.accepted else one for one in path]
     named = tuple(one for one in fit.names if one not in labels)
     tested = search.tested(fit)
-    gone = [one for one in selection.fit.names if one not in named]
-    come = [one for one in named if one not in selection.fit.names]
+    gone = [one for one in selection.named if one not in named]
+    come = [one for one in named if one not in selection.named]
     for action, names, why in (("drop", gone, NO_FORM), ("add", come, BESIDE),
                                ("add", [labels[n] for n in fit.names if n in labels], TERM)):  # fmt: skip
         if names:

@@ -67,6 +67,13 @@ class Settling:
         struck = tuple(name for name in fit.names if name not in best.names)
         return Settled(best, struck, left, significant_forms(self.search, left))
 
+    def again(self, fit: Fit, barred: frozenset[str]) -> Settled:
+        """The answer without some names."""
+        kept = [one for one in fit.members if one.name not in barred]
+        best = self.ordered(self.grown(self.search.fitter.refined(kept), barred))
+        left = left_over(best, self.search.fitter, self.generic)
+        return Settled(best, (), left, significant_forms(self.search, left))
+
     def holds(self, fit: Fit) -> bool:
         """Whether rows that the fit never saw are predicted as well as by every accepted step, but
         for its standard error, and no worse than by the model alone.

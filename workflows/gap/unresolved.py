@@ -18,10 +18,9 @@ from .library import Candidate
 from .linear import basis, beside
 
 WITHIN = 0.9
-"""Share of a named effect's column within a form from which the form is taken without it."""
-TWIN = 0.995
-"""The same of a form that is one column: it is that effect then."""
-
+"""Share of a named effect's column within a form from which the form is taken without it; a form of
+one column is that effect then.
+"""
 
 def is_term(member: Member) -> bool:
     """Whether a member of a fit is a term without a name."""
@@ -123,16 +122,22 @@ def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]
     return _mixed(term, data, mix / size)
 
 
+def whole_of(member: Member, data: GapData) -> Member:
+    """A term with all columns of its form."""
+    effect = member.candidate.effect
+    assert isinstance(effect, Unresolved)
+    return _member(Unresolved(effect.term), data)
+
+
 def _within(q: Array, fitter: Fitter, named: Sequence[Member]) -> list[Array]:
     """Columns of named effects that lie in the span of a form with basis q (N, r)."""
-    limit = WITHIN if q.shape[1] > 1 else TWIN
     found = []
     for one in named:
         if is_term(one):
             continue
         columns = beside(fitter.white(one), fitter.q)
         for column in columns.T:
-            if float(np.sum((q.T @ column) ** 2)) > limit * float(column @ column) > 0.0:
+            if float(np.sum((q.T @ column) ** 2)) > WITHIN * float(column @ column) > 0.0:
                 found.append(column)
     return found
 
