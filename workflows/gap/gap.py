@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from ...directory import owned
 from ...gap_records import GapResult
 from ...records import Axis
+from .all_rows import on_all_rows
 from .analysis import Analysis, analysed
 from .correct import corrected_toml, in_problem
 from .data import GapData
@@ -124,7 +125,7 @@ def _found(
     setup = prepared(plan, data)
     mine.begin()
     tell(GapProgress("search"))
-    end = ended(analysed(setup))
+    end = on_all_rows(ended(analysed(setup)), data)
     spread = None
     if plan.settings.bootstrap and end.fit.members:
         spread = bootstrap(end.analysis, end.fit, mine, workers, tell)
