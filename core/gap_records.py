@@ -289,8 +289,8 @@ class Shape:
 class Remainder:
     """What stands out beside the named effects and has no name: where, of which form, how large.
 
-    `rms` is what the form explains, in the unit of the output, measured without it; `ratio` the same
-    over the noise floor, `share` the part of the squared gap beyond the noise that it is.
+    `rms` is what the form explains, in the unit of the output, measured without it; `ratio` the
+    same over the noise floor, `share` the part of the squared gap beyond the noise that it is.
     """
 
     output: str
@@ -329,9 +329,9 @@ class UnresolvedTerm:
 class GapResult:
     """Everything that `tolevo gap` found.
 
-    `verdict` is "no_gap", "named", "ambiguous", "partial" or "unnamed". `residuals` has one row per reading in
-    the order of measuring: the inputs; `block`; and for each output O its measured value `O`,
-    whether it is an outlier (`O_outlier`), the recalibrated model `O_predicted` and with the
+    `verdict` is "no_gap", "named", "ambiguous", "partial" or "unnamed". `residuals` has one row per
+    reading in the order of measuring: the inputs; `block`; and for each output O its measured value
+    `O`, whether it is an outlier (`O_outlier`), the recalibrated model `O_predicted` and with the
     effects `O_corrected`, the residuals (measured less predicted) `O_before` and `O_after`, both on
     rows the fit never saw (`O_before_held_out`, `O_after_held_out`), and the noise `O_noise`.
     `spectrum` has the columns output, order, before, after, threshold (amplitudes in the unit of

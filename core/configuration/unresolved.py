@@ -73,6 +73,7 @@ def _value(section: Section, key: str) -> Any:
 
 def resolved_unresolved(effects: Iterable[Active]) -> dict[str, list[Mapping[str, Any]]]:
     """The `[[unresolved]]` tables of the effects that are such terms; none where there is none."""
-    tables = [one.effect.term.table(one.effect.coefficients(one.values)) for one in effects
+    tables: list[Mapping[str, Any]] = [
+        one.effect.term.table(one.effect.coefficients(one.values)) for one in effects
               if isinstance(one.effect, Unresolved)]  # fmt: skip
     return {UNRESOLVED: tables} if tables else {}

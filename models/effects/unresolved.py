@@ -1,8 +1,8 @@
 """A smooth term without a name: what data need beside the named effects, and no cause explains.
 
-A term is a shape over one variable, perhaps times another one and times the direction. It describes the
-rows that it was fitted on; beyond their range it keeps its value at the end (splines) or goes on as its
-power does.
+A term is a shape over one variable, perhaps times another one and times the direction. It describes
+the rows that it was fitted on; beyond their range it keeps its value at the end (splines) or goes
+on as its power does.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ class Term:
     - `wave`: cosine and sine of `order` times x, an angle;
     - `product`: z w, z^2 w, z w^2, z^2 w^2 of z = (x - zero) / scale and w, which `times` gives.
 
-    All of it times w^times_exponent of w = (y - times_zero) / times_scale of the column `times`, where
-    one is given (`times_magnitude`: of its magnitude), and times the direction where it `turns`.
+    All of it times w^times_exponent of w = (y - times_zero) / times_scale of the column `times`,
+    where one is given (`times_magnitude`: of its magnitude), and times the direction where it
+    `turns`.
     """
 
     output: str
@@ -110,8 +111,8 @@ class Term:
 class Unresolved(Effect):
     """A term as an effect, in which it has linear parameters alone.
 
-    `mix` (count, m) makes its columns from those of the term: what a named effect does is left out of
-    them, so that its number stays its own.
+    `mix` (count, m) makes its columns from those of the term: what a named effect does is left out
+    of them, so that its number stays its own.
     """
 
     family = "unresolved"

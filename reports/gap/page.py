@@ -25,6 +25,9 @@ VERDICTS = {
     "named": "Named: the effect below closes the gap, and no other name fits these data as well.",
     "ambiguous": "Ambiguous: the effect below closes the gap, but these data cannot tell it from "
     "its rivals.",
+    "partial": "Partial: what is named below closes part of the gap. What remains stands out from "
+    "the noise and has no name; it stays in the corrected model as unresolved terms, so that no "
+    "number beside it is biased by leaving it out.",
     "unnamed": "Unnamed: model and measurement disagree, and no effect of the library explains it.",
 }
 RMSE = "RMSE on rows that the fit never saw"
@@ -60,6 +63,7 @@ def gap_page(result: GapResult) -> str:
         section("Orders", _those(pictures, "spectrum") or "<p>The table has no angle.</p>"),
         section("Steps", _those(pictures, "path") + _steps(result)),
         section("Effects", _effects(result)),
+        section("What remains without a name", _remainder(result)) if result.remainder else "",
         section("Rivals and the measurement that separates them", _rivals(result)),
         section("Inputs behind it", attribution_table(result)),
         section("The next measurement",
@@ -108,6 +112,9 @@ def _those(pictures: Mapping[str, str], kind: str) -> str:
 def _verdict(result: GapResult) -> str:
     lines = [VERDICTS.get(result.verdict, result.verdict)]
     lines += [f"{one.name}: {one.cause}" for one in result.effects]
+    lines += [f"{one.name}: {number} stands at its physical bound"
+              for one in result.effects for number in one.at_bound]  # fmt: skip
+    lines += [f"without a name: {one}" for one in result.remainder]
     lines += [str(one) for one in result.gate.outputs]
     return bullets(lines)
 
@@ -167,6 +174,17 @@ def _effect(one: FoundEffect) -> str:
         f"<h3>{escape(one.name)} ({escape(one.family)})</h3>\n<p>{escape(one.cause)}</p>\n"
         f"{table(pd.DataFrame(rows))}\n{bullets(evidence)}"
     )
+
+
+def _remainder(result: GapResult) -> str:
+    rows = [
+        {"output": one.output, "variables": ", ".join(one.variables), "shape": one.shape,
+         "rms": one.rms, "unit": one.unit, "over the noise": one.ratio, "share of the gap":
+         one.share}
+        for one in result.remainder
+    ]  # fmt: skip
+    terms = [f"in the corrected model, without a name: {one}" for one in result.unresolved]
+    return table(pd.DataFrame(rows)) + bullets(terms)
 
 
 def _rivals(result: GapResult) -> str:

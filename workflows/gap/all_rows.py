@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.inputs.distribution import Array
-from .close import Corrected, added_variance, refitted
+from .close import added_variance, refitted
 from .data import GapData
 from .noise import Noise, outliers, size_follows
 from .result import Ending
@@ -23,8 +23,8 @@ MOST = 200_000
 def on_all_rows(end: Ending, full: GapData) -> Ending:
     """The answer with its numbers from all rows, and intervals that shrink with them.
 
-    Which effects they are, and what has no name, is that of the search; their numbers, the noise and its
-    autocorrelation from one row to the next are those of the whole record.
+    Which effects they are, and what has no name, is that of the search; their numbers, the noise
+    and its autocorrelation from one row to the next are those of the whole record.
     """
     setup = end.setup
     if len(full) == len(setup.data) or full.target.population:

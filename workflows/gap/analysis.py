@@ -163,7 +163,9 @@ def _settled(
 def without(analysis: Analysis, name: str) -> Analysis:
     """The analysis of rows without a name, all that is left fitted and tested again."""
     ground, found = analysis.ground, analysis.selection
-    settling = Settling(ground.search, ground.generic, analysis.setup.data, ground.empty, found.accepted)
+    settling = Settling(
+        ground.search, ground.generic, analysis.setup.data, ground.empty, found.accepted
+    )
     barred = frozenset({name, *analysis.barred})
     done = settling.again(analysis.fit, barred)
     done = replace(done, struck=(*analysis.struck, *({name} & {*found.named})))

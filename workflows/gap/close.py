@@ -17,7 +17,6 @@ from .predictor import predictor
 from .setup import Setup, nominal
 from .space import Space
 
-
 LEAST_ROWS = 20
 """Rows of a stretch of the record, at least."""
 STRETCHES = 40
@@ -145,8 +144,8 @@ def _with_errors(
     found: Corrected, spaces: tuple[Space, Space], at: tuple[Array, Array],
     jacobian: Array, left: Array,
 ) -> Corrected:  # fmt: skip
-    """A corrected model at numbers in their scales, with its covariance from the derivatives and the
-    residual there; `spaces` are that of the noise, and that of the fit.
+    """A corrected model at numbers in their scales, with its covariance from the derivatives and
+    the residual there; `spaces` are that of the noise, and that of the fit.
     """
     (space, used), (x, scale) = spaces, at
     seen = _by_stretches(jacobian, left, space)
@@ -206,7 +205,9 @@ def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Correcte
         left = residual(x)
         jacobian = np.empty((len(left), len(x)), order="F")
         for k in range(len(x)):
-            step = STEP * max(abs(x[k]), 1.0) * (-1.0 if (x[k] + STEP) * scale[k] > high[k] else 1.0)
+            step = (
+                STEP * max(abs(x[k]), 1.0) * (-1.0 if (x[k] + STEP) * scale[k] > high[k] else 1.0)
+            )
             moved = x.copy()
             moved[k] += step
             jacobian[:, k] = (residual(moved) - left) / step

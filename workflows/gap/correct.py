@@ -23,7 +23,9 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
     """The run configuration (where there is one) with model, parameters, zeros and effects."""
     found: dict[str, Any] = deepcopy(dict(plan.run))
     if not found:
-        found = {k: deepcopy(v) for k, v in plan.tables.items() if k not in ("effect", "unresolved")}
+        found = {
+            k: deepcopy(v) for k, v in plan.tables.items() if k not in ("effect", "unresolved")
+        }
     found["model"] = plan.model_name
     found.setdefault("seed", plan.seed)
     parameters = dict(found.get("parameters", {})) | dict(plan.given)

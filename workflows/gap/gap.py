@@ -25,8 +25,8 @@ from .populations.found import attribution_of, inputs_instead, population_of, sa
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
 from .recalibration import moved_far
-from .replicates import Replicates, identity_of, is_whole, opened
 from .remainder import remainder_of, struck_of, terms_of
+from .replicates import Replicates, identity_of, is_whole, opened
 from .result import (
     Ending,
     effects,
@@ -110,8 +110,8 @@ def found(
 ) -> GapResult:
     """The whole analysis of data that were read, without its files but that of its replicates.
 
-    One thread of linear algebra: columns are long and few, and threads that wait for each other took
-    two thirds of the CPU.
+    One thread of linear algebra: columns are long and few, and threads that wait for each other
+    took two thirds of the CPU.
     """
     with threadpool_limits(1):
         return _found(plan, data, workers, progress, kept)

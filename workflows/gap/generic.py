@@ -151,7 +151,9 @@ def _products(
 def _raw_products(
     inputs: list[Column], values: dict[str, Array], sign: Array | None
 ) -> list[tuple[Form, Array]]:
-    """Products of two inputs as they are, one column each: what a law of two variables looks like."""
+    """Products of two inputs as they are, one column each: what a law of two variables looks
+    like.
+    """
     found = []
     for one, other in combinations(inputs, 2):
         a, b = (from_origin(c, values[c.name]) for c in (one, other))

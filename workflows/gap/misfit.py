@@ -1,11 +1,11 @@
 """How far a named number may be off for the form of what has no name beside it.
 
-A term without a name is one of many forms that the record allows. Where a form holds what a named effect
-does, all that they share is given to the name; of the form's squared size each of its dimensions has its
-part, and the shared one is taken to have had as much. With g the column of a number beside all others, E
-the squared norm of the term r in noise units and m its dimensions, the variance is then
-sigma^2 / |g|^2 (1 + E/m). A term that is fitted jointly may have taken g' r / |g|^2 from the number, at worst
-all of it or none: half of that is taken for the standard deviation.
+A term without a name is one of many forms that the record allows. Where a form holds what a named
+effect does, all that they share is given to the name; of the form's squared size each of its
+dimensions has its part, and the shared one is taken to have had as much. With g the column of a
+number beside all others, E the squared norm of the term r in noise units and m its dimensions, the
+variance is then sigma^2 / |g|^2 (1 + E/m). A term that is fitted jointly may have taken g' r /
+|g|^2 from the number, at worst all of it or none: half of that is taken for the standard deviation.
 """
 
 from __future__ import annotations
@@ -43,7 +43,9 @@ def _alone(fitter: Fitter, fit: Fit, at: int, number: int) -> Array:
     """The column of a number beside what is free and all other named numbers."""
     mine = fitter.white(fit.members[at])
     others = [np.delete(mine, number, axis=1)]
-    others += [fitter.white(one) for k, one in enumerate(fit.members) if k != at and not is_term(one)]
+    others += [
+        fitter.white(one) for k, one in enumerate(fit.members) if k != at and not is_term(one)
+    ]
     return beside(mine[:, number], basis(np.hstack([fitter.base, *others])))
 
 

@@ -58,7 +58,9 @@ def _of_term(end: Ending, one: Member) -> Remainder:
     white = end.analysis.search.fitter.white(one) @ coefficients
     rms, unit = float(np.std(added)), setup.data.outputs[at].unit
     share = min(1.0, float(white @ white) / _beyond(end))
-    return Remainder(term.output, term.variables, shape(term), rms, unit, rms / _level(end, at), share)
+    return Remainder(
+        term.output, term.variables, shape(term), rms, unit, rms / _level(end, at), share
+    )
 
 
 def _level(end: Ending, output: int) -> float:
@@ -80,8 +82,8 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
         text = f"a {name} of {form.variable}" + (f", {form.detail}" if form.detail else "")
         text += ", opposite in the two directions" if form.direction else ""
         found[key] = Remainder(
-            one.name, (form.variable, *form.more), text, ratio * _level(end, output), one.unit, ratio,
-            min(1.0, float(left.gains[at]) / _beyond(end)),
+            one.name, (form.variable, *form.more), text, ratio * _level(end, output), one.unit,
+            ratio, min(1.0, float(left.gains[at]) / _beyond(end)),
         )  # fmt: skip
     return tuple(found.values())
 

@@ -265,8 +265,9 @@ def concluding(
     tested = search.tested(fit)
     gone = [one for one in selection.named if one not in named]
     come = [one for one in named if one not in selection.named]
+    terms = [labels[one] for one in fit.names if one in labels]
     for action, names, why in (("drop", gone, NO_FORM), ("add", come, BESIDE),
-                               ("add", [labels[n] for n in fit.names if n in labels], TERM)):  # fmt: skip
+                               ("add", terms, TERM)):  # fmt: skip
         if names:
             _note(steps, search, fit, tested, action, ", ".join(names), True, why)
             steps[-1] = replace(steps[-1], names=named)

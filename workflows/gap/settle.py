@@ -1,7 +1,8 @@
 """The final answer: names and terms without a name, fitted together and tested together.
 
-Whatever is struck, exchanged or added, everything is fitted and tested again; what lowers the held-out
-error and has no name that fits stays as a term, so that no number beside it is biased by leaving it out.
+Whatever is struck, exchanged or added, everything is fitted and tested again; what lowers the
+held-out error and has no name that fits stays as a term, so that no number beside it is biased by
+leaving it out.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ TRIED = 4
 """Forms and names that are tried at each step, the likeliest first."""
 ROUNDS = 40
 DISBELIEVED = 0.1
-"""What a form explains beside a name, as a share of what the name explains beside everything else, from
-which that name is not the form's: it does without the form what the form does without it."""
+"""What a form explains beside a name, as a share of what the name explains beside everything else,
+from which that name is not the form's: it does without the form what the form does without it."""
 FREER = 5.0
 """What a set of fewer names must fit better by than one with more, which says more."""
 
@@ -44,7 +45,9 @@ class Settled:
 
 @dataclass(frozen=True)
 class Settling:
-    """What a final answer is looked for with; `tried` are accepted fits with their held-out rows."""
+    """What a final answer is looked for with; `tried` are accepted fits with their held-out
+    rows.
+    """
 
     search: Search
     generic: Remaining
@@ -94,8 +97,8 @@ class Settling:
         return self.search.fitter.fit(sorted(fit.members, key=is_term))
 
     def grown(self, fit: Fit, never: frozenset[str]) -> Fit:
-        """The fit with what is significant beside it, a name where one fits as well as any form; what
-        no longer is beside the others is left out again.
+        """The fit with what is significant beside it, a name where one fits as well as any form;
+        what no longer is beside the others is left out again.
         """
         barred = set(never)
         for _ in range(ROUNDS):
@@ -106,8 +109,8 @@ class Settling:
         return fit
 
     def _weaker(self, fit: Fit, barred: set[str]) -> Fit | None:
-        """The fit without the name or term that is not significant beside the others, None where all
-        are. What was left out does not come back.
+        """The fit without the name or term that is not significant beside the others, None where
+        all are. What was left out does not come back.
         """
         fitter, limit = self.search.fitter, self.search.thresholds.library
         worst: tuple[float, int] = (0.0, -1)
@@ -195,12 +198,14 @@ class Settling:
         if terms >= TERMS or not at:
             return
         penalty, sizes = self.search.fitter.penalty, self.generic.white.sizes
-        price = {k: penalty * (sizes[k] + more_numbers(self.generic.forms[k])) for k in at}
         count, outputs = 0, self.data.outputs
+        price = {k: penalty * (sizes[k] + more_numbers(self.generic.forms[k])) for k in at}
         named = [one for one in fit.members if not is_term(one)]
         for k in sorted(at, key=lambda k: price[k] - left.gains[k]):
             term = term_of(self.generic.forms[k], self.data, outputs[self.generic.outputs[k]].name)
-            one = term and member_of(term, self.data, self.search.fitter, named)
+            if term is None:
+                continue
+            one = member_of(term, self.data, self.search.fitter, named)
             if one is None or one.name in barred or one.name in fit.names:
                 continue
             larger = self.search.fitter.fit((*fit.members, one))

@@ -22,8 +22,8 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     analysis, search = end.analysis, end.analysis.search
     generic = analysis.ground.generic
     odd = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
-    if not analysis.significant or (end.named and not analysis.judged.lost
-                                    and not end.remains and not analysis.judged.significant):  # fmt: skip
+    settled = not analysis.judged.lost and not end.remains and not analysis.judged.significant
+    if not analysis.significant or (end.named and settled):
         return odd
     fit = search.fitter.fit([end.fit.members[at] for at in end.named])
     left = left_over(fit, search.fitter, generic)

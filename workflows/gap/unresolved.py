@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
 from ...models.effects.unresolved import Term, Unresolved
@@ -21,6 +23,7 @@ WITHIN = 0.9
 """Share of a named effect's column within a form from which the form is taken without it; a form of
 one column is that effect then.
 """
+
 
 def is_term(member: Member) -> bool:
     """Whether a member of a fit is a term without a name."""
@@ -78,8 +81,8 @@ def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) 
     other = form.more[0]
     x, y = (np.asarray(data.readings.table[n], dtype=float) for n in (form.variable, other))
     if not form.detail:
-        return replace(base, shape="product", zero=float(x.mean()), scale=float(x.std()),
-                       times=other, times_zero=float(y.mean()), times_scale=float(y.std()))  # fmt: skip
+        found = replace(base, shape="product", zero=float(x.mean()), scale=float(x.std()))
+        return replace(found, times=other, times_zero=float(y.mean()), times_scale=float(y.std()))
     p, q = int(form.detail.split()[1]), int(form.detail.split()[3])
     ends = [origin(columns[n]) for n in (form.variable, other)]
     sizes = [float(np.abs(v - z).max()) for v, z in zip((x, y), ends, strict=True)]
@@ -92,8 +95,8 @@ def _wave(base: Term, form: Form, data: GapData) -> Term:
     found = replace(base, shape="wave", order=float(form.order))
     if not form.detail:
         return found
-    by = form.more[0] if form.more else next(
-        c.name for c in data.inputs if str(c.role) == form.detail.removeprefix("times "))  # fmt: skip
+    role = form.detail.removeprefix("times ")
+    by = (*form.more, *(c.name for c in data.inputs if str(c.role) == role))[0]
     size = float(np.abs(np.asarray(data.readings.table[by], dtype=float)).max())
     power = 2.0 if form.detail.endswith("squared") else 1.0
     return replace(found, times=by, times_exponent=power, times_scale=size)
@@ -129,7 +132,7 @@ def whole_of(member: Member, data: GapData) -> Member:
     return _member(Unresolved(effect.term), data)
 
 
-def _within(q: Array, fitter: Fitter, named: Sequence[Member]) -> list[Array]:
+def _within(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Array]:
     """Columns of named effects that lie in the span of a form with basis q (N, r)."""
     found = []
     for one in named:
