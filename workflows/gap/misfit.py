@@ -19,6 +19,8 @@ from .linear import basis, beside
 from .settle import names_of
 from .unresolved import is_term, whole_of
 
+LITTLE = 0.01
+"""Share of a number's column within a form below which they have nothing in common."""
 HALF = 0.25
 """Variance of what lies anywhere between two ends, over the square of their distance, about."""
 
@@ -55,7 +57,9 @@ def _part(analysis: Analysis, fit: Fit, term: int, g: Array) -> float:
     added = beside(fitter.white(member) @ fit.coefficients[term], fitter.q)
     bias = float(g @ added) ** 2 / float(g @ g)
     q = basis(beside(fitter.white(whole_of(member, analysis.setup.data)), fitter.q))
+    share = float(np.sum((q.T @ g) ** 2)) / float(g @ g)
+    if share < LITTLE:
+        return 0.0
     if q.shape[1] == fitter.white(member).shape[1]:
         return HALF * bias
-    share = float(np.sum((q.T @ g) ** 2)) / float(g @ g)
     return max(HALF * bias, float(added @ added) / len(fit.coefficients[term]) * share)
