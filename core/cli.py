@@ -370,12 +370,11 @@ def _problem_of(config: Path, settings: list[str]) -> Configuration:
 
 def _search_of(config: Path, settings: list[str]) -> Configuration:
     """A configuration that can be searched: its limits hold what they must, and are in reach."""
-    from .workflows.run.reach import unreachable
+    from .workflows.run.reach import searchable
 
     configuration = _problem_of(config, settings)
     assert configuration.problem is not None
-    raise_all(configuration.problem.search_faults())
-    raise_all(unreachable(configuration.problem))
+    searchable(configuration.problem)
     return configuration
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from math import nan
 from typing import TYPE_CHECKING, Any
 
+from .gap_drawing_records import Drawing
 from .gap_next_records import NextMeasurement
 from .gap_population_records import Attribution, PopulationLine
 from .records import Axis
@@ -341,6 +342,7 @@ class GapResult:
     behind a difference.
     `gap_before`, `gap_after` and `noise_floor` hold one number per output, and `total` in noise
     units. `next_points` are the operating points of `next_measurement` in the order of measuring.
+    `drawing` is what units that are made to one were simulated as.
     """
 
     title: str
@@ -370,6 +372,7 @@ class GapResult:
     unresolved: tuple[UnresolvedTerm, ...] = ()
     next_measurement: NextMeasurement | None = None
     next_points: pd.DataFrame | None = None
+    drawing: Drawing | None = None
 
     @property
     def names(self) -> tuple[str, ...]:

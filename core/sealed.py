@@ -5,7 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
+
+from .files import write_text
 
 MARK = b"\nsha256 "
 """Before the digest, which ends the content."""
@@ -42,6 +45,22 @@ def unsealed_record(found: Any, of: str = "") -> dict[str, Any]:
     if found[KEY] != digest_of(record, of):
         raise ValueError("it is damaged: its content does not fit its digest")
     return record
+
+
+def write_record(path: Path, record: Mapping[str, Any]) -> None:
+    """Write a sealed record as a JSON file."""
+    write_text(path, json.dumps(sealed_record(record), indent=1) + "\n")
+
+
+def read_record(path: Path) -> dict[str, Any] | None:
+    """What `write_record` was given, None where there is no file. Raises ValueError if damaged."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise ValueError(error.strerror) from error
+    return unsealed_record(loads(text))
 
 
 def digest_of(record: Mapping[str, Any], of: str = "") -> str:

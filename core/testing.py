@@ -20,6 +20,7 @@ from .algorithms.settings import AlgorithmSettings, Budget
 from .declarations import Output
 from .models.effects.effect import FAMILIES, Action, Effect, EffectParameter, Readings, Target
 from .models.effects.readings import readings_of, target_from
+from .models.gear import RV_40E
 from .models.measurable import Column, Role
 from .problems.tolerance_problem import ToleranceProblem
 
@@ -173,7 +174,7 @@ class EffectContract:
     def target(self, table: dict[str, np.ndarray] | None) -> Target:
         """What it acts on: override it for an effect that has a place in certain models only."""
         outputs = (Output("reading_arcsec", "arcsec", ""),)
-        return target_from("table", outputs, self.columns(), table)
+        return replace(target_from("table", outputs, self.columns(), table), gear=RV_40E)
 
     def _bench(self) -> tuple[Effect, Readings, Target]:
         table = self.table()

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..declarations import Output, Parameter, Value, Variable
+from .gear import Gear
 from .inputs.distribution import Array, Distribution
 from .sources import Sources
 
@@ -37,7 +38,10 @@ class Role(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """An input column of a measurement table; `text` columns are labels, not numbers."""
+    """An input column of a measurement table; `text` columns are labels, not numbers.
+
+    `sense` is -1 where the column counts against the convention; effects see it turned.
+    """
 
     name: str
     unit: str
@@ -45,6 +49,7 @@ class Column:
     needed: bool = True
     text: bool = False
     role: Role = Role.INPUT
+    sense: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +77,12 @@ class MeasurableModel(ABC):
     tolerance (half-width, in the parameter's unit), `changeable` what effects may change in it. A
     model of a `population` draws a unit for each row: it is compared with data as a distribution,
     not row by row. `corrects` names the problems whose allocation can be repeated with what was
-    learnt of it; a problem whose `default_model` it is belongs to it as well. It is set up from
-    `parameters` and `designs` (variables by name, in their units; what is left out keeps its
-    default) and the distributions `inputs` of the variables by name.
+    learnt of it; a problem whose `default_model` it is belongs to it as well. Of units that are
+    `made_to_a_drawing` a gap analysis takes geometry and zones from that problem's configuration;
+    `geometry` are the parameters that tell one drawing from another, `of_the_bench` those that say
+    how units are measured. It is set up from `parameters` and `designs` (variables by name, in
+    their units; what is left out keeps its default) and the distributions `inputs` of the variables
+    by name.
     """
 
     columns: ClassVar[tuple[Column, ...]]
@@ -85,6 +93,10 @@ class MeasurableModel(ABC):
     changeable: ClassVar[tuple[Changeable, ...]] = ()
     population: ClassVar[bool] = False
     corrects: ClassVar[tuple[str, ...]] = ()
+    gear: Gear | None = None
+    made_to_a_drawing: ClassVar[bool] = False
+    geometry: ClassVar[tuple[str, ...]] = ()
+    of_the_bench: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def __init__(
@@ -105,6 +117,11 @@ class MeasurableModel(ABC):
 
         `changes` holds, by name, what is added to a changeable quantity: a number, or one per row.
         """
+
+    @classmethod
+    def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:
+        """The gear of a model with these parameters, None where it is of none."""
+        return cls.gear
 
     def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
         """Cells of a table of columns (n,) that are beyond the range of the model."""

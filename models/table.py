@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..declarations import Output, Parameter
 from ..units import converted
+from .gear import Gear
 from .inputs.distribution import Array
 from .measurable import NO_CHANGES, Column, MeasurableModel, Role
 
@@ -18,7 +19,8 @@ class MeasuredTable(MeasurableModel):
     """`model = "table"`: what it predicts is read from a column, and nothing can change inside.
 
     `inputs` are the columns that effects may depend on; `predictions` names the column of each
-    output and its unit; columns in `ignored` are left out.
+    output and its unit; columns in `ignored` are left out, predictions in `turned` count the other
+    way round.
     """
 
     parameters: ClassVar[tuple[Parameter, ...]] = ()
@@ -30,6 +32,8 @@ class MeasuredTable(MeasurableModel):
         outputs: tuple[Output, ...],
         predictions: Mapping[str, tuple[str, str]],
         ignored: tuple[str, ...] = (),
+        gear: Gear | None = None,
+        turned: tuple[str, ...] = (),
     ) -> None:
         carried = tuple(
             Column(column, unit, f"prediction of {name}", role=Role.INPUT)
@@ -39,6 +43,8 @@ class MeasuredTable(MeasurableModel):
         self.outputs = outputs  # type: ignore[misc]
         self.predictions = dict(predictions)
         self.ignored = ignored
+        self.gear = gear
+        self.turned = turned
 
     def predict(
         self,
@@ -49,6 +55,7 @@ class MeasuredTable(MeasurableModel):
         return {
             output.name: np.asarray(
                 converted(np.asarray(table[column], dtype=float), unit or output.unit, output.unit)
+                * (-1.0 if column in self.turned else 1.0)
             )
             for output in self.outputs
             for column, unit in (self.predictions[output.name],)

@@ -3,22 +3,29 @@
 Cost is separable, and every requirement is convex in the tolerances t_j:
 
     cost      = base + sum_j count_j C_j(t_j)
-    value_i   = offset_i + sum_j (o_ij + m_ij t_j) + sqrt(constant_i + s_i' R s_i),  s_ij = a_ij t_j
+    value_i   = offset_i + sum_j (o_ij + m_ij t_j) + S_i,  s_ij = a_ij t_j
+    S_i       = sqrt(constant_i + s_i' R s_i), or
+                the p_i-quantile of sum_j s_ij D_ij + fixed deviations, p_i >= 1/2
 
 Worst case is a = 0, root sum square is m = 0, an estimated mean shift (Cpk) and "mean plus k
-standard deviations" have both. A feature may be made in several ways (alternative processes,
-grades, or pieces of a range), each with coefficients of its own.
+standard deviations" have both. The deviations D of a `Quantile` are independent, even and
+log-concave; then it is convex in the tolerances (docs/proofs.md). A yield is such a requirement: a
+share p of the units lies below a limit u where mean + q_p <= u. A feature may be made in several
+ways (alternative processes, grades, or pieces of a range), each with coefficients of its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..models.costs import CostCurve
+from ..models.propagation.even import Even
+from ..models.propagation.symmetric_sum import SymmetricSum, Tangent
 
 Array = NDArray[np.float64]
 
@@ -38,6 +45,48 @@ class Way:
     spread: tuple[float, ...]
     offset: tuple[float, ...] = ()
     choice: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One independent deviation `weight` z, z ~ `law`, of a feature or of what is fixed."""
+
+    weight: float
+    law: Even
+
+
+@dataclass(frozen=True, eq=False)
+class Quantile:
+    """The quantile at a `probability` >= 1/2 of what features deviate, with gradient and error.
+
+    Feature j deviates by s_j sum over its `pieces` of weight z; `fixed` pieces deviate as well.
+    """
+
+    probability: float
+    pieces: tuple[tuple[Piece, ...], ...]
+    fixed: tuple[Piece, ...] = ()
+
+    @cached_property
+    def _sum(self) -> tuple[SymmetricSum, Array, Array]:
+        """All deviations, the feature of each (-1: none), and its weight."""
+        every = [(at, one) for at, own in enumerate(self.pieces) for one in own]
+        every += [(-1, one) for one in self.fixed]
+        owner = np.array([at for at, _ in every], dtype=float)
+        weight = np.array([abs(one.weight) for _, one in every])
+        return SymmetricSum([one.law for _, one in every]), owner, weight
+
+    def tangent(self, s: Array) -> Tangent:
+        """Value (n,) and gradient (n, features) at scales s (n, features), and their errors."""
+        total, owner, weight = self._sum
+        own = owner.astype(int)
+        wide = np.where(own >= 0, s[:, np.maximum(own, 0)], 1.0) * weight
+        found = total.quantile(wide, self.probability)
+        kept = np.flatnonzero(own >= 0)
+        gradient, doubt = np.zeros((2, len(self.pieces), len(s)))
+        np.add.at(gradient, own[kept], (found.gradient * weight).T[kept])
+        np.add.at(doubt, own[kept], (found.gradient_error * weight).T[kept])
+        side = np.where(s < 0.0, -1.0, 1.0)
+        return Tangent(found.value, side * gradient.T, found.value_error, doubt.T)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +112,11 @@ class Form:
     limits that it leaves out: with any, it still bounds the cost from below. `exact` says that
     its values are those of the outputs; else they are lower bounds of them. `statement` says in
     words what is proven.
+
+    `quantiles` holds for each requirement what its S is, None for a root; empty: all are roots.
+    `most` (r,) are upper limits that requirements have of themselves, in the place of a limit of
+    the problem (a yield); inf where it is the output's. `also` are forms for designs that this one
+    leaves out: what is proven is the least of all.
     """
 
     outputs: tuple[str, ...]
@@ -75,6 +129,24 @@ class Form:
     exact: bool = True
     settled: Mapping[str, float] = field(default_factory=dict)
     relaxed: tuple[str, ...] = ()
+    quantiles: tuple[Quantile | None, ...] = ()
+    most: tuple[float, ...] = ()
+    also: tuple[Form, ...] = ()
+
+    @property
+    def rows(self) -> tuple[Quantile | None, ...]:
+        """What S of each requirement is: a quantile, or None for a root."""
+        return self.quantiles or (None,) * len(self.outputs)
+
+    @property
+    def own_limits(self) -> Array:
+        """Upper limits (r,) that requirements have of themselves, inf where they have none."""
+        return np.array(self.most) if self.most else np.full(len(self.outputs), np.inf)
+
+    @property
+    def separable(self) -> bool:
+        """Whether prices alone make it separable: one root without correlation."""
+        return len(self.outputs) == 1 and self.correlation is None and self.rows == (None,)
 
     @property
     def combinations(self) -> int:

@@ -10,6 +10,7 @@ from typing import Any
 from ..declarations import Value
 from ..models.costs import CostCurve
 from ..models.effects.compose import Active
+from ..models.gear import Gear
 from ..models.inputs import Distribution
 
 METHODS = ("moments", "convolution", "monte_carlo")
@@ -50,7 +51,7 @@ class Settings:
     Names that a mapping leaves out keep the problem's default; `objectives` empty means the
     problem's own. `definition` is what a problem that is written in the configuration (`stack`)
     was read from; `effects` are active in the model; `zero` is what an instrument adds to outputs
-    of the model.
+    of the model, `sense` is -1 of those that read the other way round; `gear` is that of a table.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -63,3 +64,5 @@ class Settings:
     definition: Any = None
     effects: tuple[Active, ...] = ()
     zero: Mapping[str, float] = field(default_factory=dict)
+    sense: Mapping[str, int] = field(default_factory=dict)
+    gear: Gear | None = None

@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 from ..records import Bars, UnitsShown
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
+    import pandas as pd
+
+    from .settings import Settings
     from .tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
@@ -25,6 +28,18 @@ class Variant:
     assumption: str
     value: str
     problem: ToleranceProblem
+
+
+def effect_notes(settings: Settings, counterparts: Sequence[str]) -> tuple[str, ...]:
+    """A sentence for each active effect, from what it does in a problem: empty for nothing."""
+    missing = "has no counterpart in this problem: it changes nothing here"
+    told = tuple(
+        f"effect {one.effect.name}: {does}" if does else f"effect {one.effect.name} {missing}"
+        for one, does in zip(settings.effects, counterparts, strict=True)
+    )
+    zeros = ", ".join(settings.zero)
+    why = "belongs to its instrument: it changes nothing in this problem"
+    return (*told, f"the zero of {zeros} {why}") if zeros else told
 
 
 class Shown:
@@ -53,6 +68,14 @@ class Shown:
         if not alone or not verdicts:
             return (alone,) * len(designs)
         return tuple(f"{alone}; by contact this allocation {one}" for one in verdicts)
+
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know before trusting a run of this problem."""
+        return ()
+
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        """What should be said of the reported points, a row each as `frame` makes them."""
+        return ()
 
     def bars(self) -> tuple[Bars, ...]:
         """Charts of what matters in this problem, whatever is optimised."""

@@ -21,7 +21,7 @@ from .assumptions import assumptions_of
 from .forms import Form
 from .limits import impossible, limits_of
 from .settings import Bound, Settings, VariableSetting
-from .shown import Shown
+from .shown import Shown, effect_notes
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -52,6 +52,9 @@ class ToleranceProblem(Problem, Shown):
     """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""
     default_algorithm: ClassVar[str] = ""
     """The best algorithm for the problem; empty: NSGA-II or, of one objective, the GA."""
+    drawn_again: ClassVar[frozenset[str]] = frozenset()
+    """Cached attributes that a copy in another process draws or computes again, as they are large.
+    """
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
@@ -77,6 +80,10 @@ class ToleranceProblem(Problem, Shown):
             xl=low,
             xu=high,
         )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but `drawn_again`."""
+        return {name: own for name, own in self.__dict__.items() if name not in self.drawn_again}
 
     # ---------------------------------------------------------------- what a subclass gives
 
@@ -162,6 +169,20 @@ class ToleranceProblem(Problem, Shown):
         """The convex form that bounds of the cost are proven with, None where there is none."""
         return None
 
+    def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
+        """What the requirements of the form (n, r) are in truth, from the outputs of designs.
+
+        Of a requirement with a limit of its own it is that limit plus what is missing to keep it.
+        """
+        nothing = np.full(len(designs), -np.inf)
+        return np.stack([nothing if np.isfinite(most) else self.values(designs, found, name)
+                         for name, most in zip(form.outputs, form.own_limits, strict=True)],
+                        axis=1)  # fmt: skip
+
+    def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
+        """Variables (n,) from features of the form (n,), where these are not variables."""
+        return dict(columns)
+
     def guide(self) -> Form | None:
         """A convex form close to the problem, to begin a search from; it proves nothing."""
         return self.form()
@@ -180,15 +201,7 @@ class ToleranceProblem(Problem, Shown):
 
     def effect_notes(self) -> tuple[str, ...]:
         """A sentence for each active effect, those without a counterpart included."""
-        missing = "has no counterpart in this problem: it changes nothing here"
-        pairs = zip(self.settings.effects, self.counterparts(), strict=True)
-        told = tuple(
-            f"effect {one.effect.name}: {does}" if does else f"effect {one.effect.name} {missing}"
-            for one, does in pairs
-        )
-        zeros = ", ".join(self.settings.zero)
-        why = "belongs to its instrument: it changes nothing in this problem"
-        return (*told, f"the zero of {zeros} {why}") if zeros else told
+        return effect_notes(self.settings, self.counterparts())
 
     def without_effects(self) -> ToleranceProblem:
         """The same problem with no effect in its model."""
@@ -197,14 +210,6 @@ class ToleranceProblem(Problem, Shown):
     def search_faults(self) -> list[Fault]:
         """What is wrong with a search of the problem, though its designs can be evaluated."""
         return []
-
-    def warnings(self) -> tuple[str, ...]:
-        """What the user should know before trusting a run of this problem."""
-        return ()
-
-    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
-        """What should be said of the reported points, a row each as `frame` makes them."""
-        return ()
 
     # ---------------------------------------------------------------- set-up
 
@@ -318,8 +323,14 @@ class ToleranceProblem(Problem, Shown):
     def tested(self, x: Array) -> tuple[Array, Array]:
         """F and G of search vectors as reported: where a search sees a sample, on a fresh one."""
         designs = self.complete(x)
-        found = self.outputs_of(designs, errors=False)
+        found = self.needed(designs)
         return self.objective_values(found), self.violations(designs, found)
+
+    def needed(self, designs: Array) -> dict[str, Array]:
+        """Outputs (n,) of full designs as reported: at least the cost, and those that objectives
+        and limits name.
+        """
+        return self.outputs_of(designs, errors=False)
 
     def frame(self, designs: Array, found: Mapping[str, Array] | None = None) -> pd.DataFrame:
         """Variables, outputs (at full accuracy) and limit margins of full designs, one row each.
@@ -373,6 +384,13 @@ class ToleranceProblem(Problem, Shown):
     def cost_of(self, designs: Array) -> Array:
         """Sum of the cost curves (n,) at full designs."""
         return np.asarray(np.sum(list(self.costs_of(designs).values()), axis=0))
+
+    def cost_slopes(self, designs: Array) -> Array:
+        """Derivatives of the cost (n, all variables) at full designs."""
+        found = np.zeros_like(designs)
+        for name, curve in self.settings.costs.items():
+            found[:, self.names.index(name)] = curve.slope(self.column(designs, name))
+        return found
 
     def costs_of(self, designs: Array) -> dict[str, Array]:
         """What each cost curve (n,) gives at full designs."""

@@ -9,6 +9,7 @@ from tolevo import registry
 from tolevo.declarations import Output
 from tolevo.models.effects.effect import FAMILIES, Effect, EffectParameter, Target
 from tolevo.models.effects.readings import target_from, target_of
+from tolevo.models.gear import RV_40E
 from tolevo.testing import COLUMNS
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "effects.md"
@@ -22,7 +23,7 @@ def target(effect: Effect) -> Target:
         name = {"manipulator": "manipulator_pose"}.get(effect.family, effect.family)
         return target_of(registry.load("models", name), name)
     table = target_from("table", (Y,), COLUMNS)
-    return replace(table, population=effect.family == "population")
+    return replace(table, population=effect.family == "population", gear=RV_40E)
 
 
 def row(name: str) -> str:

@@ -84,7 +84,10 @@ def _inputs(
 ) -> tuple[pd.DataFrame, list[Fault]]:
     """The typed inputs and every fault of the table."""
     outputs = [output.name for output in model.outputs]
-    ignored = model.ignored if isinstance(model, MeasuredTable) else ()
+    ignored: tuple[str, ...] = ()
+    if isinstance(model, MeasuredTable):  # what has no role is of no use
+        known = {*(c.name for c in model.columns), *_extras(outputs)}
+        ignored = (*model.ignored, *(str(name) for name in given.columns if name not in known))
     return tables.parsed(
         given.drop(columns=[*outputs, *ignored], errors="ignore"),
         place,

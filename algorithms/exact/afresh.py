@@ -7,10 +7,11 @@ by what fresh units say more.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ..indicators import nondominated
 from ..run import Run
 from .branch import Branch
 
@@ -25,27 +26,14 @@ FAR = 0.5
 """Share of a limit by which it is moved at most."""
 
 
-def tested_afresh(run: Run, branches: list[Branch], points: int, least: float) -> None:
-    """Hand `points` of the joint front to the run as its result, with limits that fresh units keep.
+def tested_afresh(run: Run, points: Sequence[tuple[Branch, int]]) -> None:
+    """Hand points, each by its branch and index, to the run as its result.
 
-    Points whose last objective is below `least` are left out. A point that breaks a limit on fresh
-    units is solved again with the limit moved by the excess.
+    A point that breaks a limit on fresh units is solved again with the limit moved by the excess.
     """
-    order = [(branch, at) for branch, at in _joint(branches) if branch.f[at][-1] >= least]
-    if len(order) > points:
-        order = [order[int(at)] for at in np.linspace(0, len(order) - 1, points)]
-    for done, (branch, at) in enumerate(order):
-        run.phase("fresh units", 0.9 + 0.1 * done / len(order))
+    for done, (branch, at) in enumerate(points):
+        run.phase("fresh units", 0.9 + 0.1 * done / len(points))
         run.choose(kept(run, branch, branch.y[at], branch.f[at], search=True))
-
-
-def _joint(branches: list[Branch]) -> list[tuple[Branch, int]]:
-    """Branch and index of the points that no point of any branch dominates, by objective 2, 1."""
-    places = [(branch, at) for branch in branches for at in range(len(branch.f))]
-    f = np.array([branch.f[at] for branch, at in places])
-    rows = np.flatnonzero(nondominated(f))
-    rows = rows[np.lexsort(f[rows].T)]
-    return [places[int(row)] for row in rows]
 
 
 def kept(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:

@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 
 from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way
+from ...problems.least import least_value
 from ...problems.tolerance_problem import ToleranceProblem
 from .choices import cost_range, least_cost
 from .pieces import convex_pieces
 
 Array = NDArray[np.float64]
-LOOSER = 1e-11
-"""Relative widening of a limit, so that a point always keeps its own values."""
+LOOSER, LOOSER_SHARE = 1e-11, 1e-9
+"""Relative widening of a limit, so that a point always keeps its own values; that of a share of
+units, whose rounding an edge far out in the tail magnifies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,17 +50,15 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
         return Proof(np.full(points, np.nan), missing)
     limits = np.stack(
         [
-            np.minimum(_own(problem, values, name, points), upper_limit(problem, name))
-            for name in form.outputs
+            np.minimum(_own(problem, values, name, points), upper)
+            for name, upper in zip(form.outputs, row_limits(problem, form), strict=True)
         ],
         axis=1,
     )
-    limits = np.where(np.isfinite(limits), limits + LOOSER * np.abs(limits), np.inf)
-    used = np.any(np.isfinite(limits), axis=0)
-    used[0] |= not np.any(used)
-    form, limits = convex_pieces(restricted(form, used)), limits[:, used]
+    looser = np.where(np.isfinite(form.own_limits), LOOSER_SHARE, LOOSER)
+    limits = np.where(np.isfinite(limits), limits + looser * np.abs(limits), np.inf)
     each, place = np.unique(limits, axis=0, return_inverse=True)
-    bound = least_cost(form, each).bound[np.ravel(place)]
+    bound = _least_bound(form, each)[np.ravel(place)]
     cost = np.asarray(values["cost"])
     least, most = cost_range(form)
     if np.any(bound - cost > 1e-9 * np.maximum(np.abs(cost), min(abs(least), abs(most)))):
@@ -66,6 +66,48 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
         raise ModelError(f"the proven bound {bound[at]} lies above a cost of {cost[at]}: the form "
                          f"of {type(problem).__name__} does not bound it")  # fmt: skip
     return Proof(np.minimum(bound, cost), form.statement)
+
+
+def _least_bound(form: Form, limits: Array) -> Array:
+    """Proven least costs (n,) of a form and of those for the designs that it leaves out.
+
+    What costs too much at the widest limits does so at all of them.
+    """
+    found = _bound(form, limits)
+    for other in form.also:
+        wide = np.full(len(other.outputs), np.inf)
+        shared = [other.outputs.index(name) if name in other.outputs else -1
+                  for name in form.outputs]  # fmt: skip
+        own = np.tile(np.minimum(wide, other.own_limits), (len(limits), 1))
+        for at, row in enumerate(shared):
+            if row >= 0:
+                own[:, row] = limits[:, at]
+        rest = found > _bound(other, own.max(axis=0)[None, :])[0]
+        if np.any(rest):
+            found[rest] = np.minimum(found[rest], _bound(other, own[rest]))
+    return found
+
+
+def _bound(form: Form, limits: Array) -> Array:
+    """Proven least costs (n,) of one form at limits (n, r)."""
+    used = np.any(np.isfinite(limits), axis=0)
+    used[0] |= not np.any(used)
+    form, limits = convex_pieces(restricted(form, used)), limits[:, used]
+    bound, possible = np.full(len(limits), np.inf), within_reach(form, limits)
+    if np.any(possible):
+        bound[possible] = least_cost(form, limits[possible]).bound
+    return bound
+
+
+def within_reach(form: Form, limits: Array) -> NDArray[np.bool_]:
+    """Whether limits (n, r) are not proven to contradict each other at once."""
+    possible = np.ones(len(limits), dtype=bool)
+    for row in range(len(form.outputs) if form.quantiles else 0):
+        widest = limits.max(axis=0)
+        least = least_value(form, row, np.where(np.arange(len(widest)) == row, np.inf, widest))
+        if least is not None:
+            possible &= limits[:, row] >= least.value - LOOSER_SHARE * abs(least.value)
+    return possible
 
 
 def reason(problem: ToleranceProblem, form: Form | None) -> str:
@@ -84,6 +126,11 @@ def reason(problem: ToleranceProblem, form: Form | None) -> str:
 def upper_limit(problem: ToleranceProblem, name: str) -> float:
     """The upper limit of an output, inf where there is none."""
     return next((limit.high for limit in problem.limits if limit.name == name), np.inf)
+
+
+def row_limits(problem: ToleranceProblem, form: Form) -> Array:
+    """The upper limits (r,) that the problem sets to the requirements of its form."""
+    return np.minimum([upper_limit(problem, name) for name in form.outputs], form.own_limits)
 
 
 def _own(problem: ToleranceProblem, values: Mapping[str, Array], name: str, points: int) -> Array:
@@ -107,6 +154,8 @@ def restricted(form: Form, used: NDArray[np.bool_]) -> Form:
     return replace(
         form,
         outputs=tuple(form.outputs[i] for i in kept),
+        quantiles=tuple(form.quantiles[i] for i in kept) if form.quantiles else (),
+        most=tuple(form.most[i] for i in kept) if form.most else (),
         features=features,
         offset=form.offset[kept],
         constant=form.constant[kept],

@@ -136,14 +136,19 @@ class Branch:
         drawn = run.rng.random((STARTS, self.smooth.size))
         return np.vstack([np.full(self.smooth.size, 0.5), drawn])
 
+    def at_most(self, objective: int, value: float) -> Array:
+        """Limits (m,) that hold one objective at a value and leave the others free."""
+        limit = np.full(len(self.unit), np.inf)
+        limit[objective] = value
+        return limit
+
     def _settle(self, objective: int, end: Array) -> None:
         """The least of the other one of two objectives at the end of the front of one."""
         if len(end) != 2:
             return
         at = next(i for i, f in enumerate(self.f) if f is end)
-        limit = np.full(2, np.inf)
-        limit[objective] = end[objective] + 1e-9 * self.unit[objective]
-        self.minimise(1 - objective, self.y[at], limit)
+        level = end[objective] + 1e-9 * self.unit[objective]
+        self.minimise(1 - objective, self.y[at], self.at_most(objective, level))
 
     def nearest(self, level: float) -> Array:
         """Scaled coordinates (size,) of the point whose second objective is nearest to a level."""
@@ -175,9 +180,9 @@ class Branch:
         area, at = self.widest(others)
         if area <= 0.0:
             return False
-        key, limit = self._key(at), np.full(len(self.unit), np.inf)
-        limit[1] = 0.5 * (key[0] + key[1])
-        found = self.minimise(0, 0.5 * (self.y[at] + self.y[at + 1]), limit)
+        key = self._key(at)
+        between = 0.5 * (self.y[at] + self.y[at + 1])
+        found = self.minimise(0, between, self.at_most(1, 0.5 * (key[0] + key[1])))
         if found is None or not key[0] < found[1] < key[1]:
             self.barren.add(key)
         return True
@@ -193,7 +198,14 @@ class Branch:
         return self.smooth.vectors(course(np.linspace(0.0, length[-1], count)))
 
 
+def joint(branches: list[Branch]) -> list[tuple[Branch, int]]:
+    """Branch and index of the points that no point of any branch dominates, by objective 2, 1."""
+    places = [(branch, at) for branch in branches for at in range(len(branch.f))]
+    f = np.array([branch.f[at] for branch, at in places])
+    rows = np.flatnonzero(nondominated(f))
+    return [places[int(row)] for row in rows[np.lexsort(f[rows].T)]]
+
+
 def joint_front(branches: list[Branch]) -> Array:
     """Objectives (n, objectives) of the points that no point of any branch dominates."""
-    f = np.vstack([np.array(branch.f) for branch in branches])
-    return f[nondominated(f)]
+    return np.array([branch.f[at] for branch, at in joint(branches)])

@@ -20,6 +20,7 @@ from .combination import Combination
 from .path import Path
 from .prices import ROUNDING, Prices
 from .programme import Programme
+from ...problems.spread import Spread, largest_parts, spread_of
 
 Array = NDArray[np.float64]
 GRID = np.unique(np.concatenate([np.geomspace(0.02, 50.0, 15), np.geomspace(0.7, 1.4, 13)]))
@@ -69,7 +70,8 @@ class _Search:
 
     def __post_init__(self) -> None:
         n, features = len(self.limits), len(self.form.features)
-        self.separable = len(self.form.outputs) == 1 and self.form.correlation is None
+        self.separable = self.form.separable
+        self.most = largest_parts(self.form) if self.form.quantiles else None
         self.chosen = np.zeros((n, features), dtype=np.int64)
         self.t = np.full((n, features), np.nan)
         self.multiplier = np.zeros_like(self.limits)
@@ -107,7 +109,9 @@ class _Search:
         s = t[:, None, :] * _spread(self.form, self.chosen)
         every = np.tile(np.arange(n), len(GRID))
         grid = np.repeat(GRID, n)[:, None]
-        prices = Prices.at(self.form, grid * multiplier[every], self.limits[every], s[every])
+        once = spread_of(self.form, s, self.most)
+        spread = Spread(once.value[every], once.direction[every], once.intercept[every])
+        prices = Prices.at(self.form, grid * multiplier[every], self.limits[every], spread)
         shape = (len(GRID), n)
         self.received = prices.received.reshape(shape)
         self.tables = [
@@ -201,8 +205,14 @@ class _Least:
 
     @classmethod
     def of(cls, form: Form) -> _Least:
-        """The contributions of a form that is not `compensating`."""
-        linear, square = zip(*(contributions(feature) for feature in form.features), strict=True)
+        """The contributions of a form that is not `compensating`.
+
+        Squares add up only under roots: of a quantile none are counted.
+        """
+        rooted = np.array([one is None for one in form.rows])
+        pairs = [contributions(feature) for feature in form.features]
+        linear = tuple(one for one, _ in pairs)
+        square = tuple(np.where(rooted, other, 0.0) for _, other in pairs)
         rest = [(np.zeros(len(form.outputs)), np.zeros(len(form.outputs)))]
         for one, other in zip(linear[::-1], square[::-1], strict=True):
             rest.insert(0, (rest[0][0] + one.min(axis=0), rest[0][1] + other.min(axis=0)))

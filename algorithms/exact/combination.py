@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...models.costs.joint import Joint
 from ...problems.forms import Form, Way
 from .prices import Prices
+from ...problems.spread import Spread, spread_of
 
 Array = NDArray[np.float64]
 
@@ -100,12 +101,14 @@ class Combination:
         """s = a t, shape (n, requirements, features)."""
         return np.asarray(t[:, None, :] * self.spread)
 
+    def spread_at(self, t: Array) -> Spread:
+        """S of each requirement at tolerances (n, features), and its tangents."""
+        most = np.abs(self.high * self.spread) if self.form.quantiles else None
+        return spread_of(self.form, self.parts(t), most)
+
     def root(self, t: Array) -> Array:
-        """S of each requirement (n, requirements): sqrt(constant + s' R s)."""
-        s = self.parts(t)
-        towards = s if self.form.correlation is None else s @ self.form.correlation
-        square = np.maximum(self.form.constant + np.sum(towards * s, axis=2), 0.0)
-        return np.asarray(np.sqrt(square))
+        """S of each requirement (n, requirements)."""
+        return self.spread_at(t).value
 
     def values(self, t: Array) -> Array:
         """The requirements' values (n, requirements)."""
@@ -113,10 +116,7 @@ class Combination:
 
     def gradients(self, t: Array) -> Array:
         """d value / d t, shape (n, requirements, features)."""
-        s, root = self.parts(t), self.root(t)
-        towards = s if self.form.correlation is None else s @ self.form.correlation
-        safe = np.where(root > 0.0, root, 1.0)
-        return np.asarray(self.linear + self.spread * towards / safe[..., None])
+        return np.asarray(self.linear + self.spread * self.spread_at(t).direction)
 
     def best(self, linear: Array, square: Array) -> Array:
         """Tolerances (n, features) of least cost + linear . t + square . t^2 at prices (n, f)."""
@@ -136,7 +136,7 @@ class Combination:
         `t` (n, features) is the reference point; at the optimum and its multipliers the bound is
         the optimum's cost.
         """
-        prices = Prices.at(self.form, multiplier, limit, self.parts(t))
+        prices = Prices.at(self.form, multiplier, limit, self.spread_at(t))
         ways = enumerate(zip(self.ways, self.counts, strict=True))
         total = np.sum([prices.tolerance(w, at, count)[1] for at, (w, count) in ways], axis=0)
         return prices.bound(self.form, total)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..run import Run
 from .afresh import tested_afresh
-from .branch import NEARLY, Branch
+from .branch import NEARLY, Branch, joint
 
 Array = NDArray[np.float64]
 RATIO = 0.75
@@ -36,17 +36,15 @@ def sampled_front(run: Run, branches: list[Branch], points: int) -> None:
         for at, branch in enumerate(branches):
             run.phase("least value", 0.8 * at / len(branches))
             branch.begin(run)
-    least = -np.inf if run.problem.n_obj == 1 else _between(run, branches, points)
-    alive = [branch for branch in branches if branch.f]
-    if alive:
-        tested_afresh(run, alive, points, least)
+        alive = [branch for branch in branches if branch.f]
+        tested_afresh(run, joint(alive)[:1] if alive else [])
+    else:
+        levels = _between(run, branches, points)
+        tested_afresh(run, [_best(branches, level) for level in sorted(levels)])
 
 
-def _between(run: Run, branches: list[Branch], points: int) -> float:
-    """Solve at coarse levels, then where the joint front is widest, until it has `points`.
-
-    Returns the tightest level.
-    """
+def _between(run: Run, branches: list[Branch], points: int) -> Levels:
+    """Solve at coarse levels, then where the joint front is widest, until it has `points`."""
     levels = _coarse(run, branches)
     while levels and len(levels) < points:
         run.phase("largest gaps of the front", 0.4 + 0.5 * len(levels) / points)
@@ -61,7 +59,7 @@ def _between(run: Run, branches: list[Branch], points: int) -> float:
         run.phase("points from their neighbours", 0.8 + 0.1 * sweep / SWEEPS)
         if not _mended(branches, levels):
             break
-    return min(levels, default=-np.inf) * (1.0 - 1e-3)
+    return levels
 
 
 def _mended(branches: list[Branch], levels: Levels) -> bool:
@@ -81,9 +79,9 @@ def _mended(branches: list[Branch], levels: Levels) -> bool:
         branch = branches[int(np.argmin(levels[level]))]
         for other in (order[order.index(level) - 1], order[order.index(level) + 1]):
             near = branches[int(np.argmin(levels[other]))]
-            near.minimise(0, near.nearest(other), _at_most(near, 1, level))
+            near.minimise(0, near.nearest(other), near.at_most(1, level))
             if near is not branch:
-                branch.minimise(0, near.nearest(other), _at_most(branch, 1, level))
+                branch.minimise(0, near.nearest(other), branch.at_most(1, level))
         levels[level] = np.array([_value(one, level) for one in branches])
     return bool(bad)
 
@@ -96,10 +94,10 @@ def _coarse(run: Run, branches: list[Branch]) -> Levels:
         start = branch.starts(run)[-1]
         branch.minimise(0, start, none)
         if branch.f:
-            branch.minimise(1, branch.y[0], _at_most(branch, 0, branch.f[0][0] * (1.0 + 1e-6)))
+            branch.minimise(1, branch.y[0], branch.at_most(0, branch.f[0][0] * (1.0 + 1e-6)))
         while branch.f:
             tightest = branch.f[0][1]
-            branch.minimise(0, branch.y[0], _at_most(branch, 1, RATIO * tightest))
+            branch.minimise(0, branch.y[0], branch.at_most(1, RATIO * tightest))
             if branch.f[0][1] > 0.95 * tightest:
                 break
     high = max((branch.f[-1][1] for branch in branches if branch.f), default=np.nan)
@@ -112,12 +110,6 @@ def _coarse(run: Run, branches: list[Branch]) -> Levels:
     count = int(np.ceil(np.log(low / high) / np.log(RATIO)))
     levels = np.geomspace(low, high, max(count, 2) + 1).tolist()
     return {level: np.array([_solved(b, level) for b in branches]) for level in levels}
-
-
-def _at_most(branch: Branch, objective: int, value: float) -> Array:
-    limit = np.full(len(branch.unit), np.inf)
-    limit[objective] = value
-    return limit
 
 
 def _promising(values: Array) -> NDArray[np.bool_]:
@@ -136,25 +128,36 @@ def _widest(levels: dict[float, Array], unit: Array) -> tuple[float, float]:
 
 def _value(branch: Branch, level: float) -> float:
     """The least first objective that a branch has at a level, or nearly there."""
-    own = [f[0] for f in branch.f if f[1] <= level + NEARLY * branch.unit[1]]
-    return min(own, default=np.inf)
+    return min(_reached(branch, level), default=np.inf)
+
+
+def _reached(branch: Branch, level: float) -> list[float]:
+    """First objectives of the points of a branch up to a level, or nearly there."""
+    return [float(f[0]) for f in branch.f if f[1] <= level + NEARLY * branch.unit[1]]
+
+
+def _best(branches: list[Branch], level: float) -> tuple[Branch, int]:
+    """Branch and index of the least first objective at a level: others there are no part of the
+    front, though some are tighter by less than a solution is good for.
+    """
+    branch = min(branches, key=lambda one: _value(one, level))
+    return branch, int(np.argmin(_reached(branch, level)))
 
 
 def _solved(branch: Branch, level: float) -> float:
     """The least first objective at a level: from between its neighbours, else from the tighter."""
-    limit = np.full(len(branch.unit), np.inf)
-    limit[1] = level
+    limit = branch.at_most(1, level)
     values = np.array([f[1] for f in branch.f])
     above = int(np.searchsorted(values, level))
     if above == 0:  # tighter than the branch reaches
         return np.inf
-    tighter = branch.y[above - 1]
+    tighter, dearer = branch.y[above - 1], float(branch.f[above - 1][0])
     if above < len(values):
         share = (level - values[above - 1]) / max(values[above] - values[above - 1], 1e-12)
         branch.minimise(0, tighter + share * (branch.y[above] - tighter), limit)
-    if _value(branch, level) > 0.999 * branch_value(branch, above - 1, values):
+    if _value(branch, level) > 0.999 * dearer:
         branch.minimise(0, tighter, limit)
-    if _value(branch, level) > 0.999 * branch_value(branch, above - 1, values):
+    if _value(branch, level) > 0.999 * dearer:
         _stepped(branch, level)
     return _value(branch, level)
 
@@ -166,9 +169,4 @@ def _stepped(branch: Branch, level: float) -> None:
         return
     for target in np.geomspace(min(looser), level, STEPS + 1)[1:]:
         start = branch.nearest(float(min(f[1] for f in branch.f if f[1] >= target)))
-        branch.minimise(0, start, _at_most(branch, 1, float(target)))
-
-
-def branch_value(branch: Branch, at: int, values: Array) -> float:
-    """First objective of the point of a branch at the second objective `values[at]`."""
-    return next(float(f[0]) for f in branch.f if f[1] == values[at])
+        branch.minimise(0, start, branch.at_most(1, float(target)))

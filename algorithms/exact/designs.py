@@ -22,5 +22,6 @@ def search_vectors(problem: ToleranceProblem, form: Form, found: Optimum) -> Arr
         if feature.choice:
             choices = np.array([way.choice for way in feature.ways])
             columns[feature.choice] = choices[found.chosen[real, at]]
+    columns = problem.form_columns(columns)
     x = np.stack([columns[variable.name] for variable in problem.free], axis=1)
     return np.asarray(np.clip(x, problem.xl, problem.xu))

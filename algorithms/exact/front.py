@@ -36,7 +36,7 @@ def front(
     """
     swept = np.ones(len(upper), dtype=bool) if swept is None else swept
     form = convex_pieces(form)
-    if len(form.outputs) == 1 and form.combinations == 1 and swept[0] and _followed(form):
+    if form.separable and form.combinations == 1 and swept[0] and _followed(form):
         return _along_path(form, points, float(upper[0]), most)
     low, high = value_range(form, upper)
     high = np.minimum(high, upper)
@@ -57,7 +57,7 @@ def front(
 
 def _followed(form: Form) -> bool:
     """Whether prices lead along the whole front: no correlation, no kinks to jump between."""
-    return form.correlation is None and all(f.ways[0].curve.smooth for f in form.features)
+    return all(f.ways[0].curve.smooth for f in form.features)
 
 
 def _by_limits(
@@ -116,11 +116,17 @@ def tightest(form: Form) -> Array:
     """
     if form.correlation is not None:
         return _least_correlated(form)
-    linear, square = form.offset, form.constant
+    linear, square, parts = form.offset, form.constant, []
     for feature in form.features:
         own_linear, own_square = contributions(feature)
         linear, square = linear + own_linear.min(axis=0), square + own_square.min(axis=0)
-    return np.asarray(linear + np.sqrt(square))
+        parts.append(np.sqrt(own_square.min(axis=0)))
+    least = np.sqrt(square)
+    for row, quantile in enumerate(form.rows):
+        if quantile is not None:  # it rises with every scale, because all laws are unimodal
+            found = quantile.tangent(np.stack(parts, axis=1)[row : row + 1])
+            least[row] = found.value[0] - found.value_error[0]
+    return np.asarray(linear + least)
 
 
 def _least_correlated(form: Form) -> Array:

@@ -5,9 +5,10 @@ For multipliers lambda_i >= 0, least cost under V_i(t) <= L_i is at least
     min_t  cost(t) + sum_i lambda_i (V_i(t) - L_i)
 
 (weak duality; Boyd & Vandenberghe, Convex Optimization, 2004, ch. 5), and it stays a lower bound
-where V_i is replaced by something smaller that is separable: the root S is at least its tangent at
-any reference point (Cauchy and Schwarz). A requirement that is a root alone is priced by its
-square, constant + sum a_j^2 t_j^2 <= (L - offset)^2, which needs no reference point.
+where V_i is replaced by something smaller that is separable: S is at least its tangent at any
+reference point (a root by Cauchy and Schwarz, a quantile because it is convex). A requirement that
+is a root alone is priced by its square, constant + sum a_j^2 t_j^2 <= (L - offset)^2, which needs
+no reference point.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.forms import Form, Way
+from ...problems.spread import Spread
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-13
@@ -25,13 +27,14 @@ ROUNDING = 1e-13
 
 
 def only_roots(form: Form) -> NDArray[np.bool_]:
-    """Which requirements (r,) are priced by their square: no linear part, no correlation."""
+    """Which requirements (r,) are priced by their square: roots, no linear part or correlation."""
     ways = [way for feature in form.features for way in feature.ways]
     nothing = (0.0,) * len(form.outputs)
     linear = np.any(np.array([way.linear for way in ways]), axis=0)
     offset = np.any(np.array([way.offset or nothing for way in ways]), axis=0)
     spread = np.any(np.array([way.spread for way in ways]), axis=0) | (form.constant > 0.0)
-    return np.asarray(~linear & ~offset & spread & (form.correlation is None))
+    root = np.array([one is None for one in form.rows])
+    return np.asarray(root & ~linear & ~offset & spread & (form.correlation is None))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,19 +52,18 @@ class Prices:
     received: Array
 
     @classmethod
-    def at(cls, form: Form, multiplier: Array, limit: Array, s: Array) -> Prices:
-        """Prices from multipliers and limits (n, r) and parts s_ij = a_ij t_j (n, r, features)."""
-        towards = s if form.correlation is None else s @ form.correlation
-        root = np.sqrt(form.constant + np.sum(towards * s, axis=2))
-        safe = np.where(root > 0.0, root, 1.0)
+    def at(cls, form: Form, multiplier: Array, limit: Array, spread: Spread) -> Prices:
+        """Prices from multipliers and limits (n, r) and what S is at n reference points."""
+        safe = np.where(spread.value > 0.0, spread.value, 1.0)
         multiplier = np.where(np.isfinite(limit), multiplier, 0.0)
-        squared = only_roots(form) & (root > 0.0)
+        squared = only_roots(form) & (spread.value > 0.0)
         linear = np.where(squared, 0.0, multiplier)
         square = np.where(squared, multiplier / (2.0 * safe), 0.0)
         room = np.where(np.isfinite(limit), limit - form.offset, 0.0)
-        received = linear * (room - form.constant / safe)
+        with np.errstate(invalid="ignore"):
+            received = np.where(linear > 0.0, linear * (room - spread.intercept), 0.0)
         received = received + square * (np.maximum(room, 0.0) ** 2 - form.constant)
-        return cls(linear, square, towards / safe[..., None], received.sum(axis=1))
+        return cls(linear, square, spread.direction, received.sum(axis=1))
 
     def tolerance(self, way: Way, feature: int, count: float) -> tuple[Array, Array]:
         """The t (n,) at which a feature made in a `way` is cheapest, and cost plus price there."""

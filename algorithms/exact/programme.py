@@ -15,11 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .combination import Combination, Solved
+from .prices import ROUNDING
 from .slsqp import ascend, slsqp
 
 Array = NDArray[np.float64]
-GAP = 1e-10
-"""Relative gap from which on the multipliers are improved."""
+GAP, GAP_QUANTILE = 1e-10, 1e-8
+"""Relative gap from which on the multipliers are improved; that of quantiles, which take longer."""
+TOLERANCE, TOLERANCE_QUANTILE = 1e-15, 1e-13
+"""Tolerance of SLSQP."""
+QUICK, NEAR = 1e-9, 1e-5
+"""Its tolerance where nothing is proven, and the share of a limit by which it may then be broken."""
+TRIED = 33
+"""Places between the tightest tolerances and those that compensate them that are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +51,26 @@ class Programme:
                 if inner is None:
                     bound[row] = bound[row] if possible else np.inf
                     continue
-                start, multiplier[row] = self._solved(limit, start, inner)
+                tolerance = TOLERANCE_QUANTILE if c.form.quantiles else TOLERANCE
+                start, multiplier[row] = self._solved(limit, start, inner, tolerance)
                 t[row] = start
                 proven, multiplier[row] = self._proven(limit, start, multiplier[row])
                 bound[row] = max(bound[row], proven)
             cost[row] = c.cost(t[row][None, :])[0]
         return Solved(t, cost, np.minimum(bound, cost), multiplier)
+
+    def allocation(self, limit: Array, start: Array | None = None) -> Array | None:
+        """Tolerances (features,) of least cost near limits (r,), from a `start`; nothing is proven.
+
+        None where SLSQP ends beyond the limits by more than `NEAR`.
+        """
+        c = self.combination
+        if self._keeps(c.high, limit):
+            return c.high
+        first = c.high if start is None else np.clip(start, c.low, c.high)
+        t = self._solved(limit, first, None, QUICK)[0]
+        excess = c.values(t[None, :])[0] - limit
+        return t if np.all(excess <= NEAR * np.maximum(np.abs(limit), 0.1)) else None
 
     def _keeps(self, t: Array, limit: Array) -> bool:
         return bool(np.all(self.combination.values(t[None, :])[0] <= limit))
@@ -65,14 +86,22 @@ class Programme:
             return c.low, True
         if not self._compensating:
             return None, False
+        tight = np.where(np.any(c.linear < 0.0, axis=0), np.linspace(0.0, 1.0, TRIED)[:, None], 0.0)
+        tried = c.low + tight * (c.high - c.low)
+        kept = np.flatnonzero(np.all(c.values(tried) <= limit, axis=1))
+        if len(kept):
+            return tried[kept[len(kept) // 2]], True
         t, weight = self.least_excess(limit)
         if self._keeps(t, limit):
             return t, True
         asked = np.isfinite(limit)
-        excess = weight[asked] @ (c.values(t[None, :])[0] - limit)[asked]
-        slopes = weight[asked] @ c.gradients(t[None, :])[0][asked]
-        least = excess + np.sum(np.minimum(slopes * (c.low - t), slopes * (c.high - t)))
-        return None, bool(least <= 0.0)
+        spread = c.spread_at(t[None, :])
+        slopes = weight[asked] @ (c.linear + c.spread * spread.direction[0])[asked]
+        given = (c.offset + spread.intercept[0] - limit)[asked]
+        ends = np.minimum(slopes * c.low, slopes * c.high)
+        least = weight[asked] @ given + np.sum(ends)
+        slack = ROUNDING * (weight[asked] @ np.abs(given) + np.sum(np.abs(ends)))
+        return None, not least > slack
 
     @property
     def _compensating(self) -> bool:
@@ -107,8 +136,13 @@ class Programme:
         weight[asked] = found.multiplier / scale[asked]
         return whole(found.x)[0], weight
 
-    def _solved(self, limit: Array, start: Array, inner: Array) -> tuple[Array, Array]:
-        """Tolerances (features,) that keep the limits, and multipliers (r,)."""
+    def _solved(
+        self, limit: Array, start: Array, inner: Array | None, tolerance: float
+    ) -> tuple[Array, Array]:
+        """Tolerances (features,) that keep the limits, and multipliers (r,).
+
+        Without an `inner` point they keep them as well as SLSQP does.
+        """
         c, movable = self.combination, self.combination.low < self.combination.high
         if not np.any(movable):
             return c.low, np.zeros(len(limit))
@@ -136,12 +170,13 @@ class Programme:
             margin_slopes,
             np.log(start[movable]),
             (np.log(c.low[movable]), np.log(c.high[movable])),
-            1e-15,
+            tolerance,
             500,
         )
         multiplier = np.zeros(len(limit))
         multiplier[asked] = found.multiplier * unit / scale
-        return self._kept(whole(found.x)[0], limit, inner), multiplier
+        t = whole(found.x)[0]
+        return (t if inner is None else self._kept(t, limit, inner)), multiplier
 
     def _kept(self, t: Array, limit: Array, inner: Array) -> Array:
         """The point nearest to t on the way from tolerances that keep the limits."""
@@ -149,6 +184,8 @@ class Programme:
         if self._keeps(t, limit):
             return t
         for _ in range(60):
+            if high - low < 1e-13:
+                break
             middle = 0.5 * (low + high)
             kept = self._keeps(inner + middle * (t - inner), limit)
             low, high = (middle, high) if kept else (low, middle)
@@ -162,7 +199,8 @@ class Programme:
             return float(c.dual(price[None, :], limit[None, :], t[None, :])[0])
 
         found = bound(multiplier)
-        if cost - found <= GAP * abs(cost):
+        enough = GAP_QUANTILE if c.form.quantiles else GAP
+        if cost - found <= enough * abs(cost):
             return found, multiplier
         unit = np.where(multiplier > 0.0, multiplier, max(float(multiplier.max()), 1e-9) * 1e-3)
         better = unit * ascend(lambda y: bound(y * unit) / (abs(cost) or 1.0), multiplier / unit)

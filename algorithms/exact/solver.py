@@ -13,7 +13,8 @@ from ...problems.forms import Form
 from ...problems.tolerance_problem import ToleranceProblem
 from ..run import Run
 from ..settings import Solver
-from .bounds import reason, restricted, upper_limit
+from .bounds import reason, restricted, row_limits, upper_limit
+from .corrected import corrected_vectors
 from .choices import Optimum, least_cost, tightest_ways
 from .designs import search_vectors
 from .epsilon import epsilon_front
@@ -21,8 +22,11 @@ from .front import front, tightest
 from .pieces import convex_pieces
 
 Array = NDArray[np.float64]
-TIGHTER = 1e-12
-"""Relative tightening of a limit, so that rounding does not break it."""
+TIGHTER, TIGHTER_SHARE = 1e-12, 2e-10
+"""Relative tightening of a limit, so that rounding does not break it; that of a share of units,
+whose rounding an edge far out in the tail magnifies."""
+CORRECTED = 200
+"""Points of a front that is corrected by the full model at most."""
 CORRECTIONS = 6
 """Times a limit is moved by what a form understates."""
 
@@ -43,6 +47,11 @@ class Exact(Solver):
         run.phase("closed form", 0.5)
         left = run.evaluations_left
         points = self.points if left is None else max(2, min(self.points, left))
+        if form.quantiles and not form.exact:
+            x = corrected_vectors(run, form, min(points, CORRECTED))
+            run.choose(x)
+            run.evaluate(x)
+            return
         run.evaluate(exact_vectors(run.problem, form, points))
 
 
@@ -60,9 +69,10 @@ def closed_form(problem: ToleranceProblem) -> Form | None:
 
 def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     """Search vectors (k, variables) of the exact front, or of the one least cost."""
-    upper = np.array([upper_limit(problem, name) for name in form.outputs])
+    upper = row_limits(problem, form)
     real = np.isfinite(upper)
-    least, slack = tightest(form)[real], TIGHTER * np.abs(upper[real])
+    tighter = np.where(np.isfinite(form.own_limits), TIGHTER_SHARE, TIGHTER)
+    least, slack = tightest(form)[real], (tighter * np.abs(upper))[real]
     if np.any(np.abs(upper[real] - least) <= slack):
         return _corner(problem, form)
     upper[real] -= slack
@@ -94,7 +104,7 @@ def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
             return x
         designs = problem.complete(x)
         found = problem.outputs_of(designs)
-        excess = np.array([problem.values(designs, found, n)[0] for n in form.outputs]) - upper
+        excess = problem.form_values(form, designs, found)[0] - upper
         if np.all(excess <= 0.0):
             return x
         limit = limit - np.maximum(excess, 0.0) * (1.0 + 1e-3)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..workflows.run.reach import searchable
 from .description import describe, describe_plan
 from .gap import read_gap
 from .gap_kind import is_gap
@@ -25,4 +26,6 @@ def checked(path: Path, overrides: Sequence[str] = ()) -> str:
     configuration = read(path, overrides)
     if configuration.problem is None:
         build_model(configuration)  # it refuses what only its physics can tell
+    else:
+        searchable(configuration.problem)
     return describe(configuration)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from .. import registry
 from ..declarations import Assumption, Variable
@@ -55,8 +56,11 @@ def _target(configuration: Configuration) -> Target:
     """What the effects act in."""
     name = configuration.model_name
     if name == TABLE:
-        return target_of(table_model(configuration.settings.definition), name)
-    return target_of(registry.load("models", name), name)
+        return target_of(
+            table_model(configuration.settings.definition, configuration.settings.gear), name
+        )
+    kind = registry.load("models", name)
+    return replace(target_of(kind, name), gear=kind.gear_of(configuration.settings.parameters))
 
 
 def _variable(variable: Variable, setting: VariableSetting) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from ..errors import nearest
@@ -10,6 +11,7 @@ from ..models.effects.compose import Active
 from ..models.effects.effect import Effect, EffectParameter, Target
 from ..models.effects.readings import target_of
 from ..models.effects.unresolved import Unresolved
+from ..models.gear import Gear
 from ..section import Range, Section, shown
 from .plugins import load_named
 from .unresolved import resolved_unresolved
@@ -21,8 +23,16 @@ def read_effects(top: Section, model: Any, name: str) -> tuple[Active, ...]:
     if count and model is None and not name:
         top.fault("effect", "needs a model: this problem has none that effects could act in")
     target = target_of(model, name) if count and model is not None else None
+    if target is not None and isinstance(model, type):
+        target = replace(target, gear=_gear_of(model, top.take("parameters")))
     found = [_effect(top.item("effect", at), target) for at in range(count)]
     return tuple(one for one in found if one is not None)
+
+
+def _gear_of(model: Any, parameters: Any) -> Gear | None:
+    """The gear of a model that is not built yet: its parameters say it."""
+    found: Gear | None = model.gear_of(parameters if isinstance(parameters, Mapping) else {})
+    return found
 
 
 def _effect(section: Section, target: Target | None) -> Active | None:
@@ -35,7 +45,9 @@ def _effect(section: Section, target: Target | None) -> Active | None:
         return None
     effect: Effect = kind()
     if not effect.applies(target):
-        section.fault("name", f'"{effect.name}" has no place in the model {target.model}')
+        why = effect.left_out(target)
+        text = f'"{effect.name}" has no place in the model {target.model}'
+        section.fault("name", text if why in text else f"{text}: {why}")
         return None
     values = _values(parameters, effect, target)
     return Active(effect, values) if values is not None else None

@@ -19,18 +19,21 @@ from ..workflows.gap.plan import GapPlan, GapSettings
 from .configuration import Configuration
 from .effects import resolved_effects
 from .gap_columns import read_columns
+from .gap_drawing import as_drawn
 from .gap_free import read_free
 from .gap_kind import OWN
 from .gap_next import read_next
 from .gap_run import OF_A_RUN, counterparts, read_run
+from .gear import GEAR, check_gear, resolved_gear
 from .reader import read_table
+from .sense import SENSE
 from .simulated import build_model, rebuilt
 from .source import overridden
 from .table import TABLE
 from .unresolved import UNRESOLVED
 from .zero import ZERO
 
-OF_THE_MODEL = (*OF_A_RUN, "effect", UNRESOLVED, ZERO)
+OF_THE_MODEL = (*OF_A_RUN, "effect", UNRESOLVED, ZERO, SENSE)
 NEEDS = {
     "simulations": Need("simulation", bytes=3.2e3),  # 400 columns of noise
     "bootstrap": Need("replicate", bytes=1e3, seconds=0.1),
@@ -62,7 +65,7 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     except InputError as error:
         return None, list(error.faults)
     top = Section(table, "", faults)
-    top.known((*OF_THE_MODEL, *OWN))
+    top.known((*OF_THE_MODEL, *OWN, GEAR))
     name = top.text("model")
     if name is None and "model" not in top:
         top.fault("model", 'is missing: name a model (see `tolevo list`), or model = "table"')
@@ -74,8 +77,9 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     noise = _noise(top.section("noise"), configuration) if judged else {}
     blocks = _blocks(top.section("validation"))
     drop = _drop(top.section("data"))
-    run = read_run(top, name or "", table, path.parent)
+    run, of_run = read_run(top, name or "", table, path.parent)
     found = configuration or _stand_in(table, name)
+    found, drawing = (found, None) if found is None else as_drawn(top, found, of_run, path.parent)
     model = build_model(found) if found is not None else None
     planned = read_next(top, model)
     top.finish()
@@ -101,9 +105,14 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
         rebuild=None if of_table else Rebuilt(found),
         active=active,
         zero=dict(found.settings.zero),
+        sense=dict(found.settings.sense),
+        gear=found.settings.gear,
         counterparts=counterparts if run else None,
         next_measurement=planned,
-        tables=resolved_effects(active) if of_table else dict(found.resolved),
+        drawing=drawing,
+        tables=resolved_gear(found.settings.gear) | resolved_effects(active)
+        if of_table
+        else dict(found.resolved),
     )
     return _with_text(plan, table), faults
 
@@ -114,15 +123,24 @@ def _configuration(
     """The part of the configuration that `simulate` would take; None where it is at fault."""
     if name != TABLE:
         read_columns(top, False)
+        check_gear(top, _kind(name), name)
     if not name:
         return None
-    known = (*OF_THE_MODEL, "columns") if name == TABLE else OF_THE_MODEL
+    known = (*OF_THE_MODEL, "columns", GEAR) if name == TABLE else OF_THE_MODEL
     part = {key: table[key] for key in known if key in table}
     try:
         return read_table(part, [])
     except InputError as error:
         faults += error.faults
         return None
+
+
+def _kind(name: str) -> Any:
+    """The class of a model, None where it is not known."""
+    try:
+        return registry.load("models", name) if name else None
+    except InputError:
+        return None  # reported where it stands
 
 
 def _stand_in(table: Mapping[str, Any], name: str | None) -> Configuration | None:

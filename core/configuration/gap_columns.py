@@ -5,9 +5,12 @@ from __future__ import annotations
 from ..section import Section
 from ..units import dimension, fits
 from ..workflows.gap.plan import ROLE_UNITS, ROLES, ColumnRole, output_of
+from .sense import sign_of
 
 PLAIN = ("unit", "lot", "repeat", "direction", "ignore")
 """Roles without a unit: labels, signs and counts."""
+UNSIGNED = ("unit", "lot", "repeat", "ignore", "std", "time", "temperature", "payload")
+"""Roles of what has no opposite."""
 
 
 def read_columns(top: Section, table: bool) -> dict[str, ColumnRole]:
@@ -20,9 +23,10 @@ def read_columns(top: Section, table: bool) -> dict[str, ColumnRole]:
     names = section.given()
     found = {name: _column(section.section(name)) for name in names}
     given = {name: column for name, column in found.items() if column is not None}
+    bare = [name for name in names if found[name] is None and "role" not in section.section(name)]
     if not names:
         top.fault("columns", 'is missing: model = "table" needs role and unit of each column')
-    elif len(given) == len(found):
+    elif len(given) + len(bare) == len(found):
         _check(section, given)
     return given
 
@@ -31,22 +35,25 @@ def _column(section: Section) -> ColumnRole | None:
     role = section.text("role", ROLES)
     unit = section.text("unit") or ""
     of = section.text("of") or ""
+    sense = sign_of(section, "sense") or 1
     section.finish()
-    if "role" not in section:
-        section.fault("role", f"is missing: one of {', '.join(ROLES)}")
-    if role is None:
+    if role is None:  # at fault, or without one: it is then of no use, and said in a note
         return None
-    wanted = ROLE_UNITS.get(role)
+    if sense < 0 and role in UNSIGNED:
+        section.fault("sense", f"has no meaning: a column of role {role} has no sign")
+    choices = ROLE_UNITS.get(role)
+    wanted = choices[0] if choices else None
     try:
-        if unit and (wanted is not None) and not fits(unit, wanted):
-            section.fault("unit", f'must be a unit of {role} such as "{wanted}", got "{unit}"')
+        if unit and choices and not any(fits(unit, one) for one in choices):
+            listed = " or ".join(f'"{one}"' for one in choices)
+            section.fault("unit", f'must be a unit of {role} such as {listed}, got "{unit}"')
         elif unit and role not in PLAIN:
             dimension(unit)
     except ValueError as error:
         section.fault("unit", str(error))
     if wanted is not None and not unit:
         section.fault("unit", f'is missing: a column of role {role} needs one, such as "{wanted}"')
-    return ColumnRole(role, unit, of)
+    return ColumnRole(role, unit, of, sense)
 
 
 def _check(section: Section, columns: dict[str, ColumnRole]) -> None:

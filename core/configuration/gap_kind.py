@@ -6,7 +6,7 @@ from pathlib import Path
 
 from .source import load
 
-OWN = ("run", "free", "effects", "noise", "validation", "columns", "data", "settings",
+OWN = ("run", "built_to", "free", "effects", "noise", "validation", "columns", "data", "settings",
        "next_measurement")  # fmt: skip
 """What such a configuration may have beside that of its model."""
 OTHERS_HAVE = ("run", "columns")

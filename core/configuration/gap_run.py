@@ -12,6 +12,7 @@ from ..directory import kind_of, standing
 from ..errors import Fault, InputError
 from ..section import Section
 from .configuration import Configuration
+from .gap_contradictions import Run
 from .pairs import belongs, stranger
 from .reader import PROBLEM_ONLY, read_table
 from .source import load
@@ -20,35 +21,41 @@ from .table import TABLE
 OF_A_RUN = ("problem", "model", "seed", "parameters", "variables", *PROBLEM_ONLY)
 
 
-def read_run(top: Section, model: str, table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def read_run(
+    top: Section, model: str, table: Mapping[str, Any], folder: Path
+) -> tuple[dict[str, Any], Run | None]:
     """The raw tables of that configuration: of the file that `run` names, or, where the analysis
-    is itself given a run configuration (as `corrected.toml` is), its own. Empty for none.
+    is itself given a run configuration (as `corrected.toml` is), its own. Empty for none. Beside
+    them what the file says, None where there is none or it is at fault.
     """
     given = top.text("run")
     if "problem" in top:
         if given is not None:
             top.fault("run", "this configuration is that of a run already; leave one of them out")
-        return {key: table[key] for key in OF_A_RUN if key in table}
-    return _read(top, model, folder / given) if given is not None else {}
+        return {key: table[key] for key in OF_A_RUN if key in table}, None
+    if given is None:
+        return {}, None
+    tables, found = _read(top, model, folder / given)
+    return tables, Run(given, found) if found is not None else None
 
 
-def _read(top: Section, model: str, path: Path) -> dict[str, Any]:
+def _read(top: Section, model: str, path: Path) -> tuple[dict[str, Any], Configuration | None]:
     faults = mixed(path)
     table = load(path, faults) if not faults else None
     if table is None:
         top.fault("run", "; ".join(f"{one.place} {one.message}" for one in faults))
-        return {}
+        return {}, None
     try:
         found = read_table(table, [])
     except InputError as error:
         for fault in error.faults:
             top.fault(f"run: {fault.place}", fault.message)
-        return {}
+        return {}, None
     if found.problem is None:
         top.fault("run", f"{path} names no problem: there is no allocation to repeat")
-    else:
-        _check(top, model, found)
-    return table
+    elif _belongs(top, model, found):
+        return table, found
+    return table, None
 
 
 def mixed(path: Path) -> list[Fault]:
@@ -60,19 +67,21 @@ def mixed(path: Path) -> list[Fault]:
     return list(here.faults) if named else []
 
 
-def _check(top: Section, model: str, run: Configuration) -> None:
-    """A fault where what is learnt of the model says nothing of the problem."""
+def _belongs(top: Section, model: str, run: Configuration) -> bool:
+    """Whether what is learnt of the model says something of the problem; a fault where not."""
     if model == TABLE:
         top.fault("run", 'model = "table" corrects no problem: leave run out (`simulate` takes its '
                   "corrected configuration), or name the model of the problem")  # fmt: skip
-        return
+        return False
     try:
         measured = registry.load("models", model)
     except InputError:
-        return  # the name is reported where it stands
+        return False  # the name is reported where it stands
     if not belongs(run.problem_name, run.problem, model, measured):
         text = stranger(run.problem_name, model, measured)
         top.fault("run", f"{text}; name a run configuration of it, or leave run out")
+        return False
+    return True
 
 
 def counterparts(text: str) -> dict[str, str]:

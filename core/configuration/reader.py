@@ -22,6 +22,7 @@ from .parameters import read_parameters
 from .plugins import load_named
 from .resolved import resolved_problem, resolved_variables
 from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
+from .sense import read_sense, resolved_sense
 from .source import Table, overridden
 from .table import TABLE, read_table_model
 from .unresolved import read_unresolved
@@ -68,13 +69,15 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     effects = read_effects(top, model, model_name)
     read_unresolved(top, model, model_name)  # act on readings: an allocation has none
     zero = read_zero(top, model.outputs if model else ())
+    sense = read_sense(top, model.outputs if model else ())
     if named and model and not belongs(top.take("problem"), named, model_name, model):
         top.fault("model", stranger(top.take("problem"), model_name, model))
     if kind is None:  # its sections cannot be judged
         top.known(("parameters", "variables", *PROBLEM_ONLY))
         top.finish()
         raise InputError(faults)
-    settings = replace(_settings(top, kind, model), seed=seed, effects=effects, zero=zero)
+    settings = replace(_settings(top, kind, model), seed=seed, effects=effects,
+                       zero=zero, sense=sense)  # fmt: skip
     section = top.section("algorithm")
     objectives = settings.objectives or kind.default_objectives
     budget = read_budget(section)
@@ -97,6 +100,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         **resolved_problem(problem),
         "algorithm": resolved_algorithm(name, algorithm, budget, engine),
         **resolved_zero(zero),
+        **resolved_sense(sense),
         **resolved_effects(settings.effects),
         **resolved_choice(choice),
     }
@@ -164,6 +168,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
     effects = read_effects(top, kind, top.take("model"))
     effects += read_unresolved(top, kind, top.take("model"))
     zero = read_zero(top, kind.outputs if kind else ())
+    sense = read_sense(top, kind.outputs if kind else ())
     if kind is None:
         top.known(("parameters", "variables"))
         top.finish()
@@ -184,6 +189,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         seed=seed,
         effects=effects,
         zero=zero,
+        sense=sense,
     )
     name = top.take("model")
     resolved = {
@@ -192,6 +198,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         "parameters": dict(settings.parameters),
         "variables": resolved_variables(complete, kind.variables),
         **resolved_zero(zero),
+        **resolved_sense(sense),
         **resolved_effects(effects),
     }
     return Configuration(model_name=name, settings=settings, resolved=resolved)

@@ -17,7 +17,7 @@ def build_model(configuration: Configuration) -> Any:
     if not configuration.model_name:
         raise refuse("model", 'is missing: name a model (see `tolevo list`), model = "..."')
     if configuration.model_name == TABLE:
-        return table_model(configuration.settings.definition)
+        return table_model(configuration.settings.definition, configuration.settings.gear)
     return registry.load("models", configuration.model_name)(**arguments_of(configuration))
 
 

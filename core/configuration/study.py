@@ -107,6 +107,8 @@ def _planned(
         for text in dict.fromkeys(unsuitable(name, problem) for problem in problems)
         if text
     ]
+    searched = {fault for problem in problems for fault in problem.search_faults()}
+    faults += sorted((Fault(f"{RUN}.{one.place}", one.message) for one in searched), key=str)
     wanted = sum(evaluations(point.algorithm, point.budget) for point in points)
     each = wanted * len(design) // max(len(points), 1)
     product = "settings x seeds x those of a run"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from ..declarations import Output
 from ..errors import Fault, InputError, raise_all
+from ..models.gear import Gear
 from ..models.measurable import Column, Role
 from ..models.table import MeasuredTable
 from ..problems.settings import Settings
@@ -15,6 +17,8 @@ from ..workflows.gap.plan import ColumnRole, output_of
 from .configuration import Configuration
 from .effects import read_effects, resolved_effects
 from .gap_columns import read_columns
+from .gear import GEAR, read_gear, resolved_gear
+from .sense import SENSE, read_sense
 from .unresolved import UNRESOLVED, read_unresolved
 from .zero import ZERO, read_zero, resolved_zero
 
@@ -24,16 +28,21 @@ LABELS = ("unit", "lot")
 
 def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configuration:
     """The configuration of a table, as `simulate` takes it. Raises InputError with every fault."""
-    top.known(("model", "effect", UNRESOLVED, ZERO))
+    top.known(("model", "effect", UNRESOLVED, ZERO, GEAR, SENSE))
     for key in ("parameters", "variables"):
         if top.take(key) is not None:
             top.fault(key, 'belongs to a model; model = "table" has none')
     before = len(faults)
     columns = read_columns(top, table=True)
+    gear = read_gear(top)
+    unknown = [
+        Output(name, "", "") for name in top.section("columns").given() if name not in columns
+    ]
+    columns = _turned(columns, read_sense(top, (*outputs_of(columns), *unknown)), top)
     if len(faults) > before:  # without its columns nothing can be said of its effects
         top.finish()
         raise InputError(faults)
-    model = table_model(columns)
+    model = table_model(columns, gear)
     effects = read_effects(top, model, TABLE) + read_unresolved(top, model, TABLE)
     zero = read_zero(top, model.outputs)
     top.finish()
@@ -42,30 +51,48 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
         "model": TABLE,
         "seed": seed,
         "columns": {name: _written(one) for name, one in columns.items()},
+        **resolved_gear(gear),
         **resolved_zero(zero),
         **resolved_effects(effects),
     }
-    settings = Settings(seed=seed, effects=effects, definition=columns, zero=zero)
+    settings = Settings(seed=seed, effects=effects, definition=columns, zero=zero, gear=gear)
     return Configuration(model_name=TABLE, settings=settings, resolved=resolved)
 
 
-def table_model(columns: Mapping[str, ColumnRole]) -> MeasuredTable:
+def table_model(columns: Mapping[str, ColumnRole], gear: Gear | None = None) -> MeasuredTable:
     """The model of a table with these columns."""
     by = {role: [n for n, c in columns.items() if c.role == role] for role in
           ("measured", "predicted", "std", "ignore")}  # fmt: skip
-    outputs = tuple(Output(name, columns[name].unit, "measured") for name in by["measured"])
     apart = {name for names in by.values() for name in names}
     inputs = tuple(
-        Column(name, one.unit, one.role, True, one.role in LABELS, Role(one.role))
+        Column(name, one.unit, one.role, True, one.role in LABELS, Role(one.role), one.sense)
         for name, one in columns.items()
         if name not in apart
     )
     predictions = {
         str(output_of(name, dict(columns))): (name, columns[name].unit) for name in by["predicted"]
     }
-    return MeasuredTable(inputs, outputs, predictions, (*by["std"], *by["ignore"]))
+    turned = tuple(name for name in by["predicted"] if columns[name].sense < 0)
+    ignored = (*by["std"], *by["ignore"])
+    return MeasuredTable(inputs, outputs_of(columns), predictions, ignored, gear, turned)
+
+
+def outputs_of(columns: Mapping[str, ColumnRole]) -> tuple[Output, ...]:
+    """What was measured."""
+    return tuple(Output(n, c.unit, "measured") for n, c in columns.items() if c.role == "measured")
+
+
+def _turned(
+    columns: dict[str, ColumnRole], sense: Mapping[str, int], top: Section
+) -> dict[str, ColumnRole]:
+    """The columns with the sense that `[sense]` gives of outputs."""
+    for name in sense:
+        if name in columns and columns[name].sense < 0:
+            top.section(SENSE).fault(name, f"is given twice: here and in columns.{name}")
+    return {n: replace(c, sense=sense.get(n, c.sense)) for n, c in columns.items()}
 
 
 def _written(one: ColumnRole) -> dict[str, Any]:
-    parts = {"role": one.role, "unit": one.unit, "of": one.of}
-    return {key: value for key, value in parts.items() if value}
+    parts: dict[str, Any] = {"role": one.role, "unit": one.unit, "of": one.of}
+    turned = {"sense": one.sense} if one.sense < 0 else {}
+    return {key: value for key, value in parts.items() if value} | turned

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
 from ..errors import Fault
-from ..files import write_text
-from ..sealed import loads, sealed_record, unsealed_record
+from ..sealed import read_record, write_record
 from .names import KINDS, present
 
 MANIFEST = "manifest.json"
@@ -39,18 +37,14 @@ def write_manifest(folder: Path, command: str, status: str) -> None:
         "version": version("tolevo"),
         "files": {name: digest(folder / name) for name in names},
     }
-    write_text(folder / MANIFEST, json.dumps(sealed_record(record), indent=1) + "\n")
+    write_record(folder / MANIFEST, record)
 
 
 def read_manifest(folder: Path) -> Manifest | None:
     """The manifest of a directory, None where there is none. Raises ValueError where damaged."""
-    try:
-        text = (folder / MANIFEST).read_text(encoding="utf-8")
-    except FileNotFoundError:
+    record = read_record(folder / MANIFEST)
+    if record is None:
         return None
-    except OSError as error:
-        raise ValueError(error.strerror) from error
-    record = unsealed_record(loads(text))
     try:
         if record["format"] > FORMAT:
             raise ValueError(f"tolevo {record['version']} wrote it, which is newer: update tolevo")

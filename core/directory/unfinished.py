@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..files import write_text
-from ..sealed import loads, sealed_record, unsealed_record
+from ..sealed import read_record, write_record
 from .names import known
 
 UNFINISHED = "unfinished.json"
@@ -30,19 +28,15 @@ def write_unfinished(
 ) -> Unfinished:
     """Mark a directory as one in which `command` has begun."""
     record = {"command": command, "token": token, "retiring": list(retiring)}
-    write_text(folder / UNFINISHED, json.dumps(sealed_record(record), indent=1) + "\n")
+    write_record(folder / UNFINISHED, record)
     return Unfinished(command, token, tuple(retiring))
 
 
 def read_unfinished(folder: Path) -> Unfinished | None:
     """The mark, None where there is none. Raises ValueError for a damaged one."""
-    try:
-        text = (folder / UNFINISHED).read_text(encoding="utf-8")
-    except FileNotFoundError:
+    record = read_record(folder / UNFINISHED)
+    if record is None:
         return None
-    except OSError as error:
-        raise ValueError(error.strerror) from error
-    record = unsealed_record(loads(text))
     try:
         names = tuple(name for name in map(str, record["retiring"]) if _inside(name))
         return Unfinished(str(record["command"]), str(record["token"]), names)

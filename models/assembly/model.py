@@ -52,6 +52,8 @@ class Assembly(MeasurableModel):
     parameters = (*declared.PARAMETERS, declared.PART_STD)
     free: ClassVar[Mapping[str, float]] = {}
     corrects = ("rv_transmission_error",)
+    made_to_a_drawing = True
+    geometry = ("reading", "insertion", "hangs_on")
     changeable = (
         Changeable("adjustment_gain_error", "", "achieved over commanded adjustment, less one"),
         Changeable("adjustment_backlash_mrad", "mrad", "dead band of every adjustment"),

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...declarations import Output
-from ...units import unit_key
+from ...units import dimension, unit_key
+from ..gear import Gear
 from ..inputs.distribution import Array
 from ..measurable import Changeable, Column, Role
 
@@ -57,6 +58,28 @@ class EffectParameter:
         return self.name.removesuffix(f"_{unit_key(self.unit)}") if self.unit else self.name
 
 
+KINDS = {
+    "angle": "an angle",
+    "length": "a length",
+    "speed": "a speed",
+    "torque": "a torque",
+    "force": "a force",
+}
+"""Kinds of outputs that an effect may name, in words."""
+_UNITS = {"angle": "rad", "length": "m", "speed": "rad/s", "torque": "Nm", "force": "N"}
+
+
+def kind_of(unit: str) -> str:
+    """The kind of a quantity of that unit; empty for a plain number or a unit that is not known."""
+    try:
+        own = dimension(unit) if unit else ""
+    except ValueError:
+        return ""
+    if not own:
+        return ""
+    return next((kind for kind, one in _UNITS.items() if dimension(one) == own), "other")
+
+
 def quantity(
     stem: str,
     unit: str,
@@ -82,8 +105,10 @@ class Target:
 
     Where the table is known, `largest` holds the largest magnitude of a column by role (in the
     units of `Readings`), `labels` the labels of unit and lot, and `locked` whether the rows follow
-    the load of a unit whose input stands still (None where no table is known). `several` outputs of
-    the model make the names of an effect's parameters begin with that of their output.
+    the load of a unit whose input stands still (None where no table is known); `pace` is the usual
+    step of the clock [s], `derived` are roles that follow from another column. `several` outputs of
+    the model make the names of an effect's parameters begin with that of their output. `gear` says
+    which orders its errors have, None where it is not known.
     """
 
     model: str
@@ -96,10 +121,13 @@ class Target:
     labels: Mapping[Role, tuple[str, ...]] = field(default_factory=_nothing)
     units: Mapping[Role, str] = field(default_factory=_nothing)
     locked: bool | None = None
+    gear: Gear | None = None
+    pace: float = 0.0
+    derived: frozenset[Role] = frozenset()
 
     def roles(self) -> frozenset[Role]:
         """The roles of the columns that are there."""
-        return frozenset(column.role for column in self.columns)
+        return frozenset(column.role for column in self.columns) | self.derived
 
     def changes(self, *names: str) -> bool:
         """Whether all these quantities may be changed inside of the model."""
@@ -172,6 +200,8 @@ class Effect(ABC):
     mistaken_for: ClassVar[tuple[str, ...]] = ()
     """Names of the effects that it is easily mistaken for."""
     reference: ClassVar[str] = ""
+    dimensions: ClassVar[tuple[str, ...]] = ()
+    """The kinds of outputs that it can act on, of `KINDS`; empty for any."""
     inside_bounds: ClassVar[tuple[float, float]] = (0.0, inf)
     inside_name: ClassVar[str] = ""
     """The quantity inside of a model that stands for the effect, where not the one of its name."""
@@ -186,7 +216,28 @@ class Effect(ABC):
 
     def applies(self, target: Target) -> bool:
         """Whether the effect has a place in this model, with the columns of this table."""
-        return self.place(target) is not None or self.own_applies(target)
+        if self.place(target) is not None:
+            return True
+        return bool(self.reached(target)) and self.own_applies(target)
+
+    def reached(self, target: Target) -> tuple[Output, ...]:
+        """The outputs that it can act on: of its `dimensions`, or of a unit that is not known."""
+        kinds = (*self.dimensions, "")
+        return tuple(o for o in target.outputs if not self.dimensions or kind_of(o.unit) in kinds)
+
+    def left_out(self, target: Target) -> str:
+        """Why it has no place in this model with these columns, empty where it has one."""
+        if self.applies(target):
+            return ""
+        if missing := [str(role) for role in self.needs if role not in target.roles()]:
+            return f"no column of the role {' or '.join(missing)}"
+        if not self.reached(target):
+            return f"acts on an output that is {' or '.join(KINDS[one] for one in self.dimensions)}"
+        return self.own_reason(target)
+
+    def own_reason(self, target: Target) -> str:
+        """Why `own_applies` does not hold, where no column is missing."""
+        return "no place in this model"
 
     def parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         """Its numbers, for this target."""

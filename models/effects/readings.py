@@ -29,6 +29,8 @@ FIXED: Mapping[Role, tuple[str, ...]] = {
 }
 """Units by role; the second is that of what moves along a line."""
 LABELS = (Role.UNIT, Role.LOT)
+SESSION = "session"
+"""A column that any table may have: which rows were measured in one go."""
 EXTRAS = (
     Column("time_s", "s", "order of measuring", False, role=Role.TIME),
     Column("repeat", "", "number of the repeat", False, role=Role.REPEAT),
@@ -61,9 +63,59 @@ def readings_of(columns: Iterable[Column], table: Table) -> Readings:
         if column.role not in by_role:
             values = table[column.name]
             unit = fixed_unit(column)
-            by_role[column.role] = values if column.text else _in_unit(values, column.unit, unit)
-    order = np.argsort(by_role[Role.TIME], kind="stable") if Role.TIME in by_role else None
+            one = values if column.text else _in_unit(values, column.unit, unit)
+            by_role[column.role] = -one if column.sense < 0 else one
+    _turn_by_speed(by_role)
+    order = _order(by_role[Role.TIME], table.get(SESSION)) if Role.TIME in by_role else None
     return Readings(table, by_role, order)
+
+
+def _order(time: NDArray[Any], session: NDArray[Any] | None) -> NDArray[np.int64]:
+    """Rows in the order of measuring: by the clock, session by session where each has its own."""
+    if session is None or not own_clocks(session, time):
+        return np.argsort(time, kind="stable")
+    return np.lexsort((time, _appearance(session)))
+
+
+def own_clocks(session: NDArray[Any], time: NDArray[Any]) -> bool:
+    """Whether each session has a clock of its own: they follow each other in the file, and their
+    times overlap.
+    """
+    number = _appearance(session)
+    steps = np.diff(number)
+    if len(number) == 0 or number[-1] == 0 or (steps < 0).any():
+        return False
+    starts = np.r_[0, np.flatnonzero(steps) + 1]
+    first, last = np.minimum.reduceat(time, starts), np.maximum.reduceat(time, starts)
+    return bool((first[1:] <= last[:-1]).any())
+
+
+def _appearance(labels: NDArray[Any]) -> NDArray[np.int64]:
+    """Number (n,) of each row's label, by first appearance."""
+    _, first, which = np.unique(np.asarray(labels).astype(str), return_index=True,
+                                return_inverse=True)  # fmt: skip
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return np.asarray(rank[which.ravel()])
+
+
+def _turn_by_speed(by_role: dict[Role, NDArray[Any]]) -> None:
+    """A speed with a sign tells the direction: effects see its magnitude beside that sign."""
+    if Role.SPEED not in by_role:
+        return
+    speed = np.asarray(by_role[Role.SPEED], dtype=float)
+    if Role.DIRECTION not in by_role:
+        by_role[Role.DIRECTION] = np.sign(speed)
+    by_role[Role.SPEED] = np.abs(speed)
+
+
+def _derived(roles: set[Role], readings: Readings | None) -> frozenset[Role]:
+    """Roles that follow from another column: the direction from a speed of both signs."""
+    if Role.SPEED not in roles or Role.DIRECTION in roles:
+        return frozenset()
+    if readings is not None and np.ptp(readings[Role.DIRECTION]) == 0.0:
+        return frozenset()
+    return frozenset([Role.DIRECTION])
 
 
 def _in_unit(values: NDArray[Any], unit: str, fixed: str) -> NDArray[Any]:
@@ -76,7 +128,8 @@ def target_of(model: MeasurableModel | type[MeasurableModel], name: str, table: 
               ) -> Target:  # fmt: skip
     """What effects may do in a model; of a known table, in the columns that it has."""
     columns = (*model.columns, *(one for one in EXTRAS if table is None or one.name in table))
-    return target_from(name, model.outputs, columns, table, model.changeable, model.population)
+    found = target_from(name, model.outputs, columns, table, model.changeable, model.population)
+    return replace(found, gear=model.gear)
 
 
 def target_from(
@@ -95,7 +148,9 @@ def target_from(
     if table is not None:
         columns = tuple(_present(columns, table))
     units = {column.role: fixed_unit(column) for column in reversed(columns)}
-    target = Target(name, outputs, columns, changeable, population, several, units=units)
+    roles = {column.role for column in columns}
+    target = Target(name, outputs, columns, changeable, population, several, units=units,
+                    derived=_derived(roles, None))  # fmt: skip
     if table is None:
         return target
     readings = readings_of(columns, table)
@@ -104,7 +159,17 @@ def target_from(
     labels = {
         role: tuple(labels_of(readings[role])[0].tolist()) for role in LABELS if role in readings
     }
-    return replace(target, largest=largest, labels=labels, locked=follows_load(readings))
+    return replace(target, largest=largest, labels=labels, locked=follows_load(readings),
+                   pace=pace_of(readings), derived=_derived(roles, readings))  # fmt: skip
+
+
+def pace_of(readings: Readings) -> float:
+    """The usual step of the clock [s], 0 without one."""
+    if Role.TIME not in readings:
+        return 0.0
+    steps = np.diff(np.asarray(readings[Role.TIME], dtype=float))
+    ahead = steps[steps > 0.0]
+    return float(np.median(ahead)) if len(ahead) else 0.0
 
 
 def _present(columns: Iterable[Column], table: Table) -> list[Column]:

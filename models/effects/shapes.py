@@ -17,6 +17,8 @@ from .effect import Action, Effect, EffectParameter, Readings, Target, known, qu
 
 REFERENCE_TEMPERATURE = 20.0
 """[degC], ISO 1: the temperature at which nothing grows."""
+POSITIONS = ("angle", "length")
+"""Kinds of outputs of effects that twist, shift, or come late with the motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +43,15 @@ class Shape(Effect):
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         weights = self.weights(target)
-        linear = [weight.of(output, target) for output in target.outputs for weight in weights]
+        reached = self.reached(target)
+        linear = [weight.of(output, target) for output in reached for weight in weights]
         return (*linear, *self.shape_parameters(target))
 
     def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
         columns = self.columns(readings, values, target)
         weights = self.weights(target)
         found = {}
-        for output in target.outputs:
+        for output in self.reached(target):
             total = np.zeros(len(readings))
             for weight in weights:
                 size = known(values, weight.of(output, target).name)
@@ -93,26 +96,37 @@ class OneColumn(Shape):
 class Orders(Shape):
     """Waves over the angle: cosine and sine of each order, so many waves per turn.
 
-    The parameters are the two components, which are linear; `described` gives the amplitude (above
-    or at 0) and phase of amplitude cos(order angle - phase).
+    The orders are fixed (`orders`), or those of the gear (`follows`: what makes them, and how many
+    waves of that it makes). The parameters are the two components, which are linear; `described`
+    gives the amplitude (above or at 0) and phase of amplitude cos(order angle - phase).
     """
 
-    orders: ClassVar[tuple[int, ...]]
+    orders: ClassVar[tuple[float, ...]] = ()
+    follows: ClassVar[tuple[tuple[str, float], ...]] = ()
     needs: ClassVar[tuple[Role, ...]] = (Role.ANGLE,)
 
     def own_applies(self, target: Target) -> bool:
         """Only what turns, and has not arms for it, has waves over its angle."""
-        turns = target.units.get(Role.ANGLE, "rad") == "rad" and target.model != "manipulator_pose"
-        return turns and super().own_applies(target)
+        return turns(target) and bool(self.orders_of(target)) and super().own_applies(target)
+
+    def own_reason(self, target: Target) -> str:
+        return no_waves(target, *(name for name, _ in self.follows))
+
+    def orders_of(self, target: Target) -> tuple[float, ...]:
+        """Its orders in this target; none where the gear does not say them."""
+        if not self.follows:
+            return self.orders
+        if target.gear is None or not target.gear.has(*(name for name, _ in self.follows)):
+            return ()
+        return tuple(times * target.gear.orders[name] for name, times in self.follows)
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return tuple(
-            Weight(
-                f"{part}_{order}", f"{meaning} component of order {order}", self.per(target), -inf
-            )
-            for order in self.orders
+            Weight(f"{part}_{order_key(order)}", f"{meaning} component of order {order:.6g}",
+                   self.per(target), -inf)
+            for order in self.orders_of(target)
             for part, meaning in (("cos", "cosine"), ("sin", "sine"))
-        )
+        )  # fmt: skip
 
     def per(self, target: Target) -> str:
         """What the unit of the components is divided by."""
@@ -126,8 +140,8 @@ class Orders(Shape):
         self, readings: Readings, values: Mapping[str, float], target: Target
     ) -> Mapping[str, Callable[[], Array]]:
         return {
-            f"{part}_{order}": _wave(wave, order, self, readings)
-            for order in self.orders
+            f"{part}_{order_key(order)}": _wave(wave, order, self, readings)
+            for order in self.orders_of(target)
             for part, wave in (("cos", np.cos), ("sin", np.sin))
         }
 
@@ -135,19 +149,45 @@ class Orders(Shape):
         self, values: Mapping[str, float], target: Target
     ) -> dict[str, tuple[float, str]]:
         found: dict[str, tuple[float, str]] = {}
-        for output in target.outputs:
+        for output in self.reached(target):
             by_stem = {w.stem: w.of(output, target) for w in self.weights(target)}
-            for order in self.orders:
-                c, s = by_stem[f"cos_{order}"], by_stem[f"sin_{order}"]
-                at = f"{target.prefix(output)}%s_{order}"
-                x, y = known(values, c.name), known(values, s.name)
-                found[at % "amplitude"] = (hypot(x, y), c.unit)
-                found[at % "phase"] = (degrees(atan2(y, x)), "deg")
+            for key in map(order_key, self.orders_of(target)):
+                at = f"{target.prefix(output)}%s_{key}"
+                found |= polar(values, by_stem[f"cos_{key}"], by_stem[f"sin_{key}"], at)
         return found
 
 
+def polar(
+    values: Mapping[str, float], c: EffectParameter, s: EffectParameter, at: str
+) -> dict[str, tuple[float, str]]:
+    """Amplitude and phase [deg] of two components, under the names that `at` makes."""
+    x, y = known(values, c.name), known(values, s.name)
+    phase = degrees(atan2(y, x))
+    return {at % "amplitude": (hypot(x, y), c.unit), at % "phase": (phase, "deg")}
+
+
+def order_key(order: float) -> str:
+    """An order as names of parameters have it: 39, 97_5."""
+    return f"{order:.6g}".replace(".", "_")
+
+
+def turns(target: Target) -> bool:
+    """Whether the angle is that of something that turns; the manipulator has arms for it."""
+    return target.units.get(Role.ANGLE, "rad") == "rad" and target.model != "manipulator_pose"
+
+
+def no_waves(target: Target, *names: str) -> str:
+    """Why there are no waves over the angle of what makes these orders."""
+    if not turns(target):
+        return "nothing turns by the angle"
+    if target.gear is None:
+        return "no [gear] says its orders"
+    lacking = [name for name in names if not target.gear.has(name)]
+    return f"a gear of kind {target.gear.kind} has no {' or '.join(lacking)}"
+
+
 def _wave(
-    wave: Callable[[Array], Array], order: int, effect: Orders, readings: Readings
+    wave: Callable[[Array], Array], order: float, effect: Orders, readings: Readings
 ) -> Callable[[], Array]:
     return lambda: effect.factor(readings) * wave(order * readings[Role.ANGLE])
 

@@ -38,6 +38,11 @@ class Formula:
                 found[node.name] = min(node.at, found.get(node.name, node.at))
         return found
 
+    @property
+    def linear(self) -> bool:
+        """Whether it is linear in its names; a formula that only turns out so does not count."""
+        return self.tree.degree <= 1.0
+
     def value(self, x: Mapping[str, Array]) -> Array:
         """The value at quantities that broadcast; NaN or infinite where it is not defined."""
         with np.errstate(all="ignore"):

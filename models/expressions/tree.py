@@ -44,6 +44,11 @@ class Expression(ABC):
         """Nodes on the longest way down."""
         return 1 + max((part.depth for part in self.parts), default=0)
 
+    @property
+    def degree(self) -> float:
+        """Degree as a polynomial of the names, inf where it may be none."""
+        return 0.0 if all(part.degree == 0.0 for part in self.parts) else np.inf
+
     def nodes(self) -> Iterator[Expression]:
         """Every node, each after those below it."""
         for part in self.parts:
@@ -67,6 +72,10 @@ class Name(Expression):
 
     name: str
 
+    @property
+    def degree(self) -> float:
+        return 1.0
+
     def value(self, below: Values, x: Mapping[str, Array]) -> Array:
         return np.asarray(x[self.name])
 
@@ -80,6 +89,10 @@ class Negative(Expression):
     @property
     def parts(self) -> tuple[Expression, ...]:
         return (self.operand,)
+
+    @property
+    def degree(self) -> float:
+        return self.operand.degree
 
     def value(self, below: Values, x: Mapping[str, Array]) -> Array:
         return -below[0]
@@ -99,6 +112,18 @@ class Operation(Expression):
     @property
     def parts(self) -> tuple[Expression, ...]:
         return self.left, self.right
+
+    @property
+    def degree(self) -> float:
+        left, right = self.left.degree, self.right.degree
+        match self.sign:
+            case "+" | "-":
+                return max(left, right)
+            case "*":
+                return left + right
+            case "/" if right == 0.0:
+                return left
+        return 0.0 if left == right == 0.0 else np.inf
 
     def value(self, below: Values, x: Mapping[str, Array]) -> Array:
         a, b = below

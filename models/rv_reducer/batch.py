@@ -58,6 +58,9 @@ class RvBatch(MeasurableModel):
     )
     population = True
     corrects: ClassVar[tuple[str, ...]] = ("rv_backlash", "rv_reducer")
+    made_to_a_drawing = True
+    geometry = batch_declared.GEOMETRY
+    of_the_bench = batch_declared.OF_THE_BENCH
     free: ClassVar[Mapping[str, float]] = {
         f"{v.name.removesuffix('_um')}_mid_um": float(v.document)
         for v in declared.VARIABLES

@@ -43,6 +43,14 @@ def _new(name: str, value: float, unit: str, meaning: str) -> Variable:
                     assumed="no document lists this error")  # fmt: skip
 
 
+GEOMETRY = (
+    MODEL, "pin_circle_radius_mm", "pin_radius_mm", "eccentricity_mm", "cycloid_teeth", "pins",
+    "reduction_ratio", "discs", "cranks",
+)  # fmt: skip
+"""What tells one reducer from another at a glance."""
+OF_THE_BENCH = (MODEL, "positions", "measured")
+"""How a unit is looked at, whatever it was built to."""
+
 VARIABLES: tuple[Variable, ...] = (
     *declared.VARIABLES,
     _new("circle_offset_um", 3.0, "um", "offset of the pin circle from the axis of the carrier"),

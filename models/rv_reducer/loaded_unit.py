@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ...declarations import Parameter, Value, number
 from ...errors import Fault
 from ...units import ARCMIN, MM, MRAD, UM
+from ..gear import RV_40E, Gear, of_ratio
 from . import declared
 from .contact.contact import LoadedContact, turn_angles
 from .contact.errors import PartErrors
@@ -163,3 +164,15 @@ def _part_errors(p: Mapping[str, float], geometry: ContactGeometry) -> PartError
         circle_offset=np.array([p["pin_circle_runout_um"] * UM]),
         circle_phase=np.array([np.radians(p["pin_circle_phase_deg"])]),
     )
+
+
+def gear_of(parameters: Mapping[str, object]) -> Gear:
+    """The orders of the unit that these parameters describe; what is left out keeps its default."""
+    names = ("pins", "cycloid_teeth", "reduction_ratio")
+    given = {one.name: one.default for one in PARAMETERS if one.name in names}
+    for name in names:
+        value = parameters.get(name)
+        if isinstance(value, int | float) and value > 0:
+            given[name] = value
+    pins, teeth, ratio = (number(given[name]) for name in names)
+    return of_ratio(int(pins), int(teeth), ratio) if pins > teeth else RV_40E

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...declarations import Output, Value
 from ...errors import raise_all
 from ...units import ARCMIN
+from ..gear import RV_40E, Gear
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from . import loaded_unit
@@ -45,6 +46,7 @@ class RvLostMotion(MeasurableModel):
     parameters = loaded_unit.PARAMETERS
     free: ClassVar[Mapping[str, float]] = {}
     changeable = CHANGEABLE
+    gear = RV_40E
     corrects: ClassVar[tuple[str, ...]] = ("rv_backlash", "rv_reducer")
 
     def __init__(
@@ -56,11 +58,16 @@ class RvLostMotion(MeasurableModel):
         given = parameters or {}
         raise_all(loaded_unit.faults(given))
         self.unit = loaded_unit.loaded_unit(given)
+        self.gear = loaded_unit.gear_of(given)
         samples = SAMPLES_PER_PIN * self.unit.contact.geometry.pins
         self.momentary = self.unit.contact.momentary_torque
         most = REACH * self.momentary
         self.static = OrderTable.of(self.unit.mesh(samples), most, LEFT_OUT)
         self.answers = Answers(self.unit, samples, most)
+
+    @classmethod
+    def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:
+        return loaded_unit.gear_of(parameters)
 
     def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
         return outside(table, self.momentary)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...declarations import Output, Parameter, Value, number
 from ...errors import raise_all
 from ...units import ARCMIN, ARCSEC, MM, UM
+from ..gear import RV_40E, Gear
 from ..inputs.distribution import Array, Distribution
 from ..measurable import NO_CHANGES, Column, MeasurableModel, Outside, Role
 from . import declared, loaded_unit
@@ -85,6 +86,7 @@ class RvTransmission(MeasurableModel):
     parameters = (*loaded_unit.PARAMETERS, *OWN)
     free: ClassVar[Mapping[str, float]] = {}
     changeable = CHANGEABLE
+    gear = RV_40E
     corrects = ("rv_transmission_error",)
 
     def __init__(
@@ -96,6 +98,7 @@ class RvTransmission(MeasurableModel):
         given = {one.name: one.default for one in OWN} | dict(parameters or {})
         p = {one.name: number(given[one.name]) for one in OWN if not one.choices}
         self.unit = loaded_unit.loaded_unit(given)
+        self.gear = loaded_unit.gear_of(given)
         train = Train(p["input_inertia_kgm2"], p["load_inertia_kgm2"], p["damping_ratio"],
                       self.unit.contact.geometry.nominal.reduction_ratio)  # fmt: skip
         raise_all([*loaded_unit.faults(given), *train.faults("parameters")])
@@ -116,6 +119,10 @@ class RvTransmission(MeasurableModel):
             moved = sum((size * np.exp(1j * k * angle) for k, size in excitation.items()), 0j)
             displacement = np.real(moved) * np.ones(self.samples)
             self.full = FullDynamics(DisplacedMesh(tabulated(mesh, most), displacement), self.train)
+
+    @classmethod
+    def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:
+        return loaded_unit.gear_of(parameters)
 
     def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
         return outside(table, self.momentary)

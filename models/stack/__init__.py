@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+from .law import Law, law_of
 from .linear import Linear, linearised
 from .mechanism import Mechanism
 from .sampling import Sample, half_width, yield_percent
 
-__all__ = ["Linear", "Mechanism", "Sample", "half_width", "linearised", "yield_percent"]
+__all__ = [
+    "Law",
+    "Linear",
+    "Mechanism",
+    "Sample",
+    "half_width",
+    "law_of",
+    "linearised",
+    "yield_percent",
+]

@@ -90,6 +90,7 @@ class PoseAccuracy(ToleranceProblem):
     default_objectives = ("cost", "squareness_mrad")
     default_model = "manipulator_pose"
     explained: ClassVar[Mapping[str, str]] = EXPLAINED
+    drawn_again = frozenset(("_fields", "population"))
     reference_ga: ClassVar[Mapping[str, float]] = {
         "population": 80, "generations": 400, "crossover": 0.99, "mutation": 0.08,
     }  # fmt: skip
@@ -114,11 +115,6 @@ class PoseAccuracy(ToleranceProblem):
         if self.grouping == NINE:
             return {}
         return {"grouping": {name: list(sources) for name, sources in self.grouping.items()}}
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Everything but the fields over the ring, a megabyte that is soon computed again."""
-        dropped = ("_fields", "population")
-        return {name: value for name, value in self.__dict__.items() if name not in dropped}
 
     # ---------------------------------------------------------------- evaluation
 

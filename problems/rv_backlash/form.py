@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 from scipy.special import ndtri
 
 from ...models.costs import CostCurve, Reciprocal
 from ...models.propagation.sums import Term
-from ...models.rv_reducer.cycloid import LINEAR_ERRORS
 from ...units import ARCMIN, MM
 from ..forms import Feature, Form, Way
 from ..limits import Limit
+from .shift import extreme_pair, play_slopes
+from .terms import ends, unit_terms
 
 if TYPE_CHECKING:
     from .problem import RvBacklash
@@ -45,12 +45,12 @@ def deviations(problem: RvBacklash) -> float:
 
 def form_of(problem: RvBacklash) -> Form | None:
     """The form, None where the coverage is below one half or the modification has no room."""
-    k, pair = deviations(problem), _modification(problem)
+    k, pair = deviations(problem), extreme_pair(problem, play_slopes(problem))
     if k < 0.0 or pair is None:
         return None
     stagger = problem.interval("stagger_arcmin")[1]
     settled = {"dr_rp_mm": pair[0], "dr_p_mm": pair[1], "stagger_arcmin": stagger}
-    terms = _unit_terms(problem)
+    terms = unit_terms(problem)
     offset = _nominal(problem, pair, stagger)
     offset += sum(float(term.constant[0]) for term in terms.values()) / ARCMIN
     features = tuple(_feature(problem, name, term, k) for name, term in terms.items())
@@ -79,31 +79,13 @@ def _nominal(problem: RvBacklash, pair: tuple[float, float], stagger: float) -> 
     return model.output_factor * (play - model.stagger_gain * stagger)
 
 
-def _unit_terms(problem: RvBacklash) -> dict[str, Term]:
-    """The terms of the cycloid stage at half-widths of 1 um, without modification and stagger."""
-    design = np.ones((1, len(problem.names)))
-    for name in ("dr_rp_mm", "dr_p_mm", "stagger_arcmin"):
-        design[:, problem.names.index(name)] = 0.0
-    names = (*LINEAR_ERRORS, "eccentricity")
-    return dict(zip((f"{n}_um" for n in names), problem.total(design).clipped, strict=True))
-
-
 def _rows(mean: float, std: float, k: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Linear and spread coefficients of the three outputs."""
     return (mean, mean, 0.0), (k * std, 0.0, std)
 
 
-def _ends(problem: RvBacklash, name: str) -> tuple[float, float]:
-    """Range of a variable, limits on it included."""
-    low, high = problem.interval(name)
-    for limit in problem.limits:
-        if limit.name == name:
-            low, high = max(low, limit.low), min(high, limit.high)
-    return low, high
-
-
 def _feature(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
-    curve, (low, high) = problem.settings.costs[name], _ends(problem, name)
+    curve, (low, high) = problem.settings.costs[name], ends(problem, name)
     m1, m2 = term.distribution.raw_moments(2)[1:]
     linear = float(term.linear[0]) / ARCMIN
     if term.quadratic is not None:
@@ -138,13 +120,13 @@ def _bearing(problem: RvBacklash, k: float) -> Feature:
     term = problem.total(np.ones((1, len(problem.names)))).free[1]
     mean, variance = (float(value[0]) for value in term.cumulants()[:2])
     rows = _rows(mean / ARCMIN, float(np.sqrt(variance)) / ARCMIN, k)
-    return Feature(name, (Way(problem.settings.costs[name], *_ends(problem, name), *rows),))
+    return Feature(name, (Way(problem.settings.costs[name], *ends(problem, name), *rows),))
 
 
 def _grades(problem: RvBacklash, k: float) -> Feature:
     """The involute grade: every grade of the range is a way of its own."""
     name = "involute_grade"
-    low, high = _ends(problem, name)
+    low, high = ends(problem, name)
     grades = np.arange(np.ceil(low), np.floor(high) + 1.0)
     designs = np.ones((len(grades), len(problem.names)))
     designs[:, problem.names.index(name)] = grades
@@ -156,33 +138,6 @@ def _grades(problem: RvBacklash, k: float) -> Feature:
         for g, c, m, v in zip(grades, costs, means, variances, strict=True)
     ]  # fmt: skip
     return Feature("", tuple(ways), name)
-
-
-def _modification(problem: RvBacklash) -> tuple[float, float] | None:
-    """The pair (dr_rp, dr_p) [mm] of least backlash in ranges and limits: a linear programme.
-
-    None where ranges and limits leave no room.
-    """
-    flank = problem.model.geometry.flank
-    unit = 2.0 * problem.model.output_factor / problem.model.geometry.lever / ARCMIN * MM
-    own = np.array([unit, -unit * flank])
-    limits = {limit.name: limit for limit in problem.limits}
-    above, below = [], []
-    for name, row in (
-        ("radial_gap_mm", np.array([1.0, -1.0])),
-        ("modification_backlash_arcmin", own),
-    ):
-        if name in limits:
-            above += [-row, row]
-            below += [-limits[name].low, limits[name].high]
-    real = np.isfinite(below)
-    found = linprog(
-        own,
-        A_ub=np.array(above)[real] if real.any() else None,
-        b_ub=np.array(below)[real] if real.any() else None,
-        bounds=[_ends(problem, "dr_rp_mm"), _ends(problem, "dr_p_mm")],
-    )
-    return (float(found.x[0]), float(found.x[1])) if found.x is not None else None
 
 
 def _from_below(limit: Limit) -> bool:

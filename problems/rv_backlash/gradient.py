@@ -47,7 +47,7 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     std = np.sqrt(total_cumulants(total.clipped + total.free)[1])
     spread = 0.5 * variance / std[:, None] * (1.0 + problem.change.growth)
     return {
-        "cost": _cost(problem, designs),
+        "cost": problem.cost_slopes(designs),
         "backlash_geometric_arcmin": (mean + deviations(problem) * spread) / ARCMIN,
         "backlash_geometric_mean_arcmin": mean / ARCMIN,
         "backlash_geometric_std_arcmin": spread / ARCMIN,
@@ -72,10 +72,3 @@ def _scaled(term: Term, rate: Array | float) -> tuple[Array, Array]:
     """The same of a term that grows as a whole at the relative `rate`."""
     mean, variance = term.cumulants()[:2]
     return mean * rate, 2.0 * variance * rate
-
-
-def _cost(problem: RvBacklash, designs: Array) -> Array:
-    found = np.zeros_like(designs)
-    for name, curve in problem.settings.costs.items():
-        found[:, problem.names.index(name)] = curve.slope(problem.column(designs, name))
-    return found

@@ -33,6 +33,8 @@ from .counterparts import changes_of, sentence
 from .form import deviations, form_of
 from .gradient import gradients
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
+from .quantile_form import quantile_form, shortfalls
+from .shift import SHIFT, columns_of, shift_of
 
 Array = NDArray[np.float64]
 SEARCH_POINTS = 512
@@ -132,11 +134,34 @@ class RvBacklash(ToleranceProblem):
         }
 
     def form(self) -> Form | None:
-        """Mean and standard deviation of the geometric backlash, and mean + k of the latter.
+        """The quantile of the effective backlash, from below; else moments of the geometric one.
 
-        None where an effect inflates the spread: the form knows the spread of the inputs alone.
+        The first where `backlash_arcmin` or a yield is asked for and the inputs allow it. None
+        where an effect inflates the spread: the forms know the spread of the inputs alone.
         """
-        return form_of(self) if self.change.growth == 0.0 else None
+        if self.change.growth != 0.0:
+            return None
+        return self._quantile_form if isinstance(self._quantile_form, Form) else form_of(self)
+
+    @cached_property
+    def _quantile_form(self) -> Form | str:
+        return quantile_form(self)
+
+    def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
+        values = super().form_values(form, designs, found)
+        missing = shortfalls(self, designs, found)
+        for row, name in enumerate(form.outputs):
+            if np.isfinite(form.own_limits[row]):
+                values[:, row] = form.own_limits[row] + missing[name]
+        return values
+
+    def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
+        """Modification and stagger of the shift that a form has found."""
+        shift = shift_of(self)
+        if SHIFT not in columns or shift is None:
+            return dict(columns)
+        s = np.asarray(columns[SHIFT]) + shift.low - 1.0
+        return {**columns, **columns_of(self, shift, s)}
 
     def counterparts(self) -> tuple[str, ...]:
         return tuple(sentence(one, self.model) for one in self.settings.effects)

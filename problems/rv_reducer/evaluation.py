@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import log
@@ -76,13 +76,30 @@ def known(name: str) -> bool:
     return name in MEASURES or part_of(name)[0] in LOADED
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Populations:
-    """What a design is tried on: rigid units, the same under load, and for transmission error."""
+    """What a design is tried on: rigid units, units under load, and for transmission error.
 
-    rigid: Population
-    loaded: Population
-    turning: Population
+    Each is given as its numbers of positions and units, and drawn when it is first asked for.
+    """
+
+    draw: Callable[[int, int], Population]
+    sizes: tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
+
+    @cached_property
+    def rigid(self) -> Population:
+        """Rigid units."""
+        return self.draw(*self.sizes[0])
+
+    @cached_property
+    def loaded(self) -> Population:
+        """Units under load."""
+        return self.draw(*self.sizes[1])
+
+    @cached_property
+    def turning(self) -> Population:
+        """Units of which the transmission error is computed."""
+        return self.draw(*self.sizes[2])
 
 
 class Evaluation:

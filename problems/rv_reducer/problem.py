@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
-from typing import Any, ClassVar
+from functools import cached_property, partial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +79,7 @@ class RvReducer(ToleranceProblem):
     sampled = True
     performance = SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"}
     default_algorithm = "exact"
+    drawn_again = frozenset(("_searched", "_reported", "_recent"))
     reference_ga: ClassVar[Mapping[str, float]] = {
         "population": 100, "generations": 80, "crossover": 0.9, "crossover_eta": 5.0,
         "mutation": 0.1, "mutation_eta": 10.0,
@@ -89,13 +90,6 @@ class RvReducer(ToleranceProblem):
         given = self.settings
         units = UnitModel.of(given.parameters, given.variables, given.propagation.coverage)
         self.model = units.changed(changes_of(given.effects, units.geometry))
-        self._recent: OrderedDict[bytes, Evaluation] = OrderedDict()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Everything but what can be drawn and computed again."""
-        dropped = ("_searched", "_reported")
-        kept = {name: value for name, value in self.__dict__.items() if name not in dropped}
-        return kept | {"_recent": OrderedDict()}
 
     def _completed(self, given: Settings) -> Settings:
         found = super()._completed(given)
@@ -136,13 +130,16 @@ class RvReducer(ToleranceProblem):
         return self._drawn(self.count("positions"), self.count("report_units"), REPORT)
 
     def _drawn(self, positions: int, units: int, stream: int) -> Populations:
-        seed, elastic = self.settings.seed, self.count("elastic_units")
+        elastic = self.count("elastic_units")
         loaded = nearest_prime(min(positions, LOADED_POSITIONS), self.model.geometry)
-        return Populations(
-            self.model.population(positions, units, seed, stream),
-            self.model.population(loaded, elastic, seed, stream),
-            self.model.population(self.count("te_positions"), elastic, seed, stream),
-        )
+        turning = self.count("te_positions")
+        draw = partial(self.model.population, seed=self.settings.seed, stream=stream)
+        return Populations(draw, ((positions, units), (loaded, elastic), (turning, elastic)))
+
+    @cached_property
+    def _recent(self) -> OrderedDict[bytes, Evaluation]:
+        """The last evaluations on the search's population, by design."""
+        return OrderedDict()
 
     def evaluation(self, design: Array, searching: bool) -> Evaluation:
         """A full design (all variables,) on one of the two populations."""
@@ -164,31 +161,28 @@ class RvReducer(ToleranceProblem):
     # ---------------------------------------------------------------- evaluation
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        asked = self._asked if searching else SAMPLED_OUTPUTS
         columns = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
+        if searching:
+            return columns | self._statistics(designs, searching, self._asked)
+        return columns | self._statistics(designs, searching, SAMPLED_OUTPUTS, errors=True)
+
+    def needed(self, designs: Array) -> dict[str, Array]:
+        return self._statistics(designs, searching=False, names=self._asked)
+
+    def _statistics(
+        self, designs: Array, searching: bool, names: frozenset[str], errors: bool = False
+    ) -> dict[str, Array]:
+        """Sampled outputs (n,) of full designs, with their standard errors where asked for."""
+        more = [f"{name}_error" for name in names] if errors else []
+        columns = {name: np.empty(len(designs)) for name in ("phi_1_arcmin", *names, *more)}
         for at, design in enumerate(designs):
             found = self.evaluation(design, searching)
             columns["phi_1_arcmin"][at] = found.involute.mean
-            for name in asked:
+            for name in names:
                 columns[name][at] = found.value(name)
-            if not searching:
-                self._more(columns, at, found)
+                if errors:
+                    columns[f"{name}_error"][at] = found.error(name)
         return columns | {"cost": self.cost_of(designs)} | self.profile(designs)
-
-    def tested(self, x: Array) -> tuple[Array, Array]:
-        designs = self.complete(x)
-        columns = {name: np.empty(len(designs)) for name in self._asked}
-        for at, design in enumerate(designs):
-            fresh = self.evaluation(design, searching=False)
-            for name in self._asked:
-                columns[name][at] = fresh.value(name)
-        found = columns | {"cost": self.cost_of(designs)} | self.profile(designs)
-        return self.objective_values(found), self.violations(designs, found)
-
-    def _more(self, columns: Mapping[str, Array], at: int, found: Evaluation) -> None:
-        """What only reported designs have."""
-        for name in SAMPLED_OUTPUTS:
-            columns[f"{name}_error"][at] = found.error(name)
 
     @cached_property
     def _asked(self) -> frozenset[str]:
@@ -218,10 +212,8 @@ class RvReducer(ToleranceProblem):
 
     def _plain_slopes(self, designs: Array) -> dict[str, Array]:
         """Derivatives of cost and profile."""
-        names = ("cost", "radial_gap_mm", "modification_backlash_arcmin")
+        names = ("radial_gap_mm", "modification_backlash_arcmin")
         found = {name: np.zeros_like(designs) for name in names}
-        for name, curve in self.settings.costs.items():
-            found["cost"][:, self.names.index(name)] = curve.slope(self.column(designs, name))
         nominal = self.model.geometry.nominal
         unit = 2.0 / nominal.lever / ARCMIN * MM
         by = (("dr_rp_mm", 1.0, unit), ("dr_p_mm", -1.0, -unit * nominal.flank))
@@ -229,7 +221,7 @@ class RvReducer(ToleranceProblem):
             column = self.names.index(name)
             found["radial_gap_mm"][:, column] = gap
             found["modification_backlash_arcmin"][:, column] = backlash
-        return found
+        return found | {"cost": self.cost_slopes(designs)}
 
     def counterparts(self) -> tuple[str, ...]:
         return tuple(sentence(one, self.model.geometry) for one in self.settings.effects)
@@ -255,6 +247,10 @@ class RvReducer(ToleranceProblem):
         """The tightest zones, and the document's, tighter and wider, each opened until the limit on
         interference is kept.
         """
+        return self._starts.copy()
+
+    @cached_property
+    def _starts(self) -> Array:
         rows = []
         for factor in (0.0, 0.7, 1.0, 1.4):
             row = np.array([self._nominal[name] for name in self.names])
@@ -336,7 +332,17 @@ class RvReducer(ToleranceProblem):
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
         found = geometry.faults(self.model.geometry, self.given, ends)
-        return [*found, *(size_faults(self.count, KEPT) or super().faults())]
+        return [*found, *self._priceless(), *(size_faults(self.count, KEPT) or super().faults())]
+
+    def _priceless(self) -> list[Fault]:
+        """Errors between discs that are searched without a cost: the tightest would be free."""
+        free = {variable.name for variable in self.free}
+        return [
+            Fault(f"costs.{name}", f"is missing: {name} is searched, and nothing says what a tight "
+                  f"one costs; give a curve, or fix it (variables.{name}.value = {value:.4g})")
+            for name, value in DISC_TO_DISC.items() if name in free and name not in
+            self.settings.costs
+        ]  # fmt: skip
 
     def search_faults(self) -> list[Fault]:
         limits = self.settings.limits

@@ -16,7 +16,7 @@ What is the same over the turn changes nothing, nor does what the instrument add
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +89,7 @@ def _over_turn(active: Active, torque: float, speed: float) -> Array:
     }
     columns = tuple(one for one in RvTransmission.columns if one.name in table)
     target = target_from("rv_transmission", RvTransmission.outputs, columns)
+    target = replace(target, gear=RvTransmission.gear)
     if not _adds_waves(active, target, columns):
         return np.zeros(SAMPLES)
     action = active.effect.act(readings_of(columns, table), active.values, target)

@@ -15,13 +15,21 @@ from ...counts import Need, too_many
 from ...declarations import Assumption, Output, Parameter, Variable
 from ...errors import Fault, ModelError
 from ...models.costs import CostCurve
-from ...models.stack import Linear, Sample, half_width, linearised, yield_percent
+from ...models.stack import (
+    Law,
+    Linear,
+    Sample,
+    half_width,
+    law_of,
+    linearised,
+    yield_percent,
+)
 from ...section import Section
 from ..forms import Form
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from .assumptions import assumptions_of
-from .convex import form_of
+from .convex import form_of, shortfall
 from .costs import PartCosts
 from .definition import Definition, Part
 from .linearity import linearity_warnings
@@ -79,6 +87,7 @@ class Stack(ToleranceProblem):
         self.variables = variables_of(definition.parts)
         self.outputs = outputs_of(definition.requirement, definition.parts)
         self.linear: Linear = linearised(definition.mechanism)
+        self.law = law_of(definition.mechanism, self.linear.covariance)
         super().__init__(settings)
 
     @classmethod
@@ -166,6 +175,8 @@ class Stack(ToleranceProblem):
                 found["variation"] = self.linear.shifted_rss(t)
             case "monte_carlo" if searching and not self._wanted("variation"):
                 found["variation"] = np.full(len(t), np.nan)
+            case "monte_carlo" if isinstance(self.law, Law):
+                found["variation"] = self.law.half_width(t, self.settings.propagation.coverage)
             case "monte_carlo":
                 coverage = self.settings.propagation.coverage
                 found["variation"] = half_width(self.definition.mechanism, t, sample, coverage)
@@ -190,6 +201,8 @@ class Stack(ToleranceProblem):
         bounded = self.definition.mechanism.bounded
         if not bounded or (searching and not self._wanted("yield_percent")):
             return {name: np.full(len(t), np.nan) for name in names}
+        if isinstance(self.law, Law):
+            return dict(zip(names, self.law.yield_percent(t), strict=True))
         found = yield_percent(self.definition.mechanism, t, sample)
         if searching and len(close := self._undecided(*found)):
             exact = yield_percent(self.definition.mechanism, t[close], self._sample)
@@ -254,12 +267,15 @@ class Stack(ToleranceProblem):
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives of cost and of the linear variations; 0 for a process.
 
-        That of the yield, a step function of its sample, is the normal linear model's.
+        That of a sampled yield, a step function, is the normal linear model's.
         """
         t, method = self.tolerances(designs), self.definition.requirement.method
         worst = np.broadcast_to(self.linear.worst, t.shape)
         rss = self.linear.rss_slopes(t)
         found = {"cost": self._by_part(designs, slope=True), "worst_case": worst, "rss": rss}
+        if method == "monte_carlo" and isinstance(self.law, Law):
+            coverage = self.settings.propagation.coverage
+            found["variation"] = self.law.half_width_slopes(t, coverage)
         if method != "monte_carlo":
             found["variation"] = {
                 "worst_case": worst,
@@ -267,7 +283,9 @@ class Stack(ToleranceProblem):
                 "shifted_rss": rss + self.linear.shift,
             }[method]
         mechanism = self.definition.mechanism
-        if mechanism.bounded and self._wanted("yield_percent"):
+        if mechanism.bounded and self._wanted("yield_percent") and isinstance(self.law, Law):
+            found["yield_percent"] = self.law.yield_slopes(t)
+        elif mechanism.bounded and self._wanted("yield_percent"):
             ends = (np.full(len(t), end - mechanism.centre)
                     for end in (mechanism.lower, mechanism.upper))  # fmt: skip
             found["yield_percent"] = 100.0 * self.linear.yield_slopes(t, *ends)
@@ -281,12 +299,19 @@ class Stack(ToleranceProblem):
 
     def form(self) -> Form | None:
         method = self.definition.requirement.method
-        return None if method == "monte_carlo" else form_of(self, method)
+        return form_of(self, method)
+
+    def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
+        values = super().form_values(form, designs, found)
+        own = np.isfinite(form.own_limits)
+        values[:, own] = form.own_limits[own] + shortfall(self, designs, found)[:, None]
+        return values
 
     def guide(self) -> Form | None:
         """The form; of a half-width by Monte Carlo that of the root sum square."""
         method = self.definition.requirement.method
-        return form_of(self, "rss" if method == "monte_carlo" else method)
+        known = method != "monte_carlo" or isinstance(self.law, Law)
+        return form_of(self, method if known else "rss")
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: cost and linear variations are monotone in every tolerance."""

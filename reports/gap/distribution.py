@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...gap_records import GapResult
@@ -22,7 +23,8 @@ def distribution_figure(result: GapResult, output: Axis) -> Figure | None:
         return None
     rows = result.units[result.units["output"] == output.name].sort_values("share")
     figure = new_figure(height=3.6)
-    axes = figure.add_subplot()
+    left = figure.add_gridspec(1, 2, width_ratios=(3.0, 1.4))
+    axes, beside = (figure.add_subplot(left[0, at]) for at in range(2))
     for name, label, colour, style, width in LINES:
         axes.step(rows[name], rows["share"], where="mid", color=colour, linestyle=style,
                   linewidth=width, label=label)  # fmt: skip
@@ -30,4 +32,16 @@ def distribution_figure(result: GapResult, output: Axis) -> Figure | None:
     axes.set_ylabel("share of units below")
     axes.legend(frameon=False, fontsize="small")
     plain(axes)
+    _distances(beside, result, output)
     return figure
+
+
+def _distances(axes: Axes, result: GapResult, output: Axis) -> None:
+    """How far the units are from the model before and after, and how far chance gets."""
+    far = (result.gap_before[output.name], result.gap_after[output.name])
+    axes.bar(["before", "after"], far, width=0.5, color=[BEFORE.colour, AFTER.colour])
+    axes.axhline(result.noise_floor[output.name], color="black", linestyle=":", linewidth=1.4,
+                 label="chance")  # fmt: skip
+    axes.set_ylabel(words("distance from the population", output.unit))
+    axes.legend(frameon=False, fontsize="small")
+    plain(axes)

@@ -14,12 +14,15 @@ from ..document import bullets, document, picture, section
 from ..summary import summary_table
 from ..tables import shown, table
 from .distribution import distribution_figure
+from .drawing import drawing_section
 from .next_measurement import CAPTION, next_figure, next_section
 from .path import path_figure
 from .populations import attribution_table, population_table
 from .residuals import residuals_figure
 from .spectrum import spectrum_figure
 
+NOTHING = ("", table(pd.DataFrame()))
+"""A section that holds nothing else is left out."""
 VERDICTS = {
     "no_gap": "No gap: what is left between model and measurement is noise.",
     "named": "Named: the effect below closes the gap, and no other name fits these data as well.",
@@ -40,8 +43,10 @@ CAPTIONS = {
     "spectrum": "{0}: amplitude of every order of the residual, before above and after below. "
     "Dotted: what noise alone reaches; peaks above it bear their order. Hatched: orders where the "
     "gap was located, waves that grow with the torque included, which hardly show here.",
-    "distribution": "{0}: share of units below a value; measured (solid), model before (dashed) "
-    "and after (dash-dotted).",
+    "distribution": "{0}. Left: share of units below a value; measured (solid), model before "
+    "(dashed) and after (dash-dotted). Right: the distance of the measured units from either "
+    "population, and what 95 % of batches of that size, drawn from the corrected model, stay below "
+    "(dotted).",
     "path": "Held-out error of every step over the noise: 1 is the noise floor (dotted). Accepted "
     "steps are filled and joined, refused ones hollow.",
 }
@@ -55,28 +60,29 @@ def figures(result: GapResult) -> dict[str, Figure]:
 def gap_page(result: GapResult) -> str:
     """The whole page; every text that comes from outside is escaped."""
     pictures = {name: picture(name, figure, caption) for name, figure, caption in _drawn(result)}
-    sections = (
-        section("Verdict", _verdict(result)),
-        section("The gap before and after", _gaps(result) + _those(pictures, "residuals")
-                + _those(pictures, "distribution") + population_table(result)),
-        section("Where", _where(result)),
-        section("Orders", _those(pictures, "spectrum") or "<p>The table has no angle.</p>"),
-        section("Steps", _those(pictures, "path") + _steps(result)),
-        section("Effects", _effects(result)),
-        section("What remains without a name", _remainder(result)) if result.remainder else "",
-        section("Rivals and the measurement that separates them", _rivals(result)),
-        section("Inputs behind it", attribution_table(result)),
-        section("The next measurement",
-                next_section(result.next_measurement, _those(pictures, "next_measurement"))),
-        section("Without a name", bullets([str(one) for one in result.shapes])),
-        section("Recalibrated parameters", _recalibrated(result)),
-        section("What would have been seen", _detectable(result)),
-        section("Notes", bullets(result.notes)),
-        section("Summary", summary_table(result.summary)),
-        section("Configuration", f"<pre>{escape(result.configuration)}</pre>"),
-        section("Corrected configuration", f"<pre>{escape(result.corrected)}</pre>"),
-    )  # fmt: skip
-    return document(result.title, "\n".join(sections))
+    sections = {
+        "What was simulated": drawing_section(result.drawing),
+        "Verdict": _verdict(result),
+        "The gap before and after": _those(pictures, "distribution") + _gaps(result)
+        + _those(pictures, "residuals") + population_table(result),
+        "Where": _where(result),
+        "Orders": _those(pictures, "spectrum"),
+        "Steps": _those(pictures, "path") + _steps(result),
+        "Effects": _effects(result),
+        "What remains without a name": _remainder(result) if result.remainder else "",
+        "Rivals and the measurement that separates them": _rivals(result),
+        "Inputs behind it": attribution_table(result),
+        "The next measurement": _next(result, _those(pictures, "next_measurement")),
+        "Without a name": bullets([str(one) for one in result.shapes]) if result.shapes else "",
+        "Recalibrated parameters": _recalibrated(result),
+        "What would have been seen": _detectable(result),
+        "Notes": bullets(result.notes) if result.notes else "",
+        "Summary": summary_table(result.summary),
+        "Configuration": f"<pre>{escape(result.configuration)}</pre>",
+        "Corrected configuration": f"<pre>{escape(result.corrected)}</pre>",
+    }  # fmt: skip
+    told = [section(title, body) for title, body in sections.items() if body not in NOTHING]
+    return document(result.title, "\n".join(told))
 
 
 def _drawn(result: GapResult) -> Iterator[tuple[str, Figure, str]]:
@@ -151,7 +157,7 @@ def _steps(result: GapResult) -> str:
 
 
 def _effects(result: GapResult) -> str:
-    return "\n".join(map(_effect, result.effects)) or "<p>None.</p>"
+    return "\n".join(map(_effect, result.effects))
 
 
 def _effect(one: FoundEffect) -> str:
@@ -187,8 +193,14 @@ def _remainder(result: GapResult) -> str:
     return table(pd.DataFrame(rows)) + bullets(terms)
 
 
+def _next(result: GapResult, pictures: str) -> str:
+    """What is planned, or how to ask for it where something is open."""
+    asked = result.next_measurement is not None or bool(result.rivals or result.shapes)
+    return next_section(result.next_measurement, pictures) if asked else ""
+
+
 def _rivals(result: GapResult) -> str:
-    return "\n".join(map(_rival, result.rivals)) or "<p>None: no other name fits as well.</p>"
+    return "\n".join(map(_rival, result.rivals))
 
 
 def _rival(one: Rival) -> str:

@@ -12,9 +12,12 @@ from .marks import AFTER
 
 
 def path_figure(result: GapResult) -> Figure | None:
-    """Held-out error of each step in noise units; accepted ones joined, refused ones hollow."""
+    """Held-out error of each step in noise units; accepted ones joined, refused ones hollow.
+
+    None for a batch: what decides there is its distance from the population.
+    """
     steps = [one for one in result.steps if isfinite(one.held_out)]
-    if not steps:
+    if not steps or len(result.units):
         return None
     figure = new_figure(height=1.6 + 0.32 * len(steps))
     axes = figure.add_subplot()

@@ -11,7 +11,6 @@ from ...gap_records import GapResult
 from ..tables import table
 
 CAPTION = "Simulated and measured units, with the model as it is and with the effects in it."
-NO_INPUT = "<p>Nothing to attribute to an input.</p>"
 
 
 def population_table(result: GapResult) -> str:
@@ -30,7 +29,7 @@ def population_table(result: GapResult) -> str:
 
 def attribution_table(result: GapResult) -> str:
     """What every input alone would have to do, and why it is excluded."""
-    return "\n".join(map(_attribution, result.attribution)) or NO_INPUT
+    return "\n".join(map(_attribution, result.attribution))
 
 
 def _attribution(one: Attribution) -> str:

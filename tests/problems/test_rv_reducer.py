@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tolevo.models.costs import Reciprocal
 from tolevo.problems.rv_reducer import RvReducer
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 from tolevo.testing import ProblemContract
@@ -177,6 +178,20 @@ def test_a_search_needs_a_limit_on_interference(limits: dict[str, Bound], allowe
     faults = small(limits=limits).search_faults()
     assert ([] if allowed else ["limits.interference_probability"]) == [f.place for f in faults]
     assert not small({"allow_interference": True}, limits=limits).search_faults()
+
+
+def test_an_error_between_discs_that_is_searched_needs_a_cost() -> None:
+    searched = {
+        name: VariableSetting(low=0.5, high=8.0) for name in ("bore_um", "crank_phase_mrad")
+    }
+    priced = {"bore_um": Reciprocal(a=0.0, b=1.0)}
+    assert [f.place for f in small(variables=searched).faults()] == [
+        "costs.bore_um", "costs.crank_phase_mrad",
+    ]  # fmt: skip
+    assert [f.place for f in small(variables=searched, costs=priced).faults()] == [
+        "costs.crank_phase_mrad"
+    ]
+    assert not small().faults()
 
 
 def test_least_backlash_is_that_of_the_involute_stage(one: RvReducer) -> None:

@@ -50,9 +50,10 @@ def test_lines_that_differ_are_marked(of_units: GapResult) -> None:
     assert attribution_table(of_units).count("class=mark") == 1
 
 
-def test_page_without_units_says_so(result: GapResult) -> None:
-    assert population_table(result) == ""
-    assert "Nothing to attribute to an input" in attribution_table(result)
+def test_page_without_units_has_no_section_of_them(result: GapResult) -> None:
+    assert population_table(result) == attribution_table(result) == ""
+    assert "Inputs behind it" not in gap_page(result)
+    assert "<p>None" not in gap_page(replace(result, effects=(), rivals=(), shapes=(), where=()))
 
 
 def test_both_come_back_from_the_stored_page(of_units: GapResult) -> None:

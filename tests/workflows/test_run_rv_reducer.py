@@ -10,7 +10,10 @@ from typer.testing import CliRunner, Result
 
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
+from tolevo.configuration import read
+from tolevo.errors import InputError
 from tolevo.workflows.run import overlay
+from tolevo.workflows.run.reach import searchable
 
 SMALL = """
 problem = "rv_reducer"
@@ -95,6 +98,40 @@ def test_a_search_without_a_limit_on_interference_is_refused(tmp_path: Path) -> 
     assert told.exit_code == 2
     assert "limits.interference_probability: is missing" in " ".join(told.output.split())
     assert not (tmp_path / "out").exists()
+
+
+STUDIED = """
+seeds = 2
+response = "hypervolume"
+[run]
+problem = "rv_reducer"
+algorithm = { name = "nsga2" }
+[vary]
+"algorithm.population" = [20, 40]
+[design]
+kind = "factorial"
+"""
+
+
+@pytest.mark.parametrize(("text", "at"), [(SMALL + EVOLVED, "limits"), (STUDIED, "run.limits")])
+def test_every_door_to_a_search_asks_for_that_limit(tmp_path: Path, text: str, at: str) -> None:
+    path = written(tmp_path, text)
+    doors: list[tuple[object, ...]] = [("check", path)]
+    if at != "limits":
+        doors.append(("study", path, "--out", tmp_path / "out"))
+    for door in doors:
+        told = tolevo(*door)
+        assert told.exit_code == 2
+        assert f"{at}.interference_probability: is missing" in " ".join(told.output.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_search_from_python_asks_for_it_as_well(tmp_path: Path) -> None:
+    found = read(written(tmp_path, SMALL + EVOLVED))
+    assert found.problem is not None
+    with pytest.raises(InputError) as raised:
+        searchable(found.problem)
+    assert [one.place for one in raised.value.faults] == ["limits.interference_probability"]
 
 
 def test_a_limit_that_no_design_keeps_is_refused_with_the_least_found(tmp_path: Path) -> None:

@@ -98,7 +98,9 @@ class Judge:
         self.own = self._outputs(design[None])
 
     def _outputs(self, designs: Array) -> dict[str, Array]:
-        return self.asked.outputs_of(designs, searching=self.searching, errors=False)
+        if self.searching:
+            return self.asked.outputs_of(designs, searching=True)
+        return self.asked.needed(designs)
 
     def keys(self, designs: Array) -> Array:
         """Violation, worsening of the other objectives and cost, shape (n, 3); less is better."""

@@ -37,6 +37,8 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
             parameters[name] = value
     if parameters:
         found["parameters"] = parameters
+    if turned := {name: one for name, one in plan.sense.items() if one < 0}:
+        found["sense"] = turned
     if zero := _zero(plan, model):
         found["zero"] = zero
     terms = [_unresolved(one, model) for one in model.members if is_term(one)]
@@ -89,9 +91,10 @@ def _zero(plan: GapPlan, model: Corrected) -> dict[str, float]:
     return {name: plan.zero.get(name, 0.0) + fitted.get(name, 0.0) for name in names}
 
 
-def _column(one: Any) -> dict[str, str]:
+def _column(one: Any) -> dict[str, Any]:
     parts = {"role": one.role, "unit": one.unit, "of": one.of}
-    return {key: value for key, value in parts.items() if value}
+    turned = {"sense": one.sense} if one.sense < 0 else {}
+    return {key: value for key, value in parts.items() if value} | turned
 
 
 def _plain(value: Any) -> Any:

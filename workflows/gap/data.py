@@ -16,6 +16,7 @@ from ...models.effects.readings import readings_of, target_from
 from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
 from ...units import converted, dimension
+from .clocks import in_time
 from .plan import GapPlan
 
 
@@ -65,9 +66,11 @@ class GapData:
         """The same data at some of the rows."""
         return replace(
             self,
-            readings=readings_of(
-                self.target.columns,
-                {name: values[rows] for name, values in self.readings.table.items()},
+            readings=_in_order(
+                readings_of(
+                    self.target.columns,
+                    {name: values[rows] for name, values in self.readings.table.items()},
+                )
             ),
             measured={name: values[rows] for name, values in self.measured.items()},
             predicted={name: values[rows] for name, values in self.predicted.items()},
@@ -91,20 +94,22 @@ def assembled(
 
     `predictions` and `stds` name the column of an output; both are brought to the output's unit.
     """
-    frame = _in_time(frame, columns, notes)
+    frame = in_time(frame, columns, notes)
     table = {c.name: frame[c.name].to_numpy() for c in columns}
     units = {o.name: o.unit for o in outputs}
     changeable = () if plan.model is None else plan.model.changeable
     population = plan.model is not None and plan.model.population
     target = target_from(plan.model_name, outputs, columns, table, changeable, population)
+    target = replace(target, gear=plan.gear if plan.model is None else plan.model.gear)
     if plan.model is not None:
         target = replace(target, several=len(plan.model.outputs) > 1)
     return GapData(
         target=target,
-        readings=readings_of(columns, table),
-        measured={name: frame[name].to_numpy(dtype=float) for name in units},
+        readings=_in_order(readings_of(columns, table)),
+        measured={n: _sense(plan, n) * frame[n].to_numpy(dtype=float) for n in units},
         predicted={
-            name: _converted(frame[column], _unit(plan, column, units[name]), units[name])
+            name: _sense(plan, column)
+            * _converted(frame[column], _unit(plan, column, units[name]), units[name])
             for name, column in predictions.items()
         },
         std={
@@ -119,6 +124,17 @@ def assembled(
     )
 
 
+def _in_order(readings: Readings) -> Readings:
+    """Readings whose rows stand in the order of measuring, whatever the clocks of sessions say."""
+    return replace(readings, order=None)
+
+
+def _sense(plan: GapPlan, name: str) -> float:
+    """-1 of a column that counts against the convention, else 1."""
+    given = plan.columns.get(name)
+    return float(plan.sense.get(name, 1) * (1 if given is None else given.sense))
+
+
 def _unit(plan: GapPlan, column: str, unit: str) -> str:
     given = plan.columns.get(column)
     return unit if given is None or not given.unit else given.unit
@@ -128,25 +144,6 @@ def _converted(values: pd.Series[Any], unit: str, wanted: str, scale_only: bool 
     numbers = values.to_numpy(dtype=float)
     zero = converted(0.0, unit, wanted) if scale_only else 0.0
     return np.asarray(converted(numbers, unit, wanted) - zero, dtype=float)
-
-
-def _in_time(frame: pd.DataFrame, columns: tuple[Column, ...], notes: list[str]) -> pd.DataFrame:
-    """The rows in the order of measuring."""
-    time = next((c.name for c in columns if c.role is Role.TIME), None)
-    if time is None:
-        return frame
-    steps = np.diff(frame[time].to_numpy())
-    if (steps < 0).any():
-        count = int((steps < 0).sum())
-        notes.append(f"{time} goes back {count} times; the rows were put in the order of {time}")
-        frame = frame.sort_values(time, kind="stable")
-        steps = np.diff(frame[time].to_numpy())
-    if same := int((steps == 0).sum()):
-        notes.append(f"{time} stands still at {same} rows: their order is that of the file")
-    usual = float(np.median(steps)) if len(steps) else 0.0
-    if usual > 0 and (gaps := int((steps > 10 * usual).sum())):
-        notes.append(f"{time} is broken by {gaps} gaps of more than 10 usual steps")
-    return frame
 
 
 def _repeats(frame: pd.DataFrame, columns: tuple[Column, ...]) -> NDArray[Any] | None:

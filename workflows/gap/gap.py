@@ -21,6 +21,7 @@ from .gaps import OF_UNITS, gaps
 from .locate import regions
 from .next.measurement import next_measurement
 from .plan import GapPlan
+from .plausible import unlikely_numbers
 from .populations.found import attribution_of, inputs_instead, population_of, said
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
@@ -178,6 +179,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         unresolved=terms_of(end),
         next_measurement=planned.record if planned else None,
         next_points=planned.points if planned else None,
+        drawing=plan.drawing,
     )  # fmt: skip
 
 
@@ -211,7 +213,9 @@ def _region(data: GapData) -> dict[str, list[float]]:
 
 
 def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
-    found = [*data.notes, *end.setup.notes]
+    drawing = end.setup.plan.drawing
+    found = [*([drawing.assumed] if drawing and drawing.assumed else []), *end.setup.first]
+    found += [*unlikely_numbers(end.fit, data), *data.notes, *end.setup.notes]
     for output, noise in zip(data.outputs, analysis.bare.noises, strict=True):
         if noise.outliers:
             found.append(f"{output.name}: {noise.outliers} outliers do not count")
@@ -231,7 +235,8 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
 
 def _lines(result: GapResult) -> tuple[str, ...]:
     """A short summary for the terminal."""
-    lines = [f"{result.verdict}: {result.summary['rows']} rows"]
+    lines = list(result.drawing.lines()) if result.drawing else []
+    lines.append(f"{result.verdict}: {result.summary['rows']} rows")
     words = FAR if result.summary["gap_is"] == OF_UNITS else RMSE
     for output in result.outputs:
         before, after = result.gap_before[output.name], result.gap_after[output.name]

@@ -25,8 +25,17 @@ ON_SCATTER = ("spread_inflation", "lot_mixture")
 Predict = Callable[[Mapping[str, Array]], Mapping[str, Array]]
 """The model's outputs (n,) by name, at changes inside of it."""
 
+OURS = "tolevo "
+"""What the origin of an effect of this package begins with."""
+ELSEWHERE = ("population", "manipulator", "assembly")
+"""Families of effects that act in models of their own."""
+MOVING = (Role.ANGLE, Role.TORQUE, Role.FORCE, Role.SPEED, Role.DIRECTION, Role.TIME,
+          Role.TEMPERATURE)  # fmt: skip
+"""Roles of a bench, as the effects of a drive need them."""
 BEND = 2.5
 """What the first nonlinear parameter of an effect must gain."""
+FINEST = 0.01
+"""Smallest delay that is tried, as a share of the longest."""
 MOST = 400
 """Points of the grid of an effect's nonlinear parameters."""
 SMALL = 0.05
@@ -200,6 +209,41 @@ def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
     return found
 
 
+def left_out(names: Iterable[str], data: GapData) -> list[str]:
+    """Sentences about effects that are not considered, and why.
+
+    Of our own those alone that a column, a gear or another output would bring in; of others' each.
+    """
+    by_reason: dict[str, list[str]] = {}
+    for name in names:
+        effect = registry.load("effects", name)()
+        foreign = not registry.origin("effects", name).startswith(OURS)
+        if (why := _reason(effect, data)) and (foreign or _matters(effect, why, data)):
+            by_reason.setdefault(why, []).append(name)
+    return [f"not considered, {why}: {', '.join(those)}" for why, those in by_reason.items()]
+
+
+def _reason(effect: Effect, data: GapData) -> str:
+    """Why an effect is no candidate, empty where it is one."""
+    if why := effect.left_out(data.target):
+        return why
+    if _at_one_angle(effect, data):
+        return "one angle only"
+    hidden = effect.shown(data.measured, data.target) is None
+    return "its traces are not in the readings" if hidden else ""
+
+
+def _matters(effect: Effect, why: str, data: GapData) -> bool:
+    """Whether it is worth saying of an effect of our own that it has no place."""
+    roles = data.target.roles()
+    if data.target.population or effect.family in ELSEWHERE or not roles & set(MOVING):
+        return False
+    if set(effect.needs) <= roles:
+        return why not in (Effect.own_reason(effect, data.target), "its traces are not in the "
+                           "readings")  # fmt: skip
+    return data.target.model == "table"
+
+
 def _chosen(one: EffectParameter, shown: Mapping[str, float]) -> EffectParameter:
     """A parameter, no longer to be fitted where the readings show it."""
     return replace(one, choices=(shown[one.name],)) if one.name in shown else one
@@ -276,6 +320,9 @@ def _axis(parameter: EffectParameter, spread: float, dimensions: int) -> list[fl
     count = 15 if dimensions == 1 else 24 if parameter.phase or parameter.unit == "Hz" else 6
     if parameter.phase:
         return [float(x) for x in np.linspace(low, high, count, endpoint=False)]
+    if np.isfinite(high) and low == -high and parameter.unit == "s":  # late, or early
+        half = np.geomspace(high * FINEST, high, count // 2)
+        return [float(x) for x in (*-half[::-1], *half)]
     if not np.isfinite(high):
         high = max(low, 0.0) + 10.0 * spread
     if not np.isfinite(low):

@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ...gap_drawing_records import Drawing
 from ...models.effects.compose import Active
+from ...models.gear import Gear
 from ...models.measurable import MeasurableModel
 
 ROLES = (
@@ -15,19 +17,24 @@ ROLES = (
 )  # fmt: skip
 """The roles that `[columns]` gives."""
 ROLE_UNITS = {
-    "angle": "rad", "torque": "N m", "force": "N", "speed": "rpm", "temperature": "degC",
-    "time": "s", "payload": "kg", "position": "m",
+    "angle": ("rad", "m"), "torque": ("N m",), "force": ("N",), "speed": ("rpm", "m/s"),
+    "temperature": ("degC",), "time": ("s",), "payload": ("kg",), "position": ("m",),
 }  # fmt: skip
-"""The unit in which effects see a column of a role."""
+"""The units in which effects see a column of a role; the second is that of what moves along a line.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnRole:
-    """Role and unit of one column of a table; `of` names the output of a prediction or noise."""
+    """Role and unit of one column of a table; `of` names the output of a prediction or noise.
+
+    `sense` is -1 where it counts against the convention (docs/conventions.md).
+    """
 
     role: str
     unit: str = ""
     of: str = ""
+    sense: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,9 +98,10 @@ class GapPlan:
     known standard deviation by output, `blocks` is "auto" or a column. `run` are the raw tables of
     the configuration whose allocation the corrected model is to repeat (empty for none), `tables`
     the resolved ones of the model, `active` the effects that are in it already, `zero` what is
-    added to outputs that have a zero. `counterparts` says what each effect of a corrected
+    added to outputs that have a zero, `sense` is -1 of those that read the other way round, `gear`
+    that of a table. `counterparts` says what each effect of a corrected
     configuration does in the problem of `run`; None without it. `next_measurement` is None where
-    none was asked for.
+    none was asked for. `drawing` is what units that are made to one are simulated as.
     """
 
     model_name: str
@@ -111,11 +119,14 @@ class GapPlan:
     run: Mapping[str, Any] = field(default_factory=dict)
     active: tuple[Active, ...] = ()
     zero: Mapping[str, float] = field(default_factory=dict)
+    sense: Mapping[str, int] = field(default_factory=dict)
+    gear: Gear | None = None
     rebuild: Callable[[Mapping[str, Any]], MeasurableModel] | None = None
     counterparts: Callable[[str], Mapping[str, str]] | None = None
     tables: Mapping[str, Any] = field(default_factory=dict)
     configuration: str = ""
     next_measurement: NextPlan | None = None
+    drawing: Drawing | None = None
 
 
 def output_of(name: str, columns: Mapping[str, ColumnRole]) -> str | None:

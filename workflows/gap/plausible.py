@@ -7,16 +7,19 @@ from math import radians, tau
 
 import numpy as np
 
+from ...models.effects.effect import kind_of
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
+from ...units import converted
 from .data import GapData
+from .fit import Fit
 
 MOST = {
     Role.ANGLE: (1000.0 * tau, "1000 turns"),
     Role.TORQUE: (1e6, "1e6 N m"),
     Role.FORCE: (1e7, "1e7 N"),
     Role.SPEED: (1e5, "1e5 rpm"),
-    Role.TEMPERATURE: (400.0, "400 degC"),
+    Role.TEMPERATURE: (200.0, "200 degC, where greases and oils are gone"),
     Role.PAYLOAD: (1e5, "1e5 kg"),
     Role.POSITION: (1e3, "1 km"),
     Role.TIME: (3e8, "ten years"),
@@ -26,13 +29,24 @@ LITTLE = radians(0.5)
 """[rad] An angle that turns goes further; that of a unit whose input is locked does not."""
 FACTOR = 20.0
 """How many times its prediction a measurement is not, in one unit."""
+BESIDE = 100.0
+"""How much stiffer than a drive a part of its compliance may be."""
+FOLLOWS = 0.7
+"""Correlation from which a reading follows the load."""
+STIFFNESS = {
+    ("angle", "Nm"): ("arcmin", 1e-3, 2e4),
+    ("length", "N"): ("um", 1e-3, 1e5),
+}
+"""By kind of reading and load: a unit, and between which loads per unit drives are. Reducers have
+0.1 to 5000 N m/arcmin, from small harmonic drives to large cycloidal ones; screws 1 to 5000 N/um.
+"""
 ALIKE = 0.9
 """Correlation from which a measurement and its prediction are of one thing."""
 
 
 def implausible(data: GapData) -> list[str]:
     """Sentences about columns whose unit is hardly the one that was given."""
-    return [*_beyond(data), *_still(data), *_scaled(data)]
+    return [*_beyond(data), *_still(data), *_scaled(data), *_stiff(data)]
 
 
 def _beyond(data: GapData) -> Iterator[str]:
@@ -62,6 +76,53 @@ def _scaled(data: GapData) -> Iterator[str]:
         if factor > FACTOR or 0.0 < factor < 1.0 / FACTOR:
             yield (f"is the unit of {output.name} or that of its prediction wrong? They go "
                    f"together, but it is {factor:.4g} times as large")  # fmt: skip
+
+
+def _stiff(data: GapData) -> Iterator[str]:
+    """A reading that follows the load as no gear or axis does."""
+    role = next((r for r in (Role.TORQUE, Role.FORCE) if r in data.readings), None)
+    if role is None or data.target.population:
+        return
+    load = np.asarray(data.readings[role], dtype=float)
+    for output in data.outputs:
+        y = data.measured[output.name]
+        spread = float(np.std(load) * np.std(y))
+        slope = float(np.mean((load - load.mean()) * (y - y.mean())))
+        slope /= max(float(np.var(load)), 1e-300)
+        if spread > 0.0 and abs(slope) * np.std(load) > FOLLOWS * np.std(y):
+            said = unlikely(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
+            if said:
+                yield (f"{_said(data, role)} Or that of {output.name}? It follows the load as of a "
+                       f"stiffness of {said}")  # fmt: skip
+
+
+def unlikely(stiffness: float, unit: str, load: str, more: float = 1.0) -> str:
+    """A stiffness [load per unit] that no drive has and what one has, empty where one may.
+
+    `more` is by how much what is found beside a simulation may be stiffer than a drive.
+    """
+    kind = kind_of(unit)
+    if (kind, load) not in STIFFNESS:
+        return ""
+    shown, low, high = STIFFNESS[kind, load]
+    own = abs(stiffness) / float(converted(1.0, unit, shown))
+    if low <= own <= high * more:
+        return ""
+    return f"{own:.3g} {load}/{shown}; drives have {low:g} to {high:g}"
+
+
+def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
+    """Sentences about compliances that were fitted, and that no drive has."""
+    found = []
+    for member, sizes in zip(fit.members, fit.coefficients, strict=True):
+        if member.name != "torsional_compliance" or not len(sizes):
+            continue
+        load = "Nm" if Role.TORQUE in data.readings else "N"
+        for output, size in zip(member.candidate.effect.reached(data.target), sizes, strict=False):
+            if size > 0.0 and (said := unlikely(1.0 / float(size), output.unit, load, BESIDE)):
+                found.append(f"the stiffness of torsional_compliance in {output.name} is {said}: "
+                             "are the units right?")  # fmt: skip
+    return found
 
 
 def _factor(measured: Array, predicted: Array) -> float:

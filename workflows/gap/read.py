@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,10 @@ import pandas as pd
 from ... import tables
 from ...declarations import Output
 from ...errors import Fault, nearest, raise_all
+from ...models.effects.readings import SESSION
 from ...models.measurable import Column, Role
 from ...units import converted
+from .clocks import clock_faults, late
 from .columns import alike, told_apart
 from .data import GapData, assembled
 from .next.faults import range_faults
@@ -27,11 +29,8 @@ TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
 SAME = 1e-12
 """Relative range of readings that are all the same."""
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
-SESSION = "session"
 LARGEST = 1e100
 """Readings whose squares are still numbers."""
-LATE = 0.05
-"""Share of its span that a clock may begin away from 0."""
 ABSOLUTE_ZERO = -273.15
 """[degC]"""
 
@@ -56,8 +55,9 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
     wanted += [*predictions.values(), *stds.values()]
     extra = [] if plan.blocks in ("auto", *wanted) or plan.blocks not in given else [plan.blocks]
     spare = [SESSION] if SESSION not in (*extra, *wanted) else []
+    unused = _unused(plan, given, [*_needed(plan, columns, predictions), *wanted, *extra, *spare])
     frame, found = tables.parsed(
-        given.drop(columns=_ignored(plan, given)),
+        given.drop(columns=[*_ignored(plan, given), *unused]),
         place,
         needed=_needed(plan, columns, predictions),
         optional=[*wanted, *extra, *spare],
@@ -74,6 +74,7 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
             faults += too_few(frame, columns, place)
     if len(given):
         faults += _content_faults(plan, frame, columns, outputs, predictions, stds, place)
+        faults += clock_faults(frame, columns, place)
     if faults:
         return None, faults
     there = tuple(c for c in columns if c.name in frame)
@@ -86,23 +87,27 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
     if SESSION in spare and SESSION in frame:
         notes.append(f'{SESSION} is not used; [validation] blocks = "{SESSION}" would hold out one '
                      "after the other")  # fmt: skip
-    notes += [*told_apart(frame, there), *_late(frame, there)]
+    notes += [*told_apart(frame, there), *late(frame, there), *_said_of(unused)]
     data = assembled(plan, frame, there, outputs, predictions, stds, notes)
     if faults := range_faults(plan, data, place):
         return None, faults
-    return replace(data, notes=(*data.notes, *implausible(data)), digest=_digest(path)), []
+    return replace(data, notes=(*implausible(data), *data.notes), digest=_digest(path)), []
 
 
-def _late(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
-    """Clocks that do not begin near 0: effects that count the time from there meet another one."""
-    found = []
-    for column in columns:
-        if column.role is Role.TIME and column.name in frame:
-            first, span = float(frame[column.name].min()), float(np.ptp(frame[column.name]))
-            if abs(first) > LATE * span:
-                found.append(f"{column.name} begins at {first:g} {column.unit}: wear and creep "
-                             "count from 0; subtract what had passed before")  # fmt: skip
-    return found
+def _unused(plan: GapPlan, given: pd.DataFrame, known: Sequence[str]) -> list[str]:
+    """Columns of the file that have no role, but those whose name may be a slip of one that has."""
+    others = set(_ignored(plan, given)) | set(known)
+    free = [] if plan.model is None else [name for name in known if name not in given]
+    spare = [str(name) for name in given.columns if name not in others]
+    return [name for name in spare if not nearest(name, free)]
+
+
+def _said_of(unused: Sequence[str]) -> list[str]:
+    """What to say of columns without a role."""
+    if not unused:
+        return []
+    listed = ", ".join(unused[:10]) + (", ..." if len(unused) > 10 else "")
+    return [f"without a role, and not used: {listed} (docs/conventions.md lists the roles)"]
 
 
 def _digest(path: Path) -> str:
@@ -138,7 +143,7 @@ def _layout(
     roles = plan.columns
     outputs = tuple(Output(n, c.unit, "measured") for n, c in roles.items() if c.role == "measured")
     inputs = tuple(
-        Column(name, c.unit, c.role, True, c.role in ("unit", "lot"), Role(c.role))
+        Column(name, c.unit, c.role, True, c.role in ("unit", "lot"), Role(c.role), c.sense)
         for name, c in roles.items()
         if c.role not in ("measured", "predicted", "std", "ignore")
     )

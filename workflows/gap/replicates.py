@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import tomllib
 from collections.abc import Callable, Mapping
@@ -38,8 +39,10 @@ class Identity:
 
 
 def identity_of(plan: GapPlan, data: GapData) -> Identity:
-    """Of this analysis."""
-    return Identity(plan.configuration, data.digest, version("tolevo"))
+    """Of this analysis; what units are simulated as may stand in other files."""
+    drawn = f"{data.digest} {plan.drawing}".encode() if plan.drawing else b""
+    digest = hashlib.sha256(drawn).hexdigest() if drawn else data.digest
+    return Identity(plan.configuration, digest, version("tolevo"))
 
 
 class Replicates:

@@ -21,12 +21,14 @@ from .library import (
     Candidate,
     Columns,
     candidates,
+    left_out,
     with_lots,
 )
 from .linear import basis, beside
 from .plan import GapPlan
 from .predictor import predictor
 from .read import finite_faults
+from .senses import turned
 
 STEP = 0.02
 """Share of a tolerance by which a parameter is moved for its column."""
@@ -40,7 +42,8 @@ SAME_UNIT = 0.05
 class Setup:
     """Residual (N,) of the model at parameters `at`, where it fits best alone; the columns (N, p)
     of its free parameters, each for its whole tolerance, and of the zeros of outputs; `prior` is
-    the count of the former. `laws` are those of a population's outputs.
+    the count of the former. `laws` are those of a population's outputs; `first` is what is to be
+    said before anything else.
     """
 
     plan: GapPlan
@@ -57,6 +60,7 @@ class Setup:
     generic: list[Array]
     laws: Mapping[str, Law]
     notes: tuple[str, ...] = ()
+    first: tuple[str, ...] = ()
 
     @property
     def prior(self) -> int:
@@ -94,7 +98,8 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         forms=tuple(forms),
         generic=columns,
         laws=laws,
-        notes=(*notes, *few),
+        notes=(*notes, *few, *left_out(plan.library, data)),
+        first=tuple(turned(data, parts["predicted"], parts["base"], library, parts["columns"])),
         **parts,
     )
 

@@ -44,7 +44,9 @@ def summary_of(folder: Path) -> tuple[str, ...]:
 
 def record(result: GapResult) -> dict[str, Any]:
     """The content of `gap.json`."""
+    drawing = result.drawing
     return {
+        **({"simulated": asdict(drawing)} if drawing else {}),
         "verdict": result.verdict,
         "effects": [_effect(one) for one in result.effects],
         "alternatives": [_rival(one) for one in result.rivals],

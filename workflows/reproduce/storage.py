@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -13,8 +12,7 @@ from pydantic import TypeAdapter
 from ...claim_records import ComputedTable
 from ...directory import Ownership
 from ...errors import Fault, InputError, raise_all, refuse
-from ...files import write_text
-from ...sealed import loads, sealed_record, unsealed_record
+from ...sealed import read_record, write_record
 from .task import Checked, ClaimTask
 from .verdict import Outcome, Verdict, Word
 
@@ -32,7 +30,7 @@ def keep(folder: Path, task: ClaimTask, checked: Checked) -> None:
         "verdict": asdict(checked.verdict),
         "tables": TABLES.dump_python(dict(checked.tables), mode="json"),
     }
-    write_text(_path(folder, task), json.dumps(sealed_record(found), indent=1) + "\n")
+    write_record(_path(folder, task), found)
 
 
 def kept(folder: Path, task: ClaimTask) -> Checked | None:
@@ -42,13 +40,11 @@ def kept(folder: Path, task: ClaimTask) -> Checked | None:
     """
     path = _path(folder, task)
     try:
-        found = unsealed_record(loads(path.read_bytes().decode("utf-8")))
-        if found["key"] != task.key:
+        found = read_record(path)
+        if found is None or found["key"] != task.key:
             return None
         return Checked(_read_verdict(found["verdict"]), TABLES.validate_python(found["tables"]))
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         text = f"cannot be read: {error}; remove it, or start again with --overwrite"
         raise refuse(str(path), text) from error
 

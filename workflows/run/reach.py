@@ -11,13 +11,18 @@ from ...algorithms.exact.branch import Branch
 from ...algorithms.exact.epsilon import scale_of
 from ...algorithms.run import Run
 from ...algorithms.settings import Budget
-from ...errors import Fault
+from ...errors import Fault, raise_all
 from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
 ATTEMPTS = 3
 """Times that the least value is looked for from where it was found."""
+
+
+def searchable(problem: ToleranceProblem) -> None:
+    """Raises InputError with every reason why a problem is not to be searched as it is set."""
+    raise_all(problem.search_faults() or unreachable(problem))
 
 
 def unreachable(problem: ToleranceProblem) -> list[Fault]:

@@ -26,6 +26,7 @@ from .choices import with_choices
 from .front import inside, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
 from .proofs import Exact, exact_front, measures, proof_notes, with_bounds
+from .reach import searchable
 from .references import compare, documents, side_searches, table
 from .resume import CHECKPOINT, CONFIGURATION, notes_of, opened, seconds_before
 from .sides import Fronts, Sides
@@ -45,13 +46,14 @@ def run(
 
     The result does not depend on `workers`: side searches have seeds of their own and run in other
     processes where there are some. An interrupt ends the search; what was found is written.
-    Raises InputError where nothing is free to be searched, where another process works in `out`, or
-    where it holds something that is not to be replaced (`overwrite`); RunError where the disk is
-    full.
+    Raises InputError where nothing is free to be searched, where limits are missing or out of
+    reach, where another process works in `out`, or where it holds something that is not to be
+    replaced (`overwrite`); RunError where the disk is full.
     """
     if not plan.problem.free:
         text = "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`"
         raise refuse("problem", text)
+    searchable(plan.problem)
     with owned(out, "run", resume, overwrite) as place:
         return _run(plan, place, workers, progress, resume)
 

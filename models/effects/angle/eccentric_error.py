@@ -1,17 +1,18 @@
-"""Order 40: the cranks are eccentric by a wrong amount."""
+"""Order of the cranks (40): they are eccentric by a wrong amount."""
 
 from __future__ import annotations
 
+from ...gear import CRANK
 from ..shapes import Orders
 
 
 class EccentricError(Orders):
-    """Order 40: the cranks are eccentric by a wrong amount."""
+    """Order of the cranks (40): they are eccentric by a wrong amount."""
 
     name = "eccentric_error"
     family = "geometry by angle"
-    cause = "A crank turns 40 times per turn of the output and brings its error along."
-    formula = "c cos 40 theta + s sin 40 theta"
+    cause = "A crank brings its error along, many times (RV-40E: 40) per turn of the output."
+    formula = "c cos k theta + s sin k theta, k the order of the cranks (40)"
     mistaken_for = ("pin_circle_runout", "structural_resonance")
     reference = "Blanche and Yang, J. Mech. Transm. Autom. Des. 111, 1989"
-    orders = (40,)
+    follows = ((CRANK, 1.0),)

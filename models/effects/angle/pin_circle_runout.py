@@ -1,17 +1,18 @@
-"""Order 39: the pin circle runs out."""
+"""Order of the pins (39): the pin circle runs out."""
 
 from __future__ import annotations
 
+from ...gear import PINS
 from ..shapes import Orders
 
 
 class PinCircleRunout(Orders):
-    """Order 39: the pin circle runs out."""
+    """Order of the pins (39): the pin circle runs out."""
 
     name = "pin_circle_runout"
     family = "geometry by angle"
-    cause = "Each of the 39 teeth of a disc meets the same runout of the pin circle."
-    formula = "c cos 39 theta + s sin 39 theta"
+    cause = "Every tooth of a disc (39 in the RV-40E) meets the same runout of the pin circle."
+    formula = "c cos k theta + s sin k theta, k the order in which pins pass (39)"
     mistaken_for = ("eccentric_error", "pitch_defect", "structural_resonance")
     reference = "Blanche and Yang, J. Mech. Transm. Autom. Des. 111, 1989"
-    orders = (39,)
+    follows = ((PINS, 1.0),)

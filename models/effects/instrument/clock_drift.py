@@ -10,7 +10,7 @@ import numpy as np
 from ...inputs.distribution import Array
 from ...measurable import Role
 from ..effect import Readings, Target
-from ..shapes import OneColumn, Weight, speed_unit
+from ..shapes import POSITIONS, OneColumn, Weight, speed_unit
 
 
 class ClockDrift(OneColumn):
@@ -18,6 +18,7 @@ class ClockDrift(OneColumn):
 
     name = "clock_drift"
     family = "instrument"
+    dimensions = POSITIONS
     cause = "The clocks of input and output run apart, and the reading is ever further behind."
     formula = "a t v d"
     needs = (Role.TIME, Role.SPEED, Role.DIRECTION)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..shapes import Orders
+from ..shapes import POSITIONS, Orders
 
 
 class EncoderHarmonics(Orders):
@@ -10,6 +10,7 @@ class EncoderHarmonics(Orders):
 
     name = "encoder_harmonics"
     family = "instrument"
+    dimensions = POSITIONS
     cause = "The scale is eccentric and oval, the signals of its reading heads are not alike."
     formula = "orders 1, 2 and 4, as above; without 2 and 4 it is output_eccentricity"
     mistaken_for = ("output_eccentricity",)

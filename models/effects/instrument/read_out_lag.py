@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 
 import numpy as np
 
 from ...inputs.distribution import Array
 from ...measurable import Role
 from ..effect import Readings, Target
-from ..shapes import OneColumn, Weight, speed_unit
+from ..shapes import POSITIONS, OneColumn, Weight, speed_unit
 
 
 class ReadOutLag(OneColumn):
-    """The output is read late."""
+    """The output is read late, or its input is.
+
+    A reading that grows with the motion falls behind by v times the lag (a < 0); in a difference
+    in/i - out, as the transmission error is, a late output shows with the opposite sign (a > 0).
+    """
 
     name = "read_out_lag"
     family = "instrument"
+    dimensions = POSITIONS
     cause = "The reading of the output is some time behind that of the input."
     formula = "a v d"
     needs = (Role.SPEED, Role.DIRECTION)
@@ -24,7 +30,7 @@ class ReadOutLag(OneColumn):
     reference = "Franklin, Powell and Workman, Digital Control of Dynamic Systems, 1998"
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
-        return (Weight("rate", "a, per unit of speed", speed_unit(target)),)
+        return (Weight("rate", "a, per unit of speed", speed_unit(target), -inf),)
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
         return np.asarray(readings[Role.SPEED] * readings[Role.DIRECTION])

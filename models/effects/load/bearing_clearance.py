@@ -8,7 +8,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ..effect import EffectParameter, Readings, Target, quantity
-from ..shapes import Load, LoadShape, Weight
+from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
 class BearingClearance(LoadShape):
@@ -16,6 +16,7 @@ class BearingClearance(LoadShape):
 
     name = "bearing_clearance"
     family = "load"
+    dimensions = POSITIONS
     cause = "Rolling elements are loaded one after another until the clearance is taken up."
     formula = "c clip(T/T0, -1, 1)"
     mistaken_for = ("lost_motion", "torsional_compliance", "hertz_stiffening")

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ..effect import Readings, Target
-from ..shapes import Load, LoadShape, Weight
+from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
 class HertzStiffening(LoadShape):
@@ -16,6 +16,7 @@ class HertzStiffening(LoadShape):
 
     name = "hertz_stiffening"
     family = "load"
+    dimensions = POSITIONS
     cause = "Contacts flatten under load and stiffen: their approach grows with T^(2/3)."
     formula = "c sgn(T) |T|^(2/3)"
     mistaken_for = ("torsional_compliance", "bearing_clearance", "lost_motion")

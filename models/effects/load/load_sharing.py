@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ...gear import PINS
 from ...inputs.distribution import Array
 from ...measurable import Role
 from ..effect import Readings, Target
@@ -9,16 +10,16 @@ from ..shapes import Load, Orders
 
 
 class LoadSharing(Orders):
-    """Order 78, in proportion to the signed torque."""
+    """Twice the order of the pins (78), in proportion to the signed torque."""
 
     name = "load_sharing"
     family = "load"
     cause = "The two discs share the load unevenly, twice per tooth of a disc."
-    formula = "T (c cos 78 theta + s sin 78 theta)"
+    formula = "T (c cos k theta + s sin k theta), k twice the order in which pins pass (78)"
     needs = (Role.ANGLE, Role.TORQUE)
     mistaken_for = ("two_disc_error", "pitch_defect")
     reference = "Blanche and Yang, J. Mech. Transm. Autom. Des. 111, 1989"
-    orders = (78,)
+    follows = ((PINS, 2.0),)
 
     def per(self, target: Target) -> str:
         return Load.unit(target)

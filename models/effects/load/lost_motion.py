@@ -8,7 +8,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ..effect import Readings, Target
-from ..shapes import Load, LoadShape, Weight
+from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
 class LostMotion(LoadShape):
@@ -16,6 +16,7 @@ class LostMotion(LoadShape):
 
     name = "lost_motion"
     family = "load"
+    dimensions = POSITIONS
     cause = "A gap is crossed when the torque changes its sign."
     formula = "c sgn(T)"
     mistaken_for = ("bearing_clearance", "friction_hysteresis", "hertz_stiffening")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from ...inputs.distribution import Array
 from ..effect import Readings, Target
-from ..shapes import Load, LoadShape, Weight
+from ..shapes import POSITIONS, Load, LoadShape, Weight
 
 
 class TorsionalCompliance(LoadShape):
@@ -14,6 +14,7 @@ class TorsionalCompliance(LoadShape):
 
     name = "torsional_compliance"
     family = "load"
+    dimensions = POSITIONS
     cause = "Shafts, bearings and housing twist elastically, in proportion to the torque."
     formula = "T/K"
     mistaken_for = ("hertz_stiffening", "bearing_clearance", "lost_motion")

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from ...inputs.distribution import Array
 from ...measurable import Role
 from ..effect import EffectParameter, Readings, Target, quantity
-from ..shapes import Shape, Weight
+from ..shapes import Shape, Weight, no_waves
 
 Waves = NDArray[np.complex128]
-EXCITATIONS = (39.0, 40.0, 78.0, 80.0, 120.0, 121.0)
-"""Orders of the waves of pins, cranks, discs and sun."""
 
 
 class StructuralResonance(Shape):
@@ -34,7 +32,10 @@ class StructuralResonance(Shape):
             target.units.get(role) == unit
             for role, unit in ((Role.ANGLE, "rad"), (Role.SPEED, "rpm"))
         )
-        return turning and super().own_applies(target)
+        return turning and target.gear is not None and super().own_applies(target)
+
+    def own_reason(self, target: Target) -> str:
+        return no_waves(target)
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return (
@@ -43,8 +44,9 @@ class StructuralResonance(Shape):
         )
 
     def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
-        order = "k, order of the excitation in waves per turn of the angle"
-        first, last = EXCITATIONS[0], EXCITATIONS[-1]
+        order = "k, order of the excitation in waves per turn of the angle: those of the gear"
+        orders = target.gear.waves if target.gear is not None else ()
+        first, last = (orders[0], orders[-1]) if orders else (0.0, inf)
         fastest = target.largest.get(Role.SPEED, 0.0) / 60.0
         # between a quarter of the slowest wave at full speed and just above the quickest
         bounds = (0.25 * first * fastest, 1.1 * last * fastest)
@@ -52,7 +54,7 @@ class StructuralResonance(Shape):
         return (
             quantity("frequency", "Hz", "f, the natural frequency", low, high, linear=False),
             quantity("damping", "", "z, share of the critical damping", 0.005, 0.3, linear=False),
-            quantity("order", "", order, first, last, linear=False, choices=EXCITATIONS),
+            quantity("order", "", order, first, last, linear=False, choices=orders),
         )
 
     def columns(

@@ -10,7 +10,7 @@ import numpy as np
 from ...inputs.distribution import Array
 from ...measurable import Role
 from ..effect import Action, EffectParameter, Readings, Target, known, quantity
-from ..shapes import OneColumn, Weight, warming
+from ..shapes import POSITIONS, OneColumn, Weight, warming
 
 DISC = "disc_temperature_K"
 
@@ -24,6 +24,7 @@ class DifferentialThermalExpansion(OneColumn):
 
     name = "differential_thermal_expansion"
     family = "temperature, time"
+    dimensions = POSITIONS
     cause = "The disc is warmer than the housing, and fills the pin circle."
     formula = "a tau d; where a model has a pin circle: disc warmer by D + s tau"
     needs = (Role.TEMPERATURE, Role.DIRECTION)

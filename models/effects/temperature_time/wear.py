@@ -9,7 +9,7 @@ import numpy as np
 from ...inputs.distribution import Array
 from ...measurable import Role
 from ..effect import Readings, Target
-from ..shapes import OneColumn, Weight
+from ..shapes import POSITIONS, OneColumn, Weight
 
 
 class Wear(OneColumn):
@@ -17,6 +17,7 @@ class Wear(OneColumn):
 
     name = "wear"
     family = "temperature, time"
+    dimensions = POSITIONS
     cause = "Flanks wear, and the gap between there and back opens."
     formula = "a t d"
     needs = (Role.TIME, Role.DIRECTION)

@@ -1,31 +1,44 @@
 """The contract, for every effect of the library that acts on outputs of a table."""
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tolevo import registry
-from tolevo.models.effects.effect import FAMILIES
+from tolevo.declarations import Output
+from tolevo.models.effects.angle.gear_order import GearOrder
+from tolevo.models.effects.effect import FAMILIES, Target
+from tolevo.models.effects.instrument.delay import Delay
+from tolevo.models.effects.load.directional_offset import DirectionalOffset
+from tolevo.models.effects.readings import target_from
 from tolevo.testing import EffectContract
 
 LIBRARY = {
     "load": "torsional_compliance hertz_stiffening lost_motion bearing_clearance"
-    " friction_hysteresis load_sharing",
+    " friction_hysteresis load_sharing load_friction directional_offset",
     "geometry by angle": "output_eccentricity pin_circle_runout eccentric_error two_disc_error"
-    " sun_runout pitch_defect",
-    "speed": "structural_resonance viscous_friction windage",
-    "temperature, time": "differential_thermal_expansion thermal_friction drift creep wear",
+    " sun_runout pitch_defect gear_order",
+    "speed": "structural_resonance viscous_friction windage stribeck load_viscous",
+    "temperature, time": "differential_thermal_expansion thermal_friction drift creep wear"
+    " thermal_zero",
     "population": "process_mean_shift spread_inflation tool_wear_drift lot_mixture lot_offset",
     "manipulator": "joint_zero_offset arm_length_error base_tilt gravity_sag thermal_growth"
     " drive_eccentricity joint_clearance",
     "assembly": "adjustment_gain adjustment_backlash chain_coupling springback",
-    "instrument": "gauge_bias read_out_lag encoder_harmonics quantisation clock_drift",
+    "instrument": "gauge_bias read_out_lag encoder_harmonics quantisation clock_drift delay",
 }
 """Names to the letter, as the table of the library has them."""
 ELSEWHERE = ("population", "manipulator", "assembly")
 """These have models of their own, and are tried there."""
+APART = ("directional_offset", "gear_order", "delay")
+"""These need another output, no gear, or rows in their order."""
 NAMES = [
-    name for family, names in LIBRARY.items() for name in names.split() if family not in ELSEWHERE
+    name
+    for family, names in LIBRARY.items()
+    for name in names.split()
+    if family not in ELSEWHERE and name not in APART
 ]
 
 
@@ -34,6 +47,25 @@ class TestEveryEffectOfATable(EffectContract):
     @pytest.fixture(autouse=True)
     def _named(self, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(type(self), "effect_type", registry.load("effects", name), False)
+
+
+class TestDirectionalOffset(EffectContract):
+    effect_type = DirectionalOffset
+
+    def target(self, table: dict[str, np.ndarray] | None) -> Target:
+        return target_from("table", (Output("pull_N", "N", ""),), self.columns(), table)
+
+
+class TestGearOrder(EffectContract):
+    effect_type = GearOrder
+
+    def target(self, table: dict[str, np.ndarray] | None) -> Target:
+        return replace(super().target(table), gear=None)
+
+
+class TestDelay(EffectContract):
+    effect_type = Delay
+    has_path = True
 
 
 def test_families_are_those_of_the_table() -> None:

@@ -1,0 +1,236 @@
+"""The front of a form that is a bound: solved on the form, corrected by the full model.
+
+A form that understates its requirements has nearly the right tolerances at slightly wrong limits.
+Each point is solved again with its limits moved by what the model says more, so that it keeps them
+in truth; the ends come first: the least of each objective.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.forms import Form
+from ...problems.least import least_value
+from ..run import Run
+from .bounds import row_limits
+from .choices import Optimum, least_cost
+from .combination import Combination
+from .designs import search_vectors
+from .path import arc_length
+from .programme import Programme
+
+Array = NDArray[np.float64]
+COARSE = 24
+"""Levels of a coarse front, by which the points are spread."""
+FIRST = 5e-4
+"""Share of the range of levels that the first keeps from the least, where nothing has room."""
+ROUNDS = 5
+"""Times that limits are moved."""
+NEAR = 2e-3
+"""Share of a level by which a point may miss it: its own value counts."""
+DEARER, FAR = 1.003, 2e-3
+"""A cost that is so much higher is not corrected further where limits are broken by less."""
+CLOSE = 1e-5
+"""Share of a limit's scale by which a point may stay inside it."""
+INSIDE = 2e-6
+"""Share of a limit's scale by which a point is to stay inside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A search vector (variables,) that keeps the limits in truth, its cost, ways and t (features,)."""
+
+    ways: tuple[int, ...]
+    x: Array
+    cost: float
+    t: Array
+
+
+@dataclass(eq=False)
+class Corrected:
+    """Allocations of a form that keep limits by the full model."""
+
+    run: Run
+    form: Form
+    _moved: Array | None = field(default=None, init=False)
+    _start: Array | None = field(default=None, init=False)
+
+    def best(self, ways: tuple[int, ...], limit: Array) -> Point | None:
+        """The cheapest allocation that keeps limits (r,), by `ways` (features,) and those near.
+
+        The ways of the form's own optimum are the best only as far as the form is right: those
+        next to them are tried as long as that helps.
+        """
+        best = self.point(ways, limit)
+        for at, step in product(self._open, (-1, 1)):
+            while best is not None and self._has(at, best.ways[at] + step):
+                move = (*best.ways[:at], best.ways[at] + step, *best.ways[at + 1 :])
+                other = self.point(move, limit, than=best.cost)
+                if other is None or other.cost >= best.cost:
+                    break
+                best = other
+        return best
+
+    @property
+    def _open(self) -> list[int]:
+        """Features with several ways, those with most first."""
+        found = [at for at, feature in enumerate(self.form.features) if len(feature.ways) > 1]
+        return sorted(found, key=lambda at: -len(self.form.features[at].ways))
+
+    def _has(self, at: int, way: int) -> bool:
+        return 0 <= way < len(self.form.features[at].ways)
+
+    def point(
+        self, ways: tuple[int, ...], limit: Array, least: int = -1, than: float = np.inf
+    ) -> Point | None:
+        """The allocation of least cost at limits (r,), made in `ways`; None where none is found.
+
+        Where `least` is a row, its least value is wanted and its limit not looked at. None as well
+        as soon as it is clearly dearer `than` a cost.
+        """
+        problem, best = self.run.problem, None
+        real = np.isfinite(limit)
+        scale = np.where(real, np.maximum(np.abs(limit), 0.1), 1.0)
+        moved = limit if self._moved is None else np.where(real, limit + self._moved, limit)
+        t: Array | None = None
+        for _ in range(ROUNDS):
+            t = self._solved(ways, moved, least)
+            if t is None:
+                break
+            x = self._vector(ways, t)
+            designs = problem.complete(x[None, :])
+            found = problem.outputs_of(designs, errors=False)
+            values = problem.form_values(self.form, designs, found)[0]
+            kept = np.all(problem.violations(designs, found) <= 0.0)
+            cost = float(values[least] if least >= 0 else found["cost"][0])
+            if (
+                kept
+                and self._near_enough(values, limit, least)
+                and (best is None or cost < best.cost)
+            ):
+                best = Point(ways, x, cost, t)
+            excess = np.where(real, values - limit, 0.0) / scale
+            if cost > than * DEARER and np.all(excess < FAR):
+                return None
+            if best is not None and np.all(np.abs(excess[self._active(moved, t, ways)]) < CLOSE):
+                break
+            moved = np.where(real, moved - scale * (excess + INSIDE), moved)
+        if best is not None:
+            self._moved, self._start = np.where(real, moved - limit, 0.0), best.t
+        return best
+
+    def _active(self, limit: Array, t: Array, ways: tuple[int, ...]) -> NDArray[np.bool_]:
+        """Which limits (r,) hold an allocation back."""
+        values = Combination(self.form, ways).values(t[None, :])[0]
+        return np.isfinite(limit) & (values >= limit - 1e-6 * np.maximum(np.abs(limit), 1e-2))
+
+    def _near_enough(self, values: Array, limit: Array, least: int) -> bool:
+        """Whether a point keeps limits of the requirements that the problem does not check."""
+        slack = np.where(np.isfinite(self.form.own_limits), np.inf, NEAR * np.abs(limit))
+        if least >= 0:
+            slack[least] = np.inf
+        return bool(np.all(values <= limit + slack))
+
+    def _vector(self, ways: tuple[int, ...], t: Array) -> Array:
+        one = np.ones(1)
+        found = Optimum(np.array([ways]), t[None, :], one, one, one[:, None])
+        return search_vectors(self.run.problem, self.form, found)[0]
+
+    def _solved(self, ways: tuple[int, ...], limit: Array, least: int) -> Array | None:
+        """Tolerances (features,) of least cost, or of the least value of a row."""
+        if least >= 0:
+            found = least_value(_made(self.form, ways), least, limit)
+            return None if found is None else found.t
+        return Programme(Combination(self.form, ways)).allocation(limit, self._start)
+
+
+def corrected_vectors(run: Run, form: Form, points: int) -> Array:
+    """Search vectors (k, variables) of about `points` along the front, or of the least cost."""
+    limits = row_limits(run.problem, form)
+    own, corrected = np.isfinite(form.own_limits), Corrected(run, form)
+    swept = np.array([name in run.problem.objectives for name in form.outputs]) & ~own
+    if run.problem.n_obj == 1 or np.count_nonzero(swept) != 1:
+        found = least_cost(form, limits[None, :])
+        best = corrected.best(tuple(found.chosen[0].tolist()), limits)
+        return np.empty((0, run.problem.n_var)) if best is None else best.x[None, :]
+    row = int(np.argmax(swept))
+    run.phase("ends of the front", 0.05)
+    ends, chosen_at_end = _ends(form, limits, row)
+    end = corrected.point(chosen_at_end, limits, least=row)
+    x = [] if end is None else [end.x]
+    asked, chosen = _levels(run, form, limits, row, ends, points)
+    before = None
+    for done, (limit, ways) in enumerate(zip(asked, chosen.tolist(), strict=True)):
+        run.phase("points on the full model", 0.6 + 0.4 * done / len(asked))
+        best = corrected.best(tuple(ways) if before is None else before.ways, limit)
+        if best is not None:
+            x.append(best.x)
+            before = best
+    return np.array(x).reshape(len(x), run.problem.n_var)
+
+
+def _ends(form: Form, limits: Array, row: int) -> tuple[tuple[float, float], tuple[int, ...]]:
+    """Least and largest value of a row along the front, and the ways of the least."""
+    free = limits.copy()
+    free[row] = np.inf
+    cheapest = least_cost(form, limits[None, :])
+    chosen = tuple(cheapest.chosen[0].tolist())
+    most = float(Combination(form, chosen).values(cheapest.t)[0, row])
+    same = least_value(_held(_made(form, chosen), cheapest.t[0]), row, free * (1.0 + 1e-9))
+    least = least_value(form, row, free)
+    if least is None:
+        return (most, most), chosen
+    return (least.value, most if same is None else min(most, same.value)), least.chosen
+
+
+def _levels(
+    run: Run, form: Form, limits: Array, row: int, ends: tuple[float, float], points: int
+) -> tuple[Array, NDArray[np.int64]]:
+    """Limits (n, r) spread by the arc length of a coarse front, and ways (n, features) for each."""
+    low, high = ends
+    steps = np.linspace(0.0, 1.0, max(2, min(COARSE, points))) ** 2
+    coarse = low + (high - low) * np.maximum(steps, FIRST)
+    run.phase("coarse front", 0.1)
+    found, asked = _at(form, limits, row, coarse)
+    if len(asked) < 2 or points <= len(coarse):
+        return asked, found.chosen
+    length = arc_length(np.stack([asked[:, row], found.cost]))
+    even = np.interp(np.linspace(0.0, length[-1], points), length, asked[:, row])
+    run.phase("fine front", 0.2)
+    found, asked = _at(form, limits, row, even)
+    return asked, found.chosen
+
+
+def _at(form: Form, limits: Array, row: int, levels: Array) -> tuple[Optimum, Array]:
+    """The form solved at levels (n,) of a row, and the limits (n, r); those that exist."""
+    asked = np.tile(limits, (len(levels), 1))
+    asked[:, row] = levels
+    found = least_cost(form, asked)
+    real = np.isfinite(found.cost)
+    parts = (found.chosen, found.t, found.cost, found.bound, found.multiplier)
+    return Optimum(*(part[real] for part in parts)), asked[real]
+
+
+def _held(form: Form, t: Array) -> Form:
+    """A form of one way per feature with every tolerance that has a cost held at t (features,)."""
+    features = tuple(
+        feature
+        if np.ptp(feature.ways[0].curve.cost(np.array([way.low, way.high]))) == 0.0
+        else replace(feature, ways=(replace(way, low=float(at), high=float(at)),))
+        for feature, at in zip(form.features, t, strict=True)
+        for way in feature.ways
+    )
+    return replace(form, features=features)
+
+
+def _made(form: Form, chosen: tuple[int, ...]) -> Form:
+    """The form with one way of each feature."""
+    features = tuple(
+        replace(feature, ways=(feature.ways[at],))
+        for feature, at in zip(form.features, chosen, strict=True)
+    )
+    return replace(form, features=features)

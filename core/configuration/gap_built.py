@@ -1,0 +1,161 @@
+"""`built_to`: the allocation that the units of a batch were built to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from .. import tables
+from ..declarations import Variable
+from ..directory import kind_of, standing
+from ..errors import Fault, InputError, nearest
+from ..section import Range, Section, shown
+from .configuration import Configuration
+from .reader import read
+
+ALLOCATION, FRONT, CONFIG = "allocation.csv", "front.csv", "config.toml"
+CHOICE = ("choice", "point", "variable", "rounded")
+"""Columns by which the allocation of a run is known."""
+FORMS = 'a run\'s allocation.csv, a table of designs, or { file = "RUN", point = "knee" }'
+
+
+@dataclass(frozen=True)
+class Built:
+    """Values by variable, where they come from, and the run whose directory holds them."""
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    source: str = ""
+    run: Configuration | None = None
+
+
+def read_built(top: Section, folder: Path, variables: Iterable[Variable]) -> Built | None:
+    """The allocation that `built_to` names, None where there is none or it is at fault."""
+    given = top.take("built_to")
+    if given is None:
+        return None
+    inner = top.of("built_to", given if isinstance(given, dict) else {"file": given})
+    name, point = inner.text("file"), inner.take("point")
+    inner.finish()
+    if name is None:
+        if not isinstance(given, str | dict) or "file" not in inner:
+            top.fault("built_to", f"must name {FORMS}, got {shown(given)}")
+        return None
+    place = inner.place("file") if isinstance(given, dict) else "built_to"
+    try:
+        return _found(folder / name, name, point, {one.name: one for one in variables})
+    except InputError as error:
+        for one in error.faults:
+            top.fault(place, f"{one.place} {one.message}" if one.place else one.message)
+        return None
+
+
+def _found(path: Path, name: str, point: Any, variables: Mapping[str, Variable]) -> Built:
+    """The values, and the run that they are of. Raises InputError."""
+    home = path if path.is_dir() else path.parent
+    run = _run_of(home)
+    if path.is_dir():
+        if run is None:
+            raise _wrong(f"{name} is no directory of a run; name {FORMS}")
+        path = home / (FRONT if isinstance(point, int) else ALLOCATION)
+    frame = tables.read(path, path.name)
+    if set(CHOICE) <= set(frame):
+        values, said = _of_choices(frame, path.name, point)
+    else:
+        values, said = _of_designs(frame, path.name, point, path.name == FRONT and run is not None)
+    _check(values, path.name, variables)
+    return Built({k: float(v) for k, v in values.items()}, f"{name}, {said}", run)
+
+
+def _wrong(text: str) -> InputError:
+    return InputError([Fault("", text)])
+
+
+def _run_of(folder: Path) -> Configuration | None:
+    """The configuration of the run that a directory holds. Raises InputError where it is bad."""
+    if kind_of(folder) != "run" or not (folder / CONFIG).is_file():
+        return None
+    if faults := standing(folder).faults:
+        raise InputError(faults)
+    found = read(folder / CONFIG)
+    return found if found.problem is not None else None
+
+
+def _of_choices(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, Any], str]:
+    """The rounded values of one chosen point of `allocation.csv`."""
+    by = {(str(label), str(at)): part for (label, at), part in
+          frame.groupby(["choice", "point"], sort=False)}  # fmt: skip
+    names = ", ".join(label for label, _ in by)
+    if point is None and len(by) > 1:
+        raise _wrong(
+            f"{place} holds {len(by)} chosen points ({names}): say which, as "
+            f'built_to = {{ file = "...", point = "{next(iter(by))[0].split()[0]}" }}'
+        )
+    mine = [
+        one
+        for (label, at), one in by.items()
+        if point is None or str(point) in (label, at) or str(point) in label.split()
+    ]
+    if len(mine) != 1:
+        words = [word for label, _ in by for word in label.split()]
+        raise _wrong(
+            f"point {shown(point)} is not in {place}{nearest(str(point), words)}: it holds {names}"
+        )
+    said = str(mine[0]["choice"].iloc[0]) if point is None else str(point)
+    values = dict(zip(mine[0]["variable"], mine[0]["rounded"], strict=True))
+    return values, f"point {said}"
+
+
+def _of_designs(
+    frame: pd.DataFrame, place: str, point: Any, front: bool
+) -> tuple[dict[str, Any], str]:
+    """One row of a table of designs: counted from 1, those of a front from 0 as everywhere."""
+    first = 0 if front else 1
+    if point is None and len(frame) > 1:
+        last = first + len(frame) - 1
+        raise _wrong(
+            f'{place} holds {len(frame)} designs: say which, as built_to = {{ file = "...'
+            f'", point = {first} }} ({first} to {last})'
+        )
+    at = 0 if point is None else point
+    if point is not None:
+        if isinstance(point, bool) or not isinstance(point, int):
+            raise _wrong(f"point must be the number of a row of {place}, got {shown(point)}")
+        at = point - first
+        if not 0 <= at < len(frame):
+            raise _wrong(
+                f"point {point} is not in {place}: it has rows {first} to {first + len(frame) - 1}"
+            )
+    row = {str(name): value for name, value in frame.iloc[at].items()}
+    return row, f"row {at + first}"
+
+
+def _check(values: dict[str, Any], place: str, variables: Mapping[str, Variable]) -> None:
+    """Values as numbers within what they may be; other columns of a table are left out."""
+    mine = [name for name in values if name in variables]
+    if not mine:
+        raise _wrong(
+            f"{place} is an allocation of another problem: it has none of "
+            f"{', '.join(list(variables)[:6])}, ..."
+        )
+    faults = []
+    strange = [n for n in values if n not in variables] if "cost" not in values else []
+    for name in strange:
+        text = f"column {name} is no variable{nearest(name, variables)}"
+        faults.append(Fault("", f"{place}: {text}; is it an allocation of another problem?"))
+    for name in mine:
+        one = variables[name]
+        try:
+            number = float(values[name])
+            complaint = Range(one.valid_low, one.valid_high).complaint(number)
+        except ValueError:
+            complaint = f"must be a number, got {shown(values[name])}"
+        if complaint:
+            faults.append(Fault("", f"{place}: {name} {complaint}"))
+    if faults:
+        raise InputError(faults)
+    for name in [n for n in values if n not in mine]:
+        del values[name]

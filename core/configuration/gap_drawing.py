@@ -1,0 +1,247 @@
+"""What the units of a batch are simulated as: the drawing of `run`, built to `built_to`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from .. import registry
+from ..declarations import Kind, Variable
+from ..gap_drawing_records import Dimension, Drawing, DrawnZone
+from ..models.effects.compose import Active
+from ..models.effects.readings import target_of
+from ..models.inputs import Distribution, Uniform
+from ..models.inputs.reading import written
+from ..problems.settings import Settings, VariableSetting
+from ..section import Section
+from .configuration import Configuration
+from .effects import resolved_effects
+from .gap_built import Built, read_built
+from .gap_contradictions import Own, Run, check_own, check_pair, check_values
+from .parameters import read_parameters
+from .resolved import resolved_variables
+from .table import TABLE
+from .variables import read_variable
+
+RUN = 'run = "CONFIG.toml" takes geometry, distributions and effects from a run configuration'
+BUILT = (
+    'built_to = "ALLOCATION.csv" (a run\'s allocation.csv, a table of designs, or a point of a '
+    "run's directory) the zones that the units were made to"
+)
+DEFAULT = "the model's default"
+HERE = "this configuration"
+
+
+def as_drawn(
+    top: Section, base: Configuration, run: Run | None, folder: Path
+) -> tuple[Configuration, Drawing | None]:
+    """`base` with the drawing of `run` and the allocation of `built_to` in it, and what it says.
+
+    The model's own units are left alone where it is made to no drawing. A fault for everything in
+    the gap configuration that contradicts the run or the allocation.
+    """
+    kind = None if base.model_name == TABLE else registry.load("models", base.model_name)
+    if kind is None or not kind.made_to_a_drawing:
+        if "built_to" in top:
+            top.take("built_to")
+            top.fault(
+                "built_to", f"is for models of units made to a drawing, not {base.model_name}"
+            )
+        return base, None
+    if base.problem is not None:
+        run = Run(HERE, base)
+    built = read_built(top, folder, _variables_of(kind, run)) or Built()
+    if run is None and built.run is not None:
+        run = Run(built.source.split(",")[0], built.run)
+    own = _own(top, kind, base)
+    if run is not None:
+        check_pair(top, run, built)
+        if base.problem is None:
+            check_own(top, own, run, built, kind.of_the_bench)
+        base = _with_run(base, kind, own, run.configuration)
+    elif built.values:
+        check_values(top, own.variables, built, {})
+    found = _with_values(base, kind, built.values, "run" in top)
+    return found, _drawing(found, kind, own, run, built)
+
+
+def _variables_of(kind: Any, run: Run | None) -> tuple[Variable, ...]:
+    """Those of the run's problem; without a run the model's own, or its first problem's."""
+    if run is not None and run.configuration.problem is not None:
+        return tuple(run.configuration.problem.variables)
+    if kind.variables:
+        return tuple(kind.variables)
+    return tuple(registry.load("problems", kind.corrects[0]).variables)
+
+
+def _own(top: Section, kind: Any, base: Configuration) -> Own:
+    """Parameters, variables and effects that are given here; faults of them are known already."""
+    parameters = read_parameters(top.collecting("parameters", []), kind.parameters)
+    section = top.collecting("variables", [])
+    found = {v.name: read_variable(section.section(v.name), v, {}) for v in kind.variables}
+    variables = {name: one for name, one in found.items() if one is not None}
+    return Own(parameters, variables, base.settings.effects)
+
+
+# -------------------------------------------------------------------- put together
+
+
+def _with_run(base: Configuration, kind: Any, own: Own, run: Configuration) -> Configuration:
+    """The model at the run's drawing; what this configuration adds of its own stays."""
+    if run is base:
+        return base
+    theirs = run.settings
+    known = {one.name for one in kind.parameters}
+    parameters = dict(base.settings.parameters)
+    parameters |= {name: value for name, value in theirs.parameters.items() if name in known}
+    parameters |= own.parameters
+    variables = dict(base.settings.variables)
+    for name in variables.keys() & theirs.variables.keys():
+        variables[name] = _merged(variables[name], theirs.variables[name], own.variables.get(name))
+    mine = {one.effect.name for one in base.settings.effects}
+    more = (one for one in _effects_of(theirs, kind, base.model_name)
+            if one.effect.name not in mine)  # fmt: skip
+    effects = (*more, *base.settings.effects)
+    settings = replace(base.settings, parameters=parameters, variables=variables, effects=effects)
+    return replace(base, settings=settings)
+
+
+def _effects_of(theirs: Settings, kind: Any, model: str) -> Iterator[Active]:
+    """A run's effects that have a place in the model, and its parameters that are one there."""
+    target = target_of(kind, model)
+    yield from (one for one in theirs.effects if one.effect.applies(target))
+    for quantity in kind.changeable:
+        value = theirs.parameters.get(quantity.name, 0.0)
+        if isinstance(value, int | float) and value:
+            for name in registry.names("effects"):
+                effect = registry.load("effects", name)()
+                if effect.place(target) == quantity:
+                    yield Active(effect, {quantity.name: float(value)})
+
+
+def _merged(
+    base: VariableSetting, theirs: VariableSetting, own: VariableSetting | None
+) -> VariableSetting:
+    """A variable of the model: mid-limit and distribution of the run, its value where it is
+    fixed, or the one that is given here.
+    """
+    value = base.value if theirs.value is None else theirs.value
+    if own is not None and own.value is not None:
+        value = own.value
+    mid = base.mid if theirs.mid is None else theirs.mid
+    return replace(base, value=value, mid=mid, distribution=theirs.distribution)
+
+
+def _with_values(
+    base: Configuration, kind: Any, values: Mapping[str, float], of_a_run: bool
+) -> Configuration:
+    """The model at an allocation; `resolved` says all of it where no configuration `of_a_run`,
+    which has effects of its own, does.
+    """
+    variables = dict(base.settings.variables)
+    for name in variables.keys() & values.keys():
+        variables[name] = replace(variables[name], value=values[name], low=None, high=None)
+    settings = replace(base.settings, variables=variables)
+    if base.problem is not None:
+        return replace(base, settings=settings)
+    resolved = dict(base.resolved) | {
+        "parameters": dict(settings.parameters),
+        "variables": resolved_variables(variables, kind.variables),
+    }
+    resolved |= {} if of_a_run else resolved_effects(settings.effects)
+    return replace(base, settings=settings, resolved=resolved)
+
+
+# -------------------------------------------------------------------- what it says
+
+
+def _drawing(found: Configuration, kind: Any, own: Own, run: Run | None, built: Built) -> Drawing:
+    settings = found.settings
+    declared = {one.name: one for one in kind.parameters}
+    geometry = tuple(
+        Dimension(name, settings.parameters.get(name, declared[name].default), declared[name].unit,
+                  declared[name].meaning)
+        for name in kind.geometry
+    )  # fmt: skip
+    geometry_from = run.name if run else HERE if _drawn_here(own, kind) else DEFAULT
+    zones = _zones(settings, kind, run, built)
+    return Drawing(
+        found.model_name, geometry_from, _allocation_from(own, run, built, zones), geometry, zones,
+        tuple(one.effect.name for one in settings.effects),
+        _assumed(own, run, built, zones, bool(_drawn_here(own, kind))),
+    )  # fmt: skip
+
+
+def _allocation_from(own: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...]) -> str:
+    """Where the zones come from; those that the allocation leaves out are named."""
+    if built.values:
+        left = [one.variable for one in zones if one.variable not in built.values]
+        return f"{built.source} ({', '.join(left)}: {DEFAULT})" if left else built.source
+    if any(one.value is not None for one in own.variables.values()):
+        return f"{HERE}, and {DEFAULT}"
+    return f"{run.name} where it fixes them, and {DEFAULT}" if run and _fixed(run) else DEFAULT
+
+
+def _fixed(run: Run) -> bool:
+    problem = run.configuration.problem
+    return problem is not None and bool(problem.fixed)
+
+
+def _drawn_here(own: Own, kind: Any) -> set[str]:
+    """Parameters of the drawing, not of the bench, that this configuration gives."""
+    return set(own.parameters) - set(kind.of_the_bench)
+
+
+def _assumed(
+    own: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...], drawn_here: bool
+) -> str:
+    """What the configuration does not name, and how to; empty where it names everything."""
+    problem = None if run is None else run.configuration.problem
+    whole = problem is not None and len(problem.fixed) == len(problem.variables)
+    given = {name for name, one in own.variables.items() if one.value is not None}
+    if built.values or whole or (zones and all(one.variable in given for one in zones)):
+        missing = [] if run else [RUN]
+        what = "geometry and distributions"
+    else:
+        missing = [*([] if run else [RUN]), BUILT]
+        what = "allocation" if run else "drawing"
+    if not missing:
+        return ""
+    besides = " beside what [parameters] and [variables] say" if drawn_here or given else ""
+    return f"answered for {DEFAULT} {what}{besides}: {'; '.join(missing)}"
+
+
+def _zones(settings: Settings, kind: Any, run: Run | None, built: Built) -> tuple[DrawnZone, ...]:
+    """Every variable of the allocation; of the problem where the model itself has none."""
+    found, variables = dict(settings.variables), tuple(kind.variables)
+    if not variables and (run is not None or built.values):
+        variables = _variables_of(kind, run)
+        theirs = run.configuration.settings.variables if run else {}
+        for one in variables:
+            here = theirs.get(one.name, VariableSetting(mid=one.mid))
+            value = built.values.get(one.name, here.value)
+            found[one.name] = replace(here, value=value)
+    return tuple(_zone(one, found.get(one.name, VariableSetting())) for one in variables)
+
+
+def _law(distribution: Distribution) -> str:
+    """Name and parameters of a distribution; of measured parts their number."""
+    name, *values = written(distribution).items()
+    said = [f"{key} {value:g}" for key, value in values if isinstance(value, int | float)]
+    said += [f"{len(value)} {key}" for key, value in values if isinstance(value, list)]
+    return " ".join([str(name[1]), *said])
+
+
+def _zone(variable: Variable, setting: VariableSetting) -> DrawnZone:
+    value = float((variable.document or 0.0) if setting.value is None else setting.value)
+    low: float | None = None
+    high: float | None = None
+    if variable.kind is Kind.HALF_WIDTH:
+        mid = setting.mid if setting.mid is not None else variable.mid or 0.0
+        low, high = mid - value, mid + value
+    elif variable.kind is Kind.FULL_CLEARANCE:
+        low, high = 0.0, value
+    law = _law(setting.distribution or Uniform()) if variable.random else ""
+    return DrawnZone(variable.name, variable.unit, str(variable.kind), value, low, high, law)

@@ -1,0 +1,92 @@
+"""`[gear]`: the tooth numbers, or the orders, that effects over the angle follow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..models.gear import BUILD, TEETH, Gear, contradictions
+from ..section import POSITIVE, Range, Section
+
+GEAR = "gear"
+DECLARED = "declared"
+"""Kind of a gear of which orders are given."""
+
+
+def read_gear(top: Section) -> Gear | None:
+    """The gear of a table, None where none is given or it is at fault."""
+    if GEAR not in top:
+        return None
+    section = top.section(GEAR)
+    kind = section.text("kind", TEETH)
+    if "orders" in section:
+        return _of_orders(section, kind)
+    if kind is None:
+        if "kind" not in section:
+            section.fault("kind", f"is missing: one of {', '.join(TEETH)} with its tooth numbers, "
+                          'or orders = { "pin passing" = 45 }')  # fmt: skip
+        section.known({name for names in TEETH.values() for name in names})
+        section.finish()
+        return None
+    return _of_teeth(section, kind)
+
+
+def _of_orders(section: Section, kind: str | None) -> Gear | None:
+    """Orders by what makes them."""
+    inner = section.section("orders")
+    found = {name: inner.number(name, "", POSITIVE) for name in inner.given()}
+    given = [name for names in TEETH.values() for name in names if name in section]
+    if kind is not None or given:
+        section.known((*given, "kind"))
+        section.fault("orders", "stands for itself: give kind and tooth numbers, or orders")
+        return None
+    if not found:
+        section.fault("orders", 'must name at least one, as { "pin passing" = 45 }')
+    section.finish()
+    orders = {name: order for name, order in found.items() if order is not None}
+    return Gear(DECLARED, orders) if orders and len(orders) == len(found) else None
+
+
+def _of_teeth(section: Section, kind: str) -> Gear | None:
+    """A gear of a kind that has all its tooth numbers."""
+    names = TEETH[kind]
+    given = {name: section.integer(name, Range(low=1, high=100_000), None) for name in names}
+    section.finish()
+    for name in names:
+        if name not in section:
+            section.fault(name, f'is missing: the effects of a gear of kind "{kind}" need '
+                          f"{', '.join(names)}")  # fmt: skip
+    teeth = {name: count for name, count in given.items() if count is not None}
+    if len(teeth) < len(names):
+        return None
+    wrong = contradictions(kind, teeth)
+    for name, text in wrong.items():
+        section.fault(name, text)
+    return None if wrong else BUILD[kind](teeth)
+
+
+def check_gear(top: Section, model: Any, name: str) -> None:
+    """Faults of a gear beside a model, which knows its own from its parameters."""
+    gear = read_gear(top)
+    if gear is None or model is None:
+        return
+    given = top.take("parameters")
+    own = model.gear_of(given if isinstance(given, Mapping) else {})
+    if own is None:
+        top.fault(GEAR, f"is of no use: nothing that acts in {name} follows the orders of a gear; "
+                  "leave it out")  # fmt: skip
+    elif not _agree(own, gear):
+        text = ", ".join(f"{what} {order:g}" for what, order in own.orders.items())
+        top.fault(GEAR, f"contradicts {name}, whose parameters give {text}; leave it out, or set "
+                  "the model's own tooth numbers in [parameters]")  # fmt: skip
+
+
+def _agree(own: Gear, given: Gear) -> bool:
+    """Whether no order of both differs."""
+    both = set(own.orders) & set(given.orders)
+    return bool(both) and all(abs(own.orders[n] - given.orders[n]) < 1e-6 for n in both)
+
+
+def resolved_gear(gear: Gear | None) -> dict[str, Mapping[str, Any]]:
+    """The `[gear]` table by its orders, none where there is no gear."""
+    return {GEAR: {"orders": dict(gear.orders)}} if gear is not None else {}

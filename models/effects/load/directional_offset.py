@@ -1,0 +1,52 @@
+"""Friction that differs by direction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import Readings, Target, kind_of
+from ..shapes import Shape, Weight
+
+
+class DirectionalOffset(Shape):
+    """Dry friction of one size in + motion, and of another in - motion.
+
+    Where the zero of an output is free (angles) the half sum of both is friction and the half
+    difference is that zero: the effect is then the column of `friction_hysteresis`, and no effect
+    of its own. Reference: Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994,
+    section 2.1 (friction that depends on the direction).
+    """
+
+    name = "directional_offset"
+    family = "load"
+    cause = "Seals, flanks or preload hold one direction back more than the other."
+    formula = "a (d > 0) - b (d < 0)"
+    needs = (Role.DIRECTION,)
+    mistaken_for = ("friction_hysteresis", "gauge_bias")
+    reference = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994"
+
+    def own_applies(self, target: Target) -> bool:
+        angles = all(kind_of(output.unit) == "angle" for output in target.outputs)
+        return not angles and not target.population and super().own_applies(target)
+
+    def own_reason(self, target: Target) -> str:
+        return "the zero of an angle is free: there it is friction_hysteresis"
+
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        return (
+            Weight("forward", "a, friction in + motion"),
+            Weight("backward", "b, friction in - motion"),
+        )
+
+    def columns(
+        self, readings: Readings, values: Mapping[str, float], target: Target
+    ) -> Mapping[str, Callable[[], Array]]:
+        direction = np.asarray(readings[Role.DIRECTION], dtype=float)
+        return {
+            "forward": lambda: np.maximum(direction, 0.0),
+            "backward": lambda: np.minimum(direction, 0.0),
+        }

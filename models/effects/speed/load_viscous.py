@@ -1,0 +1,51 @@
+"""Viscous friction that grows with the load."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import inf
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import Readings, Target
+from ..shapes import Load, Shape, Weight, speed_unit
+
+
+class LoadViscous(Shape):
+    """Products of load and speed: one that keeps the load's sign, one that holds back.
+
+    The first is a compliance that grows with the speed (or a load that is read late along it), the
+    second viscous friction of contacts that are pressed together. Reference: Bittencourt and
+    Gunnarsson, J. Dyn. Syst. Meas. Control 134, 2012, equation 13; Waiboer, Aarts and Jonker,
+    Multibody Dynamics, 2005.
+    """
+
+    name = "load_viscous"
+    family = "speed"
+    cause = "Films between loaded teeth are thinner, and shear more with the speed."
+    formula = "a T v + b |T| v d"
+    needs = (Role.TORQUE, Role.SPEED, Role.DIRECTION)
+    mistaken_for = ("viscous_friction", "load_friction", "torsional_compliance")
+    reference = "Bittencourt and Gunnarsson, J. Dyn. Syst. Meas. Control 134, 2012"
+
+    def own_applies(self, target: Target) -> bool:
+        roles = target.roles()
+        return Load.role(target) is not None and {Role.SPEED, Role.DIRECTION} <= roles
+
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        per = f"({Load.unit(target)} {speed_unit(target)})"
+        return (
+            Weight("signed", "a, with the sign of the load", per, low=-inf),
+            Weight("drag", "b, against the motion", per),
+        )
+
+    def columns(
+        self, readings: Readings, values: Mapping[str, float], target: Target
+    ) -> Mapping[str, Callable[[], Array]]:
+        load, speed = Load.of(readings), np.asarray(readings[Role.SPEED], dtype=float)
+        return {
+            "signed": lambda: np.asarray(load * speed),
+            "drag": lambda: np.asarray(np.abs(load) * speed * readings[Role.DIRECTION]),
+        }

@@ -1,0 +1,57 @@
+"""Friction that falls from its breakaway to its level in motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import inf
+
+import numpy as np
+
+from ...inputs.distribution import Array
+from ...measurable import Role
+from ..effect import EffectParameter, Readings, Target, quantity
+from ..shapes import Shape, Weight, speed_unit
+
+SLOWEST, FASTEST = 0.01, 0.7
+"""Shares of the largest speed between which the Stribeck speed lies."""
+
+
+class Stribeck(Shape):
+    """Friction s at rest that falls to c as a film builds up, within a speed v_s.
+
+    What viscous friction adds at speed is `viscous_friction`. Reference: Stribeck, Z. VDI 46, 1902;
+    the Gaussian form of Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994,
+    equation 4 with exponent 2.
+    """
+
+    name = "stribeck"
+    family = "speed"
+    cause = "Contacts rub at low speed, and float up on their oil as the speed rises."
+    formula = "d (c + e exp(-(v/v_s)^2)), e = s - c"
+    needs = (Role.SPEED, Role.DIRECTION)
+    mistaken_for = ("friction_hysteresis", "viscous_friction", "delay")
+    reference = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30, 1994"
+
+    def weights(self, target: Target) -> tuple[Weight, ...]:
+        return (
+            Weight("excess", "e, by how much friction at rest exceeds that in motion"),
+            Weight("level", "c, friction in motion"),
+        )
+
+    def shape_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        fastest = target.largest.get(Role.SPEED, 0.0)
+        ends = (SLOWEST * fastest, FASTEST * fastest) if fastest > 0.0 else (0.0, inf)
+        meaning = "v_s, speed at which e has fallen to 1/e of itself"
+        return (quantity("speed", speed_unit(target), meaning, *ends, linear=False),)
+
+    def columns(
+        self, readings: Readings, values: Mapping[str, float], target: Target
+    ) -> Mapping[str, Callable[[], Array]]:
+        direction = np.asarray(readings[Role.DIRECTION], dtype=float)
+        speed = np.asarray(readings[Role.SPEED], dtype=float)
+        name = self.shape_parameters(target)[0].name
+        falls = max(values[name], np.finfo(float).tiny)
+        return {
+            "excess": lambda: np.asarray(direction * np.exp(-((speed / falls) ** 2))),
+            "level": lambda: direction,
+        }

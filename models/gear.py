@@ -1,0 +1,142 @@
+"""A gear as its waves: how often each of its errors passes per turn of the output."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+PINS, CRANK = "pin passing", "crank"
+SUN_OVER_CARRIER, SUN = "sun against the carrier", "sun"
+NAMED = (PINS, CRANK, SUN_OVER_CARRIER, SUN)
+"""Orders that effects with a name of their own follow."""
+TWICE = (PINS, CRANK)
+"""Those that two discs, half a turn apart, also show doubled."""
+
+
+@dataclass(frozen=True)
+class Gear:
+    """Its `kind`, and waves per turn of the output by what makes them."""
+
+    kind: str
+    orders: Mapping[str, float]
+
+    def has(self, *names: str) -> bool:
+        """Whether all these orders are known."""
+        return set(names) <= set(self.orders)
+
+    @property
+    def waves(self) -> tuple[float, ...]:
+        """Every order, rising, and the doubles that two discs show."""
+        doubled = [2.0 * self.orders[name] for name in TWICE if name in self.orders]
+        return tuple(sorted({*self.orders.values(), *doubled}))
+
+    @property
+    def unnamed(self) -> tuple[float, ...]:
+        """Orders, rising, that no effect with a name of its own follows."""
+        own = {order for name, order in self.orders.items() if name not in NAMED}
+        return tuple(sorted(own))
+
+    def name_of(self, order: float) -> str:
+        """What makes the waves of an order, empty where nothing of the gear does."""
+        near = [name for name, own in self.orders.items() if abs(own - order) < 1e-6 * own]
+        return near[0] if near else ""
+
+
+def cycloidal(teeth: Mapping[str, int]) -> Gear:
+    """Discs on eccentrics in a ring of pins that stands; the discs' turn is the output.
+
+    Per turn of the output the eccentrics turn z_c/(z_p - z_c) times in the ring, and
+    z_p/(z_p - z_c) times in the output. Reference: Blanche and Yang, J. Mech. Transm. Autom. Des.
+    111, 1989.
+    """
+    step = teeth["pins"] - teeth["cycloid_teeth"]
+    return Gear("cycloidal", {PINS: teeth["cycloid_teeth"] / step, CRANK: teeth["pins"] / step})
+
+
+def rv(teeth: Mapping[str, int]) -> Gear:
+    """A cycloidal stage behind planets on a sun: these turn the cranks, the carrier is the output.
+
+    Against the carrier the sun turns z_2/z_1 times as often as a crank, in the housing once more:
+    the reduction ratio. Reference: Yang and Blanche, Mech. Mach. Theory 25, 1990.
+    """
+    found = dict(cycloidal(teeth).orders)
+    over = found[CRANK] * teeth["planet_teeth"] / teeth["sun_teeth"]
+    return Gear("rv", found | {SUN_OVER_CARRIER: over, SUN: over + 1.0})
+
+
+def harmonic(teeth: Mapping[str, int]) -> Gear:
+    """A wave generator in a flexspline, which is the output; the circular spline stands.
+
+    Per turn of the output the generator turns z_f/(z_c - z_f) times against the circular spline
+    and once more against the flexspline. Its error waves twice per turn of the generator, since
+    teeth engage at both ends. Reference: Ghorbel, Gandhi and Alpeter, J. Mech. Des. 123, 2001.
+    """
+    once = teeth["flex_teeth"] / (teeth["circular_teeth"] - teeth["flex_teeth"])
+    return Gear("harmonic", {
+        "wave generator": once,
+        "wave generator, twice a turn": 2.0 * once,
+        "wave generator, four times a turn": 4.0 * once,
+        "wave generator on the flexspline": once + 1.0,
+        "wave generator on the flexspline, twice a turn": 2.0 * once + 2.0,
+    })  # fmt: skip
+
+
+def planetary(teeth: Mapping[str, int]) -> Gear:
+    """A sun in, a ring that stands, a carrier out.
+
+    Per turn of the carrier the sun turns z_r/z_s times against it, a planet z_r/z_p times, and z_r
+    teeth pass in mesh. Reference: Inalpolat and Kahraman, J. Sound Vib. 323, 2009.
+    """
+    ring, over = teeth["ring_teeth"], teeth["ring_teeth"] / teeth["sun_teeth"]
+    return Gear("planetary", {
+        SUN_OVER_CARRIER: over,
+        SUN: over + 1.0,
+        "planet": ring / teeth["planet_teeth"],
+        "planet passing": float(teeth["planets"]),
+        "planets over the sun": teeth["planets"] * over,
+        "tooth mesh": float(ring),
+    })  # fmt: skip
+
+
+TEETH: Mapping[str, tuple[str, ...]] = {
+    "rv": ("pins", "cycloid_teeth", "sun_teeth", "planet_teeth"),
+    "cycloidal": ("pins", "cycloid_teeth"),
+    "harmonic": ("flex_teeth", "circular_teeth"),
+    "planetary": ("sun_teeth", "planet_teeth", "ring_teeth", "planets"),
+}
+"""The counts that each kind of gear needs."""
+BUILD: Mapping[str, Callable[[Mapping[str, int]], Gear]] = {
+    "rv": rv,
+    "cycloidal": cycloidal,
+    "harmonic": harmonic,
+    "planetary": planetary,
+}
+RV_40E = rv({"pins": 40, "cycloid_teeth": 39, "sun_teeth": 12, "planet_teeth": 36})
+"""The RV-40E-121 of document B."""
+
+
+def of_ratio(pins: int, cycloid_teeth: int, ratio: float) -> Gear:
+    """An RV reducer whose involute stage is given by the reduction ratio i; of ratio z_c or less it
+    has none, and the crankshafts are the input.
+    """
+    found = cycloidal({"pins": pins, "cycloid_teeth": cycloid_teeth})
+    if ratio <= found.orders[CRANK]:
+        return found
+    return Gear("rv", {**found.orders, SUN_OVER_CARRIER: ratio - 1.0, SUN: ratio})
+
+
+def contradictions(kind: str, teeth: Mapping[str, int]) -> dict[str, str]:
+    """What counts of a gear cannot be, by their name."""
+    found: dict[str, str] = {}
+    smaller = {"rv": ("cycloid_teeth", "pins"), "cycloidal": ("cycloid_teeth", "pins"),
+               "harmonic": ("flex_teeth", "circular_teeth")}  # fmt: skip
+    if kind in smaller:
+        less, more = smaller[kind]
+        if teeth[less] >= teeth[more]:
+            found[less] = f"must be below {more} ({teeth[more]}), got {teeth[less]}"
+    if kind == "planetary" and teeth["ring_teeth"] <= teeth["sun_teeth"] + teeth["planet_teeth"]:
+        found["ring_teeth"] = (
+            f"must be above sun_teeth + planet_teeth "
+            f"({teeth['sun_teeth'] + teeth['planet_teeth']}), got {teeth['ring_teeth']}"
+        )
+    return found

@@ -1,0 +1,256 @@
+"""Quantiles of sums of independent, even, log-concave deviations: value, gradient and error.
+
+X = sum_j s_j z_j with s_j >= 0. For p >= 1/2 the p-quantile q(s) is convex and homogeneous of
+degree one in s, so that q(t) >= grad q(s) . t for all s, t: the level sets of q are polars of the
+floating bodies of a log-concave measure (Meyer & Reisner 1991, Geometriae Dedicata 37; Bobkov 2010,
+Probab. Theory Relat. Fields 147; Lagoa, Li & Sznaier 2005, SIAM J. Optim. 15).
+
+The distribution is a square wave's Fourier series: for |y| + |X| < R,
+
+    2 F(y) - 1 = (4/pi) sum over odd k of phi(k pi/R) sin(k pi y/R)/k,
+
+which has no error of quadrature; what is left out is bounded by the envelopes of phi. Unbounded
+inputs are cut at `REACH` standard deviations, beyond which lies less than 1e-17 of the mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from .even import Even
+
+Array = NDArray[np.float64]
+REACH = 9.0
+"""Standard deviations beyond which X is not looked at."""
+TERMS = (48, 96, 192, 384, 768, 1536, 3072)
+"""Odd terms of the series: the next number is tried where what is left out is too much."""
+ENOUGH = 1e-14
+"""What may be left out of a probability."""
+ROUNDING = 4e-15
+"""Rounding of a probability."""
+CLOSE = 1e-14
+"""Relative step at which Newton's method has ended."""
+LARGE = 3
+"""Number of terms up to which a sum remembers how many it needs."""
+STEPS = 60
+"""Steps of Newton's method, bisected where it leaves its bracket."""
+BLOCK = 1 << 21
+"""Numbers that are worked on at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tangent:
+    """Quantiles (n,), gradients (n, m), and bounds of the errors of both."""
+
+    value: Array
+    gradient: Array
+    value_error: Array
+    gradient_error: Array
+
+
+@dataclass(eq=False)
+class SymmetricSum:
+    """A sum of independent deviations s_j z_j, z_j of the even `laws` (m)."""
+
+    laws: Sequence[Even]
+    _last: tuple[Array, float, Tangent] | None = field(default=None, init=False, repr=False)
+    _begin: int = field(default=0, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._kinds = {
+            law: [j for j, one in enumerate(self.laws) if one == law] for law in self.laws
+        }
+        self._std = np.array([law.std for law in self.laws])
+        self._ends = np.array([law.reach for law in self.laws])
+
+    def quantile(self, s: Array, probability: float) -> Tangent:
+        """Quantiles at a `probability` >= 1/2 of sums with the scales s (n, m)."""
+        last = self._last
+        if last is not None and last[1] == probability and np.array_equal(last[0], s):
+            return last[2]
+        s = np.abs(np.array(s, dtype=float))
+        rows = max(1, BLOCK // (TERMS[0] * max(1, s.shape[1])))
+        blocks = [
+            self._tangent(s[at : at + rows], probability) for at in range(0, len(s), rows)
+        ] or [self._tangent(s, probability)]
+        found = Tangent(
+            np.concatenate([one.value for one in blocks]),
+            np.vstack([one.gradient for one in blocks]),
+            np.concatenate([one.value_error for one in blocks]),
+            np.vstack([one.gradient_error for one in blocks]),
+        )
+        self._last = s.copy(), probability, found
+        return found
+
+    def below(self, s: Array, y: Array) -> tuple[Array, Array, Array]:
+        """P(X <= y) (n,) of scales (n, m), its derivatives in s (n, m), and the bound of its error.
+
+        The derivative in y is that in a scale of a constant: see `density`.
+        """
+        s = np.abs(np.asarray(s, dtype=float))
+        std, end = self._size(s)
+        most = np.minimum(np.abs(y), end)
+        series = self._series(s, end, most)
+        found = 0.5 + 0.5 * np.sign(y) * (2.0 * series.below(most) - 1.0)
+        beyond = np.abs(y) >= end
+        found = np.where(beyond, 0.5 + 0.5 * np.sign(y), found)
+        slopes = np.sign(y)[:, None] * series.slopes(most)
+        error = np.where(beyond, 2e-17, series.missing + ROUNDING)
+        flat = std <= 0.0
+        found, error = np.where(flat, (y >= 0.0).astype(float), found), np.where(flat, 0.0, error)
+        return np.clip(found, 0.0, 1.0), np.where((beyond | flat)[:, None], 0.0, slopes), error
+
+    def density(self, s: Array, y: Array) -> Array:
+        """Density of X (n,) at y (n,)."""
+        s = np.abs(np.asarray(s, dtype=float))
+        std, end = self._size(s)
+        most = np.minimum(np.abs(y), end)
+        found = self._series(s, end, most).density(most)
+        return np.where((np.abs(y) >= end) | (std <= 0.0), 0.0, found)
+
+    def _size(self, s: Array) -> tuple[Array, Array]:
+        """Standard deviation and end (n,) of the sums."""
+        std = np.sqrt(np.sum((s * self._std) ** 2, axis=1))
+        with np.errstate(invalid="ignore"):
+            ends = np.where(s > 0.0, s * self._ends, 0.0).sum(axis=1)
+        return std, np.minimum(ends, REACH * std)
+
+    def _series(self, s: Array, end: Array, most: Array) -> _Series:
+        safe = np.where(end > 0.0, end + most, 1.0)
+        found = _Series.of(self, s, safe, TERMS[self._begin])
+        for at in range(self._begin + 1, len(TERMS)):
+            if np.all((found.missing <= ENOUGH) | (end <= 0.0)):
+                break
+            found = _Series.of(self, s, safe, TERMS[at])
+            self._begin = at if len(s) == 1 and at < LARGE else self._begin
+        return found
+
+    def _tangent(self, s: Array, p: float) -> Tangent:
+        std, end = self._size(s)
+        # a variable of this kind is strictly sub-Gaussian: P(X > y) <= exp(-y^2 / (2 std^2))
+        high = np.minimum(end, 1.1 * std * np.sqrt(2.0 * np.log(1.0 / (1.0 - p))) + 1e-300)
+        series = self._series(s, end, high)
+        y = series.solved(p, high, self._expected(s, p, std))
+        density = np.maximum(series.density(y), 1e-300)
+        slopes = series.slopes(y)
+        gradient = -slopes / density[:, None]
+        value_error = 2.0 * (series.missing + ROUNDING) / density
+        missing = series.missing_slopes + ROUNDING / np.where(end > 0.0, end, 1.0)[:, None]
+        with np.errstate(invalid="ignore", over="ignore"):
+            doubt = missing + np.abs(gradient) * series.missing_density[:, None]
+            gradient_error = np.nan_to_num(
+                2.0 * doubt / density[:, None], nan=np.inf, posinf=np.inf
+            )
+        return self._alone(s, p, Tangent(y, gradient, value_error, gradient_error))
+
+    def _expected(self, s: Array, p: float, std: Array) -> Array:
+        """Where to begin: on the tangent at the last scales, or at the normal quantile."""
+        last = self._last
+        if last is not None and last[1] == p and last[0].shape == s.shape:
+            return np.asarray(np.sum(last[2].gradient * s, axis=1))
+        return np.asarray(float(ndtri(p)) * std)
+
+    def _alone(self, s: Array, p: float, found: Tangent) -> Tangent:
+        """Sums of at most one term, whose quantile is that of its law, in place of the series."""
+        active = np.count_nonzero(s > 0.0, axis=1)
+        rows = np.flatnonzero(active <= 1)
+        if not len(rows):
+            return found
+        parts = [np.array(one) for one in (found.value, found.gradient, found.value_error,
+                                           found.gradient_error)]  # fmt: skip
+        for row in rows.tolist():
+            for part in parts:
+                part[row] = 0.0
+            if active[row]:
+                j = int(np.argmax(s[row]))
+                unit = self.laws[j].quantile(p)
+                parts[0][row], parts[1][row, j] = s[row, j] * unit, unit
+        return Tangent(*parts)
+
+
+@dataclass(eq=False)
+class _Series:
+    """phi of n sums at the odd frequencies k pi/R, and what the terms beyond them may add."""
+
+    k: Array
+    omega: Array
+    phi: Array
+    slopes_of_phi: Array
+    period: Array
+    missing: Array
+    missing_density: Array
+    missing_slopes: Array
+
+    @classmethod
+    def of(cls, total: SymmetricSum, s: Array, period: Array, terms: int) -> _Series:
+        """The series of scales s (n, m) with so many odd terms and periods R (n,)."""
+        k = 2.0 * np.arange(terms) + 1.0
+        omega = np.pi * k / period[:, None]
+        each = np.empty((len(s), s.shape[1], terms))
+        slope = np.empty_like(each)
+        last = omega[:, -1:] * s
+        bound, fall = np.empty_like(s), np.empty_like(s)
+        slope_bound, slope_fall = np.empty_like(s), np.empty_like(s)
+        for law, own in total._kinds.items():
+            each[:, own], slope[:, own] = law.characteristic(s[:, own, None] * omega[:, None, :])
+            bound[:, own], fall[:, own] = law.envelope(last[:, own])
+            slope_bound[:, own], slope_fall[:, own] = law.slope_envelope(last[:, own])
+        before, after = _others(each)
+        phi = before[:, -1] * each[:, -1]
+        slopes = slope * before * after
+        # sum over odd k > K of (K/k)^D/k is at most 1/(2 D)
+        whole, order = np.prod(bound, axis=1), np.sum(fall, axis=1)
+        rest, rest_order = _others(bound[:, :, None]), order[:, None] - fall + slope_fall
+        partial = (rest[0] * rest[1])[:, :, 0] * slope_bound
+        with np.errstate(divide="ignore"):
+            missing = np.where(order > 0.0, whole / (np.pi * order), 1.0)
+            room = k[-1] / period
+            dense = np.where(order > 1.0, whole * room / (order - 1.0), np.inf)
+            steep = np.where(rest_order > 1.0, partial * room[:, None] / (rest_order - 1.0), np.inf)
+        return cls(np.asarray(k), omega, phi, slopes, period, missing, dense, steep)
+
+    def below(self, y: Array) -> Array:
+        """F(y), (n,)."""
+        wave = self.phi * np.sin(self.omega * y[:, None]) / self.k
+        return np.asarray(0.5 + 2.0 / np.pi * wave.sum(axis=1))
+
+    def density(self, y: Array) -> Array:
+        """F'(y), (n,)."""
+        wave = self.phi * np.cos(self.omega * y[:, None])
+        return np.asarray(2.0 / self.period * wave.sum(axis=1))
+
+    def slopes(self, y: Array) -> Array:
+        """dF(y)/ds, (n, m)."""
+        wave = np.sin(self.omega * y[:, None])
+        each = np.einsum("nmk,nk->nm", self.slopes_of_phi, wave)
+        return np.asarray(2.0 / self.period[:, None] * each)
+
+    def solved(self, p: float, high: Array, start: Array) -> Array:
+        """The y (n,) with F(y) = p between 0 and `high`, from `start` (n,) on."""
+        low, high = np.zeros_like(high), np.array(high)
+        y = np.where((start > low) & (start < high), start, 0.5 * high)
+        for _ in range(STEPS):
+            excess = self.below(y) - p
+            low, high = np.where(excess < 0.0, y, low), np.where(excess < 0.0, high, y)
+            dense = self.density(y)
+            step = excess / np.where(dense > 0.0, dense, 1.0)
+            moved = y - step
+            inside = (dense > 0.0) & (moved > low) & (moved < high)
+            new = np.where(inside, moved, 0.5 * (low + high))
+            if np.all(np.abs(new - y) <= CLOSE * np.abs(new)):
+                return new
+            y = new
+        return y
+
+
+def _others(each: Array) -> tuple[Array, Array]:
+    """Products of the factors before and after each, along axis 1."""
+    ones = np.ones_like(each[:, :1])
+    before = np.cumprod(np.concatenate([ones, each[:, :-1]], axis=1), axis=1)
+    after = np.cumprod(np.concatenate([ones, each[:, :0:-1]], axis=1), axis=1)[:, ::-1]
+    return before, after

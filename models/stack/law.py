@@ -1,0 +1,140 @@
+"""The law of a linear stack of even deviations: yield and half-width without a sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from ..inputs import Normal
+from ..propagation.even import Even, even_law
+from ..propagation.symmetric_sum import SymmetricSum
+from .mechanism import Mechanism
+
+Array = NDArray[np.float64]
+ROUNDING = 1e-12
+"""Least error that is stated of a yield [percent]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """y = centre + sum_i S_i t (mean_i + d_i) of k pieces, d_i independent, even and log-concave.
+
+    `slopes` (k,) are |S_i|, `mean` (p,) what a unit of tolerance of each part moves the mean of y.
+    Where all parts are normal (`covariance`, p x p, at t = 1) pieces may be correlated.
+    Tolerances t have shape (n, p).
+    """
+
+    mechanism: Mechanism
+    slopes: Array
+    mean: Array
+    deviations: SymmetricSum
+    laws: tuple[Even, ...]
+    covariance: Array | None = None
+
+    def yield_percent(self, t: Array) -> tuple[Array, Array]:
+        """Share of units within the limits (n,), in percent, and a bound of its error (n,)."""
+        found, error = np.zeros(len(t)), np.zeros(len(t))
+        for sign, end in self._ends(t):
+            below, _, doubt = self._below(t, end)
+            found, error = found + sign * below, error + doubt
+        return 100.0 * np.clip(found, 0.0, 1.0), 100.0 * error + ROUNDING
+
+    def half_width(self, t: Array, coverage: float) -> Array:
+        """Half the width (n,) of the interval that holds `coverage` of the units, centred."""
+        p = 0.5 * (1.0 + coverage)
+        if self.covariance is not None:
+            return np.asarray(float(ndtri(p)) * self._std(t))
+        return self.deviations.quantile(self._scales(t), p).value
+
+    def half_width_slopes(self, t: Array, coverage: float) -> Array:
+        """d half_width/dt, (n, p)."""
+        p = 0.5 * (1.0 + coverage)
+        if self.covariance is not None:
+            std = self._std(t)[:, None]
+            return float(ndtri(p)) * (t @ self.covariance) / np.where(std > 0.0, std, 1.0)
+        return self._to_parts(self.deviations.quantile(self._scales(t), p).gradient)
+
+    def yield_slopes(self, t: Array) -> Array:
+        """d yield_percent/dt, (n, p)."""
+        found = np.zeros_like(t)
+        for sign, end in self._ends(t):
+            slopes = self._below(t, end)[1] - self.density(t, end)[:, None] * self.mean
+            found += 100.0 * sign * np.where(np.isfinite(end)[:, None], slopes, 0.0)
+        return found
+
+    def density(self, t: Array, at: Array) -> Array:
+        """Density (n,) of y minus its mean."""
+        if self.covariance is None:
+            safe = np.where(np.isfinite(at), at, 0.0)
+            return np.where(np.isfinite(at), self.deviations.density(self._scales(t), safe), 0.0)
+        std = self._std(t)
+        safe = np.where(std > 0.0, std, 1.0)
+        bell = np.exp(-0.5 * (at / safe) ** 2) / (safe * np.sqrt(2.0 * np.pi))
+        return np.where(std > 0.0, bell, 0.0)
+
+    def edge_density(self, t: Array) -> Array:
+        """Density (n,) of y at its limits, both together."""
+        return np.asarray(sum(self.density(t, end) for _, end in self._ends(t)))
+
+    def _ends(self, t: Array) -> list[tuple[float, Array]]:
+        """Sign and distance (n,) of each limit from the mean of y."""
+        mean = self.mechanism.centre + t @ self.mean
+        return [(1.0, self.mechanism.upper - mean), (-1.0, self.mechanism.lower - mean)]
+
+    def _below(self, t: Array, at: Array) -> tuple[Array, Array, Array]:
+        """P(y - mean <= at), its derivatives in t by the spread alone, and its error."""
+        if self.covariance is None:
+            far = np.where(np.isfinite(at), at, 0.0)
+            found, slopes, error = self.deviations.below(self._scales(t), far)
+            whole = np.where(np.isfinite(at), found, (at > 0.0).astype(float))
+            return whole, self._to_parts(slopes), np.where(np.isfinite(at), error, 0.0)
+        std = self._std(t)
+        safe = np.where(std > 0.0, std, 1.0)
+        x = np.where(std > 0.0, at / safe, np.where(at >= 0.0, np.inf, -np.inf))
+        level = np.where(np.isfinite(x), x, 0.0)
+        bell = -level * np.exp(-0.5 * level**2) / np.sqrt(2.0 * np.pi)
+        rise = (t @ self.covariance) / safe[:, None] ** 2
+        return np.asarray(ndtr(x)), bell[:, None] * rise, np.zeros(len(t))
+
+    def _std(self, t: Array) -> Array:
+        assert self.covariance is not None
+        return np.asarray(np.sqrt(np.maximum(np.sum((t @ self.covariance) * t, axis=1), 0.0)))
+
+    def _scales(self, t: Array) -> Array:
+        return np.asarray(t[:, self.mechanism.owners] * self.slopes)
+
+    def _to_parts(self, each: Array) -> Array:
+        """Derivatives in t (n, p) from those in the scales of the pieces (n, k)."""
+        parts = np.arange(len(self.mechanism.inputs))
+        owner = (self.mechanism.owners[:, None] == parts) * self.slopes[:, None]
+        return np.asarray(each @ owner)
+
+
+def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
+    """The law, or why there is none in closed form; `covariance` (p, p) is that of y at t = 1."""
+    if mechanism.formula is not None and not mechanism.formula.linear:
+        return "the formula is not linear"
+    each = [even_law(one) for one in mechanism.inputs]
+    odd = [at for at, one in enumerate(each) if one is None]
+    if odd:
+        owner = mechanism.owner.index(odd[0])
+        return f"the deviations of {mechanism.names[owner]} are skewed or have poles"
+    found = [one for one in each if one is not None]
+    normal = all(isinstance(one, Normal) for one in mechanism.inputs)
+    if mechanism.correlation is not None and not normal:
+        return "correlated deviations have no even law"
+    owners = mechanism.owners
+    parts = (owners == np.arange(len(mechanism.inputs))[:, None]).astype(float)
+    mean = parts @ (mechanism.sensitivities * np.array([found[at][0] for at in owners]))
+    laws = tuple(found[at][1] for at in owners)
+    return Law(
+        mechanism,
+        np.abs(mechanism.sensitivities),
+        mean,
+        SymmetricSum(laws),
+        laws,
+        covariance if normal else None,
+    )

@@ -1,0 +1,116 @@
+"""The least value that a requirement of a form can have, and the allocation that has it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .forms import Form
+from .spread import spread_of
+
+Array = NDArray[np.float64]
+MOST = 4096
+"""Combinations of ways that are looked at."""
+SLACK = 1e-12
+"""Rounding of a limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Least:
+    """A bound from below of a requirement's value, and the ways and t (features,) that are near it.
+
+    `value` is met where no tolerance both scatters and lowers the requirement.
+    """
+
+    value: float
+    chosen: tuple[int, ...]
+    t: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Corner:
+    """All combinations of ways (c) at their tightest: t (c, f), values (c, r), and what the trading
+    feature does: `slopes` (c, r) over a `width` (c,).
+    """
+
+    ways: NDArray[np.int64]
+    t: Array
+    values: Array
+    slopes: Array
+    width: Array
+
+
+def least_value(form: Form, row: int, limits: Array) -> Least | None:
+    """The least value of one requirement while the others keep upper limits (r,).
+
+    All tolerances are at their tightest. One feature without spread may trade one requirement for
+    another; it then goes as far as the limits let it. None where more do, where deviations are
+    correlated, or where no combination of ways keeps the limits.
+    """
+    trading = _trading(form)
+    if form.correlation is not None or form.combinations > MOST or len(trading) > 1:
+        return None
+    corner = _corner(form, trading)
+    others = np.arange(len(limits)) != row
+    least, most = _course(corner, limits, others)
+    moved = np.where(corner.slopes[:, row] >= 0.0, least, most)
+    values = corner.values + corner.slopes * moved[:, None]
+    possible = (least <= most) & np.all((values <= limits + SLACK)[:, others], axis=1)
+    if not np.any(possible):
+        return None
+    best = int(np.argmin(np.where(possible, values[:, row], np.inf)))
+    t = corner.t[best].copy()
+    t[trading] += moved[best]
+    return Least(float(values[best, row]), tuple(corner.ways[best].tolist()), t)
+
+
+def _course(corner: _Corner, limits: Array, others: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """How far (c,) the trading feature must and may go for the limits of the `others`."""
+    slopes, room = corner.slopes, limits - corner.values
+    at = np.divide(room, slopes, out=np.zeros_like(room), where=slopes != 0.0)
+    least = np.max(np.where(others & (slopes < 0.0), at, 0.0), axis=1, initial=0.0)
+    most = np.min(np.where(others & (slopes > 0.0), at, np.inf), axis=1, initial=np.inf)
+    return np.maximum(least, 0.0), np.minimum(most, corner.width)
+
+
+def _corner(form: Form, trading: list[int]) -> _Corner:
+    ways = np.array(list(product(*(range(len(feature.ways)) for feature in form.features))))
+    rows = len(form.outputs)
+
+    def every(name: str) -> Array:
+        """A coefficient of all combinations (c, r, features)."""
+        each = [
+            np.array([getattr(way, name) or (0.0,) * rows for way in feature.ways])[ways[:, at]]
+            for at, feature in enumerate(form.features)
+        ]
+        return np.stack(each, axis=2)
+
+    def ends(name: str) -> Array:
+        return np.stack([np.array([getattr(way, name) for way in feature.ways])[ways[:, at]]
+                         for at, feature in enumerate(form.features)], axis=1)  # fmt: skip
+
+    low, high, linear, spread = ends("low"), ends("high"), every("linear"), every("spread")
+    found = spread_of(form, spread * low[:, None, :])
+    fixed = np.ones(len(form.features), dtype=bool)
+    fixed[trading] = False
+    means = np.minimum(linear * low[:, None, :], linear * np.where(fixed, high, low)[:, None, :])
+    # what rounding and an unfinished series may add to a quantile is in its intercept
+    along = np.sum(found.direction * spread * low[:, None, :], axis=2) + found.intercept
+    rooted = np.array([one is None for one in form.rows])
+    least = np.where(rooted, found.value, along)
+    values = form.offset + every("offset").sum(axis=2) + means.sum(axis=2) + least
+    slopes = linear[:, :, trading].sum(axis=2)
+    return _Corner(ways, low, values, slopes, (high - low)[:, trading].sum(axis=1))
+
+
+def _trading(form: Form) -> list[int]:
+    """The features without spread that lower one requirement as they grow."""
+    return [
+        at
+        for at, feature in enumerate(form.features)
+        if any(np.any(np.array(way.linear) < 0.0) for way in feature.ways)
+        and not any(np.any(way.spread) for way in feature.ways)
+    ]

@@ -1,0 +1,57 @@
+"""S of every requirement of a form: roots and quantiles, with the tangents that bound them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .forms import Form
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """S (n, r) at parts s, its derivatives in s (n, r, features), and S >= intercept + them . s.
+
+    The `intercept` (n, r) is lowered by what rounding and an unfinished series may add; it needs
+    the largest parts that are looked at.
+    """
+
+    value: Array
+    direction: Array
+    intercept: Array
+
+
+def spread_of(form: Form, s: Array, most: Array | None = None) -> Spread:
+    """S at parts s (n, r, features); `most` (r, features) are the largest parts looked at."""
+    towards = s if form.correlation is None else s @ form.correlation
+    square = np.maximum(form.constant + np.sum(towards * s, axis=2), 0.0)
+    value = np.sqrt(square)
+    safe = np.where(value > 0.0, value, 1.0)
+    direction, intercept = towards / safe[..., None], form.constant / safe
+    for row, quantile in enumerate(form.rows):
+        if quantile is None:
+            continue
+        found = quantile.tangent(s[:, row])
+        value[:, row], direction[:, row] = found.value, found.gradient
+        own = np.sum(found.gradient * s[:, row], axis=1)
+        doubt = found.value_error
+        if most is not None:
+            reach = np.where(most[row] > 0.0, found.gradient_error * np.abs(most[row]), 0.0)
+            doubt = doubt + np.nan_to_num(reach, nan=np.inf).sum(axis=1)
+        intercept[:, row] = found.value - own - doubt
+    return Spread(value, direction, intercept)
+
+
+def largest_parts(form: Form) -> Array:
+    """The largest parts (r, features) of any way."""
+    return np.stack(
+        [
+            np.max([np.abs(np.multiply(way.spread, way.high)) for way in feature.ways], axis=0)
+            for feature in form.features
+        ],
+        axis=1,
+    )

@@ -1,0 +1,106 @@
+"""The clock of a table, or of each of its sessions: rows in the order of measuring."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...errors import Fault
+from ...models.effects.readings import SESSION, own_clocks
+from ...models.measurable import Column, Role
+
+LATE = 0.05
+"""Share of its span that a clock may begin away from 0."""
+FEW = 0.02
+"""Share of a session's rows at which a clock that goes back was set anew; above it rows are mixed.
+"""
+
+
+def in_time(frame: pd.DataFrame, columns: Sequence[Column], notes: list[str]) -> pd.DataFrame:
+    """The rows in the order of measuring: by the clock, or session by session where each has its
+    own.
+    """
+    time = clock_of(columns, frame)
+    if time is None:
+        return frame
+    own = _own_clocks(frame, time)
+    steps = _steps(frame, time, own)
+    if (steps < 0).any():
+        count = int((steps < 0).sum())
+        notes.append(f"{time} goes back {count} times; the rows were put in the order of {time}")
+        frame = _sorted(frame, time, own)
+        steps = _steps(frame, time, own)
+    if own:
+        notes.append(f"{time} begins anew in each {SESSION}: rows are in the order of the sessions "
+                     "in the file, and effects of time count within a session")  # fmt: skip
+    if same := int((steps == 0).sum()):
+        notes.append(f"{time} stands still at {same} rows: their order is that of the file")
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    if usual > 0 and (gaps := int((steps > 10 * usual).sum())):
+        notes.append(f"{time} is broken by {gaps} gaps of more than 10 usual steps")
+    return frame
+
+
+def clock_of(columns: Sequence[Column], frame: pd.DataFrame) -> str | None:
+    """The column of the time, None where there is none."""
+    return next((c.name for c in columns if c.role is Role.TIME and c.name in frame), None)
+
+
+def late(frame: pd.DataFrame, columns: Sequence[Column]) -> list[str]:
+    """Clocks that do not begin near 0: effects that count the time from there meet another one."""
+    found = []
+    for column in columns:
+        if column.role is Role.TIME and column.name in frame:
+            first, span = float(frame[column.name].min()), float(np.ptp(frame[column.name]))
+            if abs(first) > LATE * span:
+                found.append(f"{column.name} begins at {first:g} {column.unit}: wear and creep "
+                             "count from 0; subtract what had passed before")  # fmt: skip
+    return found
+
+
+def clock_faults(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
+    """Sessions in which the clock was set anew: two clocks, whose order nobody can tell."""
+    time = clock_of(columns, frame)
+    if time is None or SESSION not in frame:
+        return []
+    found = []
+    for label, part in frame.groupby(SESSION, sort=False):
+        t = part[time].to_numpy(dtype=float)
+        back = np.flatnonzero(np.diff(t) < 0.0) + 1
+        if 0 < len(back) <= max(1.0, FEW * len(t)):
+            rows = ", ".join(str(part.index[at]) for at in back[:5])
+            found.append(Fault(f"{place}: column {time}", f"is set back within {SESSION} {label}, "
+                               f"at row {rows}: a session has one clock; give what follows a "
+                               f"{SESSION} of its own, or one time from end to end"))  # fmt: skip
+    return found
+
+
+def _own_clocks(frame: pd.DataFrame, time: str) -> bool:
+    """Whether each session has a clock of its own."""
+    if SESSION not in frame:
+        return False
+    return own_clocks(frame[SESSION].to_numpy(), frame[time].to_numpy(dtype=float))
+
+
+def _steps(frame: pd.DataFrame, time: str, own: bool) -> NDArray[Any]:
+    """Steps of the clock from row to row, within sessions where each has its own."""
+    steps = np.diff(frame[time].to_numpy(dtype=float))
+    if not own:
+        return steps
+    label = frame[SESSION].to_numpy()
+    return np.asarray(steps[label[1:] == label[:-1]])
+
+
+def _sorted(frame: pd.DataFrame, time: str, own: bool) -> pd.DataFrame:
+    if not own:
+        return frame.sort_values(time, kind="stable")
+    number = pd.Series(pd.factorize(frame[SESSION])[0], index=frame.index)
+    return (
+        frame.assign(_number=number)
+        .sort_values(["_number", time], kind="stable")
+        .drop(columns="_number")
+    )
