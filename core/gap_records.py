@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import nan
+from math import isnan, nan
 from typing import TYPE_CHECKING, Any
 
 from .gap_drawing_records import Drawing
@@ -248,16 +248,19 @@ class Rival:
     """Stage 5: names that these data cannot tell from `instead_of`.
 
     `distance` is how much worse they fit: likelihood, and the price of further numbers.
+    `correlation` is that of what both do on these rows beside everything else that is fitted.
     """
 
     names: tuple[str, ...]
     instead_of: tuple[str, ...]
     distance: float
     measurement: Measurement
+    correlation: float = nan
 
     def __str__(self) -> str:
         mine, other = " + ".join(self.names), " + ".join(self.instead_of)
-        return f"{mine} instead of {other}: {self.measurement}"
+        alike = "" if isnan(self.correlation) else f" (correlation {self.correlation:.3f})"
+        return f"{mine} instead of {other}{alike}: {self.measurement}"
 
 
 @dataclass(frozen=True, slots=True)

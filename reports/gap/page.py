@@ -206,6 +206,9 @@ def _rivals(result: GapResult) -> str:
 def _rival(one: Rival) -> str:
     mine, other = " + ".join(one.names), " + ".join(one.instead_of)
     lines = [f"fits worse by {shown(one.distance)} (likelihood, and ln n per further parameter)"]
+    if one.correlation == one.correlation:
+        lines.append(f"what both do on these rows, beside all else that is fitted, correlates by "
+                     f"{one.correlation:.3f}")  # fmt: skip
     lines.append(f"next measurement: {one.measurement}")
     lines += [
         f"vary {name} from {shown(low)} to {shown(high)}"

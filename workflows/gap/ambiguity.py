@@ -6,7 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
-from .fit import Fit, Member
+import numpy as np
+
+from .fit import Fit, Fitter, Member
+from .linear import beside
 from .scan import scan
 from .select import Search
 
@@ -49,6 +52,21 @@ def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
 def _near(search: Search, others: Sequence[Member], fit: Fit) -> list[Fit]:
     """Fits with one more beside `others`, about as good as `fit`."""
     return search.refined(others, scan(search.fitter, search.white, search.book, others))
+
+
+def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
+    """Of what the names of a fit and those instead of them do, beside all else that is fitted."""
+    mine = [k for k, one in enumerate(fit.names) if one in other.instead_of]
+    theirs = [k for k, one in enumerate(other.fit.names) if one in other.names]
+    rest = [one for k, one in enumerate(fit.members) if k not in mine]
+    q = fitter.spanned(rest)
+    a, b = (
+        beside(sum((fitter.white(of.members[k]) @ of.coefficients[k] for k in which),
+                   np.zeros(len(fitter.y))), q)
+        for of, which in ((fit, mine), (other.fit, theirs))
+    )  # fmt: skip
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / size if size > 0.0 else float("nan")
 
 
 def first_of_twins(fit: Fit, found: Sequence[Other], population: bool) -> Fit | None:

@@ -149,6 +149,8 @@ def _settled(
     for _ in range(SETTLED):
         empty = search.fitter.fit(())
         done = Settling(search, generic, setup.data, empty, found.accepted).settled(start)
+        if not done.fit.members:  # what noise there is beside nothing is known
+            break
         anew = noise_of(setup, _contributions(setup, done.fit))
         if _alike(noises, anew):
             break
@@ -195,7 +197,7 @@ def _answer(ground: Ground, found: Selection, done: Settled) -> Analysis:
     verdict = Judged(named, (), done.left, done.significant)
     seen = bool(ground.left.evidence.max(initial=0.0) > search.thresholds.generic)
     return Analysis(ground, ground, replace(found, fit=fit, steps=steps), verdict, tuple(others),
-                    bool(fit.members) or seen, struck=struck)  # fmt: skip
+                    bool(fit.members or found.named) or seen, struck=struck)  # fmt: skip
 
 
 def _about(setup: Setup, search: Search, fit: Fit) -> Setup:

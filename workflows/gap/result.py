@@ -22,6 +22,7 @@ from ...gap_records import (
 )
 from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
+from .ambiguity import correlation
 from .analysis import Analysis, without
 from .blocks import HeldOut, improvement
 from .close import Corrected, corrected
@@ -282,7 +283,8 @@ def rival_records(
         if measurement is None:
             measurement = separating(end.setup, levels, end.fit, one.fit) if at < SEPARATED else \
                 found[0].measurement  # fmt: skip
-        found.append(Rival(one.names, one.instead_of, one.distance, measurement))
+        found.append(Rival(one.names, one.instead_of, one.distance, measurement,
+                           correlation(end.analysis.search.fitter, end.fit, one)))  # fmt: skip
     if end.twin:
         found.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
     for other in end.analysis.scatter[1:]:

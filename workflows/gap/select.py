@@ -28,6 +28,8 @@ BESIDE = "fits as well as any form beside the others"
 TERM = "held-out rows are predicted better, and no name of the library has this form"
 MASKED = 12
 """Candidates that are tried in pairs where none shows alone."""
+PAIRS = 2
+"""Of them, those whose nonlinear parameters are fitted."""
 TWO = 1.6
 """Thresholds that two names must pass together."""
 
@@ -170,16 +172,17 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
     """
     limit = search.thresholds.library
     firsts = search.open(fit.members)[:MASKED]
-    best: Fit | None = None
+    pairs: list[Fit] = []
     for first in firsts:
         members = (*fit.members, first.member)
         seconds = [one for one in search.open(members)
                    if frozenset([first.member.name, one.member.name]) not in rejected]  # fmt: skip
         if not seconds or first.gain + seconds[0].gain < TWO * limit:
             continue
-        whole = search.fitter.refined([*members, seconds[0].member])
-        if best is None or whole.score < best.score:
-            best = whole
+        pairs.append(search.fitter.fit([*members, seconds[0].member]))
+    nearest = sorted(pairs, key=lambda one: one.score)[:PAIRS]
+    fits = [search.fitter.refined(one.members) for one in nearest]
+    best = min(fits, key=lambda one: one.score, default=None)
     if best is None or fit.rss - best.rss < TWO * limit or best.score > fit.score:
         return None
     alone = [search.fitter.fit(best.without(k)).rss - best.rss

@@ -108,5 +108,6 @@ def _rival(one: Rival) -> dict[str, Any]:
         "names": list(one.names),
         "instead_of": list(one.instead_of),
         "distance": one.distance,
+        "correlation": one.correlation,
         "separating_measurement": asdict(one.measurement),
     }
