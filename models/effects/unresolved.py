@@ -19,7 +19,7 @@ from ..inputs.distribution import Array
 from ..measurable import Role
 from .effect import Action, Effect, EffectParameter, Readings, Target
 
-SHAPES = ("constant", "spline", "power", "step", "wave", "product")
+SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product")
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +31,7 @@ class Term:
     - `power`: z^exponent of z = |x - zero| / scale, with the sign of x - zero where `signed`;
     - `step`: 1 from zero on;
     - `wave`: cosine and sine of `order` times x, an angle;
+    - `swing`: cosine and sine of `order` times (x - zero) / scale;
     - `product`: z w, z^2 w, z w^2, z^2 w^2 of z = (x - zero) / scale and w, which `times` gives.
 
     All of it times w^times_exponent of w = (y - times_zero) / times_scale of the column `times`,
@@ -59,7 +60,7 @@ class Term:
         """Columns."""
         if self.shape == "spline":
             return len(self.knots) + 2
-        return {"wave": 2, "product": 4}.get(self.shape, 1)
+        return {"wave": 2, "swing": 2, "product": 4}.get(self.shape, 1)
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -94,6 +95,8 @@ class Term:
         if self.shape == "step":
             return np.asarray(x >= self.zero, dtype=float)[:, None]
         z = (x - self.zero) / self.scale
+        if self.shape == "swing":
+            return np.column_stack([np.cos(self.order * z), np.sin(self.order * z)])
         if self.shape == "product":
             w = self._other(readings)
             return np.column_stack([z * w, z * z * w, z * w * w, z * z * w * w])

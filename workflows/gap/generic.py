@@ -30,6 +30,10 @@ PREDICTED = "predicted "
 """Before the name of an output: the variable that its prediction is."""
 USUAL = (1.0, 2.0, 4.0, 39.0, 40.0, 78.0, 80.0, 120.0)
 """Orders that are also tried with a size that follows another input."""
+SWING = "a swing of "
+"""How the detail of a slow wave of the time begins."""
+CYCLES = tuple(np.arange(0.75, 8.1, 0.25).tolist())
+"""Cycles over the record that are tried."""
 POWERS = (0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)
 SMOOTH = (Role.TORQUE, Role.FORCE, Role.SPEED, Role.TEMPERATURE, Role.TIME, Role.PAYLOAD,
           Role.POSITION, Role.INPUT)  # fmt: skip
@@ -67,6 +71,7 @@ def generic(
         found.append((Form("distribution", MEAN), np.ones((len(data), 1))))
     found += _along_units(data)
     found += _steps(data)
+    found += _swings(inputs, values)
     found += _levels(data)
     if Role.ANGLE in data.readings:
         found += _orders(data)
@@ -175,6 +180,19 @@ def from_origin(column: Column, x: Array) -> Array:
     """An input (n,) from its origin, of magnitude 1 at most."""
     away = x - origin(column)
     return np.asarray(away / max(float(np.abs(away).max()), 1e-300))
+
+
+def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, Array]]:
+    """Slow waves of the time, each a form of its own: a hall that warms by day, a pump."""
+    found = []
+    for column in inputs:
+        if column.role is Role.TIME:
+            share = (values[column.name] - values[column.name].min()) / np.ptp(values[column.name])
+            for cycles in CYCLES:
+                turned = 2.0 * np.pi * cycles * share
+                form = Form("trend", column.name, order=cycles, detail=f"{SWING}{cycles:g} cycles")
+                found.append((form, np.column_stack([np.cos(turned), np.sin(turned)])))
+    return found
 
 
 def _steps(data: GapData) -> list[tuple[Form, Array]]:

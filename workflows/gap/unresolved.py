@@ -15,7 +15,7 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
 from .data import GapData
 from .fit import Fitter, Member
-from .generic import Form, origin
+from .generic import SWING, Form, origin
 from .library import Candidate
 from .linear import basis, beside
 
@@ -58,6 +58,9 @@ def term_of(form: Form, data: GapData, output: str) -> Term | None:
         at = int(form.detail.split()[2])
         later = bool((x[at:] > x[at - 1]).all())
         return replace(base, shape="step", zero=float(x[at])) if later else None
+    if form.detail.startswith(SWING):
+        size = float(np.ptp(x)) / (2.0 * np.pi)
+        return replace(base, shape="swing", order=form.order, zero=float(x.min()), scale=size)
     return _spline(base, columns[form.variable], x) if not form.detail else None
 
 
