@@ -12,6 +12,7 @@ from ..counts import INDIVIDUALS, POINTS
 from .engine import GDE3Engine, Space
 from .exact.bounds import restricted, upper_limit
 from .exact.branch import Branch
+from .exact.corrected import corrected_vectors, is_corrected
 from .exact.designs import search_vectors
 from .exact.epsilon import integer_moves, scale_of
 from .exact.front import front
@@ -50,10 +51,16 @@ class Hybrid(Solver):
     def solve(self, run: Run) -> None:
         seeds = seed_vectors(run, self.population)
         self._evolve(run, seeds)
-        if run.problem.n_obj == 1:
-            self._polish_best(run)
-        elif run.problem.n_obj == 2:
-            self._polish_front(run)
+        form = closed_form(run.problem)
+        try:
+            if run.problem.n_obj == 1:
+                self._polish_best(run)
+            elif run.problem.n_obj == 2:
+                self._polish_front(run)
+        finally:
+            if form is not None and is_corrected(form):
+                # what the seeds are at full accuracy, a coarser search may have thrown away
+                run.choose(np.vstack([seeds, run.archive.arrays()[0]]))
 
     def _evolve(self, run: Run, seeds: Array) -> None:
         """GDE3 on plain arrays, until generations or its share of the evaluations are used."""
@@ -119,7 +126,10 @@ def seed_vectors(run: Run, count: int) -> Array:
     problem, form = run.problem, run.problem.guide()
     if form is None or "cost" not in problem.objectives:
         return np.empty((0, problem.n_var))
-    if (closed := closed_form(problem)) is not None:
+    closed = closed_form(problem)
+    if closed is not None and is_corrected(closed):
+        return corrected_vectors(run, closed, min(count, RELAXED))
+    if closed is not None:
         return exact_vectors(problem, closed, count)
     form = convex_pieces(restricted(form, np.arange(len(form.outputs)) == 0))
     upper = np.array([upper_limit(problem, name) for name in form.outputs])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
 
@@ -14,6 +15,7 @@ from .arguments import file_faults, page_faults, start_faults
 from .counts import forced
 from .ending import INTERRUPTED, exit_status
 from .errors import Fault, InputError, raise_all
+from .tables import ReadOptions
 
 if TYPE_CHECKING:
     from .configuration import Configuration
@@ -42,6 +44,16 @@ Config = Annotated[Path, typer.Argument(help="Configuration (TOML).", show_defau
 Out = Annotated[Path, typer.Option("--out", help="Where the results go.", show_default=False)]
 Set = Annotated[list[str], typer.Option("--set", help="key=value; may be repeated.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Nothing on stderr but errors.")]
+Encoding = Annotated[
+    str | None, typer.Option(help="Of the table.", show_default="detected, or asked for")
+]
+Delimiter = Annotated[
+    str | None,
+    typer.Option(help="comma, semicolon, tab, pipe or space.", show_default="detected"),
+]
+Decimal = Annotated[
+    str | None, typer.Option(help='Decimal sign of the table: "." or ",".', show_default="detected")
+]
 Force = Annotated[bool, typer.Option("--force", help="Refuse no count for its size.")]
 
 
@@ -94,6 +106,9 @@ def gap(
     workers: Annotated[int, typer.Option(help="Processes; no result depends on it.")] = WORKERS,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with a broken run.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False,
+    encoding: Encoding = None,
+    delimiter: Delimiter = None,
+    decimal: Decimal = None,
     set_: Set = [],  # noqa: B006
     quiet: Quiet = False,
     force: Force = False,
@@ -101,13 +116,15 @@ def gap(
     """Find where model and measurement disagree, name the missing effect, correct the model."""
     with exit_status(), forced(force):
         faults = start_faults(out, workers, resume, overwrite)
-        plan, readings = _gap_input(config, data, set_, faults)
+        options = ReadOptions(encoding, delimiter, decimal)
+        plan, readings = _gap_input(config, data, set_, faults, options)
+        _understood(readings.understood, quiet)
         status = _gap(plan, readings, out, workers, quiet, resume, overwrite)
     raise typer.Exit(status)
 
 
 def _gap_input(
-    config: Path, data: Path, settings: list[str], faults: list[Fault]
+    config: Path, data: Path, settings: list[str], faults: list[Fault], options: ReadOptions
 ) -> tuple[GapPlan, GapData]:
     """The analysis and its data; the faults of both, and those found before, are raised at once.
 
@@ -120,7 +137,7 @@ def _gap_input(
     from .workflows.gap.read import checked
 
     plan, found = gap_plan(config, settings)
-    readings, more = checked(plan, data)
+    readings, more = checked(plan, data, options)
     raise_all([*found, *faults, *more])
     assert plan is not None
     assert readings is not None
@@ -259,6 +276,9 @@ def evaluate(
     config: Config,
     designs: Annotated[Path, typer.Argument(help="Designs, one per row (CSV).")],
     out: Out,
+    encoding: Encoding = None,
+    delimiter: Delimiter = None,
+    decimal: Decimal = None,
     set_: Set = [],  # noqa: B006
     quiet: Quiet = False,
     force: Force = False,
@@ -275,7 +295,8 @@ def evaluate(
             typer.echo(f"note: {note}", err=True)
         if not quiet and (statement := configuration.problem.model_statement):
             typer.echo(f"model: {statement}", err=True)
-        evaluate(configuration.problem, designs, out)
+        options = ReadOptions(encoding, delimiter, decimal)
+        evaluate(configuration.problem, designs, out, options, partial(_understood, quiet=quiet))
         typer.echo(f"written: {out}")
 
 
@@ -284,6 +305,9 @@ def simulate(
     config: Config,
     inputs: Annotated[Path, typer.Argument(help="Operating points, one per row.")],
     out: Out,
+    encoding: Encoding = None,
+    delimiter: Delimiter = None,
+    decimal: Decimal = None,
     set_: Set = [],  # noqa: B006
     quiet: Quiet = False,
     force: Force = False,
@@ -299,7 +323,12 @@ def simulate(
         name, effects = configuration.model_name, configuration.settings.effects
         model, seed = build_model(configuration), configuration.seed
         zero = configuration.settings.zero
-        _, notes = simulate(model, inputs, out, seed, name, effects, zero)
+        uses = configuration.settings.columns
+        options, shown = (
+            ReadOptions(encoding, delimiter, decimal),
+            partial(_understood, quiet=quiet),
+        )
+        _, notes = simulate(model, inputs, out, seed, name, effects, zero, options, shown, uses)
         for note in () if quiet else notes:
             typer.echo(f"note: {note}", err=True)
         typer.echo(f"written: {out}")
@@ -352,6 +381,12 @@ def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = Fals
         from .listing import listed
 
         typer.echo(listed(json_))
+
+
+def _understood(lines: Iterable[str], quiet: bool) -> None:
+    """What was understood of a table, before anything is made of it."""
+    for line in () if quiet else lines:
+        typer.echo(f"read: {line}", err=True)
 
 
 def _read(config: Path, settings: list[str]) -> Configuration:

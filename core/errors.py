@@ -43,6 +43,10 @@ class InputError(TolevoError):
         return type(self), (self.faults,)
 
 
+ConfigurationError = InputError
+"""Its name in the Python interface."""
+
+
 class RunError(TolevoError):
     """A run failed after it had begun."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -114,3 +114,37 @@ def _trading(form: Form) -> list[int]:
         if any(np.any(np.array(way.linear) < 0.0) for way in feature.ways)
         and not any(np.any(way.spread) for way in feature.ways)
     ]
+
+
+def ends_of_front(form: Form, row: int, limits: Array) -> tuple[Array, Array] | None:
+    """Ideal and nadir (2,) of cost and one requirement: proven least values and those beside them.
+
+    The other requirements keep upper limits (r,). The nadir is the cost of the allocation of least
+    value, and the least value of the cheapest allocation. None where these are not known.
+    """
+    least = least_value(form, row, limits)
+    cheapest = _cheapest(form)
+    other = least_value(cheapest, row, limits)
+    if least is None or other is None:
+        return None
+    low = _cost(cheapest, (0,) * len(form.features), other.t)
+    return np.array([low, least.value]), np.array([_cost(form, least.chosen, least.t), other.value])
+
+
+def _cheapest(form: Form) -> Form:
+    """The form with every feature in its cheapest way, as loose as that goes if it has a cost."""
+    features = []
+    for feature in form.features:
+        costs = [float(way.curve.cost(np.array([way.high]))[0]) for way in feature.ways]
+        way = feature.ways[int(np.argmin(costs))]
+        costly = np.ptp(way.curve.cost(np.array([way.low, way.high]))) > 0.0
+        features.append(replace(feature, ways=(replace(way, low=way.high) if costly else way,)))
+    return replace(form, features=tuple(features))
+
+
+def _cost(form: Form, chosen: tuple[int, ...], t: Array) -> float:
+    each = [
+        feature.count * float(feature.ways[at].curve.cost(np.array([one]))[0])
+        for feature, at, one in zip(form.features, chosen, t, strict=True)
+    ]
+    return float(form.base + sum(each))

@@ -12,6 +12,7 @@ from ..models.costs import CostCurve
 from ..models.effects.compose import Active
 from ..models.gear import Gear
 from ..models.inputs import Distribution
+from ..tables import ColumnUse
 
 METHODS = ("moments", "convolution", "monte_carlo")
 
@@ -51,7 +52,8 @@ class Settings:
     Names that a mapping leaves out keep the problem's default; `objectives` empty means the
     problem's own. `definition` is what a problem that is written in the configuration (`stack`)
     was read from; `effects` are active in the model; `zero` is what an instrument adds to outputs
-    of the model, `sense` is -1 of those that read the other way round; `gear` is that of a table.
+    of the model, `sense` is -1 of those that read the other way round; `gear` is that of a table,
+    `columns` says what the columns of a file are.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -66,3 +68,4 @@ class Settings:
     zero: Mapping[str, float] = field(default_factory=dict)
     sense: Mapping[str, int] = field(default_factory=dict)
     gear: Gear | None = None
+    columns: Mapping[str, ColumnUse] = field(default_factory=dict)

@@ -12,7 +12,13 @@ from ..errors import nearest, raise_all
 from ..problems.tolerance_problem import ToleranceProblem
 
 
-def evaluate(problem: ToleranceProblem, path: Path, out: Path) -> pd.DataFrame:
+def evaluate(
+    problem: ToleranceProblem,
+    path: Path,
+    out: Path,
+    options: tables.ReadOptions = tables.AS_DETECTED,
+    understood: tables.Tell = tables.silent,
+) -> pd.DataFrame:
     """Every variable, output and limit margin at the designs in `path`, written to `out`.
 
     A column may be left out where the problem fixes that variable; where it is given, it counts.
@@ -20,11 +26,15 @@ def evaluate(problem: ToleranceProblem, path: Path, out: Path) -> pd.DataFrame:
     Raises InputError with every fault of the table; nothing is written then.
     """
     place = path.name
-    given = tables.read(path, place)
+    found = tables.opened_whole(path, place, options)
     names = [variable.name for variable in problem.variables]
     needed = [name for name in names if name not in problem.fixed]
     text = [variable.name for variable in problem.variables if variable.labels]
-    frame, faults = tables.parsed(given, place, needed, names, text)
+    known = {variable.name: variable.unit for variable in problem.variables}
+    given = tables.fitted(found, place, known)
+    cells, unused = tables.without_unused(given.cells, names)
+    frame, faults = tables.parsed(cells, place, needed, names, text)
+    faults += given.faults
     for variable in problem.variables:
         if variable.name in frame:
             if variable.labels:
@@ -33,15 +43,16 @@ def evaluate(problem: ToleranceProblem, path: Path, out: Path) -> pd.DataFrame:
                 bad = _outside(variable, frame[variable.name])
             faults += tables.cell_faults(place, variable.name, bad)
     raise_all(faults)
+    understood([*found.lines(place), *given.notes, *unused])
     frame = frame.assign(**{n: v for n, v in problem.fixed.items() if n not in frame})
     designs = frame[names].to_numpy(dtype=float)
     for name, bad_rows in problem.misplaced(designs).items():
         bad = {frame.index[row]: why for row, why in bad_rows.items()}
         faults += tables.cell_faults(place, name, bad)
     raise_all(faults)
-    found = problem.frame(designs)
-    tables.write(found, out)
-    return found
+    outputs = problem.frame(designs)
+    tables.write(outputs, out)
+    return outputs
 
 
 def _numbered(

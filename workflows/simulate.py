@@ -30,19 +30,25 @@ def simulate(
     name: str = "",
     effects: tuple[Active, ...] = (),
     zero: Mapping[str, float] = NO_CHANGES,
+    options: tables.ReadOptions = tables.AS_DETECTED,
+    understood: tables.Tell = tables.silent,
+    uses: Mapping[str, tables.ColumnUse] | None = None,
 ) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """The inputs in `path` with the predicted outputs beside them, written to `out`.
 
     `effects` are active in the model `name`, `zero` is added to its outputs. Measured outputs in
-    the table are left out.
+    the table are left out. `uses` says what the columns of the file are.
 
     Also returns what the user should know: optional columns that are missing, and columns that were
     left out. Raises InputError with every fault of the table; nothing is written then.
     """
     place = path.name
-    given = tables.read(path, place)
-    frame, faults = _inputs(model, given, place)
-    raise_all(faults)
+    table_read = tables.opened_whole(path, place, options)
+    fitted = tables.fitted(table_read, place, _units(model), uses)
+    given = fitted.cells
+    frame, faults, unused = _inputs(model, given, place)
+    raise_all([*faults, *fitted.faults])
+    understood([*table_read.lines(place), *fitted.notes, *unused])
     table = {str(name): frame[name].to_numpy() for name in frame}
     raise_all(_without_columns(model, name, table, effects, place))
     rng = np.random.default_rng(seed)
@@ -79,22 +85,30 @@ def _without_columns(
     return found
 
 
+def _units(model: MeasurableModel) -> dict[str, str]:
+    """The unit of every column that a table of the model can have, by name."""
+    units = {one.name: one.unit for one in (*model.columns, *model.outputs)}
+    stds = {f"{one.name}_std": one.unit for one in model.outputs}
+    return {"time_s": "s"} | stds | units
+
+
 def _inputs(
     model: MeasurableModel, given: pd.DataFrame, place: str
-) -> tuple[pd.DataFrame, list[Fault]]:
-    """The typed inputs and every fault of the table."""
+) -> tuple[pd.DataFrame, list[Fault], list[str]]:
+    """The typed inputs, every fault of the table, and what to say of columns that are not used."""
     outputs = [output.name for output in model.outputs]
-    ignored: tuple[str, ...] = ()
-    if isinstance(model, MeasuredTable):  # what has no role is of no use
-        known = {*(c.name for c in model.columns), *_extras(outputs)}
-        ignored = (*model.ignored, *(str(name) for name in given.columns if name not in known))
-    return tables.parsed(
-        given.drop(columns=[*outputs, *ignored], errors="ignore"),
+    ignored = model.ignored if isinstance(model, MeasuredTable) else ()
+    known = [*(c.name for c in model.columns), *_extras(outputs)]
+    cells = given.drop(columns=[*outputs, *ignored], errors="ignore")
+    cells, unused = tables.without_unused(cells, known)
+    frame, faults = tables.parsed(
+        cells,
         place,
         needed=[c.name for c in model.columns if c.needed],
-        optional=[c.name for c in model.columns] + _extras(outputs),
+        optional=known,
         text=[*(c.name for c in model.columns if c.text), *LABELS],
     )
+    return frame, faults, unused
 
 
 def _extras(outputs: list[str]) -> list[str]:

@@ -12,7 +12,8 @@ from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way
 from ...problems.least import least_value
 from ...problems.tolerance_problem import ToleranceProblem
-from .choices import cost_range, least_cost
+from .between import least_bounds
+from .choices import cost_range
 from .pieces import convex_pieces
 
 Array = NDArray[np.float64]
@@ -95,7 +96,7 @@ def _bound(form: Form, limits: Array) -> Array:
     form, limits = convex_pieces(restricted(form, used)), limits[:, used]
     bound, possible = np.full(len(limits), np.inf), within_reach(form, limits)
     if np.any(possible):
-        bound[possible] = least_cost(form, limits[possible]).bound
+        bound[possible] = least_bounds(form, limits[possible])
     return bound
 
 

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...problems.forms import Feature, Form
+from ...problems.spread import Spread, largest_parts, spread_of
 from .combination import Combination
 from .path import Path
 from .prices import ROUNDING, Prices
 from .programme import Programme
-from ...problems.spread import Spread, largest_parts, spread_of
 
 Array = NDArray[np.float64]
 GRID = np.unique(np.concatenate([np.geomspace(0.02, 50.0, 15), np.geomspace(0.7, 1.4, 13)]))
@@ -42,6 +42,11 @@ class Optimum:
     cost: Array
     bound: Array
     multiplier: Array
+
+    def at(self, rows: NDArray[np.intp]) -> Optimum:
+        """Those of some limits."""
+        return Optimum(self.chosen[rows], self.t[rows], self.cost[rows], self.bound[rows],
+                       self.multiplier[rows])  # fmt: skip
 
 
 def least_cost(form: Form, limits: Array) -> Optimum:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ...models.costs.joint import Joint
 from ...problems.forms import Form, Way
-from .prices import Prices
 from ...problems.spread import Spread, spread_of
+from .prices import Prices
 
 Array = NDArray[np.float64]
 

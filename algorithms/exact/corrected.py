@@ -8,7 +8,6 @@ in truth; the ends come first: the least of each objective.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +27,10 @@ COARSE = 24
 """Levels of a coarse front, by which the points are spread."""
 FIRST = 5e-4
 """Share of the range of levels that the first keeps from the least, where nothing has room."""
+STEPS = (-4, 4, -1, 1)
+"""Steps of ways that are tried from the form's own."""
+MANY = 12
+"""Ways of a feature above which long steps are tried."""
 ROUNDS = 5
 """Times that limits are moved."""
 NEAR = 2e-3
@@ -42,7 +45,7 @@ INSIDE = 2e-6
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A search vector (variables,) that keeps the limits in truth, its cost, ways and t (features,)."""
+    """A search vector (variables,) that keeps limits in truth; its cost, ways and t (features,)."""
 
     ways: tuple[int, ...]
     x: Array
@@ -66,7 +69,7 @@ class Corrected:
         next to them are tried as long as that helps.
         """
         best = self.point(ways, limit)
-        for at, step in product(self._open, (-1, 1)):
+        for at, step in self._steps():
             while best is not None and self._has(at, best.ways[at] + step):
                 move = (*best.ways[:at], best.ways[at] + step, *best.ways[at + 1 :])
                 other = self.point(move, limit, than=best.cost)
@@ -83,6 +86,15 @@ class Corrected:
 
     def _has(self, at: int, way: int) -> bool:
         return 0 <= way < len(self.form.features[at].ways)
+
+    def _steps(self) -> list[tuple[int, int]]:
+        """Feature and step; long ones only where there are many ways."""
+        return [
+            (at, step)
+            for at in self._open
+            for step in STEPS
+            if abs(step) == 1 or len(self.form.features[at].ways) > MANY
+        ]
 
     def point(
         self, ways: tuple[int, ...], limit: Array, least: int = -1, than: float = np.inf
@@ -126,7 +138,8 @@ class Corrected:
     def _active(self, limit: Array, t: Array, ways: tuple[int, ...]) -> NDArray[np.bool_]:
         """Which limits (r,) hold an allocation back."""
         values = Combination(self.form, ways).values(t[None, :])[0]
-        return np.isfinite(limit) & (values >= limit - 1e-6 * np.maximum(np.abs(limit), 1e-2))
+        near = values >= limit - 1e-6 * np.maximum(np.abs(limit), 1e-2)
+        return np.asarray(np.isfinite(limit) & near)
 
     def _near_enough(self, values: Array, limit: Array, least: int) -> bool:
         """Whether a point keeps limits of the requirements that the problem does not check."""
@@ -138,7 +151,7 @@ class Corrected:
     def _vector(self, ways: tuple[int, ...], t: Array) -> Array:
         one = np.ones(1)
         found = Optimum(np.array([ways]), t[None, :], one, one, one[:, None])
-        return search_vectors(self.run.problem, self.form, found)[0]
+        return np.asarray(search_vectors(self.run.problem, self.form, found)[0])
 
     def _solved(self, ways: tuple[int, ...], limit: Array, least: int) -> Array | None:
         """Tolerances (features,) of least cost, or of the least value of a row."""
@@ -146,6 +159,11 @@ class Corrected:
             found = least_value(_made(self.form, ways), least, limit)
             return None if found is None else found.t
         return Programme(Combination(self.form, ways)).allocation(limit, self._start)
+
+
+def is_corrected(form: Form) -> bool:
+    """Whether a form is a bound that its problem's own values correct."""
+    return bool(form.quantiles) and not form.exact
 
 
 def corrected_vectors(run: Run, form: Form, points: int) -> Array:
@@ -163,10 +181,13 @@ def corrected_vectors(run: Run, form: Form, points: int) -> Array:
     end = corrected.point(chosen_at_end, limits, least=row)
     x = [] if end is None else [end.x]
     asked, chosen = _levels(run, form, limits, row, ends, points)
-    before = None
+    before: Point | None = None
     for done, (limit, ways) in enumerate(zip(asked, chosen.tolist(), strict=True)):
-        run.phase("points on the full model", 0.6 + 0.4 * done / len(asked))
-        best = corrected.best(tuple(ways) if before is None else before.ways, limit)
+        run.phase("points on the full model", 0.3 + 0.7 * done / len(asked))
+        best = corrected.best(tuple(ways), limit)
+        if before is not None and best is not None and before.ways not in (tuple(ways), best.ways):
+            other = corrected.point(before.ways, limit, than=best.cost)
+            best = best if other is None or other.cost >= best.cost else other
         if best is not None:
             x.append(best.x)
             before = best
@@ -200,9 +221,10 @@ def _levels(
         return asked, found.chosen
     length = arc_length(np.stack([asked[:, row], found.cost]))
     even = np.interp(np.linspace(0.0, length[-1], points), length, asked[:, row])
-    run.phase("fine front", 0.2)
-    found, asked = _at(form, limits, row, even)
-    return asked, found.chosen
+    chosen = found.chosen[np.argmin(np.abs(even[:, None] - asked[:, row]), axis=1)]
+    fine = np.tile(limits, (points, 1))
+    fine[:, row] = even
+    return fine, chosen
 
 
 def _at(form: Form, limits: Array, row: int, levels: Array) -> tuple[Optimum, Array]:
@@ -211,8 +233,7 @@ def _at(form: Form, limits: Array, row: int, levels: Array) -> tuple[Optimum, Ar
     asked[:, row] = levels
     found = least_cost(form, asked)
     real = np.isfinite(found.cost)
-    parts = (found.chosen, found.t, found.cost, found.bound, found.multiplier)
-    return Optimum(*(part[real] for part in parts)), asked[real]
+    return found.at(np.flatnonzero(real)), asked[real]
 
 
 def _held(form: Form, t: Array) -> Form:

@@ -24,7 +24,7 @@ GAP, GAP_QUANTILE = 1e-10, 1e-8
 TOLERANCE, TOLERANCE_QUANTILE = 1e-15, 1e-13
 """Tolerance of SLSQP."""
 QUICK, NEAR = 1e-9, 1e-5
-"""Its tolerance where nothing is proven, and the share of a limit by which it may then be broken."""
+"""The same where nothing is proven, and the share of a limit by which it may then be broken."""
 TRIED = 33
 """Places between the tightest tolerances and those that compensate them that are tried."""
 

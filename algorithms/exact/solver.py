@@ -14,8 +14,8 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ..run import Run
 from ..settings import Solver
 from .bounds import reason, restricted, row_limits, upper_limit
-from .corrected import corrected_vectors
 from .choices import Optimum, least_cost, tightest_ways
+from .corrected import corrected_vectors, is_corrected
 from .designs import search_vectors
 from .epsilon import epsilon_front
 from .front import front, tightest
@@ -47,7 +47,7 @@ class Exact(Solver):
         run.phase("closed form", 0.5)
         left = run.evaluations_left
         points = self.points if left is None else max(2, min(self.points, left))
-        if form.quantiles and not form.exact:
+        if is_corrected(form):
             x = corrected_vectors(run, form, min(points, CORRECTED))
             run.choose(x)
             run.evaluate(x)

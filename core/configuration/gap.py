@@ -18,7 +18,6 @@ from ..section import POSITIVE, Range, Section, shown
 from ..workflows.gap.plan import GapPlan, GapSettings
 from .configuration import Configuration
 from .effects import resolved_effects
-from .gap_columns import read_columns
 from .gap_drawing import as_drawn
 from .gap_free import read_free
 from .gap_kind import OWN
@@ -107,6 +106,7 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
         zero=dict(found.settings.zero),
         sense=dict(found.settings.sense),
         gear=found.settings.gear,
+        uses=dict(found.settings.columns),
         counterparts=counterparts if run else None,
         next_measurement=planned,
         drawing=drawing,
@@ -122,11 +122,10 @@ def _configuration(
 ) -> Configuration | None:
     """The part of the configuration that `simulate` would take; None where it is at fault."""
     if name != TABLE:
-        read_columns(top, False)
         check_gear(top, _kind(name), name)
     if not name:
         return None
-    known = (*OF_THE_MODEL, "columns", GEAR) if name == TABLE else OF_THE_MODEL
+    known = (*OF_THE_MODEL, "columns", *((GEAR,) if name == TABLE else ()))
     part = {key: table[key] for key in known if key in table}
     try:
         return read_table(part, [])

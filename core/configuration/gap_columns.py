@@ -13,13 +13,9 @@ UNSIGNED = ("unit", "lot", "repeat", "ignore", "std", "time", "temperature", "pa
 """Roles of what has no opposite."""
 
 
-def read_columns(top: Section, table: bool) -> dict[str, ColumnRole]:
-    """Role and unit by column; empty for a model, whose columns are known."""
+def read_columns(top: Section) -> dict[str, ColumnRole]:
+    """Role and unit by column."""
     section = top.section("columns")
-    if not table:
-        if "columns" in top:
-            top.fault("columns", 'is only for model = "table": a model knows its columns')
-        return {}
     names = section.given()
     found = {name: _column(section.section(name)) for name in names}
     given = {name: column for name, column in found.items() if column is not None}

@@ -17,6 +17,7 @@ from .configuration import Configuration
 from .costs import check_ends, read_costs
 from .effects import read_effects, resolved_effects
 from .goals import read_limits, read_objectives, read_propagation
+from .model_columns import read_model_columns, resolved_columns
 from .pairs import belongs, stranger
 from .parameters import read_parameters
 from .plugins import load_named
@@ -170,11 +171,12 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
     zero = read_zero(top, kind.outputs if kind else ())
     sense = read_sense(top, kind.outputs if kind else ())
     if kind is None:
-        top.known(("parameters", "variables"))
+        top.known(("parameters", "variables", "columns"))
         top.finish()
         raise InputError(faults)
     parameters = read_parameters(top.section("parameters"), kind.parameters)
     variables = _variables(top.section("variables"), kind, parameters)
+    columns = read_model_columns(top, kind)
     for name, setting in variables.items():
         if setting.low is not None or setting.high is not None:
             top.section("variables").fault(name, "a model needs a value, not a range")
@@ -190,6 +192,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         effects=effects,
         zero=zero,
         sense=sense,
+        columns=columns,
     )
     name = top.take("model")
     resolved = {
@@ -197,6 +200,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         "seed": seed,
         "parameters": dict(settings.parameters),
         "variables": resolved_variables(complete, kind.variables),
+        **resolved_columns(columns),
         **resolved_zero(zero),
         **resolved_sense(sense),
         **resolved_effects(effects),

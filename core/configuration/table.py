@@ -33,7 +33,7 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
         if top.take(key) is not None:
             top.fault(key, 'belongs to a model; model = "table" has none')
     before = len(faults)
-    columns = read_columns(top, table=True)
+    columns = read_columns(top)
     gear = read_gear(top)
     unknown = [
         Output(name, "", "") for name in top.section("columns").given() if name not in columns

@@ -21,7 +21,7 @@ LEVELS = 4001
 """Quantiles by which a law is compared with a uniform one."""
 SAFE = 2e-3
 """Share of a half-width, or of a range, that is given away to what lies between the points."""
-WITHIN = 9
+WITHIN = 5
 """Points of a cell that are looked at."""
 
 
@@ -69,7 +69,7 @@ class Cell:
     def spread(self) -> float:
         """Half-width per um of a uniform law below Y in convex order."""
         each = [uniform_below(y) / t for y, t in zip(self._inside, self._at, strict=True)]
-        return min(each)
+        return float(min(each))
 
     @property
     def mean_below(self) -> tuple[float, float]:

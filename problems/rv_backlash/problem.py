@@ -25,6 +25,7 @@ from ...models.rv_reducer import declared, modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
 from ...units import ARCMIN, MM
 from ..forms import Form
+from ..least import ends_of_front
 from ..settings import Bound, Settings
 from ..tolerance_problem import Interval, ToleranceProblem
 from .by_contact import verdicts
@@ -57,6 +58,7 @@ class RvBacklash(ToleranceProblem):
     default_limits = DEFAULT_LIMITS
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
+    default_algorithm = "exact"
     model_name = "document"
     model_statement = "document B's closed form"
     explained: ClassVar[Mapping[str, str]] = {
@@ -146,6 +148,17 @@ class RvBacklash(ToleranceProblem):
     @cached_property
     def _quantile_form(self) -> Form | str:
         return quantile_form(self)
+
+    def box(self) -> tuple[Array, Array]:
+        """Ideal and nadir from the proof, where there is one of the effective backlash."""
+        form = self._quantile_form
+        if isinstance(form, str) or set(self.objectives) != {"cost", "backlash_arcmin"}:
+            return super().box()
+        found = ends_of_front(form, form.outputs.index("backlash_arcmin"), form.own_limits)
+        if found is None:
+            return super().box()
+        order = [("cost", "backlash_arcmin").index(name) for name in self.objectives]
+        return found[0][order], np.maximum(found[1][order], found[0][order] + 1e-12)
 
     def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
         values = super().form_values(form, designs, found)

@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from .problem import RvBacklash
 
 Array = NDArray[np.float64]
-CELLS, COARSE = 24, 4
-"""Pieces of the range of the eccentricity, in geometric steps; those of designs for which y - Y >= 0
-fails, which cost more than is of interest."""
+CELLS, COARSE = 48, 4
+"""Pieces of the range of the eccentricity, in geometric steps; those of designs for which
+y - Y >= 0 fails, which cost more than is of interest."""
 BETAS = (1.0, 0.5, 0.25)
 """Shares of units for which the eccentricity's term is bounded by its quantile."""
 KEPT = ("dr_rp_mm", "dr_p_mm", "stagger_arcmin", "radial_gap_mm", "modification_backlash_arcmin")
@@ -337,8 +337,9 @@ def _bent(problem: RvBacklash, name: str, term: Term, cells: int = CELLS) -> Par
     for start, end in pairwise(edges.tolist()):
         cell = Cell(term.distribution, b, q, start, end)
         (slope, mean), (top_slope, top) = cell.mean_below, cell.mean_above
-        members.append(Member(problem.settings.costs[name], start, end, cell.spread, UNIFORM, mean, slope,
-                              top, top_slope, cell.least, cell.range, cell))  # fmt: skip
+        curve = problem.settings.costs[name]
+        members.append(Member(curve, start, end, cell.spread, UNIFORM, mean, slope, top, top_slope,
+                              cell.least, cell.range, cell))  # fmt: skip
     return Part(name, tuple(members), clipped=True, bent=True)
 
 

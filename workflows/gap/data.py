@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,8 @@ class GapData:
     `measured` holds each output (n,) in its unit, `predicted` the prediction that the table itself
     carries, `std` the noise that it states; `rows` are the line numbers in the file, `blocks` the
     labels of the column that the configuration validates by, `repeats` the label of equal inputs,
-    `digest` the SHA-256 of the file.
+    `digest` the SHA-256 of the file, `understood` how it was read in
+    lines, `table` as a record.
     """
 
     target: Target
@@ -41,6 +42,8 @@ class GapData:
     zeros: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     digest: str = ""
+    understood: tuple[str, ...] = ()
+    table: Mapping[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.rows)

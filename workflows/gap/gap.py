@@ -191,6 +191,7 @@ def _summary(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -
         "seed": plan.seed,
         "configuration_hash": hashlib.sha256(plan.configuration.encode()).hexdigest(),
         "data_hash": data.digest,
+        "data": dict(data.table),
         "rows": len(data),
         "rows_used": len(end.setup.data),
         "library": [one.name for one in (*end.setup.library, *end.setup.on_scatter)],

@@ -10,6 +10,7 @@ from ...gap_drawing_records import Drawing
 from ...models.effects.compose import Active
 from ...models.gear import Gear
 from ...models.measurable import MeasurableModel
+from ...tables import ColumnUse
 
 ROLES = (
     "angle", "torque", "force", "direction", "speed", "temperature", "time", "unit", "lot",
@@ -101,7 +102,8 @@ class GapPlan:
     added to outputs that have a zero, `sense` is -1 of those that read the other way round, `gear`
     that of a table. `counterparts` says what each effect of a corrected
     configuration does in the problem of `run`; None without it. `next_measurement` is None where
-    none was asked for. `drawing` is what units that are made to one are simulated as.
+    none was asked for. `uses` says what the columns of a file are to a model; `drawing` is what
+    units that are made to one are simulated as.
     """
 
     model_name: str
@@ -125,6 +127,7 @@ class GapPlan:
     counterparts: Callable[[str], Mapping[str, str]] | None = None
     tables: Mapping[str, Any] = field(default_factory=dict)
     configuration: str = ""
+    uses: Mapping[str, ColumnUse] = field(default_factory=dict)
     next_measurement: NextPlan | None = None
     drawing: Drawing | None = None
 

@@ -35,20 +35,26 @@ ABSOLUTE_ZERO = -273.15
 """[degC]"""
 
 
-def read_data(plan: GapPlan, path: Path) -> GapData:
+def read_data(
+    plan: GapPlan, path: Path, options: tables.ReadOptions = tables.AS_DETECTED
+) -> GapData:
     """The data in `path`. Raises InputError with every fault; rows are named by line number."""
-    data, faults = checked(plan, path)
+    data, faults = checked(plan, path, options)
     raise_all(faults)
     assert data is not None
     return data
 
 
-def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Fault]]:
+def checked(
+    plan: GapPlan | None, path: Path, options: tables.ReadOptions = tables.AS_DETECTED
+) -> tuple[GapData | None, list[Fault]]:
     """The data in `path`, or every fault of them: of their form alone where there is no plan."""
     place = path.name
-    given, faults = tables.formed(path, place)
-    if plan is None or given is None:
+    table, faults = tables.opened(path, place, options)
+    if plan is None or table is None:
         return None, faults
+    fitted = tables.fitted(table, place, _units(plan), plan.uses)
+    given, faults = fitted.cells, [*faults, *fitted.faults]
     columns, outputs, predictions, stds = _layout(plan, given)
     faults += _missing_outputs(plan, given, outputs, place)
     wanted = [*(c.name for c in columns), *(o.name for o in outputs)]
@@ -91,7 +97,19 @@ def checked(plan: GapPlan | None, path: Path) -> tuple[GapData | None, list[Faul
     data = assembled(plan, frame, there, outputs, predictions, stds, notes)
     if faults := range_faults(plan, data, place):
         return None, faults
-    return replace(data, notes=(*implausible(data), *data.notes), digest=_digest(path)), []
+    understood = (*table.lines(place), *(f"{place}: {note}" for note in fitted.notes))
+    data = replace(data, understood=understood, table=table.record(), digest=_digest(path))
+    return replace(data, notes=(*implausible(data), *data.notes)), []
+
+
+def _units(plan: GapPlan) -> dict[str, str]:
+    """The unit of every column that the data can have, by name; those of a table as configured."""
+    if plan.model is None:
+        return {name: one.unit for name, one in plan.columns.items()}
+    outputs = {one.name: one.unit for one in plan.model.outputs}
+    stds = {f"{name}_std": unit for name, unit in outputs.items()}
+    columns = {one.name: one.unit for one in (TIME, REPEAT, *plan.model.columns)}
+    return {SESSION: "", plan.blocks: ""} | columns | stds | outputs
 
 
 def _unused(plan: GapPlan, given: pd.DataFrame, known: Sequence[str]) -> list[str]:

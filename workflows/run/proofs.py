@@ -8,11 +8,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...algorithms.exact.bounds import proof
+from ...algorithms.exact.between import least_bounds
+from ...algorithms.exact.bounds import proof, row_limits
 from ...algorithms.exact.solver import closed_form, exact_vectors
 from ...algorithms.indicators import hypervolume
 from ...algorithms.search import SearchResult
 from ...errors import ModelError
+from ...problems.least import least_value
 from ...problems.tolerance_problem import ToleranceProblem
 
 POINTS = 4000
@@ -23,6 +25,9 @@ DRAWN = 400
 """Points of the exact front that are drawn."""
 CHECKED = 50
 """Points of the exact front whose bounds are looked at."""
+INFORMATIVE = 25.0
+"""Median gap [percent] beyond which a bound that leaves limits out says nothing."""
+LEFT_OUT = "limits left out"
 CLOSED = 1e-7
 """Relative gap up to which a front counts as exact."""
 
@@ -128,11 +133,34 @@ def measures(
     }
 
 
+def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
+    """How much of each end of a front of cost and one requirement is missing, where it is proven."""
+    form = closed_form(problem)
+    names = [name for name in problem.objectives if name != "cost"]
+    if form is None or not len(front) or len(names) != 1 or problem.n_obj != 2:
+        return []
+    row, limits = form.outputs.index(names[0]), row_limits(problem, form)
+    limits[row] = np.inf
+    least = least_value(form, row, limits)
+    cheapest = float(least_bounds(form, limits[None, :])[0])
+    ends = [(names[0], float(front[names[0]].min()), None if least is None else least.value),
+            ("cost", float(front["cost"].min()), cheapest)]  # fmt: skip
+    return [
+        f"end of the front: the least {name} is {found:.4g}; none below {proven:.4g} is possible "
+        f"({100.0 * (found - proven) / abs(proven):.2g} % missing at most)"
+        for name, found, proven in ends
+        if proven is not None and np.isfinite(proven) and proven != 0.0
+    ]
+
+
 def proof_notes(front: pd.DataFrame, statement: str) -> list[str]:
     """What the page and the terminal say of the proof."""
     gap = front["gap_percent"].to_numpy(dtype=float)
     if not len(gap) or np.all(np.isnan(gap)):
         return [statement] if len(gap) else []
+    if LEFT_OUT in statement and np.nanmedian(gap) > INFORMATIVE:
+        return [f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it in "
+                f"the median, for it leaves out what holds them back ({statement})"]  # fmt: skip
     return [f"proven: no allocation of equal or better other objectives costs less than the bound "
             f"({statement}); the points lie {np.nanmedian(gap):.3g} % above it in the median, "
             f"{np.nanmax(gap):.3g} % at most"]  # fmt: skip

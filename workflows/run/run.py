@@ -25,7 +25,7 @@ from .assumptions import with_assumptions
 from .choices import with_choices
 from .front import inside, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
-from .proofs import Exact, exact_front, measures, proof_notes, with_bounds
+from .proofs import Exact, end_notes, exact_front, measures, proof_notes, with_bounds
 from .reach import searchable
 from .references import compare, documents, side_searches, table
 from .resume import CHECKPOINT, CONFIGURATION, notes_of, opened, seconds_before
@@ -93,7 +93,7 @@ def _run(
     beside = [n for label, one in others.items() for n in overlay.notes(front, label, one, names)]
     told = (*plan.problem.effect_notes(), *plan.problem.warnings(), *beside)
     notes = (*told, *plan.problem.remarks(front), *anew, *_notes(references, dropped, joined))
-    proven = (*proof_notes(front, statement), *notes)
+    proven = (*proof_notes(front, statement), *end_notes(plan.problem, front), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
     summary |= measures(found, front, statement, exact)
     decisions = decide(plan.problem, front, plan.choice)

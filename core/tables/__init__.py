@@ -1,0 +1,46 @@
+"""Tables of the user's: read as they come, with every fault and its place; written whole or not at all.
+
+The index of a table is the line number in its file (the row number in a Parquet file, from 1).
+"""
+
+from .aqdef import Characteristic, read_aqdef
+from .assembling import SHOWN
+from .naming import (
+    ColumnUse,
+    Fitted,
+    Tell,
+    fitted,
+    opened_whole,
+    silent,
+    without_unused,
+)
+from .options import AS_DETECTED, ReadOptions
+from .parsed import cell_faults, formed, numbers, parsed, read, write
+from .reading import PARQUET, opened, read_table
+from .record import Dialect, Table
+
+__all__ = [
+    "AS_DETECTED",
+    "PARQUET",
+    "SHOWN",
+    "Characteristic",
+    "ColumnUse",
+    "Dialect",
+    "Fitted",
+    "ReadOptions",
+    "Table",
+    "Tell",
+    "cell_faults",
+    "fitted",
+    "formed",
+    "numbers",
+    "opened",
+    "opened_whole",
+    "parsed",
+    "read",
+    "read_aqdef",
+    "read_table",
+    "silent",
+    "without_unused",
+    "write",
+]

@@ -1,0 +1,146 @@
+"""Lines of a Q-DAS file: keys of parts, characteristics and values, and compact lines of values.
+
+`K2002/3 Radius` sets the name of the characteristic 3, `/0` of all, no index means 1. A
+characteristic belongs to the part whose keys stand last above it. In a compact line the
+characteristics stand in the order of their numbers.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from ...errors import Fault
+
+BETWEEN, WITHIN = "\x0f", "\x14"
+"""Separators of a compact line: between characteristics, within one."""
+COMPACT = ("K0001", "K0002", "K0004", "K0005", "K0006", "K0007", "K0008", "K0010", "K0011", "K0012")
+COUNTS = ("K0020", "K0021", "", *COMPACT[1:])
+"""What stands in a compact line of a characteristic of values, and of one of counts."""
+ATTRIBUTIVE = ("1", "5", "6")
+FIRST = ("K0001", "K0021")
+"""Keys that begin a value."""
+_KEY = re.compile(r"(K\d{4})(?:/(\d*)(?:/(\d+))?)?(?:[ \t]+(.*))?")
+
+
+@dataclass(slots=True)
+class Raw:
+    """A characteristic as text: its keys, the index of its part, and the keys of each value."""
+
+    part: int = 1
+    keys: dict[str, str] = field(default_factory=dict)
+    values: list[dict[str, str]] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+
+    @property
+    def attributive(self) -> bool:
+        """Whether it counts."""
+        return self.keys.get("K2004", "0") in ATTRIBUTIVE
+
+
+@dataclass(slots=True)
+class Content:
+    """What the lines of a file hold, and what is wrong with them."""
+
+    place: str
+    parts: dict[int, dict[str, str]] = field(default_factory=dict)
+    characteristics: dict[int, Raw] = field(default_factory=dict)
+    common: dict[str, str] = field(default_factory=dict)
+    common_parts: dict[str, str] = field(default_factory=dict)
+    count: int | None = None
+    faults: list[Fault] = field(default_factory=list)
+    _part: int = 1
+    _unused: dict[int, int] = field(default_factory=dict)
+
+    def fault(self, line: int, text: str) -> None:
+        """Take note of a fault in a line."""
+        self.faults.append(Fault(f"{self.place}: row {line}", text))
+
+    def read(self, lines: list[str]) -> None:
+        """Read the lines of a file."""
+        for at, line in enumerate(lines, 1):
+            bare = line.strip(" \r\n\t\x1a")
+            if bare.startswith("K"):
+                self._key(at, bare)
+            elif bare:
+                self._compact(at, line.rstrip("\r\n\x1a"))
+
+    def _key(self, at: int, line: str) -> None:
+        match = _KEY.fullmatch(line)
+        if match is None:
+            self.fault(at, f'"{line[:40]}" is no key of a Q-DAS file')
+            return
+        key, value = match[1], (match[4] or "").strip()
+        index = int(match[2]) if match[2] else 1
+        if key == "K0100":
+            self.count = int(value) if value.isdecimal() else None
+        elif key.startswith("K1"):
+            self._part_key(at, key, index, value)
+        elif key.startswith("K2"):
+            self._characteristic_key(at, key, index, value)
+        elif key.startswith("K00"):
+            self._value_key(at, key, index, value, int(match[3]) if match[3] else None)
+
+    def _part_key(self, at: int, key: str, index: int, value: str) -> None:
+        if index == 0:
+            self.common_parts[key] = value
+            return
+        self._part = index
+        given = self.parts.setdefault(index, {})
+        if given.setdefault(key, value) != value:
+            self.fault(at, f'{key} of part {index} is "{given[key]}" above, here "{value}"')
+
+    def _characteristic_key(self, at: int, key: str, index: int, value: str) -> None:
+        if index == 0:
+            self.common[key] = value
+            return
+        found = self.characteristics.setdefault(index, Raw(self._part))
+        if found.keys.setdefault(key, value) != value:
+            text = f'{key} of characteristic {index} is "{found.keys[key]}" above, here "{value}"'
+            self.fault(at, text)
+
+    def _value_key(self, at: int, key: str, index: int, value: str, number: int | None) -> None:
+        if index == 0:
+            for each in self.characteristics:
+                self._value_key(at, key, each, value, number)
+            return
+        found = self.characteristics.get(index)
+        if found is None:
+            self.fault(at, f"{key}/{index}: characteristic {index} is not described above")
+        elif number is not None and number != len(found.values) + (key in FIRST):
+            self.fault(at, f"value {number} of characteristic {index} is out of order")
+        elif key in FIRST or (key == "K0020" and found.attributive):
+            self._begin(found, key, value, at)
+        elif not found.values:
+            self.fault(at, f"{key}/{index} stands before the first value of the characteristic")
+        elif found.values[-1].setdefault(key, value) != value:
+            self.fault(at, f"{key}/{index} is given twice for one value")
+
+    def _begin(self, found: Raw, key: str, value: str, at: int) -> None:
+        """A new value; the size of a sample and its count belong together."""
+        last = found.values[-1] if found.values else None
+        pair = {"K0020": "K0021", "K0021": "K0020"}.get(key)
+        if pair and last is not None and pair in last and key not in last:
+            last[key] = value
+            return
+        found.values.append({key: value})
+        found.lines.append(at)
+
+    def _compact(self, at: int, line: str) -> None:
+        cells = line.split(BETWEEN)
+        indices = sorted(self.characteristics)
+        if len(cells) > len(indices):
+            text = f"{len(cells)} characteristics in a line, {len(indices)} are described above"
+            self.fault(at, text)
+            return
+        for index, cell in zip(indices, cells, strict=False):
+            found = self.characteristics[index]
+            keys = COUNTS if found.attributive else COMPACT
+            fields = cell.split(WITHIN)
+            if len(fields) > len(keys):
+                self.fault(at, f"{len(fields)} fields of a value, {len(keys)} are known")
+                continue
+            given = {key: one.strip() for key, one in zip(keys, fields, strict=False) if key}
+            given["K0006"] = given.get("K0006", "").removeprefix("#")
+            found.values.append(given)
+            found.lines.append(at)

@@ -1,0 +1,179 @@
+"""From rows of cells to a table: names, units, decimal signs, and every fault of the form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..errors import Fault
+from .bulk import Bulk, proven
+from .columns import Columns
+from .delimiter import Separator
+from .header import Layout, Row, laid_out
+from .options import ReadOptions
+from .record import Dialect, Table
+from .signs import Evidence, canonical, decide, evidence
+from .text import rows_of
+from .typed import is_label
+from .unit_text import split_header, unit_of_cell
+
+SHOWN = 100
+"""Bad rows of a table, or bad cells of one column, that are named; the rest is counted."""
+
+
+def assembled(
+    rows: list[Row], dialect: Dialect, place: str, options: ReadOptions, bulk: Bulk | None = None
+) -> tuple[Table | None, list[Fault]]:
+    """The table in the rows of a file, which are not empty; of a long one, in its bulk."""
+    layout = laid_out(rows, place)
+    header, body = _squared(layout)
+    faults = [*layout.faults, *_form_faults(header, body, place)]
+    whole = [row for row in body if len(row[1]) == len(header)] if faults else body
+    lines = [at for at, _ in whole]
+    columns: list[Any] = [list(cells) for cells in zip(*(row for _, row in whole), strict=True)]
+    if bulk is not None:
+        found = None if faults else bulk.columns(lines[0], lines[-1], len(header))
+        if found is None:
+            separator = Separator(dialect.delimiter, dialect.quote, bulk.skipped)
+            return assembled(rows_of(bulk.text, separator, place), dialect, place, options)
+        columns, lines = found, list(range(lines[0], lines[-1] + 1))
+    columns = columns or [[] for _ in header]
+    given: dict[str, Any] = {}
+    for name, cells in zip(header, columns, strict=True):
+        given.setdefault(name, cells)
+    proofs, numbers = _proofs(given)
+    delimiter = dialect.delimiter if dialect.kind == "csv" else ""
+    signs, doubts = decide(proofs, options.decimal, delimiter, place)
+    plain = {n: _plain(cells, proofs[n], signs.get(n)) for n, cells in given.items()}
+    return _table(layout, dialect, header, plain, proofs, signs, lines, numbers), faults + doubts
+
+
+def _proofs(given: dict[str, Any]) -> tuple[dict[str, Evidence], dict[str, NDArray[Any]]]:
+    """What the cells of each column prove, and the numbers of those that are read at once."""
+    proofs, numbers = {}, {}
+    for name, cells in given.items():
+        if isinstance(cells, list):
+            proofs[name] = evidence(cells)
+            continue
+        quick = proven(cells)
+        if quick is None:
+            given[name] = cells.to_pylist()
+            proofs[name] = evidence(given[name])
+        else:
+            proofs[name] = quick[0]
+            if quick[1] is not None:
+                numbers[name] = quick[1]
+    return proofs, numbers
+
+
+def _plain(cells: Any, proof: Evidence, sign: str | None) -> Any:
+    """The cells of a column with numbers in plain notation."""
+    if not isinstance(cells, list):
+        return cells
+    return canonical(cells, sign or ".") if _rewritten(proof, sign) else cells
+
+
+def _rewritten(proof: Evidence, sign: str | None) -> bool:
+    """Whether numbers of a column are not in plain notation."""
+    return sign is not None and bool(sign == "," or proof.group or proof.comma)
+
+
+def _table(
+    layout: Layout,
+    dialect: Dialect,
+    header: list[str],
+    columns: dict[str, Any],
+    proofs: dict[str, Evidence],
+    signs: dict[str, str],
+    lines: list[int],
+    quick: dict[str, NDArray[Any]],
+) -> Table:
+    """The table with its names apart from their units."""
+    names = _names(header)
+    units = {names[n]: unit for n in columns if (unit := split_header(n)[1]) and names[n] != n}
+    if layout.units is not None:
+        for name, cell in zip(header, layout.units[1], strict=False):
+            if cell and (unit := unit_of_cell(cell)):
+                units.setdefault(names[name], unit)
+    numeric = tuple(
+        names[n]
+        for n in columns
+        if n in quick or (proofs[n].numeric and not any(map(is_label, columns[n])))
+    )
+    used = [signs[n] for n in columns if signs.get(n) and (proofs[n].point or proofs[n].comma)]
+    found = replace(
+        dialect,
+        decimal="".join(sorted(set(used)))[:1] if len(set(used)) == 1 else "",
+        thousands=next((one.group for one in proofs.values() if one.group), ""),
+        header=layout.header[0],
+        unit_row=layout.units[0] if layout.units else 0,
+    )
+    slow = [name for name in numeric if name not in {names[n] for n in quick}]
+    slow += [names[n] for n, values in quick.items() if np.isnan(values).any()]
+    values = {names[n]: one for n, one in quick.items()}
+    own = {names[n]: one for n, one in columns.items()}
+    notes = [*layout.notes]
+    for name in slow:
+        notes += _missing_notes(name, own[name], lines, values.get(name))
+    headers = {names[n]: n for n in columns}
+    columns_of = Columns(own, lines)
+    return Table(columns_of, found, units, tuple(notes), numeric, headers, values)
+
+
+def _names(header: list[str]) -> dict[str, str]:
+    """Column names without their units; whole where two would then be the same."""
+    short = {name: split_header(name)[0] for name in header}
+    taken = list(short.values()) + list(short)
+    return {name: one if one == name or taken.count(one) == 1 else name
+            for name, one in short.items()}  # fmt: skip
+
+
+def _squared(layout: Layout) -> tuple[list[str], list[Row]]:
+    """The names and the rows without cells at the end that are empty in every row."""
+    header = [name.removeprefix("#").strip() if at == 0 else name
+              for at, name in enumerate(layout.header[1])]  # fmt: skip
+    body = layout.body
+    while header and not header[-1] and all(
+        len(row) < len(header) or not row[len(header) - 1] for _, row in body
+    ):  # fmt: skip
+        header = header[:-1]
+    count = len(header)
+    return header, [
+        (at, row[:count] if len(row) > count and not any(row[count:]) else row) for at, row in body
+    ]
+
+
+def _form_faults(header: list[str], body: list[Row], place: str) -> list[Fault]:
+    """Faults of column names and of rows of the wrong length."""
+    found = []
+    for name in dict.fromkeys(header):
+        if not name:
+            found.append(Fault(place, f"column {header.index(name) + 1} has no name"))
+        elif header.count(name) > 1:
+            found.append(Fault(place, f"column {name} appears {header.count(name)} times"))
+    if not body:
+        found.append(Fault(place, "has no rows below its column names"))
+    wrong = [(at, len(row)) for at, row in body if len(row) != len(header)]
+    text = f"{len(header)} cells expected, as many as there are column names, got"
+    found += [Fault(f"{place}: row {at}", f"{text} {count}") for at, count in wrong[:SHOWN]]
+    if len(wrong) > SHOWN:
+        found.append(Fault(place, f"{len(wrong) - SHOWN} more rows of another length"))
+    return found
+
+
+def _missing_notes(
+    name: str, cells: Any, lines: list[int], values: NDArray[Any] | None
+) -> list[str]:
+    """How many cells of a column of numbers are none."""
+    if values is None:
+        values = pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce").to_numpy()
+    bad = np.flatnonzero(np.isnan(values)).tolist()
+    if not bad:
+        return []
+    listed = ", ".join(f'row {lines[at]} "{cells[at]}"' for at in bad[:5])
+    more = ", ..." if len(bad) > 5 else ""
+    return [f"{name}: {len(bad)} cells hold no number: {listed}{more}"]

@@ -1,0 +1,192 @@
+"""Long files: the layout comes from their first and last lines, the readings all at once.
+
+Whatever is not plain (quoted line breaks, empty lines, rows of many lengths, numbers with grouped thousands) is
+read cell by cell instead, with the same result.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+from pyarrow import csv as arrow
+
+from .header import Row
+from .marks import MISSING
+from .notation import DECIMAL, OTHER, THOUSANDS, Notation, notation
+from .signs import PROBES, Evidence
+
+LEAST = 300_000
+"""Characters of a file that is long."""
+ENDS = 400
+"""Lines at each end that the layout comes from."""
+_WIDE = "\u00a0\u2007\u202f\u3000"
+"""Spaces beyond ASCII."""
+_LABEL = r"^[+-]?0[0-9]+$|^[+-]?[0-9]{16,}$"
+_GROUPED = {d: rf"^[+-]?(?:[0-9]+|[1-9][0-9]{{0,2}}(?:\{o}[0-9]{{3}})+)(?:\{d}[0-9]*)?$"
+            for d, o in OTHER.items()}  # fmt: skip
+_MARKS = pa.array(sorted({form for one in MISSING for form in (one, one.upper(), one.title())}
+                         | {"n.i.O.", "NaN", "n.i.O", "k.A.", "k. A."}))  # fmt: skip
+"""Marks as they are mostly written; another spelling is read cell by cell."""
+
+
+@dataclass(frozen=True)
+class Bulk:
+    """The text of a long file whose lines are rows, each cell between delimiters."""
+
+    text: str
+    delimiter: str
+    skipped: int
+    breaks: int
+
+    def columns(self, first: int, last: int, count: int) -> list[pa.Array] | None:
+        """The cells of the lines `first` to `last`, by column; None where a row is not whole."""
+        start = _before(self.text, first, self.breaks)
+        end = _before(self.text, last + 1, self.breaks)
+        body = self.text[start:end].encode()
+        hollow = self.delimiter.encode() * (count - 1)
+        if any(one in body for one in (b"\n\n", b"\n\r\n", b"\n%b\n" % hollow, b"\n%b\r" % hollow)):
+            return None  # empty rows are no rows
+        names = [str(at) for at in range(count)]
+        try:
+            table = arrow.read_csv(
+                pa.BufferReader(body),
+                arrow.ReadOptions(column_names=names, use_threads=False),
+                arrow.ParseOptions(delimiter=self.delimiter, ignore_empty_lines=False),
+                arrow.ConvertOptions(
+                    column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=False
+                ),  # fmt: skip
+            )
+        except pa.ArrowInvalid:
+            return None
+        if table.num_rows != last - first + 1:
+            return None
+        arrays = [column.combine_chunks() for column in table.columns]
+        wide = any(one in self.text for one in _WIDE)
+        trimmed = pc.utf8_trim_whitespace if wide else pc.ascii_trim_whitespace
+        return [trimmed(one) for one in arrays]
+
+    def ends(self) -> list[str]:
+        """Lines of both ends, those of the middle left out."""
+        head = self.text[: _before(self.text, ENDS + 1, self.breaks)].split("\n")[:-1]
+        total = self.breaks + (not self.text.endswith("\n"))
+        tail = self.text[_from_end(self.text, ENDS) :].removesuffix("\n").split("\n")
+        return [*head, *([""] * (total - len(head) - len(tail))), *tail]
+
+
+def bulk_of(text: str, delimiter: str, quote: str, skipped: int) -> Bulk | None:
+    """A long file of plain rows; None of any other."""
+    if len(text) < LEAST or quote != '"' or delimiter in ("", " ") or not delimiter.isascii():
+        return None
+    if f'{delimiter} "' in text:  # a space before a quote: Arrow takes it for a part of the cell
+        return None
+    if "\r" in text and text.count("\r") != text.count("\r\n"):
+        return None
+    breaks = text.count("\n")
+    return Bulk(text, delimiter, skipped, breaks) if breaks > 3 * ENDS else None
+
+
+def rows_of_ends(bulk: Bulk) -> list[Row]:
+    """The rows of both ends by the number of their line."""
+    given = [(at, line) for at, line in enumerate(bulk.ends(), 1) if line.strip()]
+    lines = [one for one in given if one[0] > bulk.skipped]
+    reader = csv.reader((line for _, line in lines), delimiter=bulk.delimiter)
+    rows = [(at, [*map(str.strip, row)]) for (at, _), row in zip(lines, reader, strict=False)]
+    return [row for row in rows if any(row[1])]
+
+
+def _before(text: str, line: int, total: int) -> int:
+    """Where a line begins, or the end of the text, which has `total` line breaks."""
+    if line - 1 > total:
+        return len(text)
+    if line - 1 > total // 2:
+        at = len(text)
+        for _ in range(total - (line - 1) + 1):
+            at = text.rfind("\n", 0, at)
+        return at + 1
+    at = 0
+    for _ in range(line - 1):
+        at = text.find("\n", at) + 1
+    return at
+
+
+def _from_end(text: str, lines: int) -> int:
+    """Where the last lines begin."""
+    at = len(text) - text.endswith("\n")
+    for _ in range(lines):
+        at = text.rfind("\n", 0, at)
+    return at + 1
+
+
+def proven(cells: pa.Array) -> tuple[Evidence, NDArray[np.float64] | None] | None:
+    """What the cells of a column prove, and its numbers; None where they must be looked at singly.
+
+    All of them are numbers or marks of missing values (NaN) then, with a sign that is decimal in
+    one of them at least, or none of the probes is a number.
+    """
+    places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)).tolist()
+    probes = [notation(cells[at].as_py()) for at in places]
+    if not any(probes):
+        return Evidence(values=len(cells)), None
+    given = pc.if_else(pc.is_in(cells, _MARKS), pa.scalar(None, pa.string()), cells)
+    if _any(pc.match_substring_regex(given, _LABEL)):
+        return None
+    count = len(given) - given.null_count
+    found = Evidence(numbers=count, values=count)
+    plain = _without_signs(given, [one for one in probes if one is not None], found)
+    if plain is None:
+        return None
+    try:
+        values = plain.cast(pa.float64())
+    except pa.ArrowInvalid:
+        return None
+    numbers = values.to_numpy(zero_copy_only=False)
+    return (found, numbers) if np.isfinite(numbers).sum() == count else None
+
+
+def _without_signs(cells: pa.Array, probes: list[Notation], found: Evidence) -> pa.Array | None:
+    """The cells in plain notation, and what they prove; None where that is not plain to see."""
+    signs = [sign for sign in (".", ",") if _any(pc.match_substring(cells, sign))]
+    if not signs:
+        return cells
+    if len(signs) == 1:
+        if (at := _decisive(cells, probes)) is None:
+            return None
+        (found.point if signs == ["."] else found.comma)[DECIMAL] = at
+        return cells if signs == ["."] else pc.replace_substring(cells, ",", ".")
+    votes = {("." if one.point == DECIMAL else ",") for one in probes
+             if DECIMAL in (one.point, one.comma)}  # fmt: skip
+    if len(votes) != 1:
+        return None
+    decimal = min(votes)
+    other = OTHER[decimal]
+    if not _all(pc.match_substring_regex(cells, _GROUPED[decimal])) or not _any(
+        pc.match_substring_regex(cells, rf"\{other}[0-9]{{3}}\{decimal}")
+    ):
+        return None  # a sign that never groups for sure
+    roles = (found.point, found.comma) if decimal == "." else (found.comma, found.point)
+    roles[0][DECIMAL], roles[1][THOUSANDS] = 0, 0
+    return pc.replace_substring(pc.replace_substring(cells, other, ""), decimal, ".")
+
+
+def _any(found: pa.Array) -> bool:
+    return bool(pc.any(found).as_py())
+
+
+def _all(found: pa.Array) -> bool:
+    return bool(pc.all(found).as_py())
+
+
+def _decisive(cells: pa.Array, probes: list[Notation]) -> int | None:
+    """A cell whose sign can only be decimal; None where there is none."""
+    if any(DECIMAL in (one.point, one.comma) for one in probes):
+        return 0
+    for at, cell in enumerate(cells.to_pylist()):
+        found = notation(cell) if cell else None
+        if found is not None and DECIMAL in (found.point, found.comma):
+            return at
+    return None

@@ -1,0 +1,145 @@
+"""The delimiter of a text file: clevercsv's opinion, and a rule of ours that must agree."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+from ..errors import refuse
+from .marks import is_date, is_missing
+from .notation import notation
+from .options import NAMES
+
+SAMPLE = 200
+"""Lines that are looked at."""
+DETECTED = 40
+"""Lines that the detector looks at: it takes long."""
+CANDIDATES = (",", ";", "\t", "|")
+SPACE = " "
+STEADY, CLEAN = 0.8, 0.9
+"""Least share of rows of one length, and of cells that no other delimiter stands in."""
+_SEP = re.compile(r'"?sep=(?P<sign>[^"\r\n])"?[;,\t]*\s*', re.IGNORECASE)
+_UNIT = re.compile(r"\s*[\[(]?(?:mm|µm|um|arcmin|deg|Nm|N|rad|mrad|s|°C|%)[\])]?\s*")
+
+
+@dataclass(frozen=True, slots=True)
+class Separator:
+    """The delimiter ("" of a single column), the quote, and lines before the table."""
+
+    delimiter: str
+    quote: str = '"'
+    skipped: int = 0
+
+
+def separator(lines: list[str], place: str, stated: str | None) -> Separator:
+    """How the cells of the lines are separated. Raises InputError where it cannot be told."""
+    first = _SEP.fullmatch(lines[0]) if lines else None
+    skipped = 1 if first else 0
+    if stated is not None:
+        return Separator(stated, '"', skipped)
+    if first:
+        return Separator(first["sign"], '"', 1)
+    sample = [line for line in lines[: 2 * SAMPLE] if line.strip()][:SAMPLE]
+    scores = {sign: _clean(sample, sign) for sign in CANDIDATES}
+    fitting = [sign for sign, score in scores.items() if score >= CLEAN]
+    if len(fitting) == 1:
+        return _confirmed(sample, fitting[0], scores[fitting[0]], place)
+    if fitting:
+        raise _unknown(place, fitting)
+    if _single(sample):
+        return Separator("")
+    if _clean(sample, SPACE) >= CLEAN:
+        return Separator(SPACE)
+    named = [sign for sign in CANDIDATES if sample and sign in sample[0]]
+    if len(named) == 1:  # rows of many lengths: each is reported
+        return Separator(named[0])
+    raise _unknown(place, list(CANDIDATES))
+
+
+def _confirmed(sample: list[str], sign: str, score: float, place: str) -> Separator:
+    """The delimiter where the detector agrees, or where nothing speaks against it."""
+    from clevercsv import Detector
+
+    try:
+        found = Detector().detect("\n".join(sample[:DETECTED]), delimiters=[*CANDIDATES, SPACE])
+    except (ValueError, RuntimeError, IndexError):
+        found = None
+    named = "" if found is None else found.delimiter or ""
+    if named != sign and score < 1.0:
+        raise _unknown(place, [sign, named])
+    for other in CANDIDATES:
+        if other != sign and _as_often(sample, other):
+            raise _unknown(place, [sign, other])
+    if sign == "," and _names_a_unit(sample):
+        raise _unknown(place, [",", ""])
+    quote = found.quotechar if found is not None and found.quotechar == "'" else '"'
+    return Separator(sign, quote or '"')
+
+
+def _as_often(sample: list[str], sign: str) -> bool:
+    """Whether a sign stands as often in the names as in every row, so that it can separate them."""
+    if re.search(rf"\d{re.escape(sign)}\d", sample[0]):
+        return False  # the first row is one of numbers
+    counts = {line.count(sign) for line in sample}
+    return len(sample) > 1 and len(counts) == 1 and min(counts) > 0
+
+
+def _names_a_unit(sample: list[str]) -> bool:
+    """Whether a comma stands between a name and its unit, and in decimals: "Laenge, mm"."""
+    name, _, unit = sample[0].partition(",")
+    rows = sample[1:]
+    return bool(name and _UNIT.fullmatch(unit)) and all(
+        re.fullmatch(r"-?\d+,\d+", row.strip()) for row in rows
+    )
+
+
+def _single(sample: list[str]) -> bool:
+    """Whether lines are one column: each a value, none with a delimiter but a decimal comma."""
+    if any(sign in sample[0] for sign in CANDIDATES):
+        return False
+    values = [line.strip().strip('"') for line in sample[1:]]
+    return all(notation(v) or is_date(v) or not any(s in v for s in CANDIDATES) for v in values) and (
+        not sample[0].strip().count(" ") or not all(SPACE in v.strip() for v in values))  # fmt: skip
+
+
+def _clean(sample: list[str], sign: str) -> float:
+    """Share of cells without another delimiter, of rows that are separated by `sign`; 0 where the
+    rows are of many lengths or have no names above them.
+    """
+    if not any(sign in line for line in sample):
+        return 0.0
+    try:
+        rows = [row for row in csv.reader(sample, delimiter=sign, skipinitialspace=True)]
+    except csv.Error:
+        return 0.0
+    rows = [[cell.strip() for cell in row] for row in rows]
+    if sign == SPACE:
+        rows = [[cell for cell in row if cell] for row in rows]
+    lower = rows[len(rows) // 2 :]
+    count = Counter(map(len, lower)).most_common(1)[0][0]
+    tops = [at for at, row in enumerate(rows) if len(row) == count and all(row)]
+    if count < 2 or not tops:
+        return 0.0
+    # Without names every row is a reading, which is reported when the table is laid out.
+    header = next((at for at in tops if not any(notation(cell) for cell in rows[at])), -1)
+    below = rows[header + 1 :]
+    whole = [row for row in below if len(row) == count or not any(row[count:])]
+    if not below or len(whole) < STEADY * len(below):
+        return 0.0
+    cells = [cell for row in whole for cell in row]
+    return sum(_is_value(cell, sign) for cell in cells) / len(cells)
+
+
+def _is_value(cell: str, sign: str) -> bool:
+    """Whether a cell is a value, or text that no other delimiter stands in."""
+    if notation(cell) or is_date(cell) or is_missing(cell):
+        return True
+    return not any(other in cell for other in CANDIDATES if other != sign)
+
+
+def _unknown(place: str, fitting: list[str]) -> Exception:
+    names = " or ".join(dict.fromkeys(NAMES.get(sign, sign) for sign in fitting))
+    return refuse(place, f"its columns can be separated by {names}, and nothing decides: state "
+                  "--delimiter (comma, semicolon, tab, pipe, space)")  # fmt: skip

@@ -1,0 +1,177 @@
+"""Where the column names stand: below a preamble, above a row of units, above the readings."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field
+
+from ..errors import Fault
+from .marks import is_date, is_missing, is_summary
+from .notation import notation
+from .signs import Exact
+from .unit_text import is_unit_cell
+
+Row = tuple[int, list[str]]
+"""The number of a line, and its cells."""
+SAMPLE = 400
+"""Rows from the end that say which columns hold numbers."""
+
+
+@dataclass(slots=True)
+class Layout:
+    """The rows of a table apart: names, units, readings; `faults` where they cannot be told."""
+
+    header: Row = (0, [])
+    units: Row | None = None
+    body: list[Row] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
+
+
+def laid_out(rows: list[Row], place: str) -> Layout:
+    """The layout of rows that are not empty."""
+    count = _usual(rows)
+    numeric = _numeric(rows, count)
+    first = _first_reading(rows, count, numeric)
+    names = [at for at in range(first) if _is_header(rows[at][1], count)]
+    if not names:
+        return _bare(rows, count, place)
+    at, units = _chosen(rows, names, first)
+    found = Layout(rows[at], rows[units] if units is not None else None)
+    if faults := _rivals(rows, names, at, numeric, place):
+        found.faults = faults
+    found.body = rows[(at if units is None else units) + 1 :]
+    if at:
+        found.notes.append(f"{at} lines above the column names are left out: {_listed(rows[:at])}")
+    _without_summaries(found, numeric)
+    return found
+
+
+def _usual(rows: list[Row]) -> int:
+    """The number of cells that most of the lower half of the rows have."""
+    lower = rows[len(rows) // 2 :][-SAMPLE:]
+    return Counter(len(_trimmed(row)) for _, row in lower).most_common(1)[0][0]
+
+
+def _trimmed(row: list[str]) -> list[str]:
+    end = len(row)
+    while end and not row[end - 1]:
+        end -= 1
+    return row[:end]
+
+
+def _numeric(rows: list[Row], count: int) -> list[int]:
+    """Columns that hold numbers or dates in most of the last rows."""
+    lower = [row for _, row in rows[1:][-SAMPLE:] if len(row) >= count]
+    lower = lower[len(lower) // 2 :]
+    found = []
+    for column in range(count):
+        cells = [row[column] for row in lower if not is_missing(row[column])]
+        good = sum(_is_reading(cell) for cell in cells)
+        if good and 2 * good >= len(cells):
+            found.append(column)
+    return found
+
+
+def _is_reading(cell: str) -> bool:
+    return isinstance(cell, Exact) or notation(cell) is not None or is_date(cell)
+
+
+def _first_reading(rows: list[Row], count: int, numeric: list[int]) -> int:
+    """The first full row with a number or a mark where numbers are; of text the second one."""
+    if not numeric:
+        return next((at + 1 for at, (_, row) in enumerate(rows) if len(row) >= count), 0) or 1
+    for at, (_, row) in enumerate(rows):
+        if len(row) < count or is_unit_row(row, numeric):
+            continue
+        if any(_is_reading(row[column]) for column in numeric) and not _is_preamble(row, count):
+            return at
+    return len(rows)
+
+
+def _is_preamble(row: list[str], count: int) -> bool:
+    """A row of a name and a value, padded with empty cells: "Datum;01.03.2026;;;"."""
+    filled = [cell for cell in row if cell]
+    return count > 3 and len(filled) <= 2 and bool(row[0]) and not _is_reading(row[0])
+
+
+def is_unit_row(row: list[str], numeric: list[int]) -> bool:
+    """Whether a row holds units: every cell is one, or empty."""
+    cells = [cell for cell in row if cell]
+    stated = [cell for column, cell in enumerate(row) if cell and column in numeric]
+    return bool(stated) and all(is_unit_cell(cell) for cell in cells) and any(
+        not re.fullmatch(r"[-\W]*|1", cell) for cell in stated)  # fmt: skip
+
+
+def _is_header(row: list[str], count: int) -> bool:
+    """Whether a row can be that of the names: text in every cell but empty columns at the end."""
+    names = _trimmed(row)
+    return len(names) >= max(count, 1) and not any(_is_reading(cell) for cell in names) or (
+        0 < len(names) == count - 0 and not any(_is_reading(cell) for cell in names))  # fmt: skip
+
+
+def _chosen(rows: list[Row], names: list[int], first: int) -> tuple[int, int | None]:
+    """The row of names, and that of units below it: the last ones before the readings."""
+    last = names[-1]
+    cells = rows[last][1]
+    if len(names) > 1 and last == first - 1 and is_unit_row(cells, list(range(len(cells)))):
+        return names[-2], last
+    if last + 1 < first and is_unit_row(rows[last + 1][1], list(range(len(rows[last + 1][1])))):
+        return last, last + 1
+    return last, None
+
+
+def _rivals(
+    rows: list[Row], names: list[int], at: int, numeric: list[int], place: str
+) -> list[Fault]:
+    """Rows right above the names that can be the names as well."""
+    above = [one for one in names if one < at and rows[one][0] == rows[at][0] - (at - one)]
+    if not above or at - 1 not in above:
+        return []
+    line, other = rows[at][0], rows[at - 1][0]
+    text = (f"lines {other} and {line} can both be the column names; leave an empty line above the "
+            "names, or remove the other line")  # fmt: skip
+    return [Fault(place, text)]
+
+
+def _bare(rows: list[Row], count: int, place: str) -> Layout:
+    """The first full row as names, with what is wrong with them."""
+    at = next((at for at, (_, row) in enumerate(rows) if len(row) >= count), 0)
+    names = rows[at][1]
+    found = Layout(rows[at], None, rows[at + 1 :])
+    above = [row for _, row in rows[:at] if len(row) > 1]
+    if any(_is_reading(cell) for cell in names) and above:
+        text = (f"line {rows[at][0]} has {len(names)} cells, and no line above it as many names "
+                f"({len(above[-1])} cells expected by the last one); where decimal commas stand "
+                "between commas, export it with another delimiter")  # fmt: skip
+        found.faults.append(Fault(place, text))
+    elif any(_is_reading(cell) for cell in names):
+        found.faults.append(Fault(place, f"has no column names: line {rows[at][0]} begins with "
+                                  "readings; put a line of names above them"))  # fmt: skip
+    return found
+
+
+def _without_summaries(found: Layout, numeric: list[int]) -> None:
+    """Leave out rows of limits below the names, and of means or an end mark below the readings."""
+    dropped = []
+    while found.body and _names_summary(found.body[0][1]):
+        dropped.append(found.body.pop(0))
+    bottom = []
+    while found.body and _names_summary(found.body[-1][1]):
+        bottom.append(found.body.pop())
+    dropped += reversed(bottom)
+    if dropped:
+        found.notes.append(f"{len(dropped)} rows that are no readings are left out: "
+                           f"{_listed(dropped)}")  # fmt: skip
+
+
+def _names_summary(row: list[str]) -> bool:
+    first = next((cell for cell in row if cell), "")
+    return is_summary(first)
+
+
+def _listed(rows: list[Row]) -> str:
+    """The first cells of some rows."""
+    shown = [f'line {line} "{next((c for c in row if c), "")}"' for line, row in rows[:5]]
+    return ", ".join(shown) + (", ..." if len(rows) > 5 else "")

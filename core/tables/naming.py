@@ -1,0 +1,157 @@
+"""Columns of a table by the names and in the units of what reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..errors import Fault, nearest, raise_all
+from ..units import converted, fits, split_unit
+from .options import AS_DETECTED, ReadOptions
+from .reading import opened
+from .record import Table
+
+Tell = Callable[[Iterable[str]], None]
+"""Takes what was understood of a table, line by line."""
+
+
+def silent(lines: Iterable[str]) -> None:
+    """Tell nobody."""
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnUse:
+    """What a column of a file is: the name that it has where it is read ("": it is left out), its
+    unit where the file does not state it, and the sign that it counts by.
+    """
+
+    target: str
+    unit: str = ""
+    sense: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """Cells by the names of what reads them, what to say of that, and what is wrong."""
+
+    cells: pd.DataFrame
+    notes: tuple[str, ...] = ()
+    faults: tuple[Fault, ...] = ()
+
+
+def opened_whole(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> Table:
+    """The table in a file. Raises InputError with every fault."""
+    found, faults = opened(path, place, options)
+    raise_all(faults)
+    assert found is not None
+    return found
+
+
+def fitted(
+    found: Table, place: str, known: Mapping[str, str], uses: Mapping[str, ColumnUse] | None = None
+) -> Fitted:
+    """The table with its columns named and in units as `known` (unit by name) has them.
+
+    `uses` says what columns of the file are; one whose name and unit are those of a known name,
+    "torque [N mm]" of "torque_Nm", is it without being asked.
+    """
+    spelt = {spelling: name for name, spelling in found.headers.items()}
+    spelt |= {str(name): str(name) for name in found.cells}
+    notes: list[str] = []
+    faults: list[Fault] = []
+    names: dict[str, str] = {}
+    cells = dict(found.cells.items())
+    for key, use in (uses or {}).items():
+        name = spelt.get(key)
+        if name is None:
+            if use.target and use.target not in spelt:
+                text = f"{place} has no such column{nearest(key, spelt)}"
+                faults.append(Fault(f'columns."{key}"', text))
+        else:
+            names[name] = use.target
+            cells[name], wrong = _used(cells[name], found.units.get(name, ""), use, known)
+            faults += [Fault(f'columns."{key}"', text) for text in wrong]
+    free = {name: unit for name, unit in known.items() if name not in names.values()}
+    for wanted, unit in free.items():
+        if (name := spelt.get(wanted)) is not None and name not in names:
+            names[name] = wanted
+            if wrong_unit := _contradiction(found.units.get(name, ""), wanted, unit):
+                faults.append(Fault(f"{place}: column {found.headers.get(name, name)}", wrong_unit))
+    for wanted, unit in free.items():
+        name = _alike(found, wanted, unit, names)
+        if wanted not in names.values() and name is not None:
+            names[name] = wanted
+            cells[name] = _in_unit(cells[name], found.units[name], unit, 1)
+            notes.append(f'"{found.headers[name]}" is read as {wanted}')
+    kept = {names.get(str(n), str(n)): c for n, c in cells.items() if names.get(str(n), "-")}
+    taken = [target for target in names.values() if target]
+    for target in sorted({one for one in taken if taken.count(one) > 1}):
+        both = ", ".join(f'"{name}"' for name, one in names.items() if one == target)
+        faults.append(Fault("columns", f"{both} are both {target}; only one column can be"))
+    return Fitted(pd.DataFrame(kept, index=found.cells.index), tuple(notes), tuple(faults))
+
+
+def without_unused(cells: pd.DataFrame, known: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:
+    """The columns that are known, or whose names may be slips of one that is missing; a note."""
+    free = [name for name in known if name not in cells]
+    unused = [str(n) for n in cells if n not in known and not nearest(str(n), free)]
+    if not unused:
+        return cells, []
+    listed = ", ".join(unused[:10]) + (", ..." if len(unused) > 10 else "")
+    return cells.drop(columns=unused), [f"not used: {listed}"]
+
+
+def _used(
+    cells: pd.Series[Any], stated: str, use: ColumnUse, known: Mapping[str, str]
+) -> tuple[pd.Series[Any], list[str]]:
+    """The cells of a column that is mapped, in the unit of its target."""
+    unit = known.get(use.target, "")
+    if use.unit and stated and not _same(use.unit, stated):
+        return cells, [f'the file says "{stated}", the configuration "{use.unit}"']
+    own = use.unit or stated
+    if own and unit and not fits(own, unit):
+        return cells, [f'"{own}" cannot be stated in {unit}, the unit of {use.target}']
+    return _in_unit(cells, own or unit, unit, use.sense), []
+
+
+def _contradiction(stated: str, name: str, unit: str) -> str:
+    """What is wrong where the file states another unit than the name of the column."""
+    if not stated or not unit or _same(stated, unit):
+        return ""
+    return f'is stated in "{stated}", and its name {name} means "{unit}"; rename it or map it in [columns]'
+
+
+def _same(unit: str, other: str) -> bool:
+    if unit == other:
+        return True
+    if not fits(unit, other):
+        return False
+    probes = np.array([0.0, 1.0])
+    return bool(np.allclose(converted(probes, unit, other), probes, rtol=1e-12, atol=0.0))
+
+
+def _alike(found: Table, wanted: str, unit: str, names: Mapping[str, str]) -> str | None:
+    """A column whose name is that of `wanted` without its unit, and whose unit fits."""
+    stem = split_unit(wanted)[0].casefold()
+    for name, stated in found.units.items():
+        bare = name.casefold().replace(" ", "_")
+        if name not in names and unit and bare == stem and fits(stated, unit):
+            return name
+    return None
+
+
+def _in_unit(cells: pd.Series[Any], own: str, unit: str, sense: int) -> pd.Series[Any]:
+    """Cells of numbers in another unit and sense; what is no number stays as it is."""
+    if sense == 1 and (own == unit or not own or not unit or _same(own, unit)):
+        return cells
+    numbers = pd.to_numeric(cells.astype(object), errors="coerce").to_numpy(dtype=float)
+    values = sense * np.asarray(converted(numbers, own, unit) if own and unit else numbers)
+    good = np.isfinite(values)
+    result = cells.to_numpy(dtype=object).copy()
+    result[good] = values[good]
+    return pd.Series(result, index=cells.index, dtype=object)

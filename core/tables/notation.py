@@ -1,0 +1,90 @@
+"""How one cell writes a number: which of its signs are decimal, which group thousands.
+
+"0,412" can only be a decimal comma, "1.234.567" only thousands; "1,234" is either.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+_NUMBER = re.compile(
+    r"[+\-−]?(?=[\d.,]*\d)(?P<mantissa>(?:\d{1,3}(?:[ \u00a0\u202f\u2009'’]\d{3})+|[\d.,]*\d|\d+[.,])"
+    r"(?:[.,]\d+)?)(?P<exponent>[eE][+\-−]?\d+)?"
+)
+_GROUPS = re.compile(r"[ \u00a0\u202f\u2009'’]")
+_GROUPED = {
+    sign: re.compile(rf"[1-9]\d{{0,2}}(?:{re.escape(sign)}\d{{3}})+") for sign in (".", ",")
+}
+DECIMAL, THOUSANDS, EITHER = "decimal", "thousands", "either"
+
+
+@dataclass(frozen=True, slots=True)
+class Notation:
+    """What the point and the comma of a number are; None where there is none."""
+
+    point: str | None = None
+    comma: str | None = None
+    group: str = ""
+
+
+PLAIN = Notation()
+OTHER = {".": ",", ",": "."}
+
+
+def notation(cell: str) -> Notation | None:
+    """How a cell writes a number; None where it is none in any notation."""
+    match = _NUMBER.fullmatch(cell)
+    if match is None:
+        return None
+    mantissa = match["mantissa"]
+    spaced = _GROUPS.search(mantissa)
+    points, commas = mantissa.count("."), mantissa.count(",")
+    if not points and not commas:
+        return Notation(group=spaced[0]) if spaced else PLAIN
+    if spaced or match["exponent"]:
+        return _sure(mantissa, points, commas, spaced[0] if spaced else "")
+    if points and commas:
+        return _both(mantissa)
+    sign = "." if points else ","
+    return _one(mantissa, sign, points + commas)
+
+
+def _sure(mantissa: str, points: int, commas: int, group: str) -> Notation | None:
+    """Of a number with spaces between its groups, or with an exponent: a sign is decimal."""
+    if points + commas != 1:
+        return None
+    return Notation(DECIMAL, None, group) if points else Notation(None, DECIMAL, group)
+
+
+def _both(mantissa: str) -> Notation | None:
+    """The sign that comes last is decimal, the other groups thousands."""
+    last = max(".", ",", key=mantissa.rfind)
+    whole, _, fraction = mantissa.rpartition(last)
+    if not fraction.isdigit() or not _GROUPED[OTHER[last]].fullmatch(whole):
+        return None
+    return Notation(DECIMAL, THOUSANDS) if last == "." else Notation(THOUSANDS, DECIMAL)
+
+
+def _one(mantissa: str, sign: str, count: int) -> Notation | None:
+    """One kind of sign: several of it group thousands; one with three digits behind is either."""
+    if count > 1:
+        what = THOUSANDS if _GROUPED[sign].fullmatch(mantissa) else None
+    else:
+        what = EITHER if _GROUPED[sign].fullmatch(mantissa) else DECIMAL
+    if what is None:
+        return None
+    return Notation(what, None) if sign == "." else Notation(None, what)
+
+
+def plain(cell: str, decimal: str) -> str | None:
+    """The number in plain notation where `decimal` is its decimal sign; None where it is none."""
+    match = _NUMBER.fullmatch(cell)
+    found = notation(cell) if match else None
+    if match is None or found is None:
+        return None
+    roles = {".": found.point, ",": found.comma}
+    if roles[decimal] == THOUSANDS or roles[OTHER[decimal]] == DECIMAL:
+        return None
+    bare = _GROUPS.sub("", cell).replace(OTHER[decimal], "").replace(decimal, ".")
+    return bare.replace("−", "-")

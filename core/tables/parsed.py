@@ -1,0 +1,140 @@
+"""Columns of a table as what they must be, with every fault and its place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ..errors import Fault, nearest, raise_all
+from ..files import clear_parts, write_bytes, write_text
+from .assembling import SHOWN
+from .options import AS_DETECTED, ReadOptions
+from .reading import PARQUET, opened
+
+
+def read(path: Path, place: str, options: ReadOptions = AS_DETECTED) -> pd.DataFrame:
+    """The cells of a table. Raises InputError with faults of its form."""
+    frame, faults = formed(path, place, options)
+    raise_all(faults)
+    assert frame is not None
+    return frame
+
+
+def formed(
+    path: Path, place: str, options: ReadOptions = AS_DETECTED
+) -> tuple[pd.DataFrame | None, list[Fault]]:
+    """`read` that hands back the faults, with what can be read all the same."""
+    found, faults = opened(path, place, options)
+    return (None if found is None else found.cells), faults
+
+
+def write(frame: pd.DataFrame, path: Path) -> None:
+    """Write CSV or, by the suffix, Parquet; the index is left out."""
+    clear_parts(path)
+    if path.suffix.lower() in PARQUET:
+        write_bytes(path, frame.to_parquet(index=False))
+    else:
+        write_text(path, frame.to_csv(index=False, lineterminator="\n"))
+
+
+def numbers(
+    frame: pd.DataFrame,
+    place: str,
+    needed: Iterable[str],
+    optional: Iterable[str] = (),
+    text: Iterable[str] = (),
+) -> pd.DataFrame:
+    """The table with its columns as float64, those in `text` as they are.
+
+    Raises InputError with every missing or unknown column and every cell that is no finite number.
+    """
+    typed, faults = parsed(frame, place, needed, optional, text)
+    raise_all(faults)
+    return typed
+
+
+def parsed(
+    frame: pd.DataFrame,
+    place: str,
+    needed: Iterable[str],
+    optional: Iterable[str] = (),
+    text: Iterable[str] = (),
+) -> tuple[pd.DataFrame, list[Fault]]:
+    """`numbers` that hands back the faults; bad cells are NaN, unknown columns are left out."""
+    needed, text = list(needed), set(text)
+    known = list(dict.fromkeys([*needed, *optional]))
+    extra = [name for name in frame.columns if name not in known]
+    missing = [name for name in needed if name not in frame.columns]
+    found = [Fault(place, f"column {name} is missing") for name in missing]
+    free = [name for name in known if name not in frame.columns]
+    found += [Fault(place, f"column {name} is not known{nearest(name, free or known)}; remove it")
+              for name in extra]  # fmt: skip
+    typed = {}
+    for name in (name for name in frame.columns if name in known):
+        read = _labels if name in text else _numeric
+        typed[name], bad = read(frame[name])
+        found += cell_faults(place, name, bad)
+    return pd.DataFrame(typed, index=frame.index), found
+
+
+def cell_faults(place: str, column: str, bad: dict[Any, str]) -> list[Fault]:
+    """A fault per bad cell of a column, by row; beyond `SHOWN` they are counted."""
+    shown = list(bad.items())[:SHOWN]
+    found = [Fault(f"{place}: row {at}, column {column}", why) for at, why in shown]
+    if len(bad) > SHOWN:
+        found.append(Fault(f"{place}: column {column}", f"{len(bad) - SHOWN} more bad cells"))
+    return found
+
+
+def _labels(column: pd.Series[Any]) -> tuple[NDArray[Any], dict[Any, str]]:
+    """The cells as they are, and which of them are empty, by row."""
+    cells = column.to_numpy()
+    empty = np.flatnonzero(pd.isna(cells) | (cells == ""))
+    return cells, dict.fromkeys(column.index[empty], "is empty")
+
+
+def _numeric(column: pd.Series[Any]) -> tuple[NDArray[np.float64], dict[Any, str]]:
+    """The cells as numbers, NaN where a message says why not, by row."""
+    cells = column.to_numpy()
+    values = _whole(cells)
+    bad = {}
+    doubted = np.arange(len(cells)) if values is None else np.flatnonzero(~np.isfinite(values))
+    for at in doubted.tolist():
+        why = _number(cells[at])[1]
+        if why:
+            bad[column.index[at]] = why
+    if values is None:
+        values = np.array([_number(cell)[0] for cell in cells], dtype=float)
+    return np.where(np.isfinite(values), values, math.nan), bad
+
+
+def _whole(cells: NDArray[Any]) -> NDArray[np.float64] | None:
+    """A column of numbers at once; None where its cells must be looked at singly."""
+    if cells.dtype.kind in "fiu":
+        return cells.astype(float)
+    if {type(cell) for cell in cells} != {str} or any("_" in cell for cell in cells):
+        return None
+    try:
+        return cells.astype(float)
+    except ValueError:
+        return None
+
+
+def _number(cell: Any) -> tuple[float, str]:
+    if cell is None or cell == "":
+        return math.nan, "is empty; give a number"
+    try:
+        if isinstance(cell, bool) or (isinstance(cell, str) and "_" in cell):
+            raise ValueError
+        value = float(cell)
+    except (TypeError, ValueError):
+        return math.nan, f'must be a number, got "{cell}"'
+    if not math.isfinite(value):
+        return math.nan, f"must be a finite number, got {cell}"
+    return value, ""

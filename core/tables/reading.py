@@ -1,0 +1,101 @@
+"""One entry to every table: text, workbook or Parquet, as they come."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pandas as pd
+
+from ..errors import Fault, InputError, raise_all, refuse
+from .aqdef.reading import SUFFIXES
+from .assembling import assembled
+from .columns import Columns
+from .options import AS_DETECTED, ReadOptions
+from .record import Dialect, Table
+from .text import rows_of_text
+
+PARQUET = (".parquet", ".pq")
+WORKBOOKS = (".xlsx", ".xlsm")
+EMPTY = "is empty; it needs a line of column names and one row or more below it"
+OLD = b"\xd0\xcf\x11\xe0"
+"""How workbooks before XLSX begin."""
+
+
+def read_table(
+    path: str | Path,
+    encoding: str | None = None,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+) -> Table:
+    """The table in a file: CSV in any dialect, XLSX or Parquet.
+
+    What is not stated is detected. Raises InputError with every fault, where a file has two
+    readings with the option that decides.
+    """
+    path = Path(path)
+    found, faults = opened(path, path.name, ReadOptions(encoding, delimiter, decimal))
+    raise_all(faults)
+    assert found is not None
+    return found
+
+
+def opened(
+    path: Path, place: str, options: ReadOptions = AS_DETECTED
+) -> tuple[Table | None, list[Fault]]:
+    """`read_table` that hands back the faults, with what can be read all the same.
+
+    Rows of another length are left out then, and of columns of one name all but the first; None
+    where not even the column names are known.
+    """
+    if faults := options.faults():
+        return None, faults
+    try:
+        suffix = path.suffix.lower()
+        if suffix in SUFFIXES:
+            from .aqdef.table import table_of_aqdef
+
+            return table_of_aqdef(path, place, options)
+        content = _content(path, place)
+        if suffix in PARQUET or content[:4] == b"PAR1":
+            return _from_parquet(content, place)
+        if suffix in WORKBOOKS or content[:4] == b"PK\x03\x04":
+            from .workbook import rows_of_workbook
+
+            (rows, dialect), bulk = rows_of_workbook(content, place), None
+        else:
+            rows, dialect, bulk = rows_of_text(content, place, options)
+        if not rows:
+            raise refuse(place, EMPTY)
+        return assembled(rows, dialect, place, options, bulk)
+    except InputError as error:
+        return None, list(error.faults)
+
+
+def _content(path: Path, place: str) -> bytes:
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise refuse(place, "does not exist") from None
+    except IsADirectoryError:
+        raise refuse(place, "is a directory; name a file") from None
+    except OSError as error:
+        raise refuse(place, f"cannot be read: {error.strerror}") from error
+    if not content.strip():
+        raise refuse(place, EMPTY)
+    if content.startswith(OLD):
+        raise refuse(place, "is a workbook of the old format (.xls); save it as .xlsx or CSV")
+    return content
+
+
+def _from_parquet(content: bytes, place: str) -> tuple[Table, list[Fault]]:
+    try:
+        frame = pd.read_parquet(io.BytesIO(content))
+    except (OSError, ValueError) as error:
+        raise refuse(place, f"is not a Parquet file ({error})") from error
+    faults = [Fault(place, "has no rows")] if frame.empty else []
+    frame = frame.rename(columns=str)
+    numeric = tuple(str(n) for n in frame if frame[n].dtype.kind in "fiu")
+    headers = {str(name): str(name) for name in frame}
+    columns = Columns({str(n): frame[n].to_numpy() for n in frame}, range(1, len(frame) + 1))
+    return Table(columns, Dialect("parquet", header=0), {}, (), numeric, headers), faults

@@ -1,0 +1,153 @@
+"""The decimal sign of every column of a file: what its numbers prove, and what is asked for.
+
+A column is read by its own evidence, one without any by that of the file. Nothing is guessed: where
+numbers fit two readings, the fault names `--decimal`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import Fault
+from .marks import is_missing
+from .notation import DECIMAL, EITHER, OTHER, THOUSANDS, Notation, notation, plain
+
+PROBES = 64
+"""Cells of a column, evenly spread, that say whether it holds numbers at all."""
+
+
+class Exact(str):
+    """A number that a file holds as such, not as text: nothing is to be decided."""
+
+    __slots__ = ()
+
+
+@dataclass(slots=True)
+class Evidence:
+    """Cells of one column by what they prove, each with its place in the column: the first.
+
+    `point` and `comma` map a role (decimal, thousands, either) to the first cell that has it.
+    """
+
+    point: dict[str, int] = field(default_factory=dict)
+    comma: dict[str, int] = field(default_factory=dict)
+    group: str = ""
+    doubt: str = ""
+    numbers: int = 0
+    values: int = 0
+
+    @property
+    def numeric(self) -> bool:
+        """Whether at least half of its values are numbers."""
+        return self.numbers > 0 and 2 * self.numbers >= self.values
+
+    def votes(self) -> set[str]:
+        """The decimal signs that its cells prove."""
+        found = set()
+        if DECIMAL in self.point or THOUSANDS in self.comma:
+            found.add(".")
+        if DECIMAL in self.comma or THOUSANDS in self.point:
+            found.add(",")
+        return found
+
+    def doubtful(self, decimal: str) -> bool:
+        """Whether a cell can be another number where `decimal` is the decimal sign."""
+        other = self.comma if decimal == "." else self.point
+        return EITHER in other and THOUSANDS not in other
+
+    def any_doubt(self) -> bool:
+        """Whether a cell has a sign that can be either."""
+        return EITHER in self.point or EITHER in self.comma
+
+    def add(self, at: int, cell: str, found: Notation) -> None:
+        """Take note of the number in cell `at`."""
+        self.numbers += 1
+        if not self.doubt and EITHER in (found.point, found.comma):
+            self.doubt = cell
+        if found.point:
+            self.point.setdefault(found.point, at)
+        if found.comma:
+            self.comma.setdefault(found.comma, at)
+        self.group = self.group or found.group
+
+
+def evidence(cells: Sequence[str]) -> Evidence:
+    """What the cells of a column prove; of a column of text only that it holds no number."""
+    found = Evidence()
+    places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)) if cells else []
+    if len(cells) > 2 * PROBES and not any(notation(cells[at]) for at in places):
+        found.values = len(cells)
+        return found
+    missing = 0
+    for at, cell in enumerate(cells):
+        if isinstance(cell, Exact):
+            found.numbers += 1
+            continue
+        one = notation(cell)
+        if one is not None:
+            found.add(at, cell, one)
+        elif is_missing(cell):
+            missing += 1
+    found.values = len(cells) - missing
+    return found
+
+
+def decide(
+    columns: Mapping[str, Evidence], stated: str | None, delimiter: str, place: str
+) -> tuple[dict[str, str], list[Fault]]:
+    """The decimal sign by column ("" where none is used), and what must be stated instead."""
+    numeric = {name: one for name, one in columns.items() if one.numeric}
+    if stated is not None:
+        return _stated(numeric, stated, place)
+    of_file = {vote for one in numeric.values() for vote in one.votes()}
+    if not of_file and delimiter == "," and not any(EITHER in o.comma for o in numeric.values()):
+        of_file = {"."}  # a comma between the columns leaves the point for decimals
+    found, faults, doubted = {}, [], []
+    for name, one in numeric.items():
+        votes = one.votes()
+        if len(votes) > 1:
+            faults.append(Fault(f"{place}: column {name}", _MIXED))
+        elif not votes and not one.any_doubt():
+            found[name] = ""
+        else:
+            votes = votes or of_file
+            if len(votes) != 1 or one.doubtful(min(votes)):
+                doubted.append(name)
+            else:
+                found[name] = min(votes)
+    return found, faults + [_doubt(name, numeric[name].doubt, place) for name in doubted]
+
+
+_MIXED = (
+    "has decimal points in some cells and decimal commas in others; state --decimal where one of "
+    "them groups thousands, or mend the cells"
+)
+
+
+def _stated(
+    numeric: Mapping[str, Evidence], stated: str, place: str
+) -> tuple[dict[str, str], list[Fault]]:
+    """Every column by the sign that was stated; one whose numbers all contradict it is a fault."""
+    faults = [
+        Fault(
+            f"{place}: column {name}",
+            f'its numbers have decimal signs that are not "{stated}": state another --decimal',
+        )  # fmt: skip
+        for name, one in numeric.items()
+        if one.votes() == {OTHER[stated]}
+    ]
+    return dict.fromkeys(numeric, stated), faults
+
+
+def _doubt(name: str, cell: str, place: str) -> Fault:
+    text = (f'"{cell}" can be {cell.replace(",", ".")} or {cell.replace(",", "").replace(".", "")}, '
+            "and nothing in the file decides: state --decimal . or --decimal ,")  # fmt: skip
+    return Fault(f"{place}: column {name}", text)
+
+
+def canonical(cells: Sequence[str], decimal: str) -> list[str]:
+    """The cells with their numbers in plain notation."""
+    return [cell if isinstance(cell, Exact) else plain(cell, decimal) or cell for cell in cells]

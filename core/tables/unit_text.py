@@ -1,0 +1,60 @@
+"""Units in column names ("Spiel [arcmin]") and in rows of units."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+
+from ..units import dimension
+
+ALIASES = {
+    "U/min": "rpm", "1/min": "1/min", "℃": "degC", "℉": "degF", "Bogenminuten": "arcmin",
+    "Winkelminuten": "arcmin", "Bogensekunden": "arcsec", "Winkelsekunden": "arcsec", "′": "arcmin",
+    "″": "arcsec", "'": "arcmin", "''": "arcsec", '"': "arcsec", "角分": "arcmin", "角秒": "arcsec",
+    "分": "arcmin", "度": "deg", "毫米": "mm", "微米": "um", "μm": "um", "µm": "um", "牛米": "N m",
+    "秒": "s", "°": "deg", "Bogenmin": "arcmin", "Bogensek": "arcsec", "sec": "s", "sek": "s",
+    "Sek": "s", "㎜": "mm", "㎛": "um", "ミリ": "mm", "Std": "h", "Nm": "N m", "N·m": "N m",
+    "N*m": "N m", "mym": "um", "minute": "min",
+}  # fmt: skip
+"""What measuring rooms write, as the units module knows it."""
+UNKNOWN = frozenset(["grad", "Grad", "GRAD", "min.", "分", "B", "d", "a", "l", "r", "h."])
+"""Words that mean one unit to some and another to others: no unit is read from them."""
+_BRACKETS = re.compile(
+    r"(?P<name>.*?)\s*[\[(（［【〔](?P<unit>[^\[\]()（）［］【】]+)[\])）］】〕]\s*"
+)
+_SLASH = re.compile(r"(?P<name>.*\S)\s+(?:/|in)\s*(?P<unit>\S+)")
+
+
+@lru_cache(maxsize=4096)
+def known_unit(text: str) -> str | None:
+    """The unit that a text states, None where it is none."""
+    text = text.strip()
+    text = ALIASES.get(text, text)
+    if not text or text in UNKNOWN or text.isdecimal() and text != "1":
+        return None
+    try:
+        dimension(text)
+    except ValueError:
+        return None
+    return text
+
+
+def split_header(header: str) -> tuple[str, str]:
+    """A column name without its unit, and the unit; empty where the name states none."""
+    for pattern in (_BRACKETS, _SLASH):
+        match = pattern.fullmatch(header)
+        if match and match["name"] and (unit := known_unit(match["unit"])):
+            return match["name"].strip(), "" if unit == "1" else unit
+    return header, ""
+
+
+def is_unit_cell(cell: str) -> bool:
+    """Whether a cell of a row of units is one: "mm", "[mm]", "-"."""
+    bare = cell.strip().strip("[]()（）［］【】").strip()
+    return bare in ("-", "--", "–", "1", "Text", "text") or known_unit(bare) is not None
+
+
+def unit_of_cell(cell: str) -> str:
+    """The unit that a cell of a row of units states; empty where it states none."""
+    unit = known_unit(cell.strip().strip("[]()（）［］【】").strip())
+    return "" if unit in (None, "1") else str(unit)
