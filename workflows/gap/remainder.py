@@ -102,7 +102,8 @@ def shape(term: Term) -> str:
         "power": f"{term.variable} to the power {term.exponent:.3g}",
         "step": f"a step at {term.variable} = {term.zero:.4g}",
         "wave": f"a wave of order {term.order:g}",
-        "swing": f"a swing of {term.order:g} cycles over {term.variable}", "product": f"a product of {names}",
+        "swing": f"a swing of {term.order:g} cycles over {term.variable}",
+        "product": f"a product of {names}",
     }  # fmt: skip
     found = kinds[term.shape]
     if term.shape == "power":
