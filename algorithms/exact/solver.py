@@ -55,7 +55,9 @@ class Exact(Solver):
             run.choose(x)
             run.evaluate(x)
             return
-        run.evaluate(exact_vectors(run.problem, form, points))
+        _, violations = run.evaluate(exact_vectors(run.problem, form, points))
+        if form.tested and not np.all(violations <= 0.0):
+            epsilon_front(run, self.points)
 
 
 def closed_form(problem: ToleranceProblem) -> Form | None:

@@ -12,6 +12,7 @@ from ..errors import Fault, InputError, raise_all
 from ..problems.settings import Settings, VariableSetting
 from ..section import Range, Section
 from ..workflows.choice.steps import rounding_faults
+from ..workflows.run.contradictions import contradictions
 from .choice import read_choice, resolved_choice
 from .configuration import Configuration
 from .costs import check_ends, read_costs
@@ -26,6 +27,7 @@ from .search import check_size, read_algorithm, read_budget, read_engine, resolv
 from .sense import read_sense, resolved_sense
 from .source import Table, overridden
 from .table import TABLE, read_table_model
+from .unresolved import read_unresolved
 from .variables import mid_parameter, read_variable
 from .zero import read_zero, resolved_zero
 
@@ -67,6 +69,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     references = top.text("references", REFERENCES) or "documents"
     seed = _seed(top)
     effects = read_effects(top, model, model_name)
+    read_unresolved(top, model, model_name)  # act on readings: an allocation has none
     zero = read_zero(top, model.outputs if model else ())
     sense = read_sense(top, model.outputs if model else ())
     if named and model and not belongs(top.take("problem"), named, model_name, model):
@@ -90,6 +93,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     raise_all(faults)
     problem = kind(settings)
     raise_all([*problem.faults(), *rounding_faults(problem, choice)])
+    raise_all(contradictions(problem, name))
     assert algorithm is not None
     resolved = {
         "problem": top.take("problem"),
@@ -165,13 +169,15 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         if top.take(key) is not None:
             top.fault(key, "needs a problem: a model alone takes seed, parameters and variables")
     effects = read_effects(top, kind, top.take("model"))
+    effects += read_unresolved(top, kind, top.take("model"))
     zero = read_zero(top, kind.outputs if kind else ())
     sense = read_sense(top, kind.outputs if kind else ())
     if kind is None:
         top.known(("parameters", "variables", "columns"))
         top.finish()
         raise InputError(faults)
-    parameters = read_parameters(top.section("parameters"), kind.parameters)
+    parameters = kind.written(top)
+    parameters |= read_parameters(top.section("parameters"), kind.parameters)
     variables = _variables(top.section("variables"), kind, parameters)
     columns = read_model_columns(top, kind)
     for name, setting in variables.items():

@@ -14,12 +14,11 @@ from ...models.effects.compose import Active
 from ...models.effects.inside import InsideSeveral
 from ...models.effects.population.units import OfUnits
 from ...models.effects.readings import labels_of
+from ...models.effects.unresolved import Unresolved
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .data import GapData
-
-ON_SCATTER = ("spread_inflation", "lot_mixture")
-"""Effects on the scatter of a population: they move no single unit."""
+from .law import on_scatter
 
 Predict = Callable[[Mapping[str, Array]], Mapping[str, Array]]
 """The model's outputs (n,) by name, at changes inside of it."""
@@ -51,12 +50,14 @@ class Candidate:
 
     What it would show in is `unread` where that was not measured, or never changed: it moves all
     units of a population alike then, as other causes do, and is never more than a rival of them.
+    One `on_scatter` of a population moves no unit by an amount of its own.
     """
 
     effect: Effect
     linear: tuple[EffectParameter, ...]
     shape: tuple[EffectParameter, ...]
     unread: bool = False
+    on_scatter: bool = False
 
     @property
     def name(self) -> str:
@@ -126,6 +127,8 @@ class Columns:
         """Columns (N, m) of a candidate, m its linear parameters (1 where it has none)."""
         if candidate.alone:
             return self._added(candidate, shape)[:, None]
+        if isinstance(candidate.effect, Unresolved):
+            return self._of_term(candidate.effect)
         if isinstance(candidate.effect, InsideSeveral):
             return self._by_rows(candidate.effect, shape)
         parts = [
@@ -133,6 +136,13 @@ class Columns:
             for one, step in ((one, _step(one)) for one in candidate.linear)
         ]
         return np.column_stack(parts)
+
+    def _of_term(self, effect: Unresolved) -> Array:
+        """Of a term without a name, which acts at one output."""
+        found = effect.columns(self.data.readings)
+        parts = [found if o.name == effect.term.output else np.zeros_like(found)
+                 for o in self.data.outputs]  # fmt: skip
+        return np.concatenate(parts)
 
     def _by_rows(self, effect: InsideSeveral, shape: Mapping[str, float]) -> Array:
         """Of quantities that are changed by a factor of each row: slopes, times that factor."""
@@ -195,8 +205,25 @@ def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
             numbers = effect.parameters(data.target)
             linear = tuple(one for one in numbers if one.linear)
             shape = tuple(_chosen(one, shown) for one in numbers if not one.linear)
-            found.append(Candidate(effect, linear, shape, _unread(effect, data)))
+            one = Candidate(effect, linear, shape, _unread(effect, data))
+            found.append(replace(one, on_scatter=_on_scatter(one, data)))
     return found
+
+
+def _on_scatter(one: Candidate, data: GapData) -> bool:
+    """Whether it changes the scatter of units, at values within its bounds."""
+    if not data.target.population:
+        return False
+    values = {n.name: _step(n) for n in one.linear}
+    values |= {n.name: n.choices[0] if n.choices else _within(n) for n in one.shape}
+    return on_scatter(one.effect, values, data.readings, data.target)
+
+
+def _within(number: EffectParameter) -> float:
+    low, high = number.low, number.high
+    if np.isfinite([low, high]).all():
+        return 0.5 * (low + high)
+    return low + 1.0 if np.isfinite(low) else 0.5 * min(high, 2.0)
 
 
 def left_out(names: Iterable[str], data: GapData) -> list[str]:
