@@ -49,6 +49,8 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     missing = reason(problem, form)
     if missing or form is None:
         return Proof(np.full(points, np.nan), missing)
+    if not points:
+        return Proof(np.empty(0), form.statement)
     limits = np.stack(
         [
             np.minimum(_own(problem, values, name, points), upper)

@@ -25,7 +25,10 @@ BEST_OF_THE_NOTE = 17.9902
 
 
 def problem_of(limits: dict[str, Bound] | None = None, **kwargs: Any) -> RvBacklash:
-    given = {"parameters": PRINTED, "limits": INTERFERENCE | (limits or {})} | kwargs
+    given: dict[str, Any] = {
+        "parameters": PRINTED,
+        "limits": INTERFERENCE | (limits or {}),
+    } | kwargs
     return RvBacklash(Settings(**given))
 
 
@@ -124,7 +127,7 @@ def test_what_fails_is_said() -> None:
     assert np.isnan(found.bound[0])
     assert "pitch_um" in found.statement
     loose = at_one_arcmin()
-    loose = loose.relaxed({"interference_probability": Bound(high=0.7)})  # type: ignore[assignment]
+    loose = loose.relaxed({"interference_probability": Bound(high=0.7)})
     form = loose.form()
     assert form is not None and form.relaxed == ("interference_probability",)
 

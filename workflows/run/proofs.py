@@ -136,7 +136,7 @@ def measures(
 
 
 def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
-    """How much of each end of a front of cost and one requirement is missing, where it is proven."""
+    """How much of each end of a front of cost and one requirement is missing, if it is proven."""
     form = closed_form(problem)
     names = [name for name in problem.objectives if name != "cost"]
     if form is None or not len(front) or len(names) != 1 or problem.n_obj != 2:
@@ -161,8 +161,8 @@ def proof_notes(front: pd.DataFrame, statement: str) -> list[str]:
     if not len(gap) or np.all(np.isnan(gap)):
         return [statement] if len(gap) else []
     if LEFT_OUT in statement and np.nanmedian(gap) > INFORMATIVE:
-        return [f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it in "
-                f"the median, for it leaves out what holds them back ({statement})"]  # fmt: skip
+        return [f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it "
+                f"in the median, for it leaves out what holds them back ({statement})"]  # fmt: skip
     return [f"proven: no allocation of equal or better other objectives costs less than the bound "
             f"({statement}); the points lie {np.nanmedian(gap):.3g} % above it in the median, "
             f"{np.nanmax(gap):.3g} % at most"]  # fmt: skip
