@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import nan
+from math import isnan, nan
 from typing import TYPE_CHECKING, Any
 
 from .gap_drawing_records import Drawing
@@ -248,16 +248,19 @@ class Rival:
     """Stage 5: names that these data cannot tell from `instead_of`.
 
     `distance` is how much worse they fit: likelihood, and the price of further numbers.
+    `correlation` is that of what both do on these rows beside everything else that is fitted.
     """
 
     names: tuple[str, ...]
     instead_of: tuple[str, ...]
     distance: float
     measurement: Measurement
+    correlation: float = nan
 
     def __str__(self) -> str:
         mine, other = " + ".join(self.names), " + ".join(self.instead_of)
-        return f"{mine} instead of {other}: {self.measurement}"
+        alike = "" if isnan(self.correlation) else f" (correlation {self.correlation:.3f})"
+        return f"{mine} instead of {other}{alike}: {self.measurement}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,12 +290,52 @@ class Shape:
 
 
 @dataclass(frozen=True, slots=True)
+class Remainder:
+    """What stands out beside the named effects and has no name: where, of which form, how large.
+
+    `rms` is what the form explains, in the unit of the output, measured without it; `ratio` the
+    same over the noise floor, `share` the part of the squared gap beyond the noise that it is.
+    """
+
+    output: str
+    variables: tuple[str, ...]
+    shape: str
+    rms: float
+    unit: str
+    ratio: float
+    share: float
+
+    def __str__(self) -> str:
+        share = f"{100 * self.share:.1f} %" if self.share >= 1e-3 else "under 0.1 %"
+        return (
+            f"{self.output}: {self.shape}; rms {self.rms:.3g} {self.unit}, {self.ratio:.2g} times "
+            f"the noise, {share} of the gap"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class UnresolvedTerm:
+    """A term without a name that is in the corrected model: its variables and shape, by how much it
+    lowers the squared error in noise units (`gain`), and its `[[unresolved]]` table.
+    """
+
+    output: str
+    variables: tuple[str, ...]
+    shape: str
+    gain: float
+    table: Mapping[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return f"{self.output}: {self.shape}"
+
+
+@dataclass(frozen=True, slots=True)
 class GapResult:
     """Everything that `tolevo gap` found.
 
-    `verdict` is "no_gap", "named", "ambiguous" or "unnamed". `residuals` has one row per reading in
-    the order of measuring: the inputs; `block`; and for each output O its measured value `O`,
-    whether it is an outlier (`O_outlier`), the recalibrated model `O_predicted` and with the
+    `verdict` is "no_gap", "named", "ambiguous", "partial" or "unnamed". `residuals` has one row per
+    reading in the order of measuring: the inputs; `block`; and for each output O its measured value
+    `O`, whether it is an outlier (`O_outlier`), the recalibrated model `O_predicted` and with the
     effects `O_corrected`, the residuals (measured less predicted) `O_before` and `O_after`, both on
     rows the fit never saw (`O_before_held_out`, `O_after_held_out`), and the noise `O_noise`.
     `spectrum` has the columns output, order, before, after, threshold (amplitudes in the unit of
@@ -328,6 +371,8 @@ class GapResult:
     attribution: tuple[Attribution, ...] = ()
     configuration: str = field(default="", repr=False)
     corrected: str = field(default="", repr=False)
+    remainder: tuple[Remainder, ...] = ()
+    unresolved: tuple[UnresolvedTerm, ...] = ()
     next_measurement: NextMeasurement | None = None
     next_points: pd.DataFrame | None = None
     drawing: Drawing | None = None

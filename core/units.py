@@ -122,6 +122,7 @@ def fits(unit: str, to: str) -> bool:
     return True
 
 
+@lru_cache(maxsize=256)
 def unit_key(unit: str) -> str:
     """A unit as names of parameters end with it: `arcsec_per_Nm` of "arcsec/Nm"."""
     words = re.sub(r"\s+", "_", unit.strip())

@@ -19,6 +19,7 @@ from benchmarks.gap.scoring.breakdown import (
     of_group,
     of_single,
 )
+from benchmarks.gap.scoring.dominant import GROUP, best_of, dominant_figures
 from benchmarks.gap.scoring.scorer import Figure, Scored, clopper_pearson, falsely_named, figures
 
 BEGIN, END = "<!-- measured: begin -->", "<!-- measured: end -->"
@@ -74,6 +75,21 @@ def share_of(hits: int, count: int) -> str:
     low, high = clopper_pearson(hits, count)
     bounds = f"[{100.0 * low:.1f}, {100.0 * high:.1f}]"
     return f"{100.0 * hits / count:.1f} % {bounds}, {hits} of {count}"
+
+
+def dominant_table(answers: Answers) -> str:
+    """The figures of records with a dominant effect, by namers."""
+    own = {name: [one for one in found if one.truth.group == GROUP]
+           for name, found in answers.items()}  # fmt: skip
+    columns = {name: dominant_figures(found, best_of(own, name)) for name, found in own.items()
+               if found}  # fmt: skip
+    if not columns:
+        return ""
+    lines = [
+        [same[0].name, goal(same[0].must, same[0]), goal(same[0].aim, same[0]), *map(cell, same)]
+        for same in zip(*columns.values(), strict=True)
+    ]
+    return table(["figure", "must", "aim", *columns], lines)
 
 
 def baseline_table(answers: Answers) -> str:
@@ -167,6 +183,8 @@ def of_bench(answers: Answers) -> list[str]:
     if not bench:
         return []
     parts = ["### Figures", figure_table(bench)]
+    if text := dominant_table(bench):
+        parts += ["### Beside a dominant effect", text]
     if any(name in BASELINES for name in bench):
         parts += ["### Where the baselines fail", baseline_table(bench)]
     for name, found in bench.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from importlib import import_module
+from math import inf
 from typing import Any
 
 from benchmarks.gap.generator.records import record
@@ -51,13 +52,15 @@ def lines(namers: Sequence[str], group: str, number: int) -> list[dict[str, Any]
 
 def kept_of(said: Mapping[str, Any]) -> dict[str, Any]:
     """The part of a `gap.json` that is scored."""
-    names = ("verdict", "effects", "alternatives", "gap_after", "noise_floor", "where", "unnamed")
+    names = ("verdict", "effects", "alternatives", "gap_after", "noise_floor", "where", "unnamed",
+             "gap_before", "notes")  # fmt: skip
     return {name: said[name] for name in names if name in said}
 
 
 def _kept(one: Told) -> dict[str, Any]:
     names = {"names": sorted(one.names), "twins": sorted(one.twins)}
-    return {"name": one.name, "strength": one.strength, "value": one.value, **names}
+    return {"name": one.name, "strength": one.strength, "value": one.value, "left": one.left,
+            **names}  # fmt: skip
 
 
 def scored(one: Mapping[str, Any]) -> Scored:
@@ -65,7 +68,7 @@ def scored(one: Mapping[str, Any]) -> Scored:
     _, truth = record(one["group"], one["number"], SIMULATORS)
     kept = tuple(
         Told(each["strength"], frozenset(each["names"]), frozenset(each["twins"]), each["name"],
-             each["value"])
+             each["value"], each.get("left", inf))
         for each in one["told"]
     )  # fmt: skip
     return Scored(truth, kept, verdict(one["said"]))

@@ -10,9 +10,11 @@ from ..errors import nearest
 from ..models.effects.compose import Active
 from ..models.effects.effect import Effect, EffectParameter, Target
 from ..models.effects.readings import target_of
+from ..models.effects.unresolved import Unresolved
 from ..models.gear import Gear
 from ..section import Range, Section, shown
 from .plugins import load_named
+from .unresolved import resolved_unresolved
 
 
 def read_effects(top: Section, model: Any, name: str) -> tuple[Active, ...]:
@@ -98,8 +100,11 @@ def _listed(declared: Iterable[EffectParameter]) -> str:
 
 
 def resolved_effects(effects: Iterable[Active]) -> dict[str, list[Mapping[str, Any]]]:
-    """The `[[effect]]` tables, none where there is no effect."""
+    """The `[[effect]]` and `[[unresolved]]` tables, none where there is neither."""
+    every = tuple(effects)
     tables: list[Mapping[str, Any]] = [
-        {"name": one.effect.name, "parameters": dict(one.values)} for one in effects
+        {"name": one.effect.name, "parameters": dict(one.values)}
+        for one in every
+        if not isinstance(one.effect, Unresolved)
     ]
-    return {"effect": tables} if tables else {}
+    return ({"effect": tables} if tables else {}) | resolved_unresolved(every)

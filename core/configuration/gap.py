@@ -29,9 +29,10 @@ from .sense import SENSE
 from .simulated import build_model, rebuilt
 from .source import overridden
 from .table import TABLE
+from .unresolved import UNRESOLVED
 from .zero import ZERO
 
-OF_THE_MODEL = (*OF_A_RUN, "effect", ZERO, SENSE)
+OF_THE_MODEL = (*OF_A_RUN, "effect", UNRESOLVED, ZERO, SENSE)
 NEEDS = {
     "simulations": Need("simulation", bytes=3.2e3),  # 400 columns of noise
     "bootstrap": Need("replicate", bytes=1e3, seconds=0.1),

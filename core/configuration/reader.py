@@ -27,6 +27,7 @@ from .search import check_size, read_algorithm, read_budget, read_engine, resolv
 from .sense import read_sense, resolved_sense
 from .source import Table, overridden
 from .table import TABLE, read_table_model
+from .unresolved import read_unresolved
 from .variables import mid_parameter, read_variable
 from .zero import read_zero, resolved_zero
 
@@ -68,6 +69,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     references = top.text("references", REFERENCES) or "documents"
     seed = _seed(top)
     effects = read_effects(top, model, model_name)
+    read_unresolved(top, model, model_name)  # act on readings: an allocation has none
     zero = read_zero(top, model.outputs if model else ())
     sense = read_sense(top, model.outputs if model else ())
     if named and model and not belongs(top.take("problem"), named, model_name, model):
@@ -167,6 +169,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         if top.take(key) is not None:
             top.fault(key, "needs a problem: a model alone takes seed, parameters and variables")
     effects = read_effects(top, kind, top.take("model"))
+    effects += read_unresolved(top, kind, top.take("model"))
     zero = read_zero(top, kind.outputs if kind else ())
     sense = read_sense(top, kind.outputs if kind else ())
     if kind is None:

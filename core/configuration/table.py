@@ -19,6 +19,7 @@ from .effects import read_effects, resolved_effects
 from .gap_columns import read_columns
 from .gear import GEAR, read_gear, resolved_gear
 from .sense import SENSE, read_sense
+from .unresolved import UNRESOLVED, read_unresolved
 from .zero import ZERO, read_zero, resolved_zero
 
 TABLE = "table"
@@ -27,7 +28,7 @@ LABELS = ("unit", "lot")
 
 def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configuration:
     """The configuration of a table, as `simulate` takes it. Raises InputError with every fault."""
-    top.known(("model", "effect", ZERO, GEAR, SENSE))
+    top.known(("model", "effect", UNRESOLVED, ZERO, GEAR, SENSE))
     for key in ("parameters", "variables"):
         if top.take(key) is not None:
             top.fault(key, 'belongs to a model; model = "table" has none')
@@ -42,7 +43,7 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
         top.finish()
         raise InputError(faults)
     model = table_model(columns, gear)
-    effects = read_effects(top, model, TABLE)
+    effects = read_effects(top, model, TABLE) + read_unresolved(top, model, TABLE)
     zero = read_zero(top, model.outputs)
     top.finish()
     raise_all(faults)

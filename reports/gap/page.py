@@ -28,6 +28,9 @@ VERDICTS = {
     "named": "Named: the effect below closes the gap, and no other name fits these data as well.",
     "ambiguous": "Ambiguous: the effect below closes the gap, but these data cannot tell it from "
     "its rivals.",
+    "partial": "Partial: what is named below closes part of the gap. What remains stands out from "
+    "the noise and has no name; it stays in the corrected model as unresolved terms, so that no "
+    "number beside it is biased by leaving it out.",
     "unnamed": "Unnamed: model and measurement disagree, and no effect of the library explains it.",
 }
 RMSE = "RMSE on rows that the fit never saw"
@@ -66,6 +69,7 @@ def gap_page(result: GapResult) -> str:
         "Orders": _those(pictures, "spectrum"),
         "Steps": _those(pictures, "path") + _steps(result),
         "Effects": _effects(result),
+        "What remains without a name": _remainder(result) if result.remainder else "",
         "Rivals and the measurement that separates them": _rivals(result),
         "Inputs behind it": attribution_table(result),
         "The next measurement": _next(result, _those(pictures, "next_measurement")),
@@ -114,6 +118,9 @@ def _those(pictures: Mapping[str, str], kind: str) -> str:
 def _verdict(result: GapResult) -> str:
     lines = [VERDICTS.get(result.verdict, result.verdict)]
     lines += [f"{one.name}: {one.cause}" for one in result.effects]
+    lines += [f"{one.name}: {number} stands at its physical bound"
+              for one in result.effects for number in one.at_bound]  # fmt: skip
+    lines += [f"without a name: {one}" for one in result.remainder]
     lines += [str(one) for one in result.gate.outputs]
     return bullets(lines)
 
@@ -175,6 +182,17 @@ def _effect(one: FoundEffect) -> str:
     )
 
 
+def _remainder(result: GapResult) -> str:
+    rows = [
+        {"output": one.output, "variables": ", ".join(one.variables), "shape": one.shape,
+         "rms": one.rms, "unit": one.unit, "over the noise": one.ratio, "share of the gap":
+         one.share}
+        for one in result.remainder
+    ]  # fmt: skip
+    terms = [f"in the corrected model, without a name: {one}" for one in result.unresolved]
+    return table(pd.DataFrame(rows)) + bullets(terms)
+
+
 def _next(result: GapResult, pictures: str) -> str:
     """What is planned, or how to ask for it where something is open."""
     asked = result.next_measurement is not None or bool(result.rivals or result.shapes)
@@ -188,6 +206,9 @@ def _rivals(result: GapResult) -> str:
 def _rival(one: Rival) -> str:
     mine, other = " + ".join(one.names), " + ".join(one.instead_of)
     lines = [f"fits worse by {shown(one.distance)} (likelihood, and ln n per further parameter)"]
+    if one.correlation == one.correlation:
+        lines.append(f"what both do on these rows, beside all else that is fitted, correlates by "
+                     f"{one.correlation:.3f}")  # fmt: skip
     lines.append(f"next measurement: {one.measurement}")
     lines += [
         f"vary {name} from {shown(low)} to {shown(high)}"

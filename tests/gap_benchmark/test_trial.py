@@ -55,9 +55,10 @@ def assert_listed(found: Sequence[Scored]) -> None:
     """A verdict and what it lists agree; a set holds more than the name itself."""
     for one in found:
         said = one.said
-        assert said.verdict in ("no_gap", "named", "ambiguous", "unnamed")
-        assert bool(said.names) == (said.verdict in ("named", "ambiguous"))
-        assert bool(said.alternatives) == (said.verdict == "ambiguous")
+        assert said.verdict in ("no_gap", "named", "ambiguous", "partial", "unnamed")
+        assert bool(said.names) == (said.verdict in ("named", "ambiguous", "partial"))
+        if said.verdict != "partial":
+            assert bool(said.alternatives) == (said.verdict == "ambiguous")
         for name in said.names:
             assert all(low <= high for low, high in said.intervals[name].values())
 

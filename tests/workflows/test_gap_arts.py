@@ -24,7 +24,7 @@ def test_the_clearance_is_named_and_located(tmp_path: Path) -> None:
         rebuild=lambda parameters: Jenkins({**given, **parameters}),
     )
     result = gap.found(plan, read_data(plan, tmp_path / "damper.csv"))
-    assert result.verdict == "named"
+    assert result.verdict == "partial"  # the rest of a measured loop stands out from its noise
     assert result.names == ("bearing_clearance",)
     (width,) = result.effects[0].parameters
     assert 0.17 < width.value < 0.18

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tolevo.workflows.gap.linear import basis, beside, joined
+from tolevo.workflows.gap.linear import basis, beside, joined, products
 from tolevo.workflows.gap.noise import Noise, autocorrelation, outliers, size_follows, whiteness
 from tolevo.workflows.gap.scan import evidence, thresholds
 
@@ -108,6 +108,23 @@ def test_gains_of_groups_are_those_of_least_squares() -> None:
         return float(np.sum((y - columns @ fit) ** 2))
 
     expected = [rss(base) - rss(np.hstack([base, part])) for part in parts]
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
+    np.testing.assert_allclose(groups.gains_beside(*products(groups, q, beside(y, q))), expected,
+                               rtol=1e-8)  # fmt: skip
+
+
+def test_gains_without_some_rows_are_those_of_the_others() -> None:
+    """The products of the columns less those of the rows that are held out."""
+    rng = np.random.default_rng(7)
+    parts = [rng.normal(size=(60, m)) for m in (1, 2, 4)]
+    groups, out = joined(parts, [False] * 3), np.arange(20, 30)
+    rest = np.delete(np.arange(60), out)
+    base, y = rng.normal(size=(60, 2)), rng.normal(size=60)
+    base[out], y[out] = 0.0, 0.0
+    q = basis(base)
+    found = groups.gains_beside(*products(groups, q, beside(y, q)), out)
+    alone = joined([one[rest] for one in parts], [False] * 3)
+    expected = alone.orthonormal(basis(base[rest])).gains(beside(y, q)[rest])
     np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 

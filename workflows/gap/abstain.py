@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models.measurable import Role
 from .fit import Fit
-from .generic import PREDICTED, Form
+from .generic import PREDICTED, SWING, Form
 from .linear import basis, beside
 from .scan import Left, Remaining, left_over
 from .select import Search
@@ -21,7 +21,7 @@ cause is likelier than two."""
 FOLLOWS = 3.3
 """Standard errors of the autocorrelation from which one unit follows the other (1 in 1000)."""
 SMALL = 0.01
-"""Share of what the effects explain below which a remainder is no fault of their form."""
+"""Share of what the effects of units explain below which a remainder is no fault of their form."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class Judged:
 def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
     """Names that a freer form in the same variable displaces, or leaves much beside, are lost."""
     left = left_over(fit, search.fitter, generic)
-    significant = _significant(search, fit, left, empty)
-    lost = set(_displaced(search, fit, generic))
+    significant = _large(search, fit, left, empty)
+    lost = set(displaced(search, fit, generic))
     for at in significant[:20]:
         lost |= _touched(search, fit, generic, at)
     if lost:
@@ -48,15 +48,22 @@ def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
     return Judged(kept, tuple(sorted(lost)), left, significant)
 
 
-def _significant(search: Search, fit: Fit, left: Left, empty: Fit) -> tuple[int, ...]:
-    """The forms that are left beyond chance, and are no small change; the strongest first."""
-    explained = max(empty.rss - fit.rss, 0.0)
-    matters = search.fitter.space.count * search.settings.practical_limit**2
-    least = max(SMALL * explained, matters)
+def significant_forms(search: Search, left: Left) -> tuple[int, ...]:
+    """The forms that are left beyond chance and above the practical limit, the strongest first.
+
+    What the effects explain does not matter: a remainder is tested against the noise.
+    """
+    least = search.fitter.space.count * search.settings.practical_limit**2
     limit = search.thresholds.generic
     return tuple(
         int(at) for at in left.best if left.evidence[at] > limit and left.gains[at] > least
     )
+
+
+def _large(search: Search, fit: Fit, left: Left, empty: Fit) -> tuple[int, ...]:
+    """Those of them that are no small change of what the effects of units explain."""
+    least = SMALL * max(empty.rss - fit.rss, 0.0)
+    return tuple(at for at in significant_forms(search, left) if left.gains[at] > least)
 
 
 def structured(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> bool:
@@ -67,11 +74,11 @@ def structured(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> bool
     if any(abs(one.rho) * np.sqrt(space.readings) > FOLLOWS for one in space.noises):
         return True
     left = left_over(fit, search.fitter, generic)
-    found = _significant(search, fit, left, empty)
+    found = _large(search, fit, left, empty)
     return any(generic.forms[at].kind != "distribution" for at in found)
 
 
-def _displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
+def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
     """The members that one generic form fits better in place of."""
     count = len(fit.members)
     worst: tuple[float, Sequence[int]] = (0.0, ())
@@ -80,7 +87,7 @@ def _displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
         others = tuple(one for k, one in enumerate(fit.members) if k not in gone)
         less = search.fitter.fit(others)
         gains = generic.gains(search.fitter, less)
-        numbers = generic.white.sizes + np.array([_more(form) for form in generic.forms])
+        numbers = generic.white.sizes + np.array([more_numbers(form) for form in generic.forms])
         score = less.score - gains + search.fitter.penalty * numbers + PRICE[len(gone)]
         score[[form.variable.startswith(PREDICTED) for form in generic.forms]] = np.inf
         by = fit.score - float(score.min())
@@ -106,9 +113,10 @@ def _only_beside(search: Search, fit: Fit, generic: Remaining, lost: set[int]) -
     return found
 
 
-def _more(form: Form) -> int:
+def more_numbers(form: Form) -> int:
     """Numbers in a form beside its coefficients: an exponent, an order, a place."""
-    return 1 if form.kind in ("power", "order") or form.detail.startswith("step") else 0
+    free = form.kind in ("power", "order") or (form.kind == "product" and form.detail != "")
+    return 1 if free or form.detail.startswith(("step", SWING)) else 0
 
 
 def _touched(search: Search, fit: Fit, generic: Remaining, at: int) -> set[int]:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
-from .fit import Fit, Member
+import numpy as np
+
+from .fit import Fit, Fitter, Member
+from .linear import beside
 from .scan import scan
 from .select import Search
 
@@ -28,23 +32,41 @@ def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
     """Fits within the distance of a set, with one name exchanged, or one for two."""
     found: dict[tuple[tuple[str, ...], tuple[str, ...]], Other] = {}
     reach = search.settings.set_distance
+    barred = {one.name for one in fit.members}
     for at in kept:
         others = fit.without(at)
         for one in _near(search, others, fit):
             if one.names[-1] != fit.names[at] and one.score - fit.score <= reach:
                 key = ((one.names[-1],), (fit.names[at],))
                 found[key] = Other(one, *key, one.score - fit.score)
-    if len(fit.members) == 2:
-        for one in _near(search, (), fit):
-            if one.score - fit.score <= reach:
-                found[one.names, fit.names] = Other(one, one.names, fit.names,
-                                                    one.score - fit.score)  # fmt: skip
+    for pair in combinations(kept, 2):  # one name instead of two
+        names = tuple(fit.names[k] for k in pair)
+        rest = tuple(one for k, one in enumerate(fit.members) if k not in pair)
+        for one in _near(search, rest, fit):
+            new = one.names[-1]
+            if new not in barred and one.score - fit.score <= reach:
+                found[(new,), names] = Other(one, (new,), names, one.score - fit.score)
     return sorted(found.values(), key=lambda one: one.distance)
 
 
 def _near(search: Search, others: Sequence[Member], fit: Fit) -> list[Fit]:
     """Fits with one more beside `others`, about as good as `fit`."""
     return search.refined(others, scan(search.fitter, search.white, search.book, others))
+
+
+def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
+    """Of what the names of a fit and those instead of them do, beside all else that is fitted."""
+    mine = [k for k, one in enumerate(fit.names) if one in other.instead_of]
+    theirs = [k for k, one in enumerate(other.fit.names) if one in other.names]
+    rest = [one for k, one in enumerate(fit.members) if k not in mine]
+    q = fitter.spanned(rest)
+    a, b = (
+        beside(sum((fitter.white(of.members[k]) @ of.coefficients[k] for k in which),
+                   np.zeros(len(fitter.y))), q)
+        for of, which in ((fit, mine), (other.fit, theirs))
+    )  # fmt: skip
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / size if size > 0.0 else float("nan")
 
 
 def first_of_twins(fit: Fit, found: Sequence[Other], population: bool) -> Fit | None:

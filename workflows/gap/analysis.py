@@ -24,12 +24,18 @@ from .noise import Noise
 from .population import Batch, Misfit, Scatter, carrying, misfit, scatter
 from .reading import as_read, resolution
 from .scan import Dictionary, Left, Remaining, Thresholds, dictionary, left_over, thresholds
-from .select import Search, Selection, beside, select
+from .select import Search, Selection, beside, concluding, select
+from .settle import Settled, Settling, names_of
 from .setup import Setup, moved_to, values_of
 from .space import Space
+from .unresolved import is_term, label
 
 WANDERING = 0.4
 """Autocorrelation from which it is asked whether the noise is noise."""
+SETTLED = 3
+"""How often the final answer is looked for, the noise estimated again beside it."""
+SAME = 0.02
+"""Change of the noise's level and autocorrelation below which it is as it was."""
 ROUNDS = 2
 """How often the noise is estimated again with what was named."""
 
@@ -84,10 +90,12 @@ class Analysis:
     significant: bool
     scatter: tuple[Scatter, ...] = ()
     misfit: Misfit | None = None
+    struck: tuple[str, ...] = ()
+    barred: frozenset[str] = frozenset()
 
     @property
     def fit(self) -> Fit:
-        """The fit with every name that was accepted, those that were lost included."""
+        """The fit with every name that was accepted; in a batch those that were lost included."""
         return self.selection.fit
 
     @property
@@ -127,7 +135,69 @@ def analysed(setup: Setup) -> Analysis:
         before, found = found.fit.names, select(search)
         if found.fit.names == before:
             break
+    if not setup.data.target.population:
+        return _settled(setup, (found, noises, search, generic), (book, raw, which))
     return concluded(setup, noises, search, generic, found)
+
+
+def _settled(
+    setup: Setup, now: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
+) -> Analysis:
+    """The final answer of rows, in the noise beside all that is in it."""
+    found, noises, search, generic = now
+    start = found.fit
+    for _ in range(SETTLED):
+        empty = search.fitter.fit(())
+        done = Settling(search, generic, setup.data, empty, found.accepted).settled(start)
+        if not done.fit.members:  # what noise there is beside nothing is known
+            break
+        anew = noise_of(setup, _contributions(setup, done.fit))
+        if _alike(noises, anew):
+            break
+        noises = anew
+        search, generic = searching(setup, noises, *columns, search.thresholds)
+        accepted = [search.fitter.fit(one.members) for one, _ in found.accepted]
+        found = replace(found, accepted=tuple((one, search.tested(one)) for one in accepted))
+        start = search.fitter.refined(done.fit.members)
+    return _answer(Ground(setup, tuple(noises), search, generic), found, done)
+
+
+def without(analysis: Analysis, name: str) -> Analysis:
+    """The analysis of rows without a name, all that is left fitted and tested again."""
+    ground, found = analysis.ground, analysis.selection
+    settling = Settling(
+        ground.search, ground.generic, analysis.setup.data, ground.empty, found.accepted
+    )
+    barred = frozenset({name, *analysis.barred})
+    done = settling.again(analysis.fit, barred)
+    done = replace(done, struck=(*analysis.struck, *({name} & {*found.named})))
+    return replace(_answer(ground, found, done), barred=barred)
+
+
+def _alike(one: Sequence[Noise], other: Sequence[Noise]) -> bool:
+    """Whether two estimates of the noise are as good as the same."""
+    return all(
+        abs(a.level / b.level - 1.0) < SAME and abs(a.rho - b.rho) < SAME
+        and a.outliers == b.outliers and a.varies_with == b.varies_with
+        for a, b in zip(one, other, strict=True)
+    )  # fmt: skip
+
+
+def _answer(ground: Ground, found: Selection, done: Settled) -> Analysis:
+    """The analysis that ends with a settled fit; the instrument first among twins."""
+    search, fit = ground.search, done.fit
+    named = names_of(fit.members)
+    others = rivals(search, fit, named)
+    if (first := first_of_twins(fit, others, False)) is not None:
+        fit = search.fitter.fit(sorted(first.members, key=is_term))
+        others = rivals(search, fit, named)
+    labels = {one.name: label(one) for one in fit.members if is_term(one)}
+    steps = concluding(search, found, fit, labels)
+    struck = tuple(one for one in found.named if one in done.struck)
+    verdict = Judged(named, (), done.left, done.significant)
+    seen = bool(ground.left.evidence.max(initial=0.0) > search.thresholds.generic)
+    return Analysis(ground, ground, replace(found, fit=fit, steps=steps), verdict, tuple(others),
+                    bool(fit.members or found.named) or seen, struck=struck)  # fmt: skip
 
 
 def _about(setup: Setup, search: Search, fit: Fit) -> Setup:

@@ -90,7 +90,7 @@ def _for_training(
     fitter: Fitter, members: Sequence[Member], out: NDArray[np.int64], book: Dictionary,
     white: Groups,
 ) -> list[Member]:  # fmt: skip
-    """The members with the nonlinear parameters that all rows but `out` choose, one after another."""
+    """The members with the nonlinear parameters that all rows but `out` choose, in turn."""
     found = list(members)
     for at, one in enumerate(found):
         if not one.shape:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import optimize, stats
@@ -16,6 +16,13 @@ from .plan import GapPlan
 from .predictor import predictor
 from .setup import Setup, nominal
 from .space import Space
+
+LEAST_ROWS = 20
+"""Rows of a stretch of the record, at least."""
+STRETCHES = 40
+"""Stretches, at most."""
+STEPS, STEP, CONVERGED = 4, 1e-4, 1e-6
+"""Gauss-Newton steps on all rows, relative step of a derivative, and change that ends them."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,28 @@ class Corrected:
     values: Array
     errors: Array
     freedom: int
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)), repr=False)
+    more: Mapping[tuple[str, str], float] = field(default_factory=dict)
+
+    def widened(self, by: Mapping[tuple[str, str], float]) -> Corrected:
+        """The same with more variance in some numbers, by owner and name."""
+        more = np.array([by.get((one.owner, one.name), 0.0) for one in self.numbers])
+        covariance = self.covariance + np.diag(more)
+        errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        return replace(self, covariance=covariance, errors=errors, more=by)
+
+    def nothing(self, member: Member) -> bool:
+        """Whether the joint interval of an effect's linear numbers holds 0: Wald's test, by F."""
+        linear = {one.name for one in member.candidate.linear}
+        at = [k for k, one in enumerate(self.numbers)
+              if one.owner == member.name and one.name in linear]  # fmt: skip
+        rounded = any(one.candidate.alone for one in self.members)  # has no derivatives
+        if rounded or not at or not np.isfinite(self.errors[at]).all():
+            return False
+        values, part = self.values[at], self.covariance[np.ix_(at, at)]
+        statistic = float(values @ np.linalg.pinv(part, rcond=1e-12) @ values) / len(at)
+        level = self.plan.settings.interval
+        return statistic < float(stats.f.ppf(level, len(at), self.freedom))
 
     def free(self) -> dict[str, float]:
         """Recalibrated parameters of the model by name."""
@@ -105,9 +134,25 @@ def corrected(setup: Setup, space: Space, fit: Fit) -> Corrected:
         again = optimize.least_squares(_residual(setup, used, found, scale), x, bounds=(low, high),
                                        max_nfev=12, diff_step=[1e-4])  # fmt: skip
         x, jacobian = again.x, np.asarray(again.jac)
-    errors = np.sqrt(np.maximum(np.diag(_covariance(jacobian, space, used)), 0.0)) * scale
-    freedom = max(space.count - len(numbers), 1)
-    return replace(found, values=x * scale, errors=errors, freedom=freedom)
+        left = np.asarray(again.fun)
+    else:
+        left = np.zeros(len(jacobian))
+    return _with_errors(found, (space, used), (x, scale), jacobian, left)
+
+
+def _with_errors(
+    found: Corrected, spaces: tuple[Space, Space], at: tuple[Array, Array],
+    jacobian: Array, left: Array,
+) -> Corrected:  # fmt: skip
+    """A corrected model at numbers in their scales, with its covariance from the derivatives and
+    the residual there; `spaces` are that of the noise, and that of the fit.
+    """
+    (space, used), (x, scale) = spaces, at
+    seen = _by_stretches(jacobian, left, space)
+    covariance = _larger(_covariance(jacobian, space, used), seen) * np.outer(scale, scale)
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    freedom = max(space.count - len(scale), 1)
+    return replace(found, values=x * scale, errors=errors, freedom=freedom, covariance=covariance)
 
 
 def _residual(
@@ -139,6 +184,63 @@ def _covariance(jacobian: Array, space: Space, used: Space) -> Array:
         part = real.coloured(jacobian[at * n : (at + 1) * n] / plain.sigma[:, None])
         middle = middle + part.T @ part
     return np.asarray(inverse @ middle @ inverse)
+
+
+def added_variance(model: Corrected) -> Mapping[tuple[str, str], float]:
+    """What a corrected model was widened by."""
+    return model.more
+
+
+def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Corrected:
+    """A corrected model on the many rows of another setup: Gauss-Newton steps from its own numbers,
+    one column of derivatives held at a time in each row's precision.
+    """
+    numbers, _ = _numbers(setup, fit)
+    scale = np.array([one.scale for one in numbers])
+    low, high = (np.array(ends) for ends in ([n.low for n in numbers], [n.high for n in numbers]))
+    found = replace(model, numbers=numbers)
+    residual = _residual(setup, space, found, scale)
+    x = model.values / scale
+    for _ in range(STEPS):
+        left = residual(x)
+        jacobian = np.empty((len(left), len(x)), order="F")
+        for k in range(len(x)):
+            step = (
+                STEP * max(abs(x[k]), 1.0) * (-1.0 if (x[k] + STEP) * scale[k] > high[k] else 1.0)
+            )
+            moved = x.copy()
+            moved[k] += step
+            jacobian[:, k] = (residual(moved) - left) / step
+        away = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12) @ (jacobian.T @ left)
+        x = np.clip((x - away) * scale, low, high) / scale
+        if float(np.abs(away).max(initial=0.0)) < CONVERGED:
+            break
+    return _with_errors(found, (space, space), (x, scale), jacobian, left)
+
+
+def _by_stretches(jacobian: Array, left: Array, space: Space) -> Array:
+    """Covariance from the residuals themselves, stretches of the record as units.
+
+    Reference: Liang and Zeger, Biometrika 73, 1986. Misfit that goes on from row to row widens it.
+    """
+    n = space.readings
+    count = int(np.clip(n // LEAST_ROWS, 2, STRETCHES))
+    which = np.minimum(np.arange(n) * count // n, count - 1)
+    edges = np.searchsorted(which, np.arange(count + 1))
+    sums = np.zeros((count, jacobian.shape[1]))
+    for start in range(0, n * len(space.noises), n):
+        for k in range(count):
+            rows = slice(start + edges[k], start + edges[k + 1])
+            sums[k] += jacobian[rows].T @ left[rows]
+    inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
+    return np.asarray(inverse @ (sums.T @ sums) @ inverse * count / (count - 1))
+
+
+def _larger(model: Array, seen: Array) -> Array:
+    """The covariance of the noise, each number's variance at least that which is seen."""
+    ratio = np.diag(seen) / np.maximum(np.diag(model), 1e-300)
+    wider = np.sqrt(np.maximum(ratio, 1.0))
+    return np.asarray(model * np.outer(wider, wider))
 
 
 def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:

@@ -11,16 +11,21 @@ import tomli_w
 
 from ...errors import InputError
 from ...gap_records import FoundEffect
+from ...models.effects.unresolved import Unresolved
 from .close import Corrected
+from .fit import Member
 from .plan import GapPlan
 from .population import Scatter
+from .unresolved import is_term
 
 
 def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...] = ()) -> str:
     """The run configuration (where there is one) with model, parameters, zeros and effects."""
     found: dict[str, Any] = deepcopy(dict(plan.run))
     if not found:
-        found = {k: deepcopy(v) for k, v in plan.tables.items() if k != "effect"}
+        found = {
+            k: deepcopy(v) for k, v in plan.tables.items() if k not in ("effect", "unresolved")
+        }
     found["model"] = plan.model_name
     found.setdefault("seed", plan.seed)
     parameters = dict(found.get("parameters", {})) | dict(plan.given)
@@ -36,12 +41,16 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
         found["sense"] = turned
     if zero := _zero(plan, model):
         found["zero"] = zero
-    more = [{"name": one.name, "parameters": model.effect(one.name)} for one in model.members]
+    terms = [_unresolved(one, model) for one in model.members if is_term(one)]
+    more = [{"name": one.name, "parameters": model.effect(one.name)} for one in model.members
+            if not is_term(one)]  # fmt: skip
     # first: what moves units is not stretched with their scatter
     first = [{"name": one.candidate.name, "parameters": one.numbers} for one in scatter]
     effects = [*first, *found.get("effect", []), *plan.tables.get("effect", []), *more]
     if effects:
         found["effect"] = effects
+    if terms := [*found.get("unresolved", []), *plan.tables.get("unresolved", []), *terms]:
+        found["unresolved"] = terms
     if plan.model is None:
         found |= {"columns": {name: _column(one) for name, one in plan.columns.items()}}
     scalars = {k: v for k, v in found.items() if not isinstance(v, dict | list)}
@@ -66,6 +75,12 @@ def in_problem(
         replace(one, in_problem=bool(does.get(one.name)), counterpart=does.get(one.name) or none)
         for one in effects
     )
+
+
+def _unresolved(member: Member, model: Corrected) -> dict[str, Any]:
+    effect = member.candidate.effect
+    assert isinstance(effect, Unresolved)
+    return effect.term.table(effect.coefficients(model.effect(member.name)))
 
 
 def _zero(plan: GapPlan, model: Corrected) -> dict[str, float]:

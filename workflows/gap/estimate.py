@@ -18,6 +18,8 @@ CERTAIN = 14.0
 """Evidence from which a generic form is taken out before the noise is estimated."""
 FEW = 0.03
 """Share of the units of a batch up to which those far out are outliers."""
+MANY = 0.06
+"""Share of the readings up to which those far out are outliers: more are a part that is missing."""
 PASSES = 2
 
 
@@ -48,7 +50,7 @@ class Remainder:
     def good(self, left: Array, sigma: Array) -> NDArray[np.bool_]:
         """False (n,) where a reading is an outlier; many units far out are a group of their own."""
         found = outliers(left, sigma, self.least(sigma))
-        return np.ones_like(found) if self.law and np.mean(~found) > FEW else found
+        return np.ones_like(found) if np.mean(~found) > (FEW if self.law else MANY) else found
 
 
 def estimated(of: Remainder) -> Noise:

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from ...directory import owned
 from ...gap_records import GapResult
 from ...records import Axis
+from .all_rows import on_all_rows
 from .analysis import Analysis, analysed
 from .correct import corrected_toml, in_problem
 from .data import GapData
@@ -25,6 +26,7 @@ from .populations.found import attribution_of, inputs_instead, population_of, sa
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
 from .recalibration import moved_far
+from .remainder import remainder_of, struck_of, terms_of
 from .replicates import Replicates, identity_of, is_whole, opened
 from .result import (
     Ending,
@@ -109,8 +111,8 @@ def found(
 ) -> GapResult:
     """The whole analysis of data that were read, without its files but that of its replicates.
 
-    One thread of linear algebra: columns are long and few, and threads that wait for each other took
-    two thirds of the CPU.
+    One thread of linear algebra: columns are long and few, and threads that wait for each other
+    took two thirds of the CPU.
     """
     with threadpool_limits(1):
         return _found(plan, data, workers, progress, kept)
@@ -124,7 +126,7 @@ def _found(
     setup = prepared(plan, data)
     mine.begin()
     tell(GapProgress("search"))
-    end = ended(analysed(setup))
+    end = on_all_rows(ended(analysed(setup)), data)
     spread = None
     if plan.settings.bootstrap and end.fit.members:
         spread = bootstrap(end.analysis, end.fit, mine, workers, tell)
@@ -173,6 +175,8 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         attribution=attribution,
         configuration=plan.configuration,
         corrected=text,
+        remainder=remainder_of(end),
+        unresolved=terms_of(end),
         next_measurement=planned.record if planned else None,
         next_points=planned.points if planned else None,
         drawing=plan.drawing,
@@ -221,7 +225,7 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
         if noise.rho > 0.3:
             found.append(f"{output.name}: the noise is autocorrelated ({noise.rho:.2f} from one "
                          "reading to the next)")  # fmt: skip
-    if lost := [analysis.fit.names[at] for at in analysis.judged.lost]:
+    if lost := struck_of(analysis):
         found.append(f"{', '.join(lost)}: something like it is there, but its form is not that")
     if far := moved_far(end):
         found.append(far)
@@ -240,10 +244,14 @@ def _lines(result: GapResult) -> tuple[str, ...]:
         floor = result.noise_floor[output.name]
         lines.append(words.format(output.name, before, after, output.unit, floor))
     lines += [f"effect {one}" for one in result.effects]
+    lines += [f"at its physical bound: {name} of {one.name}"
+              for one in result.effects for name in one.at_bound]  # fmt: skip
     lines += [f"in the problem: {one.name}: {one.counterpart}"
               for one in result.effects if one.counterpart]  # fmt: skip
     lines += [f"rival {one}" for one in result.rivals]
-    lines += [f"without a name: {one}" for one in result.shapes]
+    lines += [f"remainder: {one}" for one in result.remainder]
+    if not result.remainder:
+        lines += [f"without a name: {one}" for one in result.shapes]
     lines += said(result.population, result.attribution)
     if (planned := result.next_measurement) is not None:
         lines.append(f"next measurement: {planned}")

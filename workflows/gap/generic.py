@@ -18,6 +18,7 @@ from ...models.effects.readings import unit_numbers
 from ...models.gear import SUN
 from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
+from ...units import converted
 from .data import GapData
 from .linear import Groups, joined
 
@@ -33,6 +34,10 @@ PREDICTED = "predicted "
 """Before the name of an output: the variable that its prediction is."""
 USUAL = (1.0, 2.0, 4.0)
 """Orders that are also tried with a size that follows another input, beside those of the gear."""
+SWING = "a swing of "
+"""How the detail of a slow wave of the time begins."""
+CYCLES = tuple(np.arange(0.75, 8.1, 0.25).tolist())
+"""Cycles over the record that are tried."""
 POWERS = (0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)
 SMOOTH = (Role.TORQUE, Role.FORCE, Role.SPEED, Role.TEMPERATURE, Role.TIME, Role.PAYLOAD,
           Role.POSITION, Role.INPUT)  # fmt: skip
@@ -63,12 +68,14 @@ def generic(
     if sign is not None:
         found.append((Form("direction", "direction", direction="odd"), sign[:, None]))
     found += _products(inputs, values, sign)
+    found += _raw_products(inputs, values, sign)
     if predicted is not None and not {Role.TORQUE, Role.FORCE} & set(data.readings.by_role):
         found += _against_predicted(data, predicted)
     if data.target.population:  # whose mean is not free
         found.append((Form("distribution", MEAN), np.ones((len(data), 1))))
     found += _along_units(data)
     found += _steps(data)
+    found += _swings(inputs, values)
     found += _levels(data)
     if Role.ANGLE in data.readings:
         found += _orders(data)
@@ -147,6 +154,48 @@ def _products(
         if sign is not None:
             form = Form("product", one.name, more=(other.name,), direction="odd")
             found.append((form, columns * sign[:, None]))
+    return found
+
+
+def _raw_products(
+    inputs: list[Column], values: dict[str, Array], sign: Array | None
+) -> list[tuple[Form, Array]]:
+    """Products of two inputs as they are, one column each: what a law of two variables looks
+    like.
+    """
+    found = []
+    for one, other in combinations(inputs, 2):
+        a, b = (from_origin(c, values[c.name]) for c in (one, other))
+        for p, q in ((1, 1), (2, 1), (1, 2)):
+            columns = (a**p * b**q)[:, None]
+            form = Form("product", one.name, more=(other.name,), detail=f"powers {p} and {q}")
+            found.append((form, columns))
+            if sign is not None:
+                found.append((replace(form, direction="odd"), columns * sign[:, None]))
+    return found
+
+
+def origin(column: Column) -> float:
+    """Where a law of an input begins, in its unit: 20 degC of a temperature, else 0."""
+    return float(converted(20.0, "C", column.unit)) if column.role is Role.TEMPERATURE else 0.0
+
+
+def from_origin(column: Column, x: Array) -> Array:
+    """An input (n,) from its origin, of magnitude 1 at most."""
+    away = x - origin(column)
+    return np.asarray(away / max(float(np.abs(away).max()), 1e-300))
+
+
+def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, Array]]:
+    """Slow waves of the time, each a form of its own: a hall that warms by day, a pump."""
+    found = []
+    for column in inputs:
+        if column.role is Role.TIME:
+            share = (values[column.name] - values[column.name].min()) / np.ptp(values[column.name])
+            for cycles in CYCLES:
+                turned = 2.0 * np.pi * cycles * share
+                form = Form("trend", column.name, order=cycles, detail=f"{SWING}{cycles:g} cycles")
+                found.append((form, np.column_stack([np.cos(turned), np.sin(turned)])))
     return found
 
 

@@ -14,6 +14,7 @@ from ...models.effects.compose import Active
 from ...models.effects.inside import InsideSeveral
 from ...models.effects.population.units import OfUnits
 from ...models.effects.readings import labels_of
+from ...models.effects.unresolved import Unresolved
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .data import GapData
@@ -126,6 +127,8 @@ class Columns:
         """Columns (N, m) of a candidate, m its linear parameters (1 where it has none)."""
         if candidate.alone:
             return self._added(candidate, shape)[:, None]
+        if isinstance(candidate.effect, Unresolved):
+            return self._of_term(candidate.effect)
         if isinstance(candidate.effect, InsideSeveral):
             return self._by_rows(candidate.effect, shape)
         parts = [
@@ -133,6 +136,13 @@ class Columns:
             for one, step in ((one, _step(one)) for one in candidate.linear)
         ]
         return np.column_stack(parts)
+
+    def _of_term(self, effect: Unresolved) -> Array:
+        """Of a term without a name, which acts at one output."""
+        found = effect.columns(self.data.readings)
+        parts = [found if o.name == effect.term.output else np.zeros_like(found)
+                 for o in self.data.outputs]  # fmt: skip
+        return np.concatenate(parts)
 
     def _by_rows(self, effect: InsideSeveral, shape: Mapping[str, float]) -> Array:
         """Of quantities that are changed by a factor of each row: slopes, times that factor."""

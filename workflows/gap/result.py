@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -22,16 +22,19 @@ from ...gap_records import (
 )
 from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
-from .analysis import Analysis
+from .ambiguity import correlation
+from .analysis import Analysis, without
 from .blocks import HeldOut, improvement
 from .close import Corrected, corrected
 from .data import GapData
 from .fit import Fit
 from .linear import beside
+from .misfit import misfit_of
 from .noise import outliers, whiteness
 from .population import Scatter
 from .scan import scan
 from .separate import separating
+from .settle import names_of
 from .setup import Setup, nominal
 from .uncertainty import Spread
 
@@ -63,10 +66,28 @@ class Ending:
         """The one word."""
         if not self.analysis.significant:
             return "no_gap"
-        if not self.fit.members and not self.analysis.scatter:
+        if not self.named and not self.analysis.scatter:
             return "unnamed"
+        if self.remains:
+            return "partial"
         rivals = self.analysis.others or len(self.analysis.scatter) > 1 or self.twin
         return "ambiguous" if rivals else "named"
+
+    @property
+    def named(self) -> tuple[int, ...]:
+        """The places of the members that have a name."""
+        return names_of(self.fit.members)
+
+    @property
+    def rows(self) -> bool:
+        """Whether each row is a reading, not a unit of a population."""
+        return not self.setup.data.target.population
+
+    @property
+    def remains(self) -> bool:
+        """Whether rows show something that has no name beside what is named."""
+        terms = len(self.named) < len(self.fit.members)
+        return terms or (self.rows and bool(self.analysis.judged.significant))
 
     @property
     def twin(self) -> bool:
@@ -76,13 +97,29 @@ class Ending:
 
 
 def ended(analysis: Analysis) -> Ending:
-    """The final fit of what keeps its name, in the full model."""
+    """The final fit of what keeps its name, in the full model; a name whose numbers may all be 0
+    beside the others, by their joint interval, is none, and the rest is fitted and tested again.
+    """
+    found = _ended(analysis)
+    for _ in found.named if found.rows else ():
+        weak = next((found.fit.names[at] for at in found.named
+                     if found.model.nothing(found.fit.members[at])), None)  # fmt: skip
+        if weak is None:
+            break
+        analysis = without(analysis, weak)
+        found = _ended(analysis)
+    return found
+
+
+def _ended(analysis: Analysis) -> Ending:
     search = analysis.search
-    kept = [analysis.fit.members[at] for at in analysis.judged.kept]
+    lost = analysis.judged.lost
+    kept = [one for at, one in enumerate(analysis.fit.members) if at not in lost]
     fit = search.fitter.refined(kept) if kept else analysis.ground.empty
     model = corrected(analysis.setup, search.fitter.space, fit)
     bare = analysis.bare
-    return Ending(analysis, fit, model, bare.search.tested(bare.empty), search.tested(fit))
+    end = Ending(analysis, fit, model, bare.search.tested(bare.empty), search.tested(fit))
+    return replace(end, model=model.widened(misfit_of(analysis, fit)))
 
 
 def gate(end: Ending) -> Gate:
@@ -162,7 +199,7 @@ def scores(end: Ending) -> tuple[Score, ...]:
 
 def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
     """The effects that keep their name, with intervals and evidence."""
-    moving = [_effect(end, at, spread) for at in range(len(end.fit.members))]
+    moving = [_effect(end, at, spread) for at in end.named]
     return (*moving, *(_of_scatter(one) for one in end.analysis.scatter[:1]))
 
 
@@ -246,7 +283,8 @@ def rival_records(
         if measurement is None:
             measurement = separating(end.setup, levels, end.fit, one.fit) if at < SEPARATED else \
                 found[0].measurement  # fmt: skip
-        found.append(Rival(one.names, one.instead_of, one.distance, measurement))
+        found.append(Rival(one.names, one.instead_of, one.distance, measurement,
+                           correlation(end.analysis.search.fitter, end.fit, one)))  # fmt: skip
     if end.twin:
         found.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
     for other in end.analysis.scatter[1:]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,8 +23,13 @@ WITHIN = 40.0
 BOTH = "beyond what noise reaches, and held-out rows are predicted better"
 UNITS = "units scatter so beyond what chance reaches, those that the fit never saw as well"
 SMALL = "what it explains is below the practical limit"
+NO_FORM = "its form is not that of the data: fitted together with the rest it is not needed"
+BESIDE = "fits as well as any form beside the others"
+TERM = "held-out rows are predicted better, and no name of the library has this form"
 MASKED = 12
 """Candidates that are tried in pairs where none shows alone."""
+PAIRS = 2
+"""Of them, those whose nonlinear parameters are fitted."""
 TWO = 1.6
 """Thresholds that two names must pass together."""
 
@@ -68,12 +73,16 @@ class Search:
 
 @dataclass(frozen=True)
 class Selection:
-    """The fit that a search ended with, and its path."""
+    """The fit that a search ended with, and its path; `accepted` are the fits of its accepted steps
+    with their held-out residuals, the model alone first; `named` are the names that it ended with.
+    """
 
     fit: Fit
     steps: tuple[Step, ...]
     rejected: tuple[str, ...] = ()
     improvements: dict[str, Improvement] = field(default_factory=dict)
+    accepted: tuple[tuple[Fit, HeldOut], ...] = ()
+    named: tuple[str, ...] = ()
 
 
 def select(search: Search, quick: bool = False) -> Selection:
@@ -85,6 +94,7 @@ def select(search: Search, quick: bool = False) -> Selection:
     rejected: set[frozenset[str]] = set()
     real: dict[str, Improvement] = {}
     before = search.tested(fit)
+    accepted = [(fit, before)]
     _note(steps, search, fit, before, "start", "", True, "the model as recalibrated")
     while len(fit.members) < search.settings.effects_at_most:
         grown = _next(search, fit, rejected)
@@ -107,12 +117,13 @@ def select(search: Search, quick: bool = False) -> Selection:
             continue
         real |= dict.fromkeys(new, better)
         _note(steps, search, grown, after, "add", name, True, BOTH, gain, better)
-        fit = _retested(search, grown, steps)
+        fit = _retested(search, grown, steps, accepted)
         rejected.clear()  # effects mask each other: what failed before may not fail now
+        accepted.append((grown, after))
         before = search.tested(fit)
     fit = search.fitter.refined(fit.members)
     gone = sorted(name for one in rejected for name in one)
-    return Selection(fit, tuple(steps), tuple(gone), real)
+    return Selection(fit, tuple(steps), tuple(gone), real, tuple(accepted), fit.names)
 
 
 def beside(
@@ -161,16 +172,17 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
     """
     limit = search.thresholds.library
     firsts = search.open(fit.members)[:MASKED]
-    best: Fit | None = None
+    pairs: list[Fit] = []
     for first in firsts:
         members = (*fit.members, first.member)
         seconds = [one for one in search.open(members)
                    if frozenset([first.member.name, one.member.name]) not in rejected]  # fmt: skip
         if not seconds or first.gain + seconds[0].gain < TWO * limit:
             continue
-        whole = search.fitter.refined([*members, seconds[0].member])
-        if best is None or whole.score < best.score:
-            best = whole
+        pairs.append(search.fitter.fit([*members, seconds[0].member]))
+    nearest = sorted(pairs, key=lambda one: one.score)[:PAIRS]
+    fits = [search.fitter.refined(one.members) for one in nearest]
+    best = min(fits, key=lambda one: one.score, default=None)
     if best is None or fit.rss - best.rss < TWO * limit or best.score > fit.score:
         return None
     alone = [search.fitter.fit(best.without(k)).rss - best.rss
@@ -178,19 +190,25 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
     return best if min(alone) > limit else None
 
 
-def _retested(search: Search, fit: Fit, steps: list[Step]) -> Fit:
+def _retested(
+    search: Search, fit: Fit, steps: list[Step], accepted: list[tuple[Fit, HeldOut]]
+) -> Fit:
     """The fit after each name was tried against all others, and against leaving it out."""
     for _ in range(4):
         better = _swapped(search, fit) or _dropped(search, fit)
         if better is None:
             return fit
+        if sorted(better.names) == sorted(fit.names):  # the same names, fitted better
+            fit = better
+            continue
         action = "drop" if len(better.members) < len(fit.members) else "swap"
         gone = [name for name in fit.names if name not in better.names]
         come = [name for name in better.names if name not in fit.names]
         text = f"{', '.join(gone)} for {', '.join(come)}" if come else ", ".join(gone)
         why = "fits better beside the others" if come else "no longer beyond what noise reaches"
         fit = better
-        _note(steps, search, fit, search.tested(fit), action, text, True, why)
+        accepted.append((fit, search.tested(fit)))
+        _note(steps, search, fit, accepted[-1][1], action, text, True, why)
     return fit
 
 
@@ -234,6 +252,29 @@ def _note(
             held_out_error=np.nan if better is None else better.error,
         )
     )
+
+
+def concluding(
+    search: Search, selection: Selection, fit: Fit, labels: Mapping[str, str]
+) -> tuple[Step, ...]:
+    """The path of a selection, and of what became of it in the final fit: names that were struck or
+    came, and terms without a name (`labels` by their names); held-out errors all in one noise.
+    """
+    count = max(search.fitter.space.count, 1)
+    errors = iter([float(np.sqrt(np.sum(one.white**2) / count)) for _, one in selection.accepted])
+    path = [one for one in selection.steps if one.reason not in (NO_FORM, BESIDE, TERM)]
+    steps = [replace(one, held_out=next(errors)) if one.accepted else one for one in path]
+    named = tuple(one for one in fit.names if one not in labels)
+    tested = search.tested(fit)
+    gone = [one for one in selection.named if one not in named]
+    come = [one for one in named if one not in selection.named]
+    terms = [labels[one] for one in fit.names if one in labels]
+    for action, names, why in (("drop", gone, NO_FORM), ("add", come, BESIDE),
+                               ("add", terms, TERM)):  # fmt: skip
+        if names:
+            _note(steps, search, fit, tested, action, ", ".join(names), True, why)
+            steps[-1] = replace(steps[-1], names=named)
+    return tuple(steps)
 
 
 def renumbered(steps: Sequence[Step]) -> tuple[Step, ...]:

@@ -8,7 +8,9 @@ import numpy as np
 
 from ...gap_records import Shape
 from ...models.measurable import Role
+from .fit import Fit
 from .population import Misfit
+from .remainder import struck_of
 from .result import Ending
 from .scan import left_over
 from .setup import left_of
@@ -20,26 +22,27 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     analysis, search = end.analysis, end.analysis.search
     generic = analysis.ground.generic
     odd = () if analysis.misfit is None else (_of_misfit(end, analysis.misfit),)
-    if not analysis.significant or (end.fit.members and not analysis.judged.lost
-                                    and not analysis.judged.significant):  # fmt: skip
+    settled = not analysis.judged.lost and not end.remains and not analysis.judged.significant
+    if not analysis.significant or (end.named and settled):
         return odd
-    left = left_over(end.fit, search.fitter, generic)
-    lost = tuple(analysis.fit.names[at] for at in analysis.judged.lost)
-    found = shapes(end.setup, search.fitter, generic, analysis.judged, left, end.fit,
+    fit = search.fitter.fit([end.fit.members[at] for at in end.named])
+    left = left_over(fit, search.fitter, generic)
+    lost = struck_of(analysis)
+    found = shapes(end.setup, search.fitter, generic, analysis.judged, left, fit,
                    search.thresholds.generic, lost)  # fmt: skip
     if end.verdict == "unnamed" and end.setup.plan.settings.empirical:
-        found = tuple(_with_formula(end, one) for one in found)
+        found = tuple(_with_formula(end, one, fit) for one in found)
     return (*odd, *found)
 
 
-def _with_formula(end: Ending, shape: Shape) -> Shape:
-    text = _formula(end, shape)
+def _with_formula(end: Ending, shape: Shape, fit: Fit) -> Shape:
+    text = _formula(end, shape, fit)
     return (
         replace(shape, empirical=text, text=f"{shape.text}; empirical: {text}") if text else shape
     )
 
 
-def _formula(end: Ending, shape: Shape) -> str:
+def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
     """A formula over the shape's variable, empty where a spline does as well."""
     from .empirical import Curve, empirical  # scikit-learn takes a second to import
 
@@ -53,7 +56,7 @@ def _formula(end: Ending, shape: Shape) -> str:
     at = [o.name for o in setup.data.outputs].index(shape.output)
     rows, noise = slice(at * n, (at + 1) * n), end.analysis.ground.noises[at]
     good = np.ones(n, dtype=bool) if noise.good is None else noise.good
-    y = left_of(setup, end.fit)[rows]
+    y = left_of(setup, fit)[rows]
     if shape.direction == "odd":
         sign = np.asarray(setup.data.readings[Role.DIRECTION], dtype=float)
         y = y * sign

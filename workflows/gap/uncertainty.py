@@ -16,6 +16,7 @@ from .fit import Fit
 from .progress import GapProgress, Tell, silent
 from .replicates import Replicate, Replicates
 from .select import Search, select
+from .unresolved import is_term
 
 PHASE = "bootstrap"
 
@@ -90,9 +91,14 @@ def _replicate(search: Search, fit: Fit, seed: int, number: int) -> Replicate:
     rng = np.random.default_rng([seed, 4, number])
     again = replace(search, fitter=search.fitter.of_record(_drawn(search, fit, rng)))
     found = select(again, quick=True).fit
+    if terms := [
+        one for one in fit.members if is_term(one)
+    ]:  # in every replicate, as in the answer
+        found = again.fitter.refined([*found.members, *terms])
     return {
         member.name: member.candidate.values(member.shape, coefficients)
         for member, coefficients in zip(found.members, found.coefficients, strict=True)
+        if not is_term(member)
     }
 
 

@@ -51,6 +51,8 @@ def record(result: GapResult) -> dict[str, Any]:
         "effects": [_effect(one) for one in result.effects],
         "alternatives": [_rival(one) for one in result.rivals],
         "next_measurement": asdict(planned) if (planned := result.next_measurement) else None,
+        "unresolved": [asdict(one) for one in result.unresolved],
+        "remainder": [asdict(one) for one in result.remainder],
         "unnamed": [asdict(one) for one in result.shapes],
         "where": [_region(one) for one in result.where],
         "population": [asdict(one) for one in result.population],
@@ -106,5 +108,6 @@ def _rival(one: Rival) -> dict[str, Any]:
         "names": list(one.names),
         "instead_of": list(one.instead_of),
         "distance": one.distance,
+        "correlation": one.correlation,
         "separating_measurement": asdict(one.measurement),
     }

@@ -76,7 +76,8 @@ class Composition:
 
 def composition(rng: np.random.Generator) -> Composition:
     """Drawn anew for each record."""
-    small = np.exp(rng.uniform(*np.log(SMALL), size=int(rng.integers(1, 4))))
+    ends = (float(np.log(SMALL[0])), float(np.log(SMALL[1])))
+    small = np.exp(rng.uniform(*ends, int(rng.integers(1, 4))))
     large = float(np.exp(rng.uniform(*np.log(LARGE))))
     chances = (rng.random(3) < (OUTSIDE_SHARE, POOR_SHARE, TURNED_SHARE)).tolist()
     return Composition((large, *small.tolist()), *chances)

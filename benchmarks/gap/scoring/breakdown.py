@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
 
+from benchmarks.gap.scoring.dominant import GROUP, dominant_named, wrong_beside
 from benchmarks.gap.scoring.scorer import Scored, clopper_pearson, falsely_named, rightly
 
 ROWS = {"60 to 200": 200.0, "200 to 700": 700.0, "700 to 2400": inf}
@@ -114,6 +115,8 @@ def of_group(records: Sequence[Scored], word: str) -> list[Scored]:
 
 def missed(one: Scored) -> bool:
     """Whether a record counts against the namer."""
+    if one.truth.group == GROUP:
+        return not one.truth.turned and (wrong_beside(one) or not dominant_named(one))
     if one.truth.outside:
         return one.said.verdict != "unnamed"
     if not one.truth.hidden:

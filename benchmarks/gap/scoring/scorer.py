@@ -30,10 +30,12 @@ class Verdict:
     alternatives: frozenset[str]
     after: float
     intervals: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+    before: float = nan
+    sign: bool = False
 
     @property
     def named(self) -> bool:
-        return self.verdict in ("named", "ambiguous") and bool(self.names)
+        return self.verdict in ("named", "ambiguous", "partial") and bool(self.names)
 
     @property
     def reported(self) -> frozenset[str]:
@@ -44,9 +46,8 @@ def verdict(found: Mapping[str, Any]) -> Verdict:
     """What a `gap.json` says."""
     names = tuple(one["name"] for one in found["effects"])
     others = frozenset(name for one in found["alternatives"] for name in one["names"])
-    after = found.get("gap_after")
-    if isinstance(after, Mapping):
-        after = next(iter(after.values()))
+    after, before = first_of(found.get("gap_after")), first_of(found.get("gap_before"))
+    notes = found.get("notes") or [""]
     intervals = {
         one["name"]: {
             name: (known(number["interval"][0]), known(number["interval"][1]))
@@ -54,8 +55,13 @@ def verdict(found: Mapping[str, Any]) -> Verdict:
         }
         for one in found["effects"]
     }
-    return Verdict(found["verdict"], names, others, nan if after is None else float(after),
-                   intervals)  # fmt: skip
+    return Verdict(found["verdict"], names, others, after, intervals, before, "sign" in notes[0])
+
+
+def first_of(gap: Any) -> float:
+    """The number of a gap, of several outputs the first; nan where there is none."""
+    value = next(iter(gap.values())) if isinstance(gap, Mapping) else gap
+    return nan if value is None else float(value)
 
 
 def known(number: float | None) -> float:
@@ -179,10 +185,10 @@ def falsely_named(one: Scored) -> bool:
     return one.said.named and bool(set(one.said.names) - harmless)
 
 
-def covered(one: Scored) -> list[bool]:
+def covered(one: Scored, of: Sequence[Told] | None = None) -> list[bool]:
     """Whether the interval of each hidden effect's first number holds it, where it was named."""
     found = []
-    for each in one.told:
+    for each in one.told if of is None else of:
         stem = first_parameter(each.name, one.truth.kind)
         for name, (low, high) in one.said.intervals.get(each.name, {}).items():
             if stem and name.startswith(stem) and isfinite(low + high + each.value):

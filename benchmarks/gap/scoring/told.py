@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import log, nan
+from math import inf, log, nan
 
 import numpy as np
 
@@ -17,7 +17,8 @@ UNTOLD = 10.0
 @dataclass(frozen=True)
 class Told:
     """Of one hidden effect: lambda, the names that the record cannot tell from it, and those of
-    them whose columns are the same; `value` is its first number by the notes' formula.
+    them whose columns are the same; `value` is its first number by the notes' formula, `left` what
+    the best fit of that formula leaves of it, over the noise variance.
     """
 
     strength: float
@@ -25,6 +26,7 @@ class Told:
     twins: frozenset[str]
     name: str = ""
     value: float = nan
+    left: float = inf
 
 
 def told(truth: Truth, one: Hidden) -> Told:
@@ -34,10 +36,11 @@ def told(truth: Truth, one: Hidden) -> Told:
     own = without(free, one.added)
     strength = float((own**2).sum()) / truth.sigma**2
     extra = own_count(truth, one)
-    names, twins, value = {one.name}, {one.name}, nan
+    names, twins, value, of_own = {one.name}, {one.name}, nan, inf
     for rival in RIVALS[truth.kind]:
         least, p = least_left(rival, truth.points, free, one.added)
         left = least / truth.sigma**2
+        of_own = min(of_own, left) if rival.name == one.name else of_own
         if rival.name == one.name and rival.linear:
             value = float(coefficients(rival, p, truth.points, free, one.added)[0])
         left_out = left + log(len(truth.points)) * max(rival.count - extra, 0)
@@ -45,7 +48,7 @@ def told(truth: Truth, one: Hidden) -> Told:
             names.add(rival.name)
         if left < 1e-9 * strength:
             twins.add(rival.name)
-    return Told(strength, frozenset(names), frozenset(twins & names), one.name, value)
+    return Told(strength, frozenset(names), frozenset(twins & names), one.name, value, of_own)
 
 
 def own_count(truth: Truth, one: Hidden) -> int:

@@ -45,7 +45,7 @@ def next_measurement(end: Ending) -> Planned | None:
     wanted = end.setup.plan.next_measurement
     if wanted is None:
         return None
-    if end.verdict == "ambiguous":
+    if end.verdict == "ambiguous" or (end.verdict == "partial" and end.analysis.others):
         return _of_rivals(end, wanted)
     if end.verdict in ("no_gap", "unnamed"):
         return _of_effects(end, wanted)

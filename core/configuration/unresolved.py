@@ -1,0 +1,79 @@
+"""`[[unresolved]]`: smooth terms without a name that a gap analysis left in the corrected model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from typing import Any
+
+from ..models.effects.compose import Active
+from ..models.effects.readings import target_of
+from ..models.effects.unresolved import SHAPES, Term, Unresolved, unresolved_of
+from ..section import Section, shown
+
+UNRESOLVED = "unresolved"
+TEXTS, FLAGS = ("output", "variable", "shape", "times"), ("signed", "turns", "times_magnitude")
+LISTS = ("knots", "coefficients")
+
+
+def read_unresolved(top: Section, model: Any, name: str) -> tuple[Active, ...]:
+    """The terms in the model `name`, of the class `model` (None where it is not known)."""
+    count = len(top.tables(UNRESOLVED))
+    found = [_term(top.item(UNRESOLVED, at)) for at in range(count)]
+    if model is None:
+        return ()
+    target = target_of(model, name) if count else None
+    for at, one in enumerate(found):
+        if one is not None and target is not None and not one.effect.own_applies(target):
+            top.item(UNRESOLVED, at).fault("variable", f"the model {name} lacks a column or the "
+                                           "output of this term")  # fmt: skip
+    return tuple(one for one in found if one is not None)
+
+
+def _term(section: Section) -> Active | None:
+    """One table; None where it is at fault."""
+    faulty = False
+    for key in ("output", "variable", "shape", "coefficients"):
+        if key not in section:
+            section.fault(key, "is missing: a term has an output, a variable, a shape and "
+                          "coefficients")  # fmt: skip
+            faulty = True
+    given: dict[str, Any] = {}
+    for key in (*(one.name for one in fields(Term)), "coefficients"):
+        if key in section:
+            value = _value(section, key)
+            faulty |= value is None
+            given[key] = value
+    section.finish()
+    if faulty:
+        return None
+    effect, values = unresolved_of(given)
+    if len(values) != effect.term.count:
+        section.fault("coefficients", f"are {len(values)}, but a {effect.term.shape} like this has "
+                      f"{effect.term.count}")  # fmt: skip
+        return None
+    return Active(effect, values)
+
+
+def _value(section: Section, key: str) -> Any:
+    if key == "shape":
+        return section.text(key, SHAPES)
+    if key in TEXTS:
+        return section.text(key)
+    if key in FLAGS:
+        return section.flag(key)
+    if key not in LISTS:
+        return section.number(key, "")
+    value = section.take(key)
+    if not isinstance(value, list) or not all(type(one) in (int, float) for one in value):
+        section.fault(key, f"must be a list of numbers, got {shown(value)}")
+        return None
+    return [float(one) for one in value]
+
+
+def resolved_unresolved(effects: Iterable[Active]) -> dict[str, list[Mapping[str, Any]]]:
+    """The `[[unresolved]]` tables of the effects that are such terms; none where there is none."""
+    tables: list[Mapping[str, Any]] = [
+        one.effect.term.table(one.effect.coefficients(one.values)) for one in effects
+              if isinstance(one.effect, Unresolved)]  # fmt: skip
+    return {UNRESOLVED: tables} if tables else {}

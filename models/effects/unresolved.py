@@ -1,0 +1,168 @@
+"""A smooth term without a name: what data need beside the named effects, and no cause explains.
+
+A term is a shape over one variable, perhaps times another one and times the direction. It describes
+the rows that it was fitted on; beyond their range it keeps its value at the end (splines) or goes
+on as its power does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from ..inputs.distribution import Array
+from ..measurable import Role
+from .effect import Action, Effect, EffectParameter, Readings, Target
+
+SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product")
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """Where a term acts: added to `output`, over the column `variable` x, by its `shape`.
+
+    - `constant`: 1;
+    - `spline`: cubic B-splines with `knots`;
+    - `power`: z^exponent of z = |x - zero| / scale, with the sign of x - zero where `signed`;
+    - `step`: 1 from zero on;
+    - `wave`: cosine and sine of `order` times x, an angle;
+    - `swing`: cosine and sine of `order` times (x - zero) / scale;
+    - `product`: z w, z^2 w, z w^2, z^2 w^2 of z = (x - zero) / scale and w, which `times` gives.
+
+    All of it times w^times_exponent of w = (y - times_zero) / times_scale of the column `times`,
+    where one is given (`times_magnitude`: of its magnitude), and times the direction where it
+    `turns`.
+    """
+
+    output: str
+    variable: str
+    shape: str
+    exponent: float = 1.0
+    zero: float = 0.0
+    scale: float = 1.0
+    signed: bool = False
+    order: float = 0.0
+    knots: tuple[float, ...] = ()
+    times: str = ""
+    times_exponent: float = 1.0
+    times_zero: float = 0.0
+    times_scale: float = 1.0
+    times_magnitude: bool = False
+    turns: bool = False
+
+    @property
+    def count(self) -> int:
+        """Columns."""
+        if self.shape == "spline":
+            return len(self.knots) + 2
+        return {"wave": 2, "swing": 2, "product": 4}.get(self.shape, 1)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Columns of the table that it is a function of, the direction aside."""
+        return (self.variable, self.times) if self.times else (self.variable,)
+
+    def columns(self, readings: Readings) -> Array:
+        """Its columns (n, count)."""
+        found = self._shape(readings)
+        if self.times and self.shape != "product":
+            found = found * (self._other(readings) ** self.times_exponent)[:, None]
+        if self.turns:
+            found = found * np.asarray(readings[Role.DIRECTION], dtype=float)[:, None]
+        return np.asarray(found, dtype=float)
+
+    def _other(self, readings: Readings) -> Array:
+        other = np.asarray(readings.table[self.times], dtype=float)
+        found = (other - self.times_zero) / self.times_scale
+        return np.asarray(np.abs(found) if self.times_magnitude else found)
+
+    def _shape(self, readings: Readings) -> Array:
+        if self.shape == "constant":
+            return np.ones((len(readings), 1))
+        if self.shape == "wave":
+            turned = self.order * np.asarray(readings[Role.ANGLE], dtype=float)
+            return np.column_stack([np.cos(turned), np.sin(turned)])
+        x = np.asarray(readings.table[self.variable], dtype=float)
+        if self.shape == "spline":
+            ends = np.r_[[self.knots[0]] * 3, self.knots, [self.knots[-1]] * 3]
+            inside = np.clip(x, self.knots[0], self.knots[-1])
+            return np.asarray(BSpline.design_matrix(inside, ends, 3).toarray())
+        if self.shape == "step":
+            return np.asarray(x >= self.zero, dtype=float)[:, None]
+        z = (x - self.zero) / self.scale
+        if self.shape == "swing":
+            return np.column_stack([np.cos(self.order * z), np.sin(self.order * z)])
+        if self.shape == "product":
+            w = self._other(readings)
+            return np.column_stack([z * w, z * z * w, z * w * w, z * z * w * w])
+        size = np.abs(z) ** self.exponent
+        return (np.sign(z) * size if self.signed else size)[:, None]
+
+    def table(self, coefficients: Array) -> dict[str, Any]:
+        """The `[[unresolved]]` table of it."""
+        usual = {one.name: one.default for one in fields(self)}
+        given = {k: v for k, v in asdict(self).items() if v != usual[k]}
+        given |= {"knots": list(self.knots)} if self.knots else {}
+        return {**given, "coefficients": [float(one) for one in coefficients]}
+
+
+class Unresolved(Effect):
+    """A term as an effect, in which it has linear parameters alone.
+
+    `mix` (count, m) makes its columns from those of the term: what a named effect does is left out
+    of them, so that its number stays its own.
+    """
+
+    family = "unresolved"
+    cause = "a smooth term without a name"
+
+    def __init__(self, term: Term, mix: Array | None = None) -> None:
+        self.term = term
+        self.mix = np.eye(term.count) if mix is None else mix
+        self.name = str(term)  # type: ignore[misc]
+        if mix is not None:
+            self.name += f" {sha256(mix.tobytes()).hexdigest()[:12]}"  # type: ignore[misc]
+
+    def own_applies(self, target: Target) -> bool:
+        """Only where its columns and its output are there."""
+        names = {one.name for one in target.columns}
+        turns = not self.term.turns or Role.DIRECTION in target.roles()
+        outputs = {one.name for one in target.outputs}
+        return {*self.term.variables} <= names and turns and self.term.output in outputs
+
+    def place(self, target: Target) -> None:
+        """It is never inside of a model."""
+
+    def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
+        unit = next(one.unit for one in target.outputs if one.name == self.term.output)
+        return tuple(
+            EffectParameter(f"c{k + 1}", unit, "coefficient", -np.inf)
+            for k in range(self.mix.shape[1])
+        )
+
+    def columns(self, readings: Readings) -> Array:
+        """Columns (n, m) of its parameters."""
+        return np.asarray(self.term.columns(readings) @ self.mix)
+
+    def coefficients(self, values: Mapping[str, float]) -> Array:
+        """Those of the term (count,)."""
+        found = np.array([values.get(f"c{k + 1}", 0.0) for k in range(self.mix.shape[1])])
+        return np.asarray(self.mix @ found)
+
+    def own_action(self, readings: Readings, values: Mapping[str, float], target: Target) -> Action:
+        return Action(
+            output={self.term.output: self.term.columns(readings) @ self.coefficients(values)}
+        )
+
+
+def unresolved_of(table: Mapping[str, Any]) -> tuple[Unresolved, dict[str, float]]:
+    """A term and its parameters from its checked `[[unresolved]]` table."""
+    given = {k: v for k, v in table.items() if k != "coefficients"}
+    given |= {"knots": tuple(given["knots"])} if "knots" in given else {}
+    values = {f"c{k + 1}": float(one) for k, one in enumerate(table["coefficients"])}
+    return Unresolved(Term(**given)), values

@@ -1,0 +1,165 @@
+"""The final answer on records of the benchmark in which one effect dominates: its gates hold at the
+end.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from threadpoolctl import threadpool_limits
+from typer.testing import CliRunner
+
+from benchmarks.gap.generator.records import record
+from tolevo.cli import app
+from tolevo.configuration.gap import read_gap
+from tolevo.models.effects.unresolved import Unresolved
+from tolevo.workflows.gap import gap
+from tolevo.workflows.gap.analysis import analysed
+from tolevo.workflows.gap.blocks import improvement
+from tolevo.workflows.gap.generic import generic
+from tolevo.workflows.gap.linear import basis, beside
+from tolevo.workflows.gap.read import read_data
+from tolevo.workflows.gap.result import Ending, ended
+from tolevo.workflows.gap.setup import prepared
+from tolevo.workflows.gap.unresolved import term_of
+
+pytestmark = pytest.mark.source_tree
+
+NUMBERS = (5009, 5016, 5021, 5026, 5033)
+"""Short records: two without, three with a part outside of the library."""
+
+
+def files(folder: Path, number: int) -> tuple[Path, Path]:
+    found, _ = record("dominant", number)
+    configuration, table = folder / "gap.toml", folder / "data.csv"
+    configuration.write_text(found.configuration + "[settings]\nsimulations = 500\n", "utf-8")
+    found.table.to_csv(table, index=False)
+    return configuration, table
+
+
+@pytest.fixture(scope="module", params=NUMBERS)
+def end(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Ending:
+    configuration, table = files(tmp_path_factory.mktemp("settled"), request.param)
+    plan = read_gap(configuration)
+    with threadpool_limits(1):
+        return ended(analysed(prepared(plan, read_data(plan, table))))
+
+
+def test_held_out_error_is_never_above_that_of_the_model_or_of_an_accepted_step(
+    end: Ending,
+) -> None:
+    search = end.analysis.search
+    accepted = end.analysis.selection.accepted
+    assert np.sum(end.after.white**2) <= np.sum(accepted[0][1].white ** 2)
+    for _, tested in accepted:
+        better = improvement(tested, end.after, search.labels)
+        assert better.gain >= -better.error
+
+
+def test_no_joint_interval_of_an_effect_holds_nothing(end: Ending) -> None:
+    assert not any(end.model.nothing(end.fit.members[at]) for at in end.named)
+
+
+def test_what_remains_is_said(end: Ending) -> None:
+    """A part outside of the library is a remainder, and there is none where all is named."""
+    terms = len(end.fit.members) - len(end.named)
+    assert (end.verdict == "partial") == (terms > 0 or bool(end.analysis.judged.significant))
+    assert all(one.name not in end.setup.plan.library for one in end.fit.members[len(end.named) :])
+
+
+def test_terms_are_the_forms_that_they_stand_for(end: Ending) -> None:
+    """Each spans what the generic columns of its form do, at the rows of the record."""
+    setup = end.setup
+    forms, columns = generic(setup.data, setup.predicted)
+    output = setup.data.outputs[0].name
+    seen = set()
+    for form, own in zip(forms, columns, strict=True):
+        kind = (form.kind, form.detail.split(" ")[0], form.direction)
+        term = term_of(form, setup.data, output) if kind not in seen else None
+        if term is None:
+            continue
+        seen.add(kind)
+        q = basis(
+            np.column_stack([np.ones(len(own)), Unresolved(term).columns(setup.data.readings)])
+        )
+        # splines are evaluated by the same code, powers by another order of the same operations
+        assert np.abs(beside(own, q)).max() < 1e-6 * np.abs(own).max(), form
+    assert len(seen) >= 12
+
+
+def test_a_corrected_model_with_a_term_leaves_the_residuals_that_were_written(
+    tmp_path: Path,
+) -> None:
+    configuration, table = files(tmp_path, 5026)
+    plan = read_gap(configuration)
+    out = tmp_path / "out"
+    outcome = gap.gap(plan, read_data(plan, table), out)
+    assert outcome.result is not None and outcome.result.verdict == "partial"
+    assert outcome.lines[0].startswith("partial") and any(
+        line.startswith("remainder: te_arcsec") for line in outcome.lines
+    )
+    corrected = tomllib.loads((out / "corrected.toml").read_text(encoding="utf-8"))
+    assert {one["output"] for one in corrected["unresolved"]} == {"te_arcsec"}
+    again = tmp_path / "again.csv"
+    ran = CliRunner().invoke(app, ["simulate", str(out / "corrected.toml"), str(table), "--out",
+                                   str(again), "--quiet"])  # fmt: skip
+    assert ran.exit_code == 0, ran.output
+    residuals = pd.read_parquet(out / "residuals.parquet").sort_values("row")
+    left = pd.read_csv(table)["te_arcsec"] - pd.read_csv(again)["te_arcsec"]
+    np.testing.assert_allclose(left, residuals["te_arcsec_after"], atol=1e-7)
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "What remains without a name" in page
+
+
+def test_all_rows_are_in_the_final_fit(tmp_path: Path) -> None:
+    """A slope on 4000 rows of which 500 are searched: the number and its interval of least
+    squares.
+    """
+    rng = np.random.default_rng(3)
+    n, sigma = 4000, 0.5
+    torque = rng.uniform(-400.0, 400.0, n)
+    te = 0.01 * torque + 2.0 + rng.normal(0.0, sigma, n)
+    pd.DataFrame({"torque": torque, "te": te, "te_predicted": np.zeros(n)}).to_csv(
+        tmp_path / "data.csv", index=False
+    )
+    (tmp_path / "gap.toml").write_text(
+        'model = "table"\n[columns]\ntorque = { role = "torque", unit = "N m" }\n'
+        'te = { role = "measured", unit = "arcsec" }\n'
+        'te_predicted = { role = "predicted", unit = "arcsec" }\n'
+        "[settings]\nsimulations = 300\nrows_used = 500\n",
+        encoding="utf-8",
+    )
+    plan = read_gap(tmp_path / "gap.toml")
+    result = gap.found(plan, read_data(plan, tmp_path / "data.csv"))
+    number = result.effects[0].parameters[0]
+    x = np.column_stack([np.ones(n), torque])
+    solved, rss, *_ = np.linalg.lstsq(x, te, rcond=None)
+    error = np.sqrt(rss[0] / (n - 2) * np.linalg.inv(x.T @ x)[1, 1])
+    assert number.value == pytest.approx(solved[1], rel=1e-6)
+    # the variance that stretches of the record show may be larger by chance, some tens of percent
+    assert 1.6 * error < 0.5 * (number.high - number.low) < 2.3 * error
+
+
+def test_faults_of_unresolved_terms_are_all_named(tmp_path: Path) -> None:
+    (tmp_path / "gap.toml").write_text(
+        'model = "table"\n[columns]\ntorque = { role = "torque", unit = "N m" }\n'
+        'te = { role = "measured", unit = "arcsec" }\n'
+        'te_predicted = { role = "predicted", unit = "arcsec" }\n'
+        '[[unresolved]]\noutput = "te"\nvariable = "torque"\nshape = "bend"\ncoefficients = [1.0]\n'
+        '[[unresolved]]\noutput = "te"\nvariable = "speed"\nshape = "power"\ncoefficients = [1.0]\n'
+        '[[unresolved]]\noutput = "te"\nvariable = "torque"\nshape = "wave"\ncoefficients = [1.0]\n'
+        '[[unresolved]]\noutput = "te"\nshape = "step"\ncoefficients = ["a"]\nslope = 2\n',
+        encoding="utf-8",
+    )
+    (tmp_path / "in.csv").write_text("torque,te_predicted\n1,2\n", encoding="utf-8")
+    ran = CliRunner().invoke(app, ["simulate", str(tmp_path / "gap.toml"), str(tmp_path / "in.csv"),
+                                   "--out", str(tmp_path / "out.csv")])  # fmt: skip
+    assert ran.exit_code == 2 and not (tmp_path / "out.csv").exists()
+    for place in ("unresolved[0].shape", "unresolved[1].variable", "unresolved[2].coefficients",
+                  "unresolved[3].variable",
+                  "unresolved[3].coefficients", "unresolved[3].slope"):  # fmt: skip
+        assert place in ran.output, place

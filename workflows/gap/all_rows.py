@@ -1,0 +1,77 @@
+"""The final fit on every row of a record that was thinned for the search."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...models.inputs.distribution import Array
+from .close import added_variance, refitted
+from .data import GapData
+from .noise import Noise, outliers, size_follows
+from .result import Ending
+from .setup import moved_to, values_of
+from .space import Space
+
+WANDERS = 3.0
+"""Standard errors from which neighbouring rows are taken as autocorrelated."""
+MOST = 200_000
+"""Rows that the size of the noise is asked of."""
+
+
+def on_all_rows(end: Ending, full: GapData) -> Ending:
+    """The answer with its numbers from all rows, and intervals that shrink with them.
+
+    Which effects they are, and what has no name, is that of the search; their numbers, the noise
+    and its autocorrelation from one row to the next are those of the whole record.
+    """
+    setup = end.setup
+    if len(full) == len(setup.data) or full.target.population:
+        return end
+    whole = moved_to(replace(setup, data=full), setup.at, {})
+    space = Space(tuple(_noises(end, full)), setup.prior)
+    model = refitted(whole, space, end.fit, end.model)
+    more = added_variance(end.model)
+    return replace(end, model=model.widened(more))
+
+
+def _noises(end: Ending, full: GapData) -> list[Noise]:
+    predicted = end.model.predicted(full)
+    return [
+        _noise(end, full, at, full.measured[o.name] - predicted[o.name])
+        for at, o in enumerate(full.outputs)
+    ]
+
+
+def _noise(end: Ending, full: GapData, at: int, left: Array) -> Noise:
+    """Of one output, from its residual (n,) beside the final model."""
+    name, searched = full.outputs[at].name, end.analysis.search.fitter.space.noises[at]
+    size = full.std[name] if name in full.std else np.ones(len(full))
+    good = outliers(left, size)
+    known = name in full.std or searched.source == "configuration"
+    if searched.varies_with and not known:
+        size = _size(full, left, good)
+    scale = 1.0 if name in full.std else float(np.sqrt(np.mean((left[good] / size[good]) ** 2)))
+    scale = searched.level if searched.source == "configuration" else scale
+    found = Noise(size * scale, searched.source, good=None if good.all() else good,
+                  varies_with=searched.varies_with)  # fmt: skip
+    return replace(found, rho=_neighbours(np.where(good, left / found.sigma, 0.0)))
+
+
+def _size(full: GapData, left: Array, good: np.ndarray) -> Array:
+    """Its relative size (n,), where it follows an input."""
+    rows = np.linspace(0, len(full) - 1, min(len(full), MOST)).astype(np.int64)
+    inputs = values_of(full.some(rows))
+    follows = size_follows(left[rows], inputs, good[rows])
+    if follows is None:
+        return np.ones(len(full))
+    x = values_of(full)[follows[0]]
+    order = np.argsort(inputs[follows[0]], kind="stable")
+    return np.asarray(np.interp(x, inputs[follows[0]][order], follows[1][order]))
+
+
+def _neighbours(white: Array) -> float:
+    """Autocorrelation of one row with the next, 0 where it is no more than chance."""
+    found = float(white[1:] @ white[:-1] / max(float(white @ white), 1e-300))
+    return float(np.clip(found, 0.0, 0.99)) if found * np.sqrt(len(white)) > WANDERS else 0.0

@@ -1,0 +1,115 @@
+"""What is left without a name beside what is named, as records."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...gap_records import Remainder, UnresolvedTerm
+from ...models.effects.unresolved import Term, Unresolved
+from .analysis import Analysis
+from .fit import Member
+from .result import Ending
+from .unresolved import is_term
+
+MOST = 3
+"""Forms beside the terms that are listed."""
+
+
+def struck_of(analysis: Analysis) -> tuple[str, ...]:
+    """Names that were accepted and are not in the answer: their form is not that of the data."""
+    lost = tuple(analysis.fit.names[at] for at in analysis.judged.lost)
+    return (*lost, *analysis.struck)
+
+
+def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:
+    """The terms without a name that are in the corrected model."""
+    fitter, found = end.analysis.search.fitter, []
+    for at, one in enumerate(end.fit.members):
+        if not is_term(one):
+            continue
+        effect = _effect(one)
+        table = effect.term.table(effect.coefficients(end.model.effect(one.name)))
+        gain = fitter.fit(end.fit.without(at)).rss - end.fit.rss
+        found.append(UnresolvedTerm(effect.term.output, effect.term.variables, shape(effect.term),
+                                    gain, table))  # fmt: skip
+    return tuple(found)
+
+
+def remainder_of(end: Ending) -> tuple[Remainder, ...]:
+    """What stands out beside the named effects: the terms, and forms that are in none."""
+    if not end.remains:
+        return ()
+    terms = [one for one in end.fit.members if is_term(one)]
+    return (*(_of_term(end, one) for one in terms), *_of_forms(end))
+
+
+def _beyond(end: Ending) -> float:
+    """The squared gap beyond the noise, in noise units."""
+    empty = end.analysis.ground.empty
+    return max(empty.rss - end.analysis.search.fitter.space.count, 1e-300)
+
+
+def _of_term(end: Ending, one: Member) -> Remainder:
+    term, setup = _effect(one).term, end.setup
+    at = [o.name for o in setup.data.outputs].index(term.output)
+    coefficients = end.fit.coefficients[end.fit.members.index(one)]
+    n = len(setup.data)
+    added = (setup.columns.of(one.candidate, one.shape) @ coefficients)[at * n : (at + 1) * n]
+    white = end.analysis.search.fitter.white(one) @ coefficients
+    rms, unit = float(np.std(added)), setup.data.outputs[at].unit
+    share = min(1.0, float(white @ white) / _beyond(end))
+    return Remainder(
+        term.output, term.variables, shape(term), rms, unit, rms / _level(end, at), share
+    )
+
+
+def _level(end: Ending, output: int) -> float:
+    return end.analysis.ground.noises[output].level
+
+
+def _of_forms(end: Ending) -> tuple[Remainder, ...]:
+    """Of forms that are significant still beside the terms, the strongest of each variable."""
+    generic, left = end.analysis.ground.generic, end.analysis.judged.left
+    found: dict[tuple[int, str], Remainder] = {}
+    for at in end.analysis.judged.significant:
+        form, output = generic.forms[at], int(generic.outputs[at])
+        key = (output, form.variable)
+        if key in found or len(found) >= MOST:
+            continue
+        one = end.setup.data.outputs[output]
+        ratio = float(np.sqrt(max(left.gains[at], 0.0) / end.analysis.search.fitter.space.readings))
+        name = f"order {form.order:g}" if form.kind == "order" else form.kind
+        text = f"a {name} of {form.variable}" + (f", {form.detail}" if form.detail else "")
+        text += ", opposite in the two directions" if form.direction else ""
+        found[key] = Remainder(
+            one.name, (form.variable, *form.more), text, ratio * _level(end, output), one.unit,
+            ratio, min(1.0, float(left.gains[at]) / _beyond(end)),
+        )  # fmt: skip
+    return tuple(found.values())
+
+
+def _effect(one: Member) -> Unresolved:
+    effect = one.candidate.effect
+    assert isinstance(effect, Unresolved)
+    return effect
+
+
+def shape(term: Term) -> str:
+    """A term in words."""
+    names = " and ".join(term.variables)
+    kinds = {
+        "constant": "an offset", "spline": f"a smooth curve over {term.variable}",
+        "power": f"{term.variable} to the power {term.exponent:.3g}",
+        "step": f"a step at {term.variable} = {term.zero:.4g}",
+        "wave": f"a wave of order {term.order:g}",
+        "swing": f"a swing of {term.order:g} cycles over {term.variable}",
+        "product": f"a product of {names}",
+    }  # fmt: skip
+    found = kinds[term.shape]
+    if term.shape == "power":
+        signs = (term.exponent % 2 == 1) == term.signed
+        found += "" if signs or term.zero else ", odd" if term.signed else ", of the magnitude"
+    if term.times and term.shape != "product":
+        power = f"^{term.times_exponent:g}" if term.times_exponent != 1.0 else ""
+        found += f" times {term.times}{power}"
+    return found + (", opposite in the two directions" if term.turns else "")

@@ -1,0 +1,221 @@
+"""The final answer: names and terms without a name, fitted together and tested together.
+
+Whatever is struck, exchanged or added, everything is fitted and tested again; what lowers the
+held-out error and has no name that fits stays as a term, so that no number beside it is biased by
+leaving it out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .abstain import displaced, more_numbers, significant_forms
+from .blocks import HeldOut, improvement
+from .data import GapData
+from .fit import Fit, Member
+from .linear import basis, beside
+from .scan import Left, Remaining, left_over
+from .select import Search
+from .unresolved import is_term, member_of, term_of
+
+TERMS = 8
+"""Terms without a name, at most."""
+TRIED = 4
+"""Forms and names that are tried at each step, the likeliest first."""
+ROUNDS = 40
+DISBELIEVED = 0.1
+"""What a form explains beside a name, as a share of what the name explains beside everything else,
+from which that name is not the form's: it does without the form what the form does without it."""
+FREER = 5.0
+"""What a set of fewer names must fit better by than one with more, which says more."""
+
+
+@dataclass(frozen=True)
+class Settled:
+    """The final fit, names first; the names that were struck, and what is left beside it."""
+
+    fit: Fit
+    struck: tuple[str, ...]
+    left: Left
+    significant: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Settling:
+    """What a final answer is looked for with; `tried` are accepted fits with their held-out
+    rows.
+    """
+
+    search: Search
+    generic: Remaining
+    data: GapData
+    empty: Fit
+    tried: Sequence[tuple[Fit, HeldOut]]
+
+    def settled(self, fit: Fit) -> Settled:
+        """The answer that follows from the names of a selection."""
+        answers = [self.grown(fit, frozenset())]
+        if lost := displaced(self.search, fit, self.generic):
+            names = frozenset(fit.names[at] for at in lost)
+            kept = [one for one in fit.members if one.name not in names]
+            answers.append(self.grown(self.search.fitter.refined(kept), names))
+        if len(answers) > 1 and answers[1].score < answers[0].score - FREER:
+            answers.reverse()
+        best = next((one for one in answers if self.holds(one)), None) or self._accepted()
+        best = self.ordered(best)
+        left = left_over(best, self.search.fitter, self.generic)
+        struck = tuple(name for name in fit.names if name not in best.names)
+        return Settled(best, struck, left, significant_forms(self.search, left))
+
+    def again(self, fit: Fit, barred: frozenset[str]) -> Settled:
+        """The answer without some names."""
+        kept = [one for one in fit.members if one.name not in barred]
+        best = self.ordered(self.grown(self.search.fitter.refined(kept), barred))
+        left = left_over(best, self.search.fitter, self.generic)
+        return Settled(best, (), left, significant_forms(self.search, left))
+
+    def holds(self, fit: Fit) -> bool:
+        """Whether rows that the fit never saw are predicted as well as by every accepted step, but
+        for its standard error, and no worse than by the model alone.
+        """
+        tested = self.search.tested(fit)
+        for at, (_, other) in enumerate(self.tried):
+            better = improvement(other, tested, self.search.labels)
+            if better.gain < (0.0 if at == 0 else -better.error):
+                return False
+        return True
+
+    def _accepted(self) -> Fit:
+        """The accepted step that predicts best."""
+        return min(self.tried, key=lambda one: float(np.sum(one[1].white ** 2)))[0]
+
+    def ordered(self, fit: Fit) -> Fit:
+        """Names first, terms behind them."""
+        return self.search.fitter.fit(sorted(fit.members, key=is_term))
+
+    def grown(self, fit: Fit, never: frozenset[str]) -> Fit:
+        """The fit with what is significant beside it, a name where one fits as well as any form;
+        what no longer is beside the others is left out again.
+        """
+        barred = set(never)
+        for _ in range(ROUNDS):
+            after = self._weaker(fit, barred) or self._larger(fit, barred)
+            if after is None:
+                return fit
+            fit = after
+        return fit
+
+    def _weaker(self, fit: Fit, barred: set[str]) -> Fit | None:
+        """The fit without the name or term that is not significant beside the others, None where
+        all are. What was left out does not come back.
+        """
+        fitter, limit = self.search.fitter, self.search.thresholds.library
+        worst: tuple[float, int] = (0.0, -1)
+        for at, one in enumerate(fit.members):
+            own = fitter.fit(fit.without(at)).rss - fit.rss
+            needed = one.candidate.price(fitter.penalty) if is_term(one) else limit
+            needed = max(needed, self.least)
+            if own < needed and (worst[1] < 0 or own - needed < worst[0]):
+                worst = (own - needed, at)
+        at = worst[1] if worst[1] >= 0 else self._disbelieved(fit)
+        if at < 0:
+            return None
+        barred.add(fit.names[at])
+        return fitter.refined(fit.without(at))
+
+    @property
+    def least(self) -> float:
+        """The gain that the practical limit asks of anything."""
+        return self.search.fitter.space.count * self.search.settings.practical_limit**2
+
+    def _disbelieved(self, fit: Fit) -> int:
+        """The name whose variable has a form that does what it does, and much that it does not; -1
+        where there is none.
+        """
+        fitter = self.search.fitter
+        terms = [k for k, one in enumerate(fit.members) if is_term(one)]
+        for at, one in enumerate(fit.members):
+            if is_term(one):
+                continue
+            without = fitter.fit([m for k, m in enumerate(fit.members) if k != at])
+            forms = [k for k in terms if self._holds_name(fit, at, k)]
+            if not forms:
+                continue
+            alone = fitter.fit([m for k, m in enumerate(fit.members) if k not in forms])
+            none = fitter.fit([m for k, m in enumerate(fit.members) if k != at and k not in forms])
+            if alone.rss - fit.rss > DISBELIEVED * (none.rss - alone.rss) and without.rss > fit.rss:
+                return at
+        return -1
+
+    def _holds_name(self, fit: Fit, at: int, term: int) -> bool:
+        """Whether the whole form of a term does nearly what a name does."""
+        fitter, effect = self.search.fitter, fit.members[term].candidate.effect
+        raw = effect.term.columns(self.data.readings)  # type: ignore[attr-defined]
+        outputs = [o.name for o in self.data.outputs]
+        whole = np.zeros((len(raw) * len(outputs), raw.shape[1]))
+        place = outputs.index(effect.term.output)  # type: ignore[attr-defined]
+        whole[place * len(raw) : (place + 1) * len(raw)] = raw
+        q = basis(beside(fitter.space.whiten(whole), fitter.q))
+        mine = beside(fitter.white(fit.members[at]) @ fit.coefficients[at], fitter.q)
+        return float(np.sum((q.T @ mine) ** 2)) > 0.9 * float(mine @ mine)
+
+    def _larger(self, fit: Fit, barred: set[str]) -> Fit | None:
+        """The fit with the name or the form more that fits best and predicts better; a name goes
+        before forms that fit no better. None where there is none.
+        """
+        before = self.search.tested(fit)
+        found = [*self._names(fit, barred), *self._forms(fit, barred)]
+        for one in sorted(found, key=lambda one: one.score)[: 2 * TRIED]:
+            tested = self.search.tested(one)
+            if improvement(before, tested, self.search.labels).real:
+                return one
+        return None
+
+    def _names(self, fit: Fit, barred: set[str]) -> Iterator[Fit]:
+        """Fits with one name more, or with one in place of a term."""
+        search, limit = self.search, self.search.thresholds.library
+        named = [one for one in fit.members if not is_term(one)]
+        if len(named) >= search.settings.effects_at_most:
+            return
+        starts = [(fit, limit)]
+        starts += [(search.fitter.fit(fit.without(k)), limit)
+                   for k, one in enumerate(fit.members) if is_term(one)]  # fmt: skip
+        for start, needed in starts:
+            found = [one for one in search.open(start.members)
+                     if one.gain > needed and one.member.name not in barred]  # fmt: skip
+            for one in search.refined(start.members, found)[:TRIED]:
+                if start.rss - one.rss > max(needed, self.least) and one.score < fit.score - 1e-3:
+                    yield one
+
+    def _forms(self, fit: Fit, barred: set[str]) -> Iterator[Fit]:
+        """Fits with one term more, of the forms that are significant, the likeliest first."""
+        terms = sum(is_term(one) for one in fit.members)
+        left = left_over(fit, self.search.fitter, self.generic)
+        at = significant_forms(self.search, left)
+        if terms >= TERMS or not at:
+            return
+        penalty, sizes = self.search.fitter.penalty, self.generic.white.sizes
+        count, outputs = 0, self.data.outputs
+        price = {k: penalty * (sizes[k] + more_numbers(self.generic.forms[k])) for k in at}
+        named = [one for one in fit.members if not is_term(one)]
+        for k in sorted(at, key=lambda k: price[k] - left.gains[k]):
+            term = term_of(self.generic.forms[k], self.data, outputs[self.generic.outputs[k]].name)
+            if term is None:
+                continue
+            one = member_of(term, self.data, self.search.fitter, named)
+            if one is None or one.name in barred or one.name in fit.names:
+                continue
+            larger = self.search.fitter.fit((*fit.members, one))
+            if larger.score < fit.score and fit.rss - larger.rss > self.least:
+                yield larger
+                count += 1
+            if count >= TRIED:
+                return
+
+
+def names_of(members: Sequence[Member]) -> tuple[int, ...]:
+    """The places of the members that have a name."""
+    return tuple(k for k, one in enumerate(members) if not is_term(one))

@@ -1,0 +1,157 @@
+"""Forms without a name as terms of the corrected model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from ...models.effects.unresolved import Term, Unresolved
+from ...models.inputs.distribution import Array
+from ...models.measurable import Column, Role
+from .data import GapData
+from .fit import Fitter, Member
+from .generic import SWING, Form, origin
+from .library import Candidate
+from .linear import basis, beside
+
+WITHIN = 0.9
+"""Share of a named effect's column within a form from which the form is taken without it; a form of
+one column is that effect then.
+"""
+
+
+def is_term(member: Member) -> bool:
+    """Whether a member of a fit is a term without a name."""
+    return isinstance(member.candidate.effect, Unresolved)
+
+
+def label(member: Member) -> str:
+    """What a term is called on the path of a selection."""
+    effect = member.candidate.effect
+    assert isinstance(effect, Unresolved)
+    return f"unresolved term of {' x '.join(effect.term.variables)}"
+
+
+def term_of(form: Form, data: GapData, output: str) -> Term | None:
+    """The term that a form is at these data; None of what is no function of their inputs."""
+    columns = {c.name: c for c in data.inputs}
+    turns = form.direction == "odd"
+    if form.kind == "direction":
+        name = next(c.name for c in data.inputs if c.role is Role.DIRECTION)
+        return Term(output, name, "constant", turns=True)
+    if form.variable not in columns or data.target.population:
+        return None
+    base = Term(output, form.variable, "constant", turns=turns)
+    x = np.asarray(data.readings.table[form.variable], dtype=float)
+    if form.kind == "order":
+        return _wave(base, form, data)
+    if form.kind == "product":
+        return _product(base, form, data, columns)
+    if form.kind == "power":
+        return _power(base, form, x)
+    if form.detail.startswith("step"):
+        at = int(form.detail.split()[2])
+        later = bool((x[at:] > x[at - 1]).all())
+        return replace(base, shape="step", zero=float(x[at])) if later else None
+    if form.detail.startswith(SWING):
+        size = float(np.ptp(x)) / (2.0 * np.pi)
+        return replace(base, shape="swing", order=form.order, zero=float(x.min()), scale=size)
+    return _spline(base, columns[form.variable], x) if not form.detail else None
+
+
+def _spline(base: Term, column: Column, x: Array) -> Term:
+    fine = 6 if column.role in (Role.TORQUE, Role.FORCE) else 4
+    count = min(fine, max(2, len(x) // 25))
+    inner = np.unique(np.quantile(x, np.linspace(0, 1, count + 1)))
+    if len(inner) < 3:
+        return replace(base, shape="power", signed=True)
+    return replace(base, shape="spline", knots=tuple(inner.tolist()))
+
+
+def _power(base: Term, form: Form, x: Array) -> Term:
+    found = replace(base, shape="power", exponent=float(form.order), scale=float(np.abs(x).max()))
+    if form.detail == "from least":
+        return replace(found, zero=float(x.min()), scale=float(np.ptp(x)))
+    return replace(found, signed=form.detail == "odd")
+
+
+def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) -> Term:
+    other = form.more[0]
+    x, y = (np.asarray(data.readings.table[n], dtype=float) for n in (form.variable, other))
+    if not form.detail:
+        found = replace(base, shape="product", zero=float(x.mean()), scale=float(x.std()))
+        return replace(found, times=other, times_zero=float(y.mean()), times_scale=float(y.std()))
+    p, q = int(form.detail.split()[1]), int(form.detail.split()[3])
+    ends = [origin(columns[n]) for n in (form.variable, other)]
+    sizes = [float(np.abs(v - z).max()) for v, z in zip((x, y), ends, strict=True)]
+    return replace(base, shape="power", exponent=float(p), signed=p == 1, zero=ends[0],
+                   scale=sizes[0], times=other, times_exponent=float(q), times_zero=ends[1],
+                   times_scale=sizes[1])  # fmt: skip
+
+
+def _wave(base: Term, form: Form, data: GapData) -> Term:
+    found = replace(base, shape="wave", order=float(form.order))
+    if not form.detail:
+        return found
+    role = form.detail.removeprefix("times ")
+    by = (*form.more, *(c.name for c in data.inputs if str(c.role) == role))[0]
+    size = float(np.abs(np.asarray(data.readings.table[by], dtype=float)).max())
+    power = 2.0 if form.detail.endswith("squared") else 1.0
+    return replace(found, times=by, times_exponent=power, times_scale=size)
+
+
+def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]) -> Member | None:
+    """A term as a member of a fit beside named effects: without what those do in it; None where
+    nothing else is in it.
+    """
+    whole = _member(Unresolved(term), data)
+    form = beside(fitter.white(whole), fitter.q)
+    q, r, order = linalg.qr(form, mode="economic", pivoting=True)
+    good = np.abs(np.diag(r)) > 1e-5 * max(float(np.abs(r[0, 0])), 1e-300)
+    rank = int(good.sum())
+    q, r, kept = q[:, :rank], r[:rank, :rank], order[:rank]
+    inside = [q.T @ one for one in _within(q, fitter, named)]
+    if len(kept) == 1:
+        return None if inside else _mixed(term, data, np.eye(term.count)[:, kept])
+    spanned = basis(np.column_stack(inside)) if inside else np.zeros((rank, 0))
+    rest = linalg.null_space(spanned.T) if spanned.shape[1] else np.eye(rank)
+    if rest.shape[1] == 0:
+        return None
+    mix = np.zeros((term.count, rest.shape[1]))
+    mix[kept] = np.linalg.solve(r, rest)
+    size = np.abs(mix).max(axis=0)
+    return _mixed(term, data, mix / size)
+
+
+def whole_of(member: Member, data: GapData) -> Member:
+    """A term with all columns of its form."""
+    effect = member.candidate.effect
+    assert isinstance(effect, Unresolved)
+    return _member(Unresolved(effect.term), data)
+
+
+def _within(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Array]:
+    """Columns of named effects that lie in the span of a form with basis q (N, r)."""
+    found = []
+    for one in named:
+        if is_term(one):
+            continue
+        columns = beside(fitter.white(one), fitter.q)
+        for column in columns.T:
+            if float(np.sum((q.T @ column) ** 2)) > WITHIN * float(column @ column) > 0.0:
+                found.append(column)
+    return found
+
+
+def _mixed(term: Term, data: GapData, mix: Array) -> Member:
+    return _member(Unresolved(term, mix if mix.shape[1] < term.count or term.count > 1 else None),
+                   data)  # fmt: skip
+
+
+def _member(effect: Unresolved, data: GapData) -> Member:
+    return Member(Candidate(effect, effect.own_parameters(data.target), ()))
