@@ -103,7 +103,8 @@ class Archive:
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on from a `state()`."""
         self.x, self.f = state["x"], state["f"]
-        self.front, self.miss = state["front"], state["miss"]
+        front, self.miss = state["front"], state["miss"]
+        self.front = joined_front(front[:0], front) if front.shape[1] == 2 else front
         self.violation = float(state["numbers"][0])
         self.limit, self.changes = (int(number) for number in state["numbers"][1:])
         self._new.clear()

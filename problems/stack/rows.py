@@ -114,7 +114,7 @@ def _at(
     assert isinstance(law, Law)
     linear = weight * side * law.mean
     if law.covariance is not None:
-        spread = weight * float(ndtri(p)) * signed(one)
+        spread = np.asarray(weight * float(ndtri(p)) * signed(one), dtype=float)
         return Row(output, one, "monte_carlo", linear, spread, None, most)
     matters = np.isin(np.arange(len(linear)), law.mechanism.owners)
     return Row(output, one, "monte_carlo", linear, weight * matters, p, most)

@@ -20,6 +20,7 @@ from tolevo.problems.tolerance_problem import ToleranceProblem
 from tolevo.section import Section
 from tolevo.testing import ProblemContract
 
+_minimize: Any = minimize  # its stubs know arrays of one fixed dimension only
 BILL = """
 [[requirement]]
 name = "gap"
@@ -175,7 +176,7 @@ def test_least_cost_of_two_requirements_against_a_trust_region_method(tmp_path: 
         found = problem.outputs_of(t[None, :], searching=True)
         return np.array([0.2 - found["gap.variation"][0], 0.15 - found["tilt.variation"][0]])
 
-    other = minimize(
+    other = _minimize(
         lambda y: float(problem.outputs_of(y[None, :] * problem.xu, searching=True)["cost"][0]),
         np.full(3, 0.1), method="COBYQA",
         bounds=[(low / high, 1.0) for low, high in zip(problem.xl, problem.xu, strict=True)],

@@ -32,12 +32,14 @@ def generated(parts: int, requirements: int, ways: int, seed: int) -> tuple[Form
     for j in range(parts):
         fine, own = rng.uniform(0.01, 0.03), []
         for at in range(ways if j < 3 else 1):
-            low = fine * 2.0**at
+            least = fine * 2.0**at
             curve = Reciprocal(a=float(2.0 / (1.0 + at) * rng.uniform(0.8, 1.2)),
-                               b=float(low * rng.uniform(0.5, 2.0)))  # fmt: skip
+                               b=float(least * rng.uniform(0.5, 2.0)))  # fmt: skip
             linear = np.where(kind == 0, 1.0, np.where(kind == 2, 0.2, 0.0)) * slope[:, j]
             spread = np.where(kind == 0, 0.0, 1.0) * slope[:, j]
-            own.append(Way(curve, low, 8.0 * low, tuple(linear), tuple(spread), choice=float(at)))
+            own.append(
+                Way(curve, least, 8.0 * least, tuple(linear), tuple(spread), choice=float(at))
+            )
         features.append(Feature(f"t{j}", tuple(own), f"c{j}" if len(own) > 1 else "", 1))
     names = tuple(f"r{i}" for i in range(requirements))
     nothing = np.zeros(requirements)
