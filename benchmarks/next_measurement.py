@@ -31,6 +31,12 @@ CONFIGURATION = """
 model = "table"
 [settings]
 simulations = 300
+[gear]
+kind = "rv"
+pins = 40
+cycloid_teeth = 39
+sun_teeth = 12
+planet_teeth = 36
 [columns]
 angle = { role = "angle", unit = "deg" }
 torque = { role = "torque", unit = "N m" }

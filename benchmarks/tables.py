@@ -1,6 +1,6 @@
 """CPU of reading an unknown CSV against pandas told everything: `python benchmarks/tables.py`.
 
-100,000 rows of six columns in cp1252 with semicolons and decimal commas, the best of five in this one
+100,000 rows of six columns in cp1252 with semicolons and decimal commas, the best of five in this
 process. Promised: a ratio of at most 8.
 """
 

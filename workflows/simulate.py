@@ -81,6 +81,8 @@ def _without_columns(
         if not one.effect.applies(target):
             missing = [role for role in one.effect.needs if role not in target.roles()]
             text = f"the effect {one.effect.name} needs a column of {' and '.join(missing)}"
+            if not missing:
+                text = f"the effect {one.effect.name} is not for it: {one.effect.left_out(target)}"
             found.append(Fault(place, text))
     return found
 

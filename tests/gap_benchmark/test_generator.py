@@ -13,7 +13,7 @@ from benchmarks.gap.generator.assemblies import Builds, Faults, assembled
 from benchmarks.gap.generator.hysteresis import LOCKED
 from benchmarks.gap.generator.mechanisms import ROTATING
 from benchmarks.gap.generator.noise import NOISES
-from benchmarks.gap.generator.outside import OUTSIDE
+from benchmarks.gap.generator.outside import OUTSIDE, SINCE_INSIDE
 from benchmarks.gap.generator.records import (
     BENCH_GROUPS,
     LEAST_LAMBDA,
@@ -75,7 +75,10 @@ def test_causes_outside_the_library_are_told_from_every_name_of_it() -> None:
     for name, cause in OUTSIDE.items():
         left = orthogonal(free, cause(np.random.default_rng(1), at).added)
         left = 2.0 * left / np.sqrt(np.mean(left**2))
-        least = min(least_left(one, at, free, left)[0] for one in RIVALS["rotating"])
+        own = SINCE_INSIDE.get(name, "")
+        least = min(
+            least_left(one, at, free, left)[0] for one in RIVALS["rotating"] if one.name != own
+        )
         assert least > UNTOLD, name
     assert not {*OUTSIDE} & {*ROTATING, *LOCKED}
 
@@ -150,3 +153,23 @@ def test_poor_designs_tie_their_inputs() -> None:
     waves = np.column_stack([np.cos(by_angle.angle), np.sin(by_angle.angle)])
     left = orthogonal(waves, by_angle.torque)
     assert (left**2).sum() < 0.15 * (by_angle.torque**2).sum()
+
+
+def test_waves_of_other_gears_are_those_of_their_wheels() -> None:
+    """The spectrum of each such record is highest where its teeth say, and nowhere else."""
+    kinds = set()
+    for number in range(8):
+        found, truth = record("own gear", number)
+        at, (one,) = truth.points, truth.hidden
+        kinds.add(truth.kind)
+        assert ("[gear]" in found.configuration) == at.declared == (truth.kind == "own gear")
+        grid = np.arange(1.0, 400.0, 0.25)
+        own = one.added - one.added.mean()
+        if one.name == "load_sharing":
+            own = own / at.torque
+        power = [abs(np.mean(own * np.exp(-1j * order * at.angle))) for order in grid]
+        highest = grid[int(np.argmax(power))]
+        multiples = [k * at.pin for k in (1, 2, 3, 4)]  # a pulse has several
+        expected = (*at.excitations, *multiples)
+        assert min(abs(highest - order) for order in expected) <= 0.5, (number, highest, expected)
+    assert kinds == {"own gear", "unknown gear"}

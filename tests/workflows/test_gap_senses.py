@@ -82,7 +82,7 @@ def test_a_sensor_the_other_way_round_is_the_first_note(tmp_path: Path) -> None:
 
 
 def test_an_output_that_counts_the_other_way_round_with_its_prediction(tmp_path: Path) -> None:
-    """out - in/i instead of in/i - out: prediction and measurement agree, every effect is turned."""
+    """out - in/i instead of in/i - out, in both columns: every effect is turned."""
     frame = rows().assign(te=lambda f: -(f["te"] + 0.1 * f["torque"]),
                           te_predicted=lambda f: -f["te_predicted"])  # fmt: skip
     said = found(tmp_path, frame, head())

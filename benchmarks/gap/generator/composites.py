@@ -80,4 +80,3 @@ def composition(rng: np.random.Generator) -> Composition:
     large = float(np.exp(rng.uniform(*np.log(LARGE))))
     chances = (rng.random(3) < (OUTSIDE_SHARE, POOR_SHARE, TURNED_SHARE)).tolist()
     return Composition((large, *small.tolist()), *chances)
-

@@ -119,8 +119,22 @@ LOCKED_TABLE = Kind(
     partial(tables.as_columns, kind="lost_motion"), LOCKED, partial(bench, scale=1.0 / 60.0),
     ("temperature follows time",), roles=roles("lost_motion"),
 )  # fmt: skip
+OF_TEETH = ("pin_circle_runout", "eccentric_error", "two_disc_error", "sun_runout", "load_sharing",
+            "pitch_defect")  # fmt: skip
+OF_ONE_ORDER = OF_TEETH[:2]
+
+
+def any_order(rng: np.random.Generator, at: Points) -> Injected:
+    """A wave of pins or cranks whose gear nobody declared: its number is its name."""
+    return ROTATING[str(rng.choice(OF_ONE_ORDER))](rng, at)
+
+
 KINDS: dict[str, Kind] = {
     "rotating": ROTATING_TABLE,
+    "own gear": replace(ROTATING_TABLE, points=tables.own_gear,
+                        mechanisms={name: ROTATING[name] for name in OF_TEETH}),
+    "unknown gear": replace(ROTATING_TABLE, points=partial(tables.own_gear, declared=False),
+                            mechanisms={"gear_order": any_order}),
     "lost_motion": LOCKED_TABLE,
     "rv_transmission": replace(ROTATING_TABLE, model="rv_transmission", simulate=None),
     "rv_lost_motion": replace(LOCKED_TABLE, model="rv_lost_motion", simulate=None),

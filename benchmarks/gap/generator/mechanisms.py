@@ -79,7 +79,7 @@ def friction_hysteresis(rng: np.random.Generator, at: Points) -> Injected:
 
 def load_sharing(rng: np.random.Generator, at: Points) -> Injected:
     """A stiffness that waves 78 times a turn: what it adds to the mean wind-up."""
-    wave = rng.uniform(0.02, 0.10) * np.cos(78.0 * at.angle + rng.uniform(0.0, 2.0 * np.pi))
+    wave = rng.uniform(0.02, 0.10) * np.cos(2.0 * at.pin * at.angle + rng.uniform(0.0, 2.0 * np.pi))
     windup = at.torque * rng.uniform(0.3, 0.8)
     return Injected(windup / (1.0 + wave) - windup * np.mean(1.0 / (1.0 + wave)))
 
@@ -100,12 +100,12 @@ def output_eccentricity(rng: np.random.Generator, at: Points) -> Injected:
 def pin_circle_runout(rng: np.random.Generator, at: Points) -> Injected:
     """The eccentrics meet an off-centre pin circle 39 times a turn."""
     size, phase = rng.uniform(1.0, 12.0), rng.uniform(0.0, 2.0 * np.pi)
-    return Injected(size * np.sin(39.0 * at.angle + phase))
+    return Injected(size * np.sin(at.pin * at.angle + phase))
 
 
 def eccentric_error(rng: np.random.Generator, at: Points) -> Injected:
     """One eccentric cut at a wrong phase: its disc centre is e (cos(a + delta) - cos a) away."""
-    crank, phase = 40.0 * at.angle + rng.uniform(0.0, 2.0 * np.pi), rng.uniform(1e-4, 5e-3)
+    crank, phase = at.crank * at.angle + rng.uniform(0.0, 2.0 * np.pi), rng.uniform(1e-4, 5e-3)
     away = (np.cos(crank + phase) - np.cos(crank)) * 1.3
     return Injected(away / (2.0 * 36.0) / ARCSEC)
 
@@ -114,39 +114,40 @@ def two_disc_error(rng: np.random.Generator, at: Points) -> Injected:
     """An error common to both discs: only even harmonics remain, 78 and some 80."""
     one, other = rng.uniform(0.0, 2.0 * np.pi, 2)
     size, share = rng.uniform(1.0, 10.0), rng.uniform(0.3, 0.9)
-    first = np.sin(78.0 * at.angle + one)
-    return Injected(size * (first + share * np.sin(80.0 * at.angle + other)))
+    first = np.sin(2.0 * at.pin * at.angle + one)
+    return Injected(size * (first + share * np.sin(2.0 * at.crank * at.angle + other)))
 
 
 def sun_runout(rng: np.random.Generator, at: Points) -> Injected:
     """The sun runs out, in the carrier's frame 120 and in that of the housing 121 times a turn."""
     one, other = rng.uniform(0.0, 2.0 * np.pi, 2)
     size, share = rng.uniform(1.0, 10.0), rng.uniform(0.3, 0.9)
-    first = np.sin(120.0 * at.angle + one)
-    return Injected(size * (first + share * np.sin(121.0 * at.angle + other)))
+    first = np.sin(at.over * at.angle + one)
+    return Injected(size * (first + share * np.sin((at.over + 1.0) * at.angle + other)))
 
 
 def pitch_defect(rng: np.random.Generator, at: Points) -> Injected:
     """One bad pin: a bump (1 + cos)/2 each time that an eccentric passes it."""
     width, place = rng.uniform(0.5, 1.2), rng.uniform(0.0, 2.0 * np.pi)
-    away = np.angle(np.exp(1j * (39.0 * at.angle - place)))
+    away = np.angle(np.exp(1j * (at.pin * at.angle - place)))
     bump = np.where(np.abs(away) < width, 0.5 + 0.5 * np.cos(np.pi * away / width), 0.0)
     return Injected(rng.uniform(3.0, 30.0) * bump)
 
 
-EXCITED = {39: "pin_circle_runout", 40: "eccentric_error", 78: "two_disc_error",
-           80: "two_disc_error", 120: "sun_runout"}  # fmt: skip
+EXCITED = ("pin_circle_runout", "eccentric_error", "two_disc_error", "two_disc_error", "sun_runout")
+"""What makes the first five of `excitations`."""
 
 
 def structural_resonance(rng: np.random.Generator, at: Points) -> Injected:
     """A driven oscillator: whichever order meets its frequency is amplified and lags."""
-    order = int(rng.choice(list(EXCITED)))
+    which = int(rng.choice(len(EXCITED)))
+    order = at.excitations[which]
     own = order / 60.0 * rng.uniform(0.35, 0.8) * at.speed.max()
     ratio = order * at.speed / 60.0 / own
     response = 1.0 / (1.0 - ratio**2 + 2j * rng.uniform(0.02, 0.06) * ratio)
     phase = order * at.angle + rng.uniform(0.0, 2.0 * np.pi)
     moving = np.abs(response) * np.cos(phase + at.direction * np.angle(response))
-    return Injected(rng.uniform(0.5, 3.0) * moving, (EXCITED[order],))
+    return Injected(rng.uniform(0.5, 3.0) * moving, (EXCITED[which],))
 
 
 def viscous_friction(rng: np.random.Generator, at: Points) -> Injected:

@@ -19,7 +19,7 @@ from benchmarks.gap.generator.kinds import KINDS, TABLE, Draw, Kind, Simulator
 from benchmarks.gap.generator.noise import NOISES
 from benchmarks.gap.generator.outside import OUTSIDE
 from benchmarks.gap.generator.populations import Units
-from benchmarks.gap.generator.tables import Array
+from benchmarks.gap.generator.tables import Array, Points
 
 LEAST_LAMBDA = 50.0
 NO_SIMULATORS: Mapping[str, Simulator] = {}
@@ -113,6 +113,7 @@ GROUPS: dict[str, Task] = {
     "manipulator clean": Task(POSE, effects=0, noises=QUIET),
     "manipulator outside": Task(POSE, outside=True, n=(300, 2400), snr=(0.5, 3.0)),
     "dominant": Task(("rotating",), n=(250, 2500), composed=True),
+    "own gear": Task(("own gear", "unknown gear"), n=(300, 2400), snr=(0.5, 3.0)),
 }
 BENCH_GROUPS = tuple(name for name in GROUPS if " " not in name)
 """The groups that need no model: `model = "table"`."""
@@ -161,7 +162,7 @@ def record(
     truth = Truth(group, name, number, at, hidden, outside, poor, law, sigma, float(size),
                   kind.free(n), turned)  # fmt: skip
     blind = f"r{rng.integers(10**9):09d}"
-    return Record(blind, configuration(kind, number), table), truth
+    return Record(blind, configuration(kind, number, at), table), truth
 
 
 def _size(rng: np.random.Generator, task: Task, outputs: int) -> tuple[int, float]:
@@ -266,8 +267,10 @@ def _table(kind: Kind, at: Any, reading: Array, predicted: Array) -> pd.DataFram
     return pd.DataFrame(columns)
 
 
-def configuration(kind: Kind, seed: int) -> str:
-    """The TOML of a record; a model may recalibrate its zeros alone."""
+def configuration(kind: Kind, seed: int, at: Any) -> str:
+    """The TOML of a record; a model may recalibrate its zeros alone, a table has its gear declared
+    unless the points say otherwise.
+    """
     given = "".join(f'parameters.{name} = "{value}"\n' for name, value in kind.parameters.items())
     head = f'model = "{kind.model}"\nseed = {seed}\n{given}'
     if kind.model != TABLE:
@@ -278,4 +281,11 @@ def configuration(kind: Kind, seed: int) -> str:
     lines = [
         f'"{name}" = {{ role = "{role}", unit = "{unit}" }}' for name, (role, unit) in names.items()
     ]
-    return "\n".join([f"{head}[columns]", *lines, ""])
+    gear = _gear(at) if isinstance(at, Points) and at.declared else ""
+    return "\n".join([f"{head}{gear}[columns]", *lines, ""])
+
+
+def _gear(at: Points) -> str:
+    names = ("pins", "cycloid_teeth", "sun_teeth", "planet_teeth")
+    lines = [f"{name} = {count}" for name, count in zip(names, at.teeth, strict=True)]
+    return "\n".join(["[gear]", 'kind = "rv"', *lines, ""])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 RATED = 412.0
 """Rated torque [N m] of the unit on the bench."""
+RV_40E = (40, 39, 12, 36)
+"""Its pins, teeth of a disc, of the sun and of a planet."""
 
 
 @dataclass(frozen=True)
 class Points:
     """Rows (n,) in the order of measuring: angle [rad], torque [N m], direction, speed [rpm],
-    temperature above 20 degC [K], time [s].
+    temperature above 20 degC [K], time [s]. `teeth` are those of the unit (pins, a disc, the
+    sun, a planet); `declared` whether its configuration says so.
     """
 
     angle: Array
@@ -26,6 +29,29 @@ class Points:
     speed: Array
     tau: Array
     time: Array
+    teeth: tuple[int, int, int, int] = RV_40E
+    declared: bool = True
+
+    @property
+    def pin(self) -> float:
+        """How often pins pass per turn of the output: turns of a crank in the housing."""
+        return float(self.teeth[1])
+
+    @property
+    def crank(self) -> float:
+        """Turns of a crank against the output, a disc having one tooth less than there are pins."""
+        return float(self.teeth[0])
+
+    @property
+    def over(self) -> float:
+        """Turns of the sun against the output."""
+        return self.crank * self.teeth[3] / self.teeth[2]
+
+    @property
+    def excitations(self) -> tuple[float, ...]:
+        """Orders of pins, cranks, discs and sun."""
+        pin, crank, over = self.pin, self.crank, self.over
+        return (pin, crank, 2.0 * pin, 2.0 * crank, over, over + 1.0)
 
     def __len__(self) -> int:
         return len(self.angle)
@@ -83,12 +109,23 @@ POOR: dict[str, Callable[[np.random.Generator, dict[str, Array]], None]] = {
 }
 
 
+def _of(at: dict[str, Array]) -> Points:
+    return Points(at["angle"], at["torque"], at["direction"], at["speed"], at["tau"], at["time"])
+
+
 def points(rng: np.random.Generator, n: int, poor: str | None) -> Points:
     """A design of n rows; `poor` says which inputs are not independent, None that all are."""
     at = independent(rng, n)
     if poor is not None:
         POOR[poor](rng, at)
-    return Points(**at)
+    return _of(at)
+
+
+def own_gear(rng: np.random.Generator, n: int, poor: str | None, declared: bool = True) -> Points:
+    """The same of a unit with other tooth numbers."""
+    pins = int(rng.choice([k for k in range(24, 62) if k not in (39, 40, 41)]))
+    teeth = (pins, pins - 1, int(rng.integers(9, 22)), int(rng.integers(28, 60)))
+    return replace(points(rng, n, poor), teeth=teeth, declared=declared)
 
 
 def loops(rng: np.random.Generator, n: int, poor: str | None) -> Points:
@@ -108,7 +145,7 @@ def loops(rng: np.random.Generator, n: int, poor: str | None) -> Points:
     at |= {"speed": np.zeros(n), "angle": np.full(n, rng.uniform(0.0, 2.0 * np.pi))}
     if poor is not None:
         temperature_follows_time(rng, at)
-    return Points(**at)
+    return _of(at)
 
 
 NAMES = {

@@ -20,7 +20,8 @@ from benchmarks.gap.scoring.manipulator_rivals import MANIPULATOR_RIVALS
 from benchmarks.gap.scoring.rival import Columns, fixed
 from benchmarks.gap.scoring.rival import Rival as Rival
 
-ORDERS_OF_RESONANCE = (39.0, 40.0, 78.0, 80.0, 120.0, 121.0)
+Which = Callable[[Points], tuple[float, ...]]
+EXCITATIONS = 6
 
 
 def torque_law(law: Callable[[Array], Array]) -> Columns:
@@ -31,22 +32,23 @@ def clipped(at: Points, p: Array) -> Array:
     return np.asarray(np.clip(at.torque / (p[0] * at.largest_torque), -1.0, 1.0)[:, None])
 
 
-def waves(at: Points, _: Array, orders: tuple[float, ...], loaded: bool = False) -> Array:
-    turns = np.outer(at.angle, orders)
+def waves(at: Points, _: Array, which: Which, loaded: bool = False) -> Array:
+    turns = np.outer(at.angle, which(at))
     found = np.hstack([np.cos(turns), np.sin(turns)])
     return np.asarray(found * at.torque[:, None] if loaded else found)
 
 
 def bump(at: Points, p: Array) -> Array:
-    away = np.abs(np.angle(np.exp(1j * (39.0 * at.angle - p[0]))))
+    away = np.abs(np.angle(np.exp(1j * (at.pin * at.angle - p[0]))))
     return np.where(away < p[1], np.cos(0.5 * np.pi * away / p[1]) ** 2, 0.0)[:, None]
 
 
-def resonant(at: Points, p: Array, order: float) -> Array:
+def resonant(at: Points, p: Array, which: int) -> Array:
     """A wave of that order through an oscillator at p[0] of the largest speed, damping p[1]."""
     ratio = at.speed / (p[0] * at.speed.max())
     answer = 1.0 / (1.0 - ratio**2 + 2j * p[1] * ratio)
-    wave = np.abs(answer) * np.exp(1j * (order * at.angle + at.direction * np.angle(answer)))
+    phase = at.excitations[which] * at.angle + at.direction * np.angle(answer)
+    wave = np.abs(answer) * np.exp(1j * phase)
     return np.column_stack([wave.real, wave.imag])
 
 
@@ -72,6 +74,18 @@ def play_less_torque(at: Points, p: Array) -> Array:
     return (found - at.torque)[:, None]
 
 
+def products(at: Points, _: Array) -> Array:
+    """Load times speed, with the load's sign and against the motion."""
+    signed = at.torque * at.speed
+    return np.column_stack([signed, np.abs(signed) * at.direction])
+
+
+def falling(at: Points, p: Array) -> Array:
+    """Friction at rest above that in motion, and that in motion."""
+    rest = np.exp(-((at.speed / (p[0] * at.speed.max())) ** 2))
+    return np.column_stack([rest * at.direction, at.direction])
+
+
 SHARES = tuple(np.geomspace(0.02, 0.5, 12).tolist())
 LOADED = (
     Rival("torsional_compliance", torque_law(lambda t: t)),
@@ -85,7 +99,7 @@ TIMED = (
 )
 FLIPPED = (
     Rival("viscous_friction", flipped(lambda at, _: at.speed)),
-    Rival("read_out_lag", flipped(lambda at, _: at.speed)),
+    Rival("read_out_lag", flipped(lambda at, _: at.speed), either_sign=True),
     Rival("windage", flipped(lambda at, _: at.speed**2)),
     Rival("thermal_friction", flipped(thinning), fixed((0.005, 0.01, 0.02, 0.04, 0.07, 0.1))),
     Rival("wear", flipped(lambda at, _: at.time)),
@@ -93,25 +107,38 @@ FLIPPED = (
 EXPANSION = Rival("differential_thermal_expansion", flipped(lambda at, _: at.tau),
                   either_sign=True)  # fmt: skip
 ANGLES = (
-    Rival("load_sharing", partial(waves, orders=(78.0,), loaded=True), linear=2),
-    Rival("output_eccentricity", partial(waves, orders=(1.0,)), linear=2),
-    Rival("pin_circle_runout", partial(waves, orders=(39.0,)), linear=2),
-    Rival("eccentric_error", partial(waves, orders=(40.0,)), linear=2),
-    Rival("two_disc_error", partial(waves, orders=(78.0, 80.0)), linear=4),
-    Rival("sun_runout", partial(waves, orders=(120.0, 121.0)), linear=4),
-    Rival("encoder_harmonics", partial(waves, orders=(1.0, 2.0, 4.0)), linear=6),
+    Rival("load_sharing", partial(waves, which=lambda at: (2.0 * at.pin,), loaded=True), linear=2),
+    Rival("output_eccentricity", partial(waves, which=lambda _: (1.0,)), linear=2),
+    Rival("pin_circle_runout", partial(waves, which=lambda at: (at.pin,)), linear=2),
+    Rival("eccentric_error", partial(waves, which=lambda at: (at.crank,)), linear=2),
+    Rival("two_disc_error", partial(waves, which=lambda at: at.excitations[2:4]), linear=4),
+    Rival("sun_runout", partial(waves, which=lambda at: at.excitations[4:]), linear=4),
+    Rival("encoder_harmonics", partial(waves, which=lambda _: (1.0, 2.0, 4.0)), linear=6),
     Rival("pitch_defect", bump,
           (tuple(np.linspace(0.0, 2.0 * np.pi, 25)[:-1].tolist()), (0.5, 1.2))),
 )  # fmt: skip
 RESONANT = tuple(
-    Rival("structural_resonance", partial(resonant, order=order),
+    Rival("structural_resonance", partial(resonant, which=which),
           (tuple(np.linspace(0.3, 0.9, 25).tolist()), (0.02, 0.06)), linear=2)
-    for order in ORDERS_OF_RESONANCE
+    for which in range(EXCITATIONS)
 )  # fmt: skip
 HYSTERESIS = Rival("friction_hysteresis", flipped(lambda at, _: np.ones(len(at))))
 LOOP = Rival("friction_hysteresis", play_less_torque, fixed((0.02, 0.05, 0.1, 0.15, 0.2, 0.3)))
-ROTATING_RIVALS = (*LOADED, *TIMED, *FLIPPED, EXPANSION, *ANGLES, *RESONANT, HYSTERESIS)
-LOCKED_RIVALS = (*LOADED, *TIMED, FLIPPED[-1], EXPANSION, LOOP)
+PRESSED = Rival("load_friction", flipped(lambda at, _: np.abs(at.torque)))
+WARM_ZERO = Rival("thermal_zero", lambda at, _: at.tau[:, None], either_sign=True)
+IN_MOTION = (
+    Rival("load_viscous", products, linear=2),
+    Rival("stribeck", falling, fixed((0.02, 0.05, 0.1, 0.2, 0.4, 0.7)), linear=2, positive=True),
+)
+WITHOUT_GEAR = (*LOADED, *TIMED, *FLIPPED, EXPANSION, PRESSED, WARM_ZERO, *IN_MOTION, HYSTERESIS)
+ROTATING_RIVALS = (*WITHOUT_GEAR, *ANGLES, *RESONANT)
+UNKNOWN_RIVALS = (
+    *WITHOUT_GEAR,
+    *(one for one in ANGLES if one.name in ("output_eccentricity", "encoder_harmonics")),
+    *(Rival("gear_order", partial(waves, which=which), linear=2)
+      for which in (lambda at: (at.pin,), lambda at: (at.crank,))),
+)  # fmt: skip
+LOCKED_RIVALS = (*LOADED, *TIMED, FLIPPED[-1], EXPANSION, PRESSED, WARM_ZERO, LOOP)
 
 
 def of_lots(at: Units, _: Array) -> Array:
@@ -154,7 +181,8 @@ FIRST = {
     "chain_coupling": "chain_coupling", "springback": "springback", "joint_zero_offset": "zero_1",
     "arm_length_error": "length_1", "base_tilt": "x_", "gravity_sag": "compliance_1",
     "thermal_growth": "expansion", "drive_eccentricity": "drive_cos_1",
-    "joint_clearance": "joint_clearance", "gauge_bias": "dr_offset",
+    "joint_clearance": "joint_clearance", "gauge_bias": "dr_offset", "load_friction": "rate",
+    "load_viscous": "signed", "stribeck": "excess", "thermal_zero": "rate", "gear_order": "cos",
 }  # fmt: skip
 """How the published name of the parameter begins that the first column's coefficient is."""
 
@@ -166,10 +194,12 @@ def first_parameter(name: str, kind: str) -> str:
     return FIRST.get(name, "")
 
 
-KIND_TURNS = {"rotating": True, "rv_transmission": True, "lost_motion": False,
-              "rv_lost_motion": False}  # fmt: skip
+KIND_TURNS = dict.fromkeys(("rotating", "own gear", "unknown gear", "rv_transmission"), True)
+KIND_TURNS |= dict.fromkeys(("lost_motion", "rv_lost_motion"), False)
 RIVALS: dict[str, tuple[Rival, ...]] = {
     "rotating": ROTATING_RIVALS,
+    "own gear": ROTATING_RIVALS,
+    "unknown gear": UNKNOWN_RIVALS,
     "rv_transmission": ROTATING_RIVALS,
     "lost_motion": LOCKED_RIVALS,
     "rv_lost_motion": LOCKED_RIVALS,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
+from benchmarks.gap.generator.outside import SINCE_INSIDE
 from benchmarks.gap.generator.records import Truth
 from benchmarks.gap.scoring.rivals import first_parameter
 from benchmarks.gap.scoring.told import Told
@@ -220,7 +221,28 @@ def figures(records: Sequence[Scored]) -> list[Figure]:
              [one.said.after / one.truth.noise_rms for one in named if isfinite(one.said.after)],
              1.10, 1.03),
         *coverage([hit for one in (*single, *by["pair"]) for hit in covered(one)]),
+        *of_other_gears(records),
+        *once_outside(records),
     ]  # fmt: skip
+
+
+def of_other_gears(records: Sequence[Scored]) -> list[Figure]:
+    """Waves of other tooth numbers; none where there are no such records."""
+    own = [one for one in records if one.truth.kind == "own gear"]
+    unknown = [one for one in records if one.truth.kind == "unknown gear"]
+    parts = (("other gear, declared, named rightly", own),
+             ("other gear, not declared, named by its order", unknown))  # fmt: skip
+    return [
+        share(name, [rightly(one) for one in of], 0.88, 0.95, False) for name, of in parts if of
+    ]
+
+
+def once_outside(records: Sequence[Scored]) -> list[Figure]:
+    """Causes that the library has by now, where the record cannot tell them from that name."""
+    of = [one for one in records if one.truth.group == "outside"
+          and not one.nothing_like_it and set(one.truth.names) & set(SINCE_INSIDE)]  # fmt: skip
+    name = "once outside the library, named by it"
+    return [share(name, [rightly(one) for one in of], 0.88, 0.95, False)] if of else []
 
 
 def coverage(hits: Sequence[bool]) -> list[Figure]:

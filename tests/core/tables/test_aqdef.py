@@ -46,7 +46,8 @@ MINUTES = [datetime(2026, 3, 1, 8, 0), datetime(2026, 3, 1, 8, 1)]
 
 def read(folder: Path, text: str, name: str = "p.dfq") -> list[tolevo.tables.Characteristic]:
     (folder / name).write_bytes(text.replace("\n", "\r\n").encode("cp1252"))
-    return tolevo.read_aqdef(folder / name)
+    found: list[tolevo.tables.Characteristic] = tolevo.read_aqdef(folder / name)
+    return found
 
 
 def faults(folder: Path, text: str) -> str:
