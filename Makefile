@@ -60,6 +60,7 @@ bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are pro
 	$(BENCH)/python benchmarks/dynamics.py
 	$(BENCH)/python benchmarks/contact.py
 	$(BENCH)/python benchmarks/population.py
+	$(BENCH)/python benchmarks/tables.py
 	$(BIN)/python -m benchmarks.study
 
 bench-gap: $(READY)  ## the benchmark of naming, about 20 minutes on two cores; goes on where it was stopped

@@ -103,6 +103,7 @@ def _costs(problem: ToleranceProblem) -> pd.DataFrame:
             continue
         ts = np.geomspace(one.low, one.high, COSTS)
         prices = curve.cost(ts)
-        rows += [{"variable": one.name, "process": "", "t": float(f"{t:.4g}"),
-                  "cost": float(f"{price:.4g}")} for t, price in zip(ts, prices, strict=True)]  # fmt: skip
+        for t, price in zip(ts, prices, strict=True):
+            shown = {"t": float(f"{t:.4g}"), "cost": float(f"{price:.4g}")}
+            rows.append({"variable": one.name, "process": "", **shown})
     return pd.DataFrame(rows)

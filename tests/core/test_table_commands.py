@@ -40,7 +40,9 @@ def test_a_german_export_needs_no_hand_edit(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.stderr
     assert pd.read_csv(tmp_path / "o.csv")["torque_Nm"].tolist() == [100.0, -200.0]
     first = done.stderr.splitlines()
-    assert first[0].startswith("read: in.csv: 2 rows; utf-8-sig, delimiter semicolon, decimal comma")
+    assert first[0].startswith(
+        "read: in.csv: 2 rows; utf-8-sig, delimiter semicolon, decimal comma"
+    )
     assert "read: not used: Seriennr., Datum" in first
 
 

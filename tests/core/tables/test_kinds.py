@@ -70,7 +70,8 @@ def test_parquet(tmp_path: Path) -> None:
 
 def table(folder: Path, text: str) -> tables.Table:
     (folder / "t.csv").write_text(text)
-    return tolevo.read_table(folder / "t.csv")
+    found: tables.Table = tolevo.read_table(folder / "t.csv")
+    return found
 
 
 def test_a_column_is_known_by_name_and_unit(tmp_path: Path) -> None:
