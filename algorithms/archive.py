@@ -69,6 +69,12 @@ class Archive:
 
     def _widen(self, f: Array) -> None:
         """Join objectives to the front; `changes` counts how often that changed it."""
+        if self.front.shape[1] == 2:
+            joined = joined_front(self.front, f)
+            if joined is not self.front:
+                self.front = joined
+                self.changes += 1
+            return
         merged = np.concatenate([self.front, f])
         kept = nondominated(merged)
         if kept[len(self.front) :].any():
@@ -102,6 +108,24 @@ class Archive:
         self.limit, self.changes = (int(number) for number in state["numbers"][1:])
         self._new.clear()
         self._count = len(self.x)
+
+
+def joined_front(front: Array, f: Array) -> Array:
+    """A front of two objectives, sorted by the first, joined by points (n, 2); itself if by none.
+
+    Only points that no point of the front dominates or equals take part, which are few.
+    """
+    if len(front):
+        at = np.searchsorted(front[:, 0], f[:, 0], side="right") - 1
+        f = f[(at < 0) | (f[:, 1] < front[at, 1])]
+        if not len(f):
+            return front
+    merged = np.concatenate([front, f])
+    merged = merged[np.lexsort((merged[:, 1], merged[:, 0]))]
+    least = np.minimum.accumulate(merged[:, 1])
+    kept = np.ones(len(merged), dtype=bool)
+    kept[1:] = merged[1:, 1] < least[:-1]
+    return np.asarray(merged[kept])
 
 
 def lowest_ranks(x: Array, f: Array, room: int) -> NDArray[np.int64]:

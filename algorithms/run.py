@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..problems.tolerance_problem import ToleranceProblem
 from .archive import Archive
 from .engine.survival import violation_of
-from .indicators import hypervolume
+from .indicators import area, hypervolume
 from .settings import Budget
 
 Array = NDArray[np.float64]
@@ -140,7 +140,8 @@ class Run:
     def _note(self, feasible_fraction: float) -> None:
         if self.archive.changes != self._seen:
             self._seen = self.archive.changes
-            self._hypervolume = hypervolume(self.archive.front, *self._box)
+            measure = area if self.problem.n_obj == 2 else hypervolume
+            self._hypervolume = measure(self.archive.front, *self._box)
         state = Progress(
             self.generation + 1,
             self.generations,

@@ -69,6 +69,15 @@ def file_faults(out: Path, source: Path) -> list[Fault]:
     return faults
 
 
+def template_faults(out: Path) -> list[Fault]:
+    """A file that cannot be written, or is there already: it may be the user's own work."""
+    if out.exists():
+        return [Fault("--out", f"{out} exists; name another file, or remove it")]
+    if not out.parent.is_dir():
+        return [Fault("--out", f"the directory {out.parent} does not exist")]
+    return unwritable(out.parent, "--out")
+
+
 def page_faults(
     folders: Sequence[Path], out: Path | None, figures: Path | None = None
 ) -> list[Fault]:

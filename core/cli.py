@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
 
 import typer
 
-from .arguments import file_faults, page_faults, start_faults
+from .arguments import file_faults, page_faults, start_faults, template_faults
 from .counts import forced
 from .ending import INTERRUPTED, exit_status
 from .errors import Fault, InputError, raise_all
+from .files import write_text
 from .tables import ReadOptions
 
 if TYPE_CHECKING:
@@ -372,6 +373,29 @@ def check(
         text = checked(config, set_)
         if not quiet:
             typer.echo(text)
+
+
+@app.command()
+def template(
+    kind: Annotated[str, typer.Argument(help="designs, units, stack, gap or costs.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="The file.", show_default="the terminal")
+    ] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", help="Whose designs, costs or units.")
+    ] = None,
+) -> None:
+    """Write the table or configuration that a command wants, filled in."""
+    with exit_status():
+        from .configuration.template import written
+
+        text = written(kind, config)
+        if out is None:
+            typer.echo(text, nl=False)
+            return
+        raise_all(template_faults(out))
+        write_text(out, text)
+        typer.echo(f"written: {out}")
 
 
 @app.command("list")

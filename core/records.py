@@ -54,7 +54,8 @@ class RunResult:
     `choices`, `choice_sensitivity`, `allocation`, `contributions` and `exact_front` are the tables
     of the files of these names, None where there is none. `overlays` are fronts of other algorithms
     by label (`overlays.csv`). `unit_turn`, `population` and `assumptions_cost` are the tables of
-    the files of these names, of problems that know units.
+    the files of these names, of problems that know units; `requirements` and `drivers` of those
+    with several requirements.
     """
 
     title: str
@@ -78,6 +79,8 @@ class RunResult:
     unit_turn: pd.DataFrame | None = None
     population: pd.DataFrame | None = None
     assumptions_cost: pd.DataFrame | None = None
+    requirements: pd.DataFrame | None = None
+    drivers: pd.DataFrame | None = None
 
 
 def model_lines(summary: Mapping[str, Any]) -> list[str]:

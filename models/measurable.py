@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..declarations import Output, Parameter, Value, Variable
+from ..section import Section
 from .gear import Gear
 from .inputs.distribution import Array, Distribution
 from .sources import Sources
@@ -80,9 +81,9 @@ class MeasurableModel(ABC):
     learnt of it; a problem whose `default_model` it is belongs to it as well. Of units that are
     `made_to_a_drawing` a gap analysis takes geometry and zones from that problem's configuration;
     `geometry` are the parameters that tell one drawing from another, `of_the_bench` those that say
-    how units are measured. It is set up from `parameters` and `designs` (variables by name, in
-    their units; what is left out keeps its default) and the distributions `inputs` of the variables
-    by name.
+    how units are measured. `tables` of a configuration stand for some of its parameters. It is set
+    up from `parameters` and `designs` (variables by name, in their units; what is left out keeps
+    its default) and the distributions `inputs` of the variables by name.
     """
 
     columns: ClassVar[tuple[Column, ...]]
@@ -97,6 +98,7 @@ class MeasurableModel(ABC):
     made_to_a_drawing: ClassVar[bool] = False
     geometry: ClassVar[tuple[str, ...]] = ()
     of_the_bench: ClassVar[tuple[str, ...]] = ()
+    tables: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def __init__(
@@ -117,6 +119,16 @@ class MeasurableModel(ABC):
 
         `changes` holds, by name, what is added to a changeable quantity: a number, or one per row.
         """
+
+    @classmethod
+    def written(cls, top: Section) -> dict[str, Value]:
+        """The parameters that its `tables` of a configuration stand for, their faults reported."""
+        return {}
+
+    @classmethod
+    def free_of(cls, parameters: Mapping[str, Value]) -> Mapping[str, float]:
+        """What a recalibration may move at these parameters, with its tolerance."""
+        return cls.free
 
     @classmethod
     def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:

@@ -111,7 +111,8 @@ class Form:
     variables that the form does not search, at the values that are best for it. `relaxed` names the
     limits that it leaves out: with any, it still bounds the cost from below. `exact` says that
     its values are those of the outputs; else they are lower bounds of them. `statement` says in
-    words what is proven.
+    words what is proven. `tested` names limits that it leaves out as well, but that are rarely met:
+    its optimum counts where it keeps them.
 
     `quantiles` holds for each requirement what its S is, None for a root; empty: all are roots.
     `most` (r,) are upper limits that requirements have of themselves, in the place of a limit of
@@ -132,6 +133,7 @@ class Form:
     quantiles: tuple[Quantile | None, ...] = ()
     most: tuple[float, ...] = ()
     also: tuple[Form, ...] = ()
+    tested: tuple[str, ...] = ()
 
     @property
     def rows(self) -> tuple[Quantile | None, ...]:

@@ -179,6 +179,10 @@ class ToleranceProblem(Problem, Shown):
                          for name, most in zip(form.outputs, form.own_limits, strict=True)],
                         axis=1)  # fmt: skip
 
+    def unproven(self) -> str:
+        """Why an objective that might have a convex form has none here; empty where not known."""
+        return ""
+
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Variables (n,) from features of the form (n,), where these are not variables."""
         return dict(columns)

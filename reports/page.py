@@ -18,6 +18,7 @@ from .document import bullets, document, folded, picture, remarked, section
 from .drawing import flags
 from .explorer import WITHOUT, explorer, interactive, scripts, thinned
 from .figure import front_figure
+from .requirements import requirement_sections
 from .scripts import plotly
 from .summary import summary_table
 from .tables import chosen, table
@@ -56,6 +57,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         section("Front", _front(result, scripted)),
         section("In words", bullets(result.notes)),
         *unit_sections(result),
+        *requirement_sections(result),
         *choice_sections(result),
         *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),
         section("References", _references(result)),

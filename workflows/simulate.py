@@ -81,15 +81,18 @@ def _without_columns(
         if not one.effect.applies(target):
             missing = [role for role in one.effect.needs if role not in target.roles()]
             text = f"the effect {one.effect.name} needs a column of {' and '.join(missing)}"
+            if not missing:
+                text = f"the effect {one.effect.name} is not for it: {one.effect.left_out(target)}"
             found.append(Fault(place, text))
     return found
 
 
 def _units(model: MeasurableModel) -> dict[str, str]:
     """The unit of every column that a table of the model can have, by name."""
-    units = {one.name: one.unit for one in (*model.columns, *model.outputs)}
-    stds = {f"{one.name}_std": one.unit for one in model.outputs}
-    return {"time_s": "s"} | stds | units
+    columns = {one.name: one.unit for one in model.columns}
+    outputs = {one.name: one.unit for one in model.outputs}
+    stds = {f"{name}_std": unit for name, unit in outputs.items()}
+    return {"time_s": "s"} | stds | columns | outputs
 
 
 def _inputs(

@@ -45,7 +45,7 @@ def least_bounds(form: Form, limits: Array) -> Array:
             found[rest[real]] = np.maximum(found[rest[real]], _by(form, near, limits[rest[real]]))
     wider = np.all(limits[some][None, :, :] >= limits[:, None, :], axis=2)
     proven = np.where(wider, known.bound[None, :], -np.inf).max(axis=1)
-    return np.maximum(found, proven)
+    return np.asarray(np.maximum(found, proven))
 
 
 def _by(form: Form, near: Optimum, limits: Array) -> Array:

@@ -62,8 +62,9 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     bound = _least_bound(form, each)[np.ravel(place)]
     cost = np.asarray(values["cost"])
     least, most = cost_range(form)
-    if np.any(bound - cost > 1e-9 * np.maximum(np.abs(cost), min(abs(least), abs(most)))):
-        at = int(np.argmax(bound - cost))
+    excess = np.subtract(bound, cost, out=np.full(len(cost), -np.inf), where=np.isfinite(cost))
+    if np.any(excess > 1e-9 * np.maximum(np.abs(cost), min(abs(least), abs(most)))):
+        at = int(np.argmax(excess))
         raise ModelError(f"the proven bound {bound[at]} lies above a cost of {cost[at]}: the form "
                          f"of {type(problem).__name__} does not bound it")  # fmt: skip
     return Proof(np.minimum(bound, cost), form.statement)
@@ -120,7 +121,9 @@ def reason(problem: ToleranceProblem, form: Form | None) -> str:
     others = [name for name in problem.objectives if name not in ("cost", *form.outputs)]
     if others:
         known = ", ".join(form.outputs)
-        return f"nothing is proven: no convex form of {', '.join(others)} (there is one of {known})"
+        why = problem.unproven()
+        return (f"nothing is proven: no convex form of {', '.join(others)} (there is one of "
+                f"{known}){f': {why}' if why else ''}")  # fmt: skip
     return ""
 
 

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from ...problems.forms import Feature, Form
 from ...problems.spread import Spread, largest_parts, spread_of
+from .ascent import Ascent
 from .combination import Combination
+from .master import Master
 from .path import Path
 from .prices import ROUNDING, Prices
 from .programme import Programme
@@ -27,8 +29,12 @@ GRID = np.unique(np.concatenate([np.geomspace(0.02, 50.0, 15), np.geomspace(0.7,
 """Prices at which nodes are bounded, in units of the best known allocation's own."""
 PASSES = 8
 """Times the prices are improved at most before the search."""
+ROUNDS = 4
+"""Times all multipliers are improved at most, each after a better allocation."""
 LEAVES = 4096
 """Allocations that are solved at most."""
+MIXED = 5
+"""Features with several ways from which on quantiles are searched by a linear master problem."""
 CLOSE = 1e-10
 """A node whose bound is this close to the best cost cannot improve it noticeably."""
 
@@ -54,13 +60,46 @@ def least_cost(form: Form, limits: Array) -> Optimum:
 
     Cost and bound are inf where no allocation can keep them; where none was found the cost alone.
     """
-    search = _Search(form, np.asarray(limits, dtype=float))
+    limits = np.asarray(limits, dtype=float)
+    if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
+        return _by_master(form, limits)
+    if form.combinations == 1 or form.separable or len(limits) < 2:
+        return _least_cost(form, limits, ())
+    found: list[Optimum] = []
+    for limit in limits:  # multipliers of several requirements are improved for each alone
+        known = found[-1:]
+        first = tuple(known[0].chosen[0].tolist()) if known else ()
+        found.append(_least_cost(form, limit[None, :], first))
+    return Optimum(*(np.concatenate([getattr(one, name) for one in found])
+                     for name in Optimum.__dataclass_fields__))  # fmt: skip
+
+
+def _least_cost(form: Form, limits: Array, first: tuple[int, ...]) -> Optimum:
+    """The search at sets of limits together, with the ways of a neighbour to begin with."""
+    search = _Search(form, limits)
     every = np.ones(len(limits), dtype=bool)
     search.leaf((0,) * len(form.features), every)
     if form.combinations > 1 and len(limits):
         search.leaf(tightest_ways(form), every)
+        if first:
+            search.leaf(first, every)
         search.run()
     return Optimum(search.chosen, search.t, search.cost, search.bound, search.multiplier)
+
+
+def _by_master(form: Form, limits: Array) -> Optimum:
+    """The same by a linear master problem, one set of limits after the other."""
+    n, features = len(limits), len(form.features)
+    found = Optimum(np.zeros((n, features), dtype=np.int64), np.full((n, features), np.nan),
+                    np.full(n, np.inf), np.full(n, np.inf), np.zeros_like(limits))  # fmt: skip
+    for row, limit in enumerate(limits):
+        master = Master(form, limit, *cost_range(form))
+        best = master.run()
+        found.bound[row] = master.proven
+        if best is not None:
+            found.chosen[row], found.t[row] = best.chosen, best.t
+            found.cost[row], found.bound[row] = best.cost, best.bound
+    return found
 
 
 @dataclass(eq=False)
@@ -81,7 +120,7 @@ class _Search:
         self.t = np.full((n, features), np.nan)
         self.multiplier = np.zeros_like(self.limits)
         self.cost, self.bound = np.full(n, np.inf), np.full(n, np.inf)
-        self.factor = np.ones(n)
+        self.factor, self.ascended = np.ones(n), np.full_like(self.limits, np.nan)
         self.floor, self.ceiling = cost_range(self.form)
         self.alike = _alike(self.form)
         self.least = None if compensating(self.form) else _Least.of(self.form)
@@ -103,6 +142,7 @@ class _Search:
         self.cost[better], self.t[better] = found.cost[own], found.t[own]
         self.chosen[better], self.multiplier[better] = chosen, found.multiplier[own]
         self.factor[better] = 1.0
+        self.ascended[better] = np.nan
 
     # ---------------------------------------------------------------- bounds of nodes
 
@@ -138,7 +178,8 @@ class _Search:
         else:
             size = np.where(np.isfinite(self.limits), np.abs(self.limits), 0.0).max(axis=0)
             usual = (self.ceiling - self.floor) / np.where(size > 0.0, size, 1.0)
-        return np.asarray(np.where(known[:, None], self.multiplier, usual))
+        found = np.where(known[:, None], self.multiplier, usual)
+        return np.asarray(np.where(np.isnan(self.ascended), found, self.ascended))
 
     def _bounds(self, total: Array) -> Array:
         """Lower bounds (n,) from costs plus prices (g, n) of all features."""
@@ -153,9 +194,28 @@ class _Search:
             self.factor *= GRID[at]
             if not self._pick(at) and np.all((at > 0) & (at < len(GRID) - 1)):
                 break
+        if not self.separable:
+            self._ascend()
         self.tabulate()
         nothing = np.zeros((len(GRID), len(self.limits)))
         self.node((), np.ones(len(self.limits), dtype=bool), nothing, self._bounds(self.open_[0]))
+
+    def _ascend(self) -> None:
+        """Improve the multipliers of every set of limits, and solve what they choose."""
+        for _ in range(ROUNDS):
+            before, multiplier = self.cost.copy(), self._scaled_multipliers() * self.factor[:, None]
+            t = np.where(np.isnan(self.t), _middle(self.form), self.t)
+            s = t[:, None, :] * _spread(self.form, self.chosen)
+            for row, limit in enumerate(self.limits):
+                one = Ascent(self.form, limit, spread_of(self.form, s[row : row + 1], self.most))
+                self.ascended[row] = one.multipliers(multiplier[row])
+            self.factor[:] = 1.0
+            kept = self.ascended.copy()
+            self.tabulate()
+            self._pick(np.argmax(self.open_[0] - self.received, axis=0))
+            if not np.any(self.cost < before):
+                self.ascended = kept
+                return
 
     def _pick(self, at: NDArray[np.int64]) -> bool:
         """Solve what the prices `at` each limit and the next higher ones choose; whether it helped.

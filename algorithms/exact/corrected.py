@@ -125,21 +125,23 @@ class Corrected:
                 and (best is None or cost < best.cost)
             ):
                 best = Point(ways, x, cost, t)
-            excess = np.where(real, values - limit, 0.0) / scale
+            excess = np.subtract(values, limit, out=np.zeros_like(values), where=real) / scale
             if cost > than * DEARER and np.all(excess < FAR):
                 return None
             if best is not None and np.all(np.abs(excess[self._active(moved, t, ways)]) < CLOSE):
                 break
             moved = np.where(real, moved - scale * (excess + INSIDE), moved)
         if best is not None:
-            self._moved, self._start = np.where(real, moved - limit, 0.0), best.t
+            self._moved = np.subtract(moved, limit, out=np.zeros_like(limit), where=real)
+            self._start = best.t
         return best
 
     def _active(self, limit: Array, t: Array, ways: tuple[int, ...]) -> NDArray[np.bool_]:
         """Which limits (r,) hold an allocation back."""
         values = Combination(self.form, ways).values(t[None, :])[0]
-        near = values >= limit - 1e-6 * np.maximum(np.abs(limit), 1e-2)
-        return np.asarray(np.isfinite(limit) & near)
+        real = np.isfinite(limit)
+        level = np.where(real, limit, 0.0)
+        return np.asarray(real & (values >= level - 1e-6 * np.maximum(np.abs(level), 1e-2)))
 
     def _near_enough(self, values: Array, limit: Array, least: int) -> bool:
         """Whether a point keeps limits of the requirements that the problem does not check."""

@@ -72,6 +72,15 @@ class Programme:
         excess = c.values(t[None, :])[0] - limit
         return t if np.all(excess <= NEAR * np.maximum(np.abs(limit), 0.1)) else None
 
+    def kept_allocation(self, limit: Array, start: Array) -> Array | None:
+        """Tolerances (features,) of nearly least cost that keep limits (r,), from a `start`."""
+        c = self.combination
+        if self._keeps(c.high, limit):
+            return c.high
+        inner, _ = self._inner(limit)
+        first = np.clip(start, c.low, c.high)
+        return None if inner is None else self._solved(limit, first, inner, QUICK)[0]
+
     def _keeps(self, t: Array, limit: Array) -> bool:
         return bool(np.all(self.combination.values(t[None, :])[0] <= limit))
 

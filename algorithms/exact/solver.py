@@ -25,8 +25,10 @@ Array = NDArray[np.float64]
 TIGHTER, TIGHTER_SHARE = 1e-12, 2e-10
 """Relative tightening of a limit, so that rounding does not break it; that of a share of units,
 whose rounding an edge far out in the tail magnifies."""
-CORRECTED = 200
-"""Points of a front that is corrected by the full model at most."""
+POINTS_BY_DEFAULT = 1000
+"""Points of an exact front."""
+FEW, CORRECTED = 40, 200
+"""Points of a front that is corrected by the full model, by default and at most."""
 CORRECTIONS = 6
 """Times a limit is moved by what a form understates."""
 
@@ -37,7 +39,7 @@ class Exact(Solver):
 
     many_objectives: ClassVar[bool] = True
     one_objective: ClassVar[bool] = True
-    points: int = field(default=1000, metadata={"low": 2, "need": POINTS})
+    points: int = field(default=POINTS_BY_DEFAULT, metadata={"low": 2, "need": POINTS})
 
     def solve(self, run: Run) -> None:
         form = closed_form(run.problem)
@@ -48,11 +50,14 @@ class Exact(Solver):
         left = run.evaluations_left
         points = self.points if left is None else max(2, min(self.points, left))
         if is_corrected(form):
-            x = corrected_vectors(run, form, min(points, CORRECTED))
+            few = FEW if self.points == POINTS_BY_DEFAULT else CORRECTED
+            x = corrected_vectors(run, form, min(points, few))
             run.choose(x)
             run.evaluate(x)
             return
-        run.evaluate(exact_vectors(run.problem, form, points))
+        _, violations = run.evaluate(exact_vectors(run.problem, form, points))
+        if form.tested and not np.all(violations <= 0.0):
+            epsilon_front(run, self.points)
 
 
 def closed_form(problem: ToleranceProblem) -> Form | None:

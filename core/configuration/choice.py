@@ -11,6 +11,7 @@ from ..section import POSITIVE, Range, Section
 from ..workflows.choice.settings import RULES, ChoiceSettings, Step
 from .costs import unknown
 from .goals import read_limits
+from .nested import nested
 
 
 def read_choice(
@@ -80,7 +81,7 @@ def resolved_choice(settings: ChoiceSettings) -> dict[str, Any]:
     """The tables that say this; what was not given is left out."""
     limits = {name: _limit(bound.low, bound.high) for name, bound in settings.limits.items()}
     budget = {} if settings.budget is None else {"budget": settings.budget}
-    parts: Mapping[str, Any] = {"weights": dict(settings.weights), "limits": limits}
+    parts: Mapping[str, Any] = {"weights": dict(settings.weights), "limits": nested(limits)}
     choice = {name: table for name, table in parts.items() if table} | budget
     steps = {name: list(step) if isinstance(step, tuple) else step
              for name, step in settings.steps.items()}  # fmt: skip

@@ -66,6 +66,7 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     top = Section(table, "", faults)
     top.known((*OF_THE_MODEL, *OWN, GEAR))
     name = top.text("model")
+    top.known(_tables(name or ""))
     if name is None and "model" not in top:
         top.fault("model", 'is missing: name a model (see `tolevo list`), or model = "table"')
     configuration = _configuration(top, name or "", table, faults)
@@ -125,7 +126,7 @@ def _configuration(
         check_gear(top, _kind(name), name)
     if not name:
         return None
-    known = (*OF_THE_MODEL, "columns", *((GEAR,) if name == TABLE else ()))
+    known = (*OF_THE_MODEL, "columns", *((GEAR,) if name == TABLE else _tables(name)))
     part = {key: table[key] for key in known if key in table}
     try:
         return read_table(part, [])
@@ -140,6 +141,12 @@ def _kind(name: str) -> Any:
         return registry.load("models", name) if name else None
     except InputError:
         return None  # reported where it stands
+
+
+def _tables(name: str) -> tuple[str, ...]:
+    """The tables that a model is written in; none where it is not known."""
+    kind = _kind(name)
+    return tuple(kind.tables) if kind is not None else ()
 
 
 def _stand_in(table: Mapping[str, Any], name: str | None) -> Configuration | None:

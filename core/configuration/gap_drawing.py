@@ -110,7 +110,7 @@ def _with_run(base: Configuration, kind: Any, own: Own, run: Configuration) -> C
 
 def _effects_of(theirs: Settings, kind: Any, model: str) -> Iterator[Active]:
     """A run's effects that have a place in the model, and its parameters that are one there."""
-    target = target_of(kind, model)
+    target = replace(target_of(kind, model), gear=kind.gear_of(theirs.parameters))
     yield from (one for one in theirs.effects if one.effect.applies(target))
     for quantity in kind.changeable:
         value = theirs.parameters.get(quantity.name, 0.0)

@@ -17,7 +17,9 @@ def read_free(top: Section, configuration: Configuration | None) -> dict[str, fl
     section = top.section("free")
     kind = registry.load("models", configuration.model_name) if configuration else None
     if "free" not in top:
-        return dict(kind.free) if kind is not None else {}
+        if configuration is None or kind is None:
+            return {}
+        return dict(kind.free_of(configuration.settings.parameters))
     given = top.take("free")
     known = _freeable(kind) if kind is not None else {}
     found: dict[str, float | None] = {}

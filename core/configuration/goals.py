@@ -10,6 +10,7 @@ from ..declarations import Output, Variable
 from ..problems.settings import METHODS, Bound, PropagationSetting
 from ..section import Range, Section
 from .costs import unknown
+from .nested import Nested
 
 INSIDE = Range(0.0, 1.0, open_low=True, open_high=True)
 
@@ -37,21 +38,23 @@ def read_limits(
     section: Section, outputs: Sequence[Output], variables: Sequence[Variable]
 ) -> dict[str, Bound]:
     """Limits by output (or variable); they take the place of the problem's own."""
-    for output in outputs:
-        if output.error_of and output.name in section:
-            section.take(output.name)
-            section.fault(output.name, f"is the error of {output.error_of} and cannot be limited")
-    limitable = [output for output in outputs if not output.error_of]
-    found = {output.name: _output_limit(section, output) for output in limitable}
     numeric = [v for v in variables if not v.labels]
+    places = Nested(section, [*(o.name for o in outputs), *(v.name for v in numeric)])
+    for output in outputs:
+        own, key = places.find(output.name)
+        if output.error_of and key in own:
+            own.take(key)
+            own.fault(key, f"is the error of {output.error_of} and cannot be limited")
+    limitable = [output for output in outputs if not output.error_of]
+    found = {output.name: _output_limit(places, output) for output in limitable}
     found |= {v.name: _limit(section, v.name, v.unit, Range(), False) for v in numeric}
-    section.finish()
+    places.finish()
     return {name: bound for name, bound in found.items() if bound is not None}
 
 
-def _output_limit(section: Section, output: Output) -> Bound | None:
+def _output_limit(places: Nested, output: Output) -> Bound | None:
     within = Range(output.low, output.high)
-    return _limit(section, output.name, output.unit, within, output.larger_is_better)
+    return _limit(*places.find(output.name), output.unit, within, output.larger_is_better)
 
 
 def _limit(section: Section, name: str, unit: str, within: Range, lower: bool) -> Bound | None:

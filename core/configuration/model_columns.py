@@ -33,7 +33,9 @@ def read_model_columns(top: Section, kind: Any) -> dict[str, ColumnUse]:
         elif isinstance(given, Mapping):
             use = _described(section.section(key), kind)
         else:
-            text = f'must be the name of a column of the model or a table with "role", got {shown(given)}'
+            text = (
+                f'must be a name of a column of the model or {{ role = "..." }}, got {shown(given)}'
+            )
             section.fault(key, text)
             use = None
         if use is not None:

@@ -12,6 +12,7 @@ from ..errors import Fault, InputError, raise_all
 from ..problems.settings import Settings, VariableSetting
 from ..section import Range, Section
 from ..workflows.choice.steps import rounding_faults
+from ..workflows.run.contradictions import contradictions
 from .choice import read_choice, resolved_choice
 from .configuration import Configuration
 from .costs import check_ends, read_costs
@@ -92,6 +93,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     raise_all(faults)
     problem = kind(settings)
     raise_all([*problem.faults(), *rounding_faults(problem, choice)])
+    raise_all(contradictions(problem, name))
     assert algorithm is not None
     resolved = {
         "problem": top.take("problem"),
@@ -174,7 +176,8 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         top.known(("parameters", "variables", "columns"))
         top.finish()
         raise InputError(faults)
-    parameters = read_parameters(top.section("parameters"), kind.parameters)
+    parameters = kind.written(top)
+    parameters |= read_parameters(top.section("parameters"), kind.parameters)
     variables = _variables(top.section("variables"), kind, parameters)
     columns = read_model_columns(top, kind)
     for name, setting in variables.items():

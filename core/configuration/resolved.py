@@ -13,6 +13,7 @@ from ..models.inputs import Uniform
 from ..models.inputs.reading import written
 from ..problems.settings import Bound, VariableSetting
 from ..problems.tolerance_problem import ToleranceProblem
+from .nested import nested
 
 
 def resolved_problem(problem: ToleranceProblem) -> dict[str, Any]:
@@ -22,7 +23,7 @@ def resolved_problem(problem: ToleranceProblem) -> dict[str, Any]:
         **(problem.tables() or _tables(problem)),
         **problem.more_tables(),
         "objectives": {"minimise": list(settings.objectives)},
-        "limits": {name: _limit(bound) for name, bound in settings.limits.items()},
+        "limits": nested({name: _limit(bound) for name, bound in settings.limits.items()}),
     }
 
 

@@ -1,4 +1,5 @@
-"""Tables of the user's: read as they come, with every fault and its place; written whole or not at all.
+"""Tables of the user's: read as they come, with every fault and its place; written whole or not
+at all.
 
 The index of a table is the line number in its file (the row number in a Parquet file, from 1).
 """

@@ -1,7 +1,7 @@
 """Long files: the layout comes from their first and last lines, the readings all at once.
 
-Whatever is not plain (quoted line breaks, empty lines, rows of many lengths, numbers with grouped thousands) is
-read cell by cell instead, with the same result.
+Whatever is not plain (quoted line breaks, empty lines, rows of many lengths) is read cell by cell
+instead, with the same result.
 """
 
 from __future__ import annotations
@@ -48,9 +48,8 @@ class Bulk:
         start = _before(self.text, first, self.breaks)
         end = _before(self.text, last + 1, self.breaks)
         body = self.text[start:end].encode()
-        hollow = self.delimiter.encode() * (count - 1)
-        if any(one in body for one in (b"\n\n", b"\n\r\n", b"\n%b\n" % hollow, b"\n%b\r" % hollow)):
-            return None  # empty rows are no rows
+        if _has_empty_rows(body, self.delimiter.encode() * (count - 1)):
+            return None
         names = [str(at) for at in range(count)]
         try:
             table = arrow.read_csv(
@@ -59,7 +58,7 @@ class Bulk:
                 arrow.ParseOptions(delimiter=self.delimiter, ignore_empty_lines=False),
                 arrow.ConvertOptions(
                     column_types=dict.fromkeys(names, pa.string()), strings_can_be_null=False
-                ),  # fmt: skip
+                ),
             )
         except pa.ArrowInvalid:
             return None
@@ -97,6 +96,11 @@ def rows_of_ends(bulk: Bulk) -> list[Row]:
     reader = csv.reader((line for _, line in lines), delimiter=bulk.delimiter)
     rows = [(at, [*map(str.strip, row)]) for (at, _), row in zip(lines, reader, strict=False)]
     return [row for row in rows if any(row[1])]
+
+
+def _has_empty_rows(body: bytes, hollow: bytes) -> bool:
+    """Whether lines of bytes hold nothing, or nothing between their delimiters, `hollow`."""
+    return any(one in body for one in (b"\n\n", b"\n\r\n", b"\n%b\n" % hollow, b"\n%b\r" % hollow))
 
 
 def _before(text: str, line: int, total: int) -> int:

@@ -100,8 +100,12 @@ def _single(sample: list[str]) -> bool:
     if any(sign in sample[0] for sign in CANDIDATES):
         return False
     values = [line.strip().strip('"') for line in sample[1:]]
-    return all(notation(v) or is_date(v) or not any(s in v for s in CANDIDATES) for v in values) and (
-        not sample[0].strip().count(" ") or not all(SPACE in v.strip() for v in values))  # fmt: skip
+    if SPACE in sample[0].strip() and all(SPACE in value for value in values):
+        return False
+    return all(
+        notation(value) or is_date(value) or not any(sign in value for sign in CANDIDATES)
+        for value in values
+    )
 
 
 def _clean(sample: list[str], sign: str) -> float:
@@ -111,7 +115,7 @@ def _clean(sample: list[str], sign: str) -> float:
     if not any(sign in line for line in sample):
         return 0.0
     try:
-        rows = [row for row in csv.reader(sample, delimiter=sign, skipinitialspace=True)]
+        rows = list(csv.reader(sample, delimiter=sign, skipinitialspace=True))
     except csv.Error:
         return 0.0
     rows = [[cell.strip() for cell in row] for row in rows]

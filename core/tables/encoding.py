@@ -126,7 +126,7 @@ def _readings(lines: bytes) -> str:
     """The first words that are not ASCII, as encodings read them."""
     line = re.search(rb"[^;,\t|]*[\x80-\xff][^;,\t|]*", lines.split(b"\n")[0])
     sample = line[0].strip() if line else lines[:20]
-    shown = {}
+    shown: dict[str, str] = {}
     for name in GUESSES:
         try:
             shown[sample.decode(name)] = shown.get(sample.decode(name), name)

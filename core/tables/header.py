@@ -107,8 +107,7 @@ def is_unit_row(row: list[str], numeric: list[int]) -> bool:
 def _is_header(row: list[str], count: int) -> bool:
     """Whether a row can be that of the names: text in every cell but empty columns at the end."""
     names = _trimmed(row)
-    return len(names) >= max(count, 1) and not any(_is_reading(cell) for cell in names) or (
-        0 < len(names) == count - 0 and not any(_is_reading(cell) for cell in names))  # fmt: skip
+    return len(names) >= max(count, 1) and not any(_is_reading(cell) for cell in names)
 
 
 def _chosen(rows: list[Row], names: list[int], first: int) -> tuple[int, int | None]:

@@ -17,10 +17,10 @@ _DATE = re.compile(
 )
 SUMMARY = frozenset(
     "mittelwert mittel mw summe min max min. max. minimum maximum mean average avg std stdev "
-    "stabw stabw. s sigma range spannweite total sum count anzahl median cp cpk xq x-quer xquer "
-    "nennmaß nennmass nennwert sollwert soll nominal ot ut otg utg og ug usl lsl toleranz tolerance "
-    "ende end eof moyenne écart-type 平均 平均值 平均値 合计 合計 最大 最小 最大值 最小值 "
-    "标准差 公差 上限 下限".split()
+    "stabw stabw. sigma range spannweite total sum count anzahl median cp cpk xq x-quer xquer "
+    "nennmaß nennmass nennwert sollwert soll nominal ot ut otg utg og ug usl lsl toleranz "
+    "tolerance ende end eof moyenne écart-type 平均 平均值 平均値 合计 合計 最大 最小 "
+    "最大值 最小值 标准差 公差 上限 下限".split()
 )
 """Names of rows at the top or the bottom of a table that are no reading, in lower case."""
 

@@ -123,7 +123,7 @@ def _contradiction(stated: str, name: str, unit: str) -> str:
     """What is wrong where the file states another unit than the name of the column."""
     if not stated or not unit or _same(stated, unit):
         return ""
-    return f'is stated in "{stated}", and its name {name} means "{unit}"; rename it or map it in [columns]'
+    return f'is stated in "{stated}", but {name} is in "{unit}"; rename it or map it in [columns]'
 
 
 def _same(unit: str, other: str) -> bool:

@@ -9,8 +9,9 @@ import re
 from dataclasses import dataclass
 
 _NUMBER = re.compile(
-    r"[+\-−]?(?=[\d.,]*\d)(?P<mantissa>(?:\d{1,3}(?:[ \u00a0\u202f\u2009'’]\d{3})+|[\d.,]*\d|\d+[.,])"
-    r"(?:[.,]\d+)?)(?P<exponent>[eE][+\-−]?\d+)?"
+    r"[+\-−]?(?=[\d.,]*\d)(?P<mantissa>"
+    r"(?:\d{1,3}(?:[ \u00a0\u202f\u2009'’]\d{3})+|[\d.,]*\d|\d+[.,])(?:[.,]\d+)?)"
+    r"(?P<exponent>[eE][+\-−]?\d+)?"
 )
 _GROUPS = re.compile(r"[ \u00a0\u202f\u2009'’]")
 _GROUPED = {

@@ -47,9 +47,9 @@ class Table:
     """A table that was read.
 
     `cells` are as in the file, with numbers in plain notation (decimal point, no thousands), by the
-    line numbers of the file, and `frame` holds numbers; `units` are those that names or a row of units state; `numeric` names
-    the columns of numbers, `headers` maps a name to how the file spells it, unit included; `values` are the numbers of
-    columns that were read at once.
+    line numbers of the file, and `frame` holds numbers; `units` are those that names or a row of
+    units state; `numeric` names the columns of numbers, `headers` maps a name to how the file
+    spells it, unit included; `values` are the numbers of columns that were read at once.
     """
 
     columns: Columns

@@ -77,7 +77,7 @@ class Evidence:
 def evidence(cells: Sequence[str]) -> Evidence:
     """What the cells of a column prove; of a column of text only that it holds no number."""
     found = Evidence()
-    places = np.unique(np.linspace(0, len(cells) - 1, PROBES).astype(int)) if cells else []
+    places = np.linspace(0, len(cells) - 1, PROBES).astype(int).tolist()
     if len(cells) > 2 * PROBES and not any(notation(cells[at]) for at in places):
         found.values = len(cells)
         return found
@@ -135,7 +135,7 @@ def _stated(
         Fault(
             f"{place}: column {name}",
             f'its numbers have decimal signs that are not "{stated}": state another --decimal',
-        )  # fmt: skip
+        )
         for name, one in numeric.items()
         if one.votes() == {OTHER[stated]}
     ]
@@ -143,9 +143,9 @@ def _stated(
 
 
 def _doubt(name: str, cell: str, place: str) -> Fault:
-    text = (f'"{cell}" can be {cell.replace(",", ".")} or {cell.replace(",", "").replace(".", "")}, '
-            "and nothing in the file decides: state --decimal . or --decimal ,")  # fmt: skip
-    return Fault(f"{place}: column {name}", text)
+    decimal, grouped = cell.replace(",", "."), cell.replace(",", "").replace(".", "")
+    text = f'"{cell}" can be {decimal} or {grouped}, and nothing in the file decides'
+    return Fault(f"{place}: column {name}", f"{text}: state --decimal . or --decimal ,")
 
 
 def canonical(cells: Sequence[str], decimal: str) -> list[str]:

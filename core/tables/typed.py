@@ -13,12 +13,16 @@ LONGEST = 15
 """Digits of a whole number that a double holds; longer ones are serial numbers."""
 
 
-def whole_if_so(values: NDArray[np.float64]) -> NDArray[Any]:
-    """Numbers, whole ones as such, None where one is missing."""
+def whole_if_so(values: NDArray[np.float64], whole_numbers: bool = True) -> NDArray[Any]:
+    """Numbers, whole ones as such where they may be, None where one is missing."""
     bad = np.isnan(values)
     if bad.any():
-        return np.where(bad, None, values.astype(object))
-    whole = values.astype(np.int64)
+        found = values.astype(object)
+        found[bad] = None
+        return found
+    if not whole_numbers:
+        return values
+    whole: NDArray[np.int64] = values.astype(np.int64)
     return whole if (whole == values).all() else values
 
 
@@ -27,21 +31,18 @@ def typed_column(cells: NDArray[Any], numeric: bool) -> NDArray[Any]:
     if not numeric:
         if cells.dtype != object:
             return cells
-        return np.where((cells == "") | pd.isna(cells), None, cells)
+        found = cells.copy()
+        found[np.asarray((cells == "") | pd.isna(cells), dtype=bool)] = None
+        return found
     if cells.dtype.kind in "fiu":
         return cells
     if all(map(_is_whole, cells)):
         return cells.astype(np.int64)
     try:
-        found = cells.astype(float)
+        numbers = cells.astype(float)
     except ValueError:
-        found = np.array([_value(cell) for cell in cells])
-    bad = ~np.isfinite(found)
-    if not bad.any():
-        return found
-    values = found.astype(object)
-    values[bad] = None
-    return values
+        numbers = np.array([_value(cell) for cell in cells])
+    return whole_if_so(np.where(np.isfinite(numbers), numbers, math.nan), False)
 
 
 def _is_whole(cell: Any) -> bool:

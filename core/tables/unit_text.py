@@ -30,7 +30,7 @@ def known_unit(text: str) -> str | None:
     """The unit that a text states, None where it is none."""
     text = text.strip()
     text = ALIASES.get(text, text)
-    if not text or text in UNKNOWN or text.isdecimal() and text != "1":
+    if not text or text in UNKNOWN or (text.isdecimal() and text != "1"):
         return None
     try:
         dimension(text)

@@ -200,6 +200,8 @@ class Effect(ABC):
     mistaken_for: ClassVar[tuple[str, ...]] = ()
     """Names of the effects that it is easily mistaken for."""
     reference: ClassVar[str] = ""
+    along_units: ClassVar[bool] = False
+    """Whether it moves unit after unit, as an input that wears off does."""
     dimensions: ClassVar[tuple[str, ...]] = ()
     """The kinds of outputs that it can act on, of `KINDS`; empty for any."""
     inside_bounds: ClassVar[tuple[float, float]] = (0.0, inf)

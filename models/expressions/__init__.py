@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from .domain import domain_margin
 from .formula import Formula
 from .functions import CONSTANTS, FUNCTIONS
 from .parser import FormulaError
 
-__all__ = ["CONSTANTS", "FUNCTIONS", "Formula", "FormulaError"]
+__all__ = ["CONSTANTS", "FUNCTIONS", "Formula", "FormulaError", "domain_margin"]

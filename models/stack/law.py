@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,13 +117,15 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
     """The law, or why there is none in closed form; `covariance` (p, p) is that of y at t = 1."""
     if mechanism.formula is not None and not mechanism.formula.linear:
         return "the formula is not linear"
-    each = [even_law(one) for one in mechanism.inputs]
-    odd = [at for at, one in enumerate(each) if one is None]
+    mechanism = _alone(mechanism)
+    used = dict.fromkeys(mechanism.owner)
+    each = {at: even_law(mechanism.inputs[at]) for at in used}
+    odd = [at for at, one in each.items() if one is None]
     if odd:
         owner = mechanism.owner.index(odd[0])
         return f"the deviations of {mechanism.names[owner]} are skewed or have poles"
-    found = [one for one in each if one is not None]
-    normal = all(isinstance(one, Normal) for one in mechanism.inputs)
+    found = {at: one for at, one in each.items() if one is not None}
+    normal = all(isinstance(mechanism.inputs[at], Normal) for at in used)
     if mechanism.correlation is not None and not normal:
         return "correlated deviations have no even law"
     owners = mechanism.owners
@@ -137,4 +139,21 @@ def law_of(mechanism: Mechanism, covariance: Array) -> Law | str:
         SymmetricSum(laws),
         laws,
         covariance if normal else None,
+    )
+
+
+def _alone(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with the pieces alone that the requirement depends on."""
+    kept = np.flatnonzero(mechanism.sensitivities)
+    if len(kept) == len(mechanism.owner):
+        return mechanism
+    correlation = mechanism.correlation
+    return replace(
+        mechanism,
+        names=tuple(mechanism.names[i] for i in kept),
+        owner=tuple(mechanism.owner[i] for i in kept),
+        sensitivities=mechanism.sensitivities[kept],
+        mids=None if mechanism.mids is None else mechanism.mids[kept],
+        scale=None if mechanism.scale is None else mechanism.scale[kept],
+        correlation=None if correlation is None else correlation[np.ix_(kept, kept)],
     )

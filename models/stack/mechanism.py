@@ -27,7 +27,8 @@ class Mechanism:
 
     `sensitivities` (k,) are dy/dx_i at the mid-limits, requirement unit per unit of the part;
     `centre` is y at the mid-limits. `lower` and `upper` are the limits of y, infinite where there
-    are none. Correlated pieces are normal.
+    are none. Correlated pieces are normal. `undefined` says where the formula has no value within
+    the widest tolerances; empty where it has one everywhere.
     """
 
     names: tuple[str, ...]
@@ -42,6 +43,7 @@ class Mechanism:
     scale: Array | None = None
     gain: float = 1.0
     correlation: Array | None = None
+    undefined: str = ""
 
     @cached_property
     def owners(self) -> NDArray[np.int64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,11 +64,23 @@ def yield_percent(mechanism: Mechanism, t: Array, sample: Sample) -> tuple[Array
     A unit for which the requirement has no value does not conform. The error is the scatter over
     the replicates, and at least one unit of the sample.
     """
+    return joint_yield_percent((mechanism,), t, sample)
+
+
+def joint_yield_percent(
+    mechanisms: Sequence[Mechanism], t: Array, sample: Sample
+) -> tuple[Array, Array]:
+    """`yield_percent` of the units that conform to every one of several mechanisms."""
     found, error = np.empty(len(t)), np.empty(len(t))
     least = 1.0 / sample.size
-    for rows, y in sample.blocks(mechanism, t):
+    for blocks in zip(*(sample.blocks(one, t) for one in mechanisms), strict=True):
+        rows = blocks[0][0]
         with np.errstate(invalid="ignore"):
-            each = np.mean((y >= mechanism.lower) & (y <= mechanism.upper), axis=2)
+            within = [
+                (y >= one.lower) & (y <= one.upper)
+                for one, (_, y) in zip(mechanisms, blocks, strict=True)
+            ]
+        each = np.mean(np.logical_and.reduce(within), axis=2)
         found[rows] = each.mean(axis=1)
         error[rows] = np.maximum(each.std(axis=1, ddof=1) / np.sqrt(each.shape[1]), least)
     return 100.0 * found, 100.0 * error
@@ -78,13 +90,14 @@ def half_width(mechanism: Mechanism, t: Array, sample: Sample, coverage: float) 
     """Half the width (n,) of the interval that holds `coverage` of the units, as much on each side.
 
     (q(1 - a/2) - q(a/2))/2 with a = 1 - coverage: for normal parts of a linear stack and a coverage
-    of 0.9973 the root sum square. NaN where a unit has no value.
+    of 0.9973 the root sum square. Units without a value are left out: see `least_margin`. NaN where
+    none has one.
     """
     found = np.empty(len(t))
     tail = 0.5 * (1.0 - coverage)
     for rows, y in sample.blocks(mechanism, t):
-        ends = np.quantile(
-            y.reshape(len(y), -1), [tail, 1.0 - tail], axis=1, method="median_unbiased"
-        )
+        units = y.reshape(len(y), -1)
+        kind = np.quantile if np.all(np.isfinite(units)) else np.nanquantile
+        ends = kind(units, [tail, 1.0 - tail], axis=1, method="median_unbiased")
         found[rows] = 0.5 * (ends[1] - ends[0])
     return found

@@ -145,6 +145,9 @@ class RvBacklash(ToleranceProblem):
             return None
         return self._quantile_form if isinstance(self._quantile_form, Form) else form_of(self)
 
+    def unproven(self) -> str:
+        return self._quantile_form if isinstance(self._quantile_form, str) else ""
+
     @cached_property
     def _quantile_form(self) -> Form | str:
         return quantile_form(self)

@@ -15,9 +15,10 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
             found.append(Assumption(f"part.{part.name}.{key}", value, "", why))
-    requirement = definition.requirement
-    if not requirement.formula and requirement.nominal is None and definition.mechanism.bounded:
-        text = "sum of sensitivity times nominal; requirement.nominal is not given"
-        nominal = nominal_sum(definition.parts)
-        found.append(Assumption("requirement.nominal", nominal, requirement.unit, text))
+    for requirement, mechanism in zip(definition.requirements, definition.mechanisms, strict=True):
+        if not requirement.formula and requirement.nominal is None and mechanism.bounded:
+            place = f"{requirement.place}.nominal"
+            text = f"sum of sensitivity times nominal; {place} is not given"
+            nominal = nominal_sum(requirement, definition.parts)
+            found.append(Assumption(place, nominal, requirement.unit, text))
     return tuple(found)

@@ -1,4 +1,4 @@
-"""From a requirement and its parts to the mechanism, with everything checked that can be."""
+"""From requirements and parts to mechanisms, with everything checked that can be."""
 
 from __future__ import annotations
 
@@ -12,18 +12,35 @@ from ...errors import Fault
 from ...models.stack import Mechanism
 from .definition import Correlation, Part, Requirement
 from .formulas import with_formula
+from .sensitivities import needless
 
 Array = NDArray[np.float64]
 
 
-def mechanism_of(
-    requirement: Requirement,
+def mechanisms_of(
+    requirements: Sequence[Requirement],
     parts: Sequence[Part],
     correlations: Sequence[Correlation],
     faults: list[Fault],
-) -> Mechanism | None:
-    """The mechanism; None and every fault where the parts do not make one."""
+) -> tuple[Mechanism, ...]:
+    """The mechanism of each requirement; fewer, and every fault, where the parts make none."""
     correlation = _matrix(parts, correlations, faults)
+    each = [_mechanism(one, parts, correlation, faults) for one in requirements]
+    found = tuple(one for one in each if one is not None)
+    if requirements[0].key and len(found) == len(requirements):
+        used = np.any([one.sensitivities != 0.0 for one in found], axis=0)
+        owners = found[0].owners
+        faults += needless(parts, [bool(np.any(used[owners == at])) for at in range(len(parts))])
+    return found
+
+
+def _mechanism(
+    requirement: Requirement,
+    parts: Sequence[Part],
+    correlation: Array | None,
+    faults: list[Fault],
+) -> Mechanism | None:
+    """The mechanism of one requirement; None and every fault where the parts do not make one."""
     owner = tuple(at for at, part in enumerate(parts) for _ in part.pieces)
     bare = Mechanism(
         names=tuple(piece for part in parts for piece in part.pieces),
@@ -36,8 +53,7 @@ def mechanism_of(
         correlation=correlation,
     )
     kind = with_formula if requirement.formula else _with_sensitivities
-    found = kind(bare, requirement, parts, faults)
-    return None if faults else found
+    return kind(bare, requirement, parts, faults)
 
 
 def _matrix(
@@ -64,19 +80,22 @@ def _with_sensitivities(
     bare: Mechanism, requirement: Requirement, parts: Sequence[Part], faults: list[Fault]
 ) -> Mechanism | None:
     """The mechanism whose parts state their sensitivities."""
-    each = np.array([part.sensitivity or 0.0 for part in parts])
+    each = np.array([part.sensitivities.get(requirement.key, 0.0) for part in parts])
     nominal = requirement.nominal
     if nominal is None:
-        missing = [part.name for part in parts if part.nominal is None]
+        missing = [part.name for part, slope in zip(parts, each, strict=True)
+                   if part.nominal is None and slope != 0.0]  # fmt: skip
         if missing and bare.bounded:
             text = "is missing: lower and upper need it, or the nominal of every part (not given: "
-            faults.append(Fault("requirement.nominal", f"{text}{', '.join(missing)})"))
+            faults.append(Fault(f"{requirement.place}.nominal", f"{text}{', '.join(missing)})"))
             return None
-        nominal = nominal_sum(parts)
+        nominal = nominal_sum(requirement, parts)
     moved = float(sum(s * part.mid * part.count for s, part in zip(each, parts, strict=True)))
     return replace(bare, sensitivities=each[bare.owners], centre=nominal + moved)
 
 
-def nominal_sum(parts: Sequence[Part]) -> float:
+def nominal_sum(requirement: Requirement, parts: Sequence[Part]) -> float:
     """The requirement of a loop of dimensions: sum of sensitivity times nominal."""
-    return float(sum((p.sensitivity or 0.0) * (p.nominal or 0.0) * p.count for p in parts))
+    slopes = [part.sensitivities.get(requirement.key, 0.0) for part in parts]
+    each = zip(slopes, parts, strict=True)
+    return float(sum(slope * (p.nominal or 0.0) * p.count for slope, p in each))

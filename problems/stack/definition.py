@@ -1,4 +1,4 @@
-"""What a stack is written as: its requirement and its parts, as plain frozen records."""
+"""What a stack is written as: its requirements and its parts, as plain frozen records."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """What the parts add up to; the formula is empty where every part has a sensitivity.
+    """What the parts add up to; the formula is empty where the parts state sensitivities.
 
-    `stated_nominal` is the nominal as it was written: its digits say how exact it is.
+    `stated_nominal` is the nominal as it was written: its digits say how exact it is. `key` is the
+    name by which outputs and sensitivities tell it from others, empty for that of `[requirement]`;
+    `place` where it stands in the configuration.
     """
 
     name: str
@@ -32,6 +34,13 @@ class Requirement:
     lower: float | None = None
     upper: float | None = None
     method: str = "rss"
+    weight: float = 1.0
+    key: str = ""
+    place: str = "requirement"
+
+    def output(self, name: str) -> str:
+        """The name of one of its outputs: `rss`, or `gap.rss` where there are several."""
+        return f"{self.key}.{name}" if self.key else name
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +59,8 @@ class Part:
 
     `mid` is the mid-limit minus the nominal. A `fixed` part has one process with low = high.
     `alternatives` says that its processes are listed, so that one of them is chosen. `stated` is
-    what the configuration says about its zone, `assumed` what it leaves open.
+    what the configuration says about its zone, `assumed` what it leaves open. `sensitivities` are
+    by the key of the requirement, those of formulas left out.
     """
 
     name: str
@@ -62,7 +72,7 @@ class Part:
     count: int = 1
     fixed: bool = False
     alternatives: bool = False
-    sensitivity: float | None = None
+    sensitivities: Mapping[str, float] = field(default_factory=dict)
     stated: Mapping[str, Any] = field(default_factory=dict)
     assumed: Mapping[str, str] = field(default_factory=dict)
 
@@ -105,9 +115,19 @@ class Correlation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Definition:
-    """A stack that has been read and checked."""
+    """A stack that has been read and checked: a mechanism for each requirement, over all parts."""
 
-    requirement: Requirement
+    requirements: tuple[Requirement, ...]
     parts: tuple[Part, ...]
-    mechanism: Mechanism
+    mechanisms: tuple[Mechanism, ...]
     correlations: tuple[Correlation, ...] = ()
+
+    @property
+    def requirement(self) -> Requirement:
+        """The first requirement."""
+        return self.requirements[0]
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism of the first requirement."""
+        return self.mechanisms[0]

@@ -5,24 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from ...errors import Fault, nearest
 from ...models.expressions import FUNCTIONS, Formula, FormulaError
-from ...models.stack import Mechanism
+from ...models.stack import Mechanism, box, least_margin
 from ...units import family, to_unit
 from .definition import Part, Requirement
 
 Array = NDArray[np.float64]
-FORMULA = "requirement.formula"
-CORNERS = 12
-"""Pieces up to which all corners of the tolerance range are looked at; beyond, as many samples."""
-INNER = 4096
-"""Points within the tolerance range that are looked at."""
 NEGLIGIBLE = 1e-12
 """A part that adds less than this share of the worst case does not matter."""
 
@@ -31,30 +24,34 @@ def with_formula(
     bare: Mechanism, requirement: Requirement, parts: Sequence[Part], faults: list[Fault]
 ) -> Mechanism | None:
     """The mechanism of the requirement's formula; None and faults where it has none."""
+    place = f"{requirement.place}.formula"
     try:
         formula = Formula(requirement.formula)
     except FormulaError as error:
-        faults.append(Fault(FORMULA, str(error)))
+        faults.append(Fault(place, str(error)))
         return None
     before = len(faults)
-    faults += _name_faults(formula, parts)
+    faults += _name_faults(formula, parts, requirement)
+    used = [any(piece in formula.names for piece in part.pieces) for part in parts]
     faults += [Fault(f"part[{at}].nominal", f"is missing: the formula needs it (part {part.name})")
-               for at, part in enumerate(parts) if part.nominal is None]  # fmt: skip
+               for at, part in enumerate(parts) if used[at] and part.nominal is None]  # fmt: skip
     if len(faults) > before:
         return None
-    gain, scale = _units(requirement, parts)
-    nominals = scale * np.array([part.nominal for part in parts], dtype=float)
-    mids = nominals + scale * np.array([part.mid for part in parts])
-    reach = scale * np.array([part.high for part in parts])
-    found = replace(bare, formula=formula, mids=mids[bare.owners], scale=scale[bare.owners],
+    gain, scale = _units(requirement, [part for part, one in zip(parts, used, strict=True) if one])
+    scales = np.ones(len(parts))
+    scales[used] = scale
+    nominals = scales * np.array([part.nominal or 0.0 for part in parts])
+    mids = nominals + scales * np.array([part.mid for part in parts])
+    found = replace(bare, formula=formula, mids=mids[bare.owners], scale=scales[bare.owners],
                     gain=gain)  # fmt: skip
-    if why := _undefined(found, nominals[bare.owners], reach[bare.owners]):
-        faults.append(Fault(FORMULA, why))
+    if why := _undefined(found, nominals[bare.owners], parts):
+        faults.append(Fault(place, why))
         return None
     found = _linearised(found)
-    faults += _slope_faults(found, parts)
+    faults += _slope_faults(found, parts, requirement)
     faults += _nominal_faults(requirement, gain * _at(formula, found, nominals[bare.owners]))
-    return found
+    loosest = np.array([[part.high for part in parts]])
+    return replace(found, undefined=_outside(found, loosest[0], least_margin(found, loosest)[0]))
 
 
 def _at(formula: Formula, mechanism: Mechanism, x: Array) -> float:
@@ -67,25 +64,27 @@ def _linearised(mechanism: Mechanism) -> Mechanism:
     formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
     assert formula is not None and mids is not None and scale is not None
     slopes = formula.gradient(dict(zip(mechanism.names, mids, strict=True)))
-    each = np.array([float(slopes[name]) for name in mechanism.names])
+    each = np.array([float(slopes.get(name, 0.0)) for name in mechanism.names])
     centre = mechanism.gain * _at(formula, mechanism, mids)
     return replace(mechanism, sensitivities=mechanism.gain * each * scale, centre=centre)
 
 
-def _name_faults(formula: Formula, parts: Sequence[Part]) -> list[Fault]:
-    """Names that no part has, and parts that the formula leaves out."""
+def _name_faults(formula: Formula, parts: Sequence[Part], requirement: Requirement) -> list[Fault]:
+    """Names that no part has, and parts that the one formula of a stack leaves out."""
     pieces = {piece: part for part in parts for piece in part.pieces}
     whole = {part.name: part for part in parts if part.count > 1}
-    found = []
+    found, place = [], f"{requirement.place}.formula"
     for name, column in formula.names.items():
         if name in whole:
             listed = ", ".join(whole[name].pieces)
             text = f"{name} is built in {whole[name].count} times: write {listed}"
-            found.append(Fault(FORMULA, f"column {column}: {text}"))
+            found.append(Fault(place, f"column {column}: {text}"))
         elif name not in pieces:
             close = nearest(name, [*pieces, *FUNCTIONS])
-            found.append(Fault(FORMULA, f'column {column}: "{name}" is not a part{close}'))
-    for at, part in enumerate(parts):
+            found.append(Fault(place, f'column {column}: "{name}" is not a part{close}'))
+    if requirement.key and not formula.names:
+        found.append(Fault(place, "has no parts: a requirement depends on one at least"))
+    for at, part in enumerate(parts if not requirement.key else ()):
         unused = [piece for piece in part.pieces if piece not in formula.names]
         if unused and part.name not in formula.names:
             text = f"{', '.join(unused)} does not appear in the formula: the requirement does not "
@@ -109,41 +108,56 @@ def _units(requirement: Requirement, parts: Sequence[Part]) -> tuple[float, Arra
     return base[kind] / factor, np.array(scale)
 
 
-def _undefined(mechanism: Mechanism, nominals: Array, reach: Array) -> str:
-    """Where the formula has no value: at the nominals, or within the tolerances."""
-    formula, mids, names = mechanism.formula, mechanism.mids, mechanism.names
-    assert formula is not None and mids is not None
-    if why := formula.trouble(dict(zip(names, nominals[:, None], strict=True))):
+def _undefined(mechanism: Mechanism, nominals: Array, parts: Sequence[Part]) -> str:
+    """Why no design is within the domain: none at the nominals, or at the tightest tolerances."""
+    formula = mechanism.formula
+    assert formula is not None
+    at_nominals = dict(zip(mechanism.names, nominals[:, None], strict=True))
+    if why := formula.trouble(at_nominals):
         return f"at the nominal values, {why}"
-    points = mids[:, None] + reach[:, None] * _box(len(names))
-    if why := formula.trouble(dict(zip(names, points, strict=True))):
-        return f"within the tolerances, {why}; tighten the ranges or correct the formula"
+    tightest = np.array([part.low for part in parts])
+    if why := formula.trouble(_within(mechanism, tightest)):
+        told = "tighten the ranges or correct the formula"
+        return f"even within the tightest tolerances, {why}; {told}"
     return ""
 
 
-def _box(pieces: int) -> Array:
-    """Corners of [-1, 1]^k and points between them, shape (k, m); the first is the middle."""
-    inner = 2.0 * qmc.Sobol(pieces, scramble=False).random(INNER).T - 1.0
-    if pieces <= CORNERS:
-        corners = np.array(list(product((-1.0, 1.0), repeat=pieces))).T
-    else:
-        corners = np.where(inner[:, 1:] > 0.0, 1.0, -1.0)
-    return np.hstack([np.zeros((pieces, 1)), corners, inner])
+def _within(mechanism: Mechanism, t: Array) -> dict[str, Array]:
+    """Points within the tolerances t (p,) of the pieces that the formula names."""
+    formula, mids, scale = mechanism.formula, mechanism.mids, mechanism.scale
+    assert formula is not None and mids is not None and scale is not None
+    used = [i for i, name in enumerate(mechanism.names) if name in formula.names]
+    reach, points = t[mechanism.owners] * scale, box(len(used))
+    return {mechanism.names[i]: mids[i] + reach[i] * z for i, z in zip(used, points, strict=True)}
 
 
-def _slope_faults(mechanism: Mechanism, parts: Sequence[Part]) -> list[Fault]:
-    """Pieces that the requirement does not depend on, or depends on without bound."""
+def _outside(mechanism: Mechanism, loosest: Array, margin: float) -> str:
+    """Where the formula leaves its domain within the loosest tolerances (p,); empty if nowhere."""
+    formula = mechanism.formula
+    assert formula is not None
+    why = formula.trouble(_within(mechanism, loosest))
+    return why or ("some function leaves its domain" if margin < 0.0 else "")
+
+
+def _slope_faults(
+    mechanism: Mechanism, parts: Sequence[Part], requirement: Requirement
+) -> list[Fault]:
+    """Pieces of the formula on which it does not depend, or depends without bound."""
+    place = f"{requirement.place}.formula"
+    names = mechanism.formula.names if mechanism.formula else {}
     slopes, t = mechanism.sensitivities, np.array([part.high for part in parts])[mechanism.owners]
     effect = np.where(t > 0.0, np.abs(slopes) * t, np.nan)
     found = []
     for i, (name, at) in enumerate(zip(mechanism.names, mechanism.owner, strict=True)):
+        if name not in names:
+            continue
         if not np.isfinite(slopes[i]):
             text = f"has no finite derivative with respect to {name} at the mid-limits: the linear "
-            found.append(Fault(FORMULA, f"{text}model does not exist"))
+            found.append(Fault(place, f"{text}model does not exist"))
         elif effect[i] <= NEGLIGIBLE * np.nansum(effect):
             text = f"the sensitivity of the requirement to {name} is 0 at the mid-limits: no "
             text += f"tolerance of it matters (part {parts[at].name})"
-            found.append(Fault(f"part[{at}].name", text))
+            found.append(Fault(place if requirement.key else f"part[{at}].name", text))
     return found
 
 
@@ -157,7 +171,8 @@ def _nominal_faults(requirement: Requirement, computed: float) -> list[Fault]:
         return []
     text = f"is stated as {requirement.nominal:.10g}, but the formula gives {computed:.10g}"
     unit = f" {requirement.unit}".rstrip()
-    return [Fault("requirement.nominal", f"{text}{unit} at the nominals; correct one of them")]
+    text = f"{text}{unit} at the nominals; correct one of them"
+    return [Fault(f"{requirement.place}.nominal", text)]
 
 
 def _rounding(stated: object, unit: str) -> float:

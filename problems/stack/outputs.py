@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from ...declarations import Kind, Output, Variable
 from .definition import Part, Requirement
+from .joint import VARIATIONS, common_unit
+from .measured import Measured
 
 OBJECTIVES = ("cost", "variation")
 _MEANING = {
@@ -50,19 +52,57 @@ def variables_of(parts: Iterable[Part]) -> tuple[Variable, ...]:
     return tuple(found)
 
 
-def outputs_of(requirement: Requirement, parts: Iterable[Part]) -> tuple[Output, ...]:
-    """The outputs of a stack, in the order of the tables."""
+def outputs_of(
+    requirements: Sequence[Requirement], parts: Sequence[Part], each: Sequence[Measured] = ()
+) -> tuple[Output, ...]:
+    """The outputs of a stack, in the order of the tables.
+
+    Without `each` requirement as it is measured all those that there may be.
+    """
+    found = [Output("cost", "", "cost of all parts", low=0.0)]
+    if requirements[0].key:
+        found += _joint(requirements)
+    for at, requirement in enumerate(requirements):
+        found += _own(requirement, each[at] if each else None, parts)
+    return tuple(found)
+
+
+def _joint(requirements: Sequence[Requirement]) -> list[Output]:
+    """Outputs over all of several requirements."""
+    unit, found = common_unit(requirements), []
+    if unit is not None:
+        found = [Output(kind, unit, f"largest {kind.replace('_', ' ')} of all requirements, each "
+                        "times its weight", low=0.0) for kind in VARIATIONS]  # fmt: skip
+    return found + _yields("yield_percent", "units that keep every requirement within its limits")
+
+
+def _own(
+    requirement: Requirement, measured: Measured | None, parts: Sequence[Part]
+) -> list[Output]:
+    """Outputs of one requirement."""
     unit, name = requirement.unit, requirement.name or "the requirement"
     of_what = "worst case" if requirement.method == "worst_case" else "variance"
-    return (
-        Output("cost", "", "cost of all parts", low=0.0),
-        Output("variation", unit, f"variation of {name}: {_MEANING[requirement.method]}", low=0.0),
-        Output("worst_case", unit, "sum of |sensitivity| times tolerance", low=0.0),
-        Output("rss", unit, "three standard deviations of the linear model", low=0.0),
-        Output("yield_percent", "percent", f"units with {name} within its limits",
-               larger_is_better=True, low=0.0, high=100.0),
-        Output("yield_percent_error", "percent", "standard error of the yield",
-               error_of="yield_percent"),
-        *(Output(f"contribution_{part.name}_percent", "percent",
-                 f"share of part {part.name} in the {of_what}") for part in parts),
-    )  # fmt: skip
+    meaning = f"variation of {name}: {_MEANING[requirement.method]}"
+    own = requirement.output
+    shown = range(len(parts)) if measured is None else measured.shown
+    found = [
+        Output(own("variation"), unit, meaning, low=0.0),
+        Output(own("worst_case"), unit, "sum of |sensitivity| times tolerance", low=0.0),
+        Output(own("rss"), unit, "three standard deviations of the linear model", low=0.0),
+        *_yields(own("yield_percent"), f"units with {name} within its limits"),
+    ]
+    if measured is None or measured.partial:
+        found.append(Output(own("domain_margin"), "", f"distance of {name} from the edge of its "
+                            "formula's domain, in units of that at the mid-limits",
+                            larger_is_better=True))  # fmt: skip
+    return found + [
+        Output(own(f"contribution_{parts[at].name}_percent"), "percent",
+               f"share of part {parts[at].name} in the {of_what}") for at in shown
+    ]  # fmt: skip
+
+
+def _yields(name: str, meaning: str) -> list[Output]:
+    return [
+        Output(name, "percent", meaning, larger_is_better=True, low=0.0, high=100.0),
+        Output(f"{name}_error", "percent", "standard error of the yield", error_of=name),
+    ]

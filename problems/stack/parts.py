@@ -12,7 +12,8 @@ from ...models.inputs import Distribution, Normal
 from ...models.inputs.reading import read_distribution
 from ...section import Range, Section
 from ...units import family
-from .definition import Part
+from .definition import Part, Requirement
+from .sensitivities import read_sensitivities
 from .zones import KEYS, Tolerance, read_tolerance
 
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
@@ -24,13 +25,16 @@ SOBOL = 21_201
 """Pieces of all parts, however many are asked for: dimensions of a Sobol sequence (Joe, Kuo)."""
 
 
-def read_parts(top: Section, length_unit: str, faults: list[Fault]) -> list[Part | None]:
-    """The parts, None for each that is faulty; `length_unit` is that of parts that state none."""
+def read_parts(
+    top: Section, requirements: Sequence[Requirement], faults: list[Fault]
+) -> list[Part | None]:
+    """The parts, None for each that is faulty."""
     found = []
+    length_unit = _length(requirements)
     for at in range(len(top.tables("part"))):
         own: list[Fault] = []
         section = top.item("part", at, own)
-        found.append(_read(section, length_unit))
+        found.append(_read(section, length_unit, requirements))
         section.finish()
         name = section.take("name")
         faults += [
@@ -51,13 +55,17 @@ def _too_many(parts: Sequence[Part]) -> list[Fault]:
     return [Fault("part", f"has {pieces} pieces in all, {most} at most: merge some{remedy}")]
 
 
-def _read(section: Section, length_unit: str) -> Part | None:
+def _length(requirements: Sequence[Requirement]) -> str:
+    """The unit of parts that state none: that of the requirements, where all are in one length."""
+    units = {one.unit for one in requirements}
+    return units.pop() if len(units) == 1 and family(min(units))[0] == "meter" else ""
+
+
+def _read(section: Section, length_unit: str, requirements: Sequence[Requirement]) -> Part | None:
     name = _name(section)
     unit, assumed = _unit(section, length_unit)
     count = section.integer("count", Range(1, MOST))
-    sensitivity = section.number("sensitivity")
-    if sensitivity == 0.0:
-        section.fault("sensitivity", "must not be 0: the part does not matter; remove it")
+    sensitivities = read_sensitivities(section, unit, requirements)
     distribution = read_distribution(section, Normal())
     if unit is None:
         section.known(("nominal", "t_max", "cost", *KEYS))
@@ -72,7 +80,7 @@ def _read(section: Section, length_unit: str) -> Part | None:
         return None
     if "distribution" not in section:
         assumed["distribution"] = "normal; the configuration names none"
-    return _part(name, unit, distribution, zone, nominal, count, sensitivity, assumed)
+    return _part(name, unit, distribution, zone, nominal, count, sensitivities, assumed)
 
 
 def _part(
@@ -82,7 +90,7 @@ def _part(
     zone: Tolerance,
     nominal: float | None,
     count: int | None,
-    sensitivity: float | None,
+    sensitivities: dict[str, float],
     assumed: dict[str, str],
 ) -> Part:
     return Part(
@@ -95,7 +103,7 @@ def _part(
         count=1 if count is None else count,
         fixed=zone.fixed,
         alternatives=zone.alternatives,
-        sensitivity=sensitivity,
+        sensitivities=sensitivities,
         stated=zone.stated,
         assumed=assumed | zone.assumed,
     )

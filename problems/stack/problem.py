@@ -9,45 +9,33 @@ from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from ...counts import Need, too_many
 from ...declarations import Assumption, Output, Parameter, Variable
 from ...errors import Fault, ModelError
 from ...models.costs import CostCurve
-from ...models.stack import (
-    Law,
-    Linear,
-    Sample,
-    half_width,
-    law_of,
-    linearised,
-    yield_percent,
-)
+from ...models.stack import Linear
 from ...section import Section
 from ..forms import Form
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from .assumptions import assumptions_of
-from .convex import form_of, shortfall
+from .convex import form_of
 from .costs import PartCosts
 from .definition import Definition, Part
-from .linearity import linearity_warnings
+from .faults import domain_faults, range_faults, size_faults, unit_faults, yield_faults
+from .joint import joint_intervals, joint_slopes, joint_variations
+from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
 from .reading import read_definition
+from .remarks import domain_remarks, warnings_of
+from .rows import shortfall
 from .stand_in import stand_in
 from .writing import tables_of
+from .yields import Yields
 
 Array = NDArray[np.float64]
-DEVIATIONS = Need("deviation", bytes=16.0)
-"""Of every piece of every unit of the sample: a point, and the deviation."""
-WARNING_SAMPLES = 131_072
-"""Units at most by which warnings are judged before a run."""
-SEARCH_SAMPLES = 8192
-"""Units of the search's own yields and half-widths; reported ones take `[propagation] samples`."""
-
-UNDECIDED = 6.0
-"""Standard errors about a limit within which a search takes the whole sample."""
 
 
 @dataclass(frozen=True)
@@ -85,23 +73,25 @@ class Stack(ToleranceProblem):
             raise ModelError("a stack is made from its definition: read it from a configuration")
         self.definition = definition
         self.variables = variables_of(definition.parts)
-        self.outputs = outputs_of(definition.requirement, definition.parts)
-        self.linear: Linear = linearised(definition.mechanism)
-        self.law = law_of(definition.mechanism, self.linear.covariance)
+        self.measured: tuple[Measured, ...] = measured(definition)
+        self.outputs = outputs_of(definition.requirements, definition.parts, self.measured)
         super().__init__(settings)
 
     @classmethod
     def configured(cls, top: Section) -> Any:
-        """The stack of `[requirement]`, `[[part]]` and `[[correlation]]`, faulty or not."""
+        """The stack of its requirements, `[[part]]` and `[[correlation]]`, faulty or not."""
         faults: list[Fault] = []
-        parts, requirement, definition = read_definition(top, faults)
+        parts, requirements, definition = read_definition(top, faults)
+        faults += unit_faults(requirements, *_named(top))
         for fault in faults:
             top.fault(fault.place, fault.message)
         known = [
             part or stand_in(table, at)
             for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
         ]
-        return StackKind(definition, variables_of(known), outputs_of(requirement, known))
+        own = measured(definition) if definition is not None else ()
+        outputs = outputs_of(requirements, known, own)
+        return StackKind(definition, variables_of(known), outputs)
 
     def tables(self) -> dict[str, Any]:
         given = self.settings.propagation
@@ -114,7 +104,10 @@ class Stack(ToleranceProblem):
         fixed |= {f"{p.name}_process": 0.0 for p in self.definition.parts
                   if p.alternatives and len(p.processes) == 1}  # fmt: skip
         settings = {name: VariableSetting(value=value) for name, value in fixed.items()}
-        return super()._completed(replace(given, variables=settings | dict(given.variables)))
+        limits = {one.name("domain_margin"): Bound(low=0.0)
+                  for one in self.measured if one.bound_to_domain}  # fmt: skip
+        return super()._completed(replace(given, variables=settings | dict(given.variables),
+                                          limits=limits | dict(given.limits)))  # fmt: skip
 
     # ---------------------------------------------------------------- designs
 
@@ -162,79 +155,33 @@ class Stack(ToleranceProblem):
     # ---------------------------------------------------------------- outputs
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        t, method = self.tolerances(designs), self.definition.requirement.method
-        worst, rss = self.linear.worst_case(t), self.linear.rss(t)
-        found = {"cost": self.cost_of(designs), "worst_case": worst, "rss": rss}
-        sample = self._searching if searching else self._sample
-        match method:
-            case "worst_case":
-                found["variation"] = worst
-            case "rss":
-                found["variation"] = rss
-            case "shifted_rss":
-                found["variation"] = self.linear.shifted_rss(t)
-            case "monte_carlo" if searching and not self._wanted("variation"):
-                found["variation"] = np.full(len(t), np.nan)
-            case "monte_carlo" if isinstance(self.law, Law):
-                found["variation"] = self.law.half_width(t, self.settings.propagation.coverage)
-            case "monte_carlo":
-                coverage = self.settings.propagation.coverage
-                found["variation"] = half_width(self.definition.mechanism, t, sample, coverage)
-        found |= self._yield(t, sample, searching)
-        return found | self._shares(t, searching)
+        t = self.tolerances(designs)
+        found = {"cost": self.cost_of(designs)} | self.yields.outputs(t, searching)
+        for one in self.measured:
+            found |= one.variations(t) | one.margin(t) | self._shares(one, t, searching)
+        return found | joint_variations(self.measured, found)
 
-    def _shares(self, t: Array, searching: bool) -> dict[str, Array]:
+    def _shares(self, one: Measured, t: Array, searching: bool) -> dict[str, Array]:
         """Contributions of the parts; NaN where a search does not need them."""
-        names = [f"contribution_{part.name}_percent" for part in self._parts]
-        if searching and not any(self._wanted(name) for name in names):
+        names = [one.contribution(at) for at in one.shown]
+        if searching and not self.wanted & set(names):
             return dict.fromkeys(names, np.full(len(t), np.nan))
-        worst = self.definition.requirement.method == "worst_case"
-        shares = self.linear.worst_shares(t) if worst else self.linear.variance_shares(t)
-        return dict(zip(names, 100.0 * shares.T, strict=True))
-
-    def _wanted(self, output: str) -> bool:
-        return output in (*self.objectives, *(limit.name for limit in self.limits))
-
-    def _yield(self, t: Array, sample: Sample, searching: bool) -> dict[str, Array]:
-        """The yield and its error; NaN without limits, or where a search does not need it."""
-        names = ("yield_percent", "yield_percent_error")
-        bounded = self.definition.mechanism.bounded
-        if not bounded or (searching and not self._wanted("yield_percent")):
-            return {name: np.full(len(t), np.nan) for name in names}
-        if isinstance(self.law, Law):
-            return dict(zip(names, self.law.yield_percent(t), strict=True))
-        found = yield_percent(self.definition.mechanism, t, sample)
-        if searching and len(close := self._undecided(*found)):
-            exact = yield_percent(self.definition.mechanism, t[close], self._sample)
-            for values, better in zip(found, exact, strict=True):
-                values[close] = better
-        return dict(zip(names, found, strict=True))
-
-    def _undecided(self, found: Array, error: Array) -> NDArray[np.int64]:
-        """Rows whose yield is so close to its limit that only the whole sample can judge it.
-
-        A search converges to its limits: what is judged otherwise in the end would all be lost.
-        """
-        near = np.zeros(len(found), dtype=bool)
-        for limit in self.limits:
-            if limit.name == "yield_percent":
-                for end in (limit.low, limit.high):
-                    near |= np.abs(found - end) <= UNDECIDED * error
-        return np.flatnonzero(near)
+        return one.shares(t)
 
     @cached_property
-    def _sample(self) -> Sample:
-        return self._drawn(self.settings.propagation.samples)
+    def wanted(self) -> frozenset[str]:
+        """Outputs that are objectives or limited."""
+        return frozenset((*self.objectives, *(limit.name for limit in self.limits)))
 
     @cached_property
-    def _searching(self) -> Sample:
-        return self._drawn(SEARCH_SAMPLES)
+    def yields(self) -> Yields:
+        """Yields and half-widths by sample."""
+        return Yields(self.measured, self.settings, self.limits, self.wanted)
 
-    def _drawn(self, most: int) -> Sample:
-        """At most so many units; fewer are the first ones of more."""
-        rng = np.random.default_rng(self.settings.seed)
-        samples = min(most, self.settings.propagation.samples)
-        return Sample.draw(self.definition.mechanism, samples, rng)
+    @property
+    def linear(self) -> Linear:
+        """The linear model of the first requirement."""
+        return self.measured[0].linear
 
     def cost_of(self, designs: Array) -> Array:
         """Sum over parts of count times the cost of the chosen process (n,)."""
@@ -269,26 +216,14 @@ class Stack(ToleranceProblem):
 
         That of a sampled yield, a step function, is the normal linear model's.
         """
-        t, method = self.tolerances(designs), self.definition.requirement.method
-        worst = np.broadcast_to(self.linear.worst, t.shape)
-        rss = self.linear.rss_slopes(t)
-        found = {"cost": self._by_part(designs, slope=True), "worst_case": worst, "rss": rss}
-        if method == "monte_carlo" and isinstance(self.law, Law):
-            coverage = self.settings.propagation.coverage
-            found["variation"] = self.law.half_width_slopes(t, coverage)
-        if method != "monte_carlo":
-            found["variation"] = {
-                "worst_case": worst,
-                "rss": rss,
-                "shifted_rss": rss + self.linear.shift,
-            }[method]
-        mechanism = self.definition.mechanism
-        if mechanism.bounded and self._wanted("yield_percent") and isinstance(self.law, Law):
-            found["yield_percent"] = self.law.yield_slopes(t)
-        elif mechanism.bounded and self._wanted("yield_percent"):
-            ends = (np.full(len(t), end - mechanism.centre)
-                    for end in (mechanism.lower, mechanism.upper))  # fmt: skip
-            found["yield_percent"] = 100.0 * self.linear.yield_slopes(t, *ends)
+        t, coverage = self.tolerances(designs), self.settings.propagation.coverage
+        found = {"cost": self._by_part(designs, slope=True)}
+        values: dict[str, Array] = {}
+        for one in self.measured:
+            found |= one.slopes(t, self.wanted, coverage)
+            values |= one.variations(t)
+        if all(one.name("variation") in values for one in self.measured):
+            found |= joint_slopes(self.measured, values, found)
         at = [self.names.index(f"{part.name}_t") for part in self._parts]
         wide = {name: np.zeros_like(designs) for name in found}
         for name, slopes in found.items():
@@ -298,64 +233,61 @@ class Stack(ToleranceProblem):
     # ---------------------------------------------------------------- what is known
 
     def form(self) -> Form | None:
-        method = self.definition.requirement.method
-        return form_of(self, method)
+        return form_of(self)
 
     def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
         values = super().form_values(form, designs, found)
-        own = np.isfinite(form.own_limits)
-        values[:, own] = form.own_limits[own] + shortfall(self, designs, found)[:, None]
+        for at, (name, most) in enumerate(zip(form.outputs, form.own_limits, strict=True)):
+            if np.isfinite(most):
+                values[:, at] = most + shortfall(self, name, designs, found)
         return values
 
     def guide(self) -> Form | None:
-        """The form; of a half-width by Monte Carlo that of the root sum square."""
-        method = self.definition.requirement.method
-        known = method != "monte_carlo" or isinstance(self.law, Law)
-        return form_of(self, method if known else "rss")
+        """The form; of a half-width without a law that of the root sum square."""
+        return form_of(self, gaussian=True)
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: cost and linear variations are monotone in every tolerance."""
-        low, high = self._ends_of_t
-        method = self.definition.requirement.method
-        kind = method if output == "variation" else output
-        if kind == "cost":
+        if output == "cost":
             return self.cost_interval
-        if kind == "worst_case":
-            return float(low @ self.linear.worst), float(high @ self.linear.worst)
-        if kind in ("rss", "shifted_rss"):
-            least, most = self._rss_interval
-            shift = self.linear.shift if kind == "shifted_rss" else np.zeros_like(low)
-            return least + float(low @ shift), most + float(high @ shift)
-        if kind == "yield_percent":
-            return 0.0, 100.0
+        if output in self._intervals:
+            return self._intervals[output]
         if output in self.names and output.endswith("_t"):
             at = [f"{part.name}_t" for part in self._parts].index(output)
-            return float(low[at]), float(high[at])
+            return float(self.ends_of_t[0][at]), float(self.ends_of_t[1][at])
         return super().interval(output)
 
     @cached_property
-    def _ends_of_t(self) -> tuple[Array, Array]:
+    def _intervals(self) -> dict[str, Interval]:
+        """Proven bounds of the outputs of every requirement, and of all together."""
+        found: dict[str, Interval] = {}
+        for one in self.measured:
+            found |= one.intervals(*self.ends_of_t)
+            if one.partial:
+                ends = (one.margin(end[None, :]) for end in self.ends_of_t)
+                most, least = (float(end[one.name("domain_margin")][0]) for end in ends)
+                found[one.name("domain_margin")] = least, most
+        return found | joint_intervals(self.measured, found) | {"yield_percent": (0.0, 100.0)}
+
+    @cached_property
+    def ends_of_t(self) -> tuple[Array, Array]:
         """Tightest and loosest half-width (parts,)."""
         return (np.array([part.low for part in self._parts]),
                 np.array([part.high for part in self._parts]))  # fmt: skip
 
-    @cached_property
-    def _rss_interval(self) -> Interval:
-        """Bounds of the root sum square; exact unless contributions compensate each other."""
-        low, high = self._ends_of_t
-        adding = np.maximum(self.linear.covariance, 0.0)
-        taking = np.minimum(self.linear.covariance, 0.0)
-        ends = (
-            low @ adding @ low + high @ taking @ high,
-            high @ adding @ high + low @ taking @ low,
-        )
-        least, most = 3.0 * np.sqrt(np.maximum(ends, 0.0))
-        return float(least), float(most)
+    @property
+    def negative(self) -> bool:
+        """Whether deviations of parts may compensate each other."""
+        return any(bool(np.any(one.linear.covariance < 0.0)) for one in self.measured)
 
     @cached_property
     def cost_interval(self) -> Interval:
         """Least and largest cost: every part in its cheapest and its dearest process."""
         return self._costs.interval
+
+    def corner(self, tight: bool) -> Array:
+        """The design with every tolerance at its tightest or loosest (all variables,)."""
+        return self._corner(tight)
 
     def _corner(self, tight: bool) -> Array:
         """The design with every tolerance at its tightest or loosest, and a process for it."""
@@ -378,61 +310,26 @@ class Stack(ToleranceProblem):
     # ---------------------------------------------------------------- faults and warnings
 
     def faults(self) -> list[Fault]:
-        found = self._size_faults() or super().faults()
-        if self._wanted("yield_percent") and not self.definition.mechanism.bounded:
-            text = "needs requirement.lower, requirement.upper or both: without them there is none"
-            found.append(Fault("limits.yield_percent", text))
-        if self.definition.requirement.method == "monte_carlo" and not found:
-            loose = self.tolerances(self._corner(tight=False)[None, :])
-            coverage = self.settings.propagation.coverage
-            width = half_width(self.definition.mechanism, loose, self._searching, coverage)
-            if not np.isfinite(width[0]):
-                text = ("the formula has no value for some units of the sample at the loosest "
-                        "tolerances; tighten the ranges")  # fmt: skip
-                found.append(Fault("requirement.formula", text))
-        return found
-
-    def _size_faults(self) -> list[Fault]:
-        """A sample of too many pieces."""
-        pieces, samples = len(self.definition.mechanism.owner), self.settings.propagation.samples
-        complaint = too_many(samples, DEVIATIONS, pieces, "samples x pieces")
-        return [Fault("propagation.samples", complaint)] if complaint else []
+        found = size_faults(self) or super().faults()
+        found += [*yield_faults(self), *range_faults(self)]
+        return found or domain_faults(self)
 
     def assumptions(self) -> tuple[Assumption, ...]:
         return assumptions_of(self.definition)
+
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        return domain_remarks(self.measured, front)
 
     def warnings(self) -> tuple[str, ...]:
         return self._warnings
 
     @cached_property
     def _warnings(self) -> tuple[str, ...]:
-        found = [f"part {part.name}: {why}" for part in self._parts
-                 for key, why in part.assumed.items() if key in ("grade", "fit")]  # fmt: skip
-        if self.definition.mechanism.formula is None:
-            return tuple(found)
-        unit = f" {self.definition.requirement.unit}".rstrip()
-        found += linearity_warnings(self.definition.mechanism, self.linear, *self._tried, unit,
-                                    self._drawn(WARNING_SAMPLES))  # fmt: skip
-        return tuple(found)
+        return warnings_of(self)
 
-    @cached_property
-    def _tried(self) -> tuple[Array, str]:
-        """The loosest design that keeps the limits on the linear variations, and its name."""
-        low, high = self._ends_of_t
-        share = np.linspace(0.0, 1.0, 257)[:, None]
-        line = low + share * (high - low)
-        values = {
-            "worst_case": self.linear.worst_case(line),
-            "rss": self.linear.rss(line),
-            "shifted_rss": self.linear.shifted_rss(line),
-        }
-        kept = np.ones(len(line), dtype=bool)
-        for limit in self.limits:
-            method = self.definition.requirement.method
-            name = method if limit.name == "variation" else limit.name
-            if name in values:
-                kept &= values[name] <= limit.high
-        if np.all(kept) or not np.any(kept):
-            return high, "at the loosest tolerances"
-        rows = np.flatnonzero(kept)
-        return line[rows[-1]], f"at a variation of {values['rss'][rows[-1]]:.4g} (rss)"
+
+def _named(top: Section) -> tuple[list[str], list[str]]:
+    """Names of objectives and limits, as far as they can be read."""
+    names, limits = top.section("objectives").take("minimise"), top.section("limits")
+    named = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+    return (named if "objectives" in top else list(OBJECTIVES)), list(limits.given())

@@ -1,14 +1,15 @@
-"""Reads `[requirement]`, `[[part]]` and `[[correlation]]` into a checked definition."""
+"""Reads requirements, `[[part]]` and `[[correlation]]` into a checked definition."""
 
 from __future__ import annotations
 
 from ...errors import Fault, nearest
 from ...models.inputs import Normal
 from ...section import Range, Section
-from ...units import family
-from .build import mechanism_of
-from .definition import METHODS, Correlation, Definition, Part, Requirement
+from .build import mechanisms_of
+from .definition import Correlation, Definition, Part, Requirement
 from .parts import read_parts
+from .requirements import read_requirements
+from .sensitivities import sensitivity_faults
 
 _REMEDIES = {
     "variables": "a stack states its ranges in [[part]]: t_min and t_max, or tolerance",
@@ -17,63 +18,33 @@ _REMEDIES = {
 }
 
 
-def read_definition(top: Section, faults: list[Fault]) -> tuple[list[Part | None], Requirement,
-                                                                 Definition | None]:  # fmt: skip
-    """Parts and requirement as far as they can be read, and the whole where nothing is wrong."""
+def read_definition(
+    top: Section, faults: list[Fault]
+) -> tuple[list[Part | None], tuple[Requirement, ...], Definition | None]:
+    """Parts and requirements as far as they can be read, and the whole where nothing is wrong."""
     for key, message in _REMEDIES.items():
         if key in top:
             faults.append(Fault(key, message))
     if "method" in top.section("propagation"):
         text = "is not a key of a stack: set requirement.method"
         faults.append(Fault("propagation.method", text))
-    requirement = _requirement(top, faults)
-    try:
-        length = requirement.unit if family(requirement.unit)[0] == "meter" else ""
-    except ValueError:
-        length = ""
-    parts = read_parts(top, length, faults)
+    requirements = read_requirements(top, faults)
+    parts = read_parts(top, requirements, faults)
     if top.take("part") is None or top.take("part") == []:
         faults.append(Fault("part", "is missing: a stack needs [[part]] tables"))
     whole = [part for part in parts if part is not None]
     correlations = _correlations(top, whole, len(whole) == len(parts), faults)
-    faults += _either(requirement, top, parts)
+    if requirements[0].key:
+        faults += sensitivity_faults(requirements, top.tables("part"))
+    else:
+        faults += _either(requirements[0], top, parts)
     if faults or not parts:
-        return parts, requirement, None
-    mechanism = mechanism_of(requirement, whole, correlations, faults)
-    if mechanism is None or faults:
-        return parts, requirement, None
-    return parts, requirement, Definition(requirement, tuple(whole), mechanism, correlations)
-
-
-def _requirement(top: Section, faults: list[Fault]) -> Requirement:
-    """`[requirement]`; what is faulty in it has its default."""
-    if "requirement" not in top:
-        faults.append(Fault("requirement", "is missing: name its unit, formula and limits"))
-    section = top.collecting("requirement", faults)
-    unit = section.text("unit") or ""
-    if "requirement" in top and "unit" not in section:
-        section.fault("unit", 'is missing: write "mm", "rad", "deg", ... ("" for a plain number)')
-    try:
-        family(unit)
-    except ValueError as error:
-        section.fault("unit", str(error))
-        unit = ""
-    lower, upper = (section.number(key, unit) for key in ("lower", "upper"))
-    if lower is not None and upper is not None and lower >= upper:
-        section.fault("lower", f"must be below upper ({upper:g}), got {lower:g}")
-    nominal = section.number("nominal", unit)
-    found = Requirement(
-        name=section.text("name") or "",
-        unit=unit,
-        formula=section.text("formula") or "",
-        nominal=nominal,
-        stated_nominal=None if nominal is None else section.take("nominal"),
-        lower=lower,
-        upper=upper,
-        method=section.text("method", METHODS) or "rss",
-    )
-    section.finish()
-    return found
+        return parts, requirements, None
+    mechanisms = mechanisms_of(requirements, whole, correlations, faults)
+    if faults:
+        return parts, requirements, None
+    definition = Definition(requirements, tuple(whole), mechanisms, correlations)
+    return parts, requirements, definition
 
 
 def _correlations(

@@ -10,9 +10,10 @@ from .definition import Definition, Part, Process, Requirement
 
 
 def tables_of(definition: Definition) -> dict[str, Any]:
-    """`[requirement]`, `[[part]]` and `[[correlation]]`."""
+    """`[requirement]` or each `[[requirement]]`, `[[part]]` and `[[correlation]]`."""
+    each = [_requirement(one) for one in definition.requirements]
     found: dict[str, Any] = {
-        "requirement": _requirement(definition.requirement),
+        "requirement": each if definition.requirement.key else each[0],
         "part": [_part(part) for part in definition.parts],
     }
     if definition.correlations:
@@ -32,6 +33,7 @@ def _requirement(requirement: Requirement) -> dict[str, Any]:
         "lower": requirement.lower,
         "upper": requirement.upper,
         "method": requirement.method,
+        "weight": requirement.weight if requirement.key else None,
     }
     return {key: value for key, value in found.items() if value is not None}
 
@@ -40,8 +42,8 @@ def _part(part: Part) -> dict[str, Any]:
     found: dict[str, Any] = {"name": part.name, "unit": part.unit, "count": part.count}
     if part.nominal is not None:
         found["nominal"] = part.nominal
-    if part.sensitivity is not None:
-        found["sensitivity"] = part.sensitivity
+    if part.sensitivities:
+        found["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
     found |= written(part.distribution)
     if part.alternatives:
         return found | {"process": [{"name": p.name} | _range(p) for p in part.processes]}

@@ -35,7 +35,7 @@ def below_of_uniforms(s: np.ndarray, y: float) -> float:
 @pytest.mark.parametrize("p", [0.6, 0.95, 0.9973])
 @pytest.mark.parametrize("m", [2, 3, 6])
 def test_uniform_deviations_by_inclusion_and_exclusion(p: float, m: int) -> None:
-    """The stated error of the value covers what is left out (2e-12: rounding of the closed form)."""
+    """The stated error covers what is left out (2e-12: rounding of the closed form)."""
     s = np.linspace(1.0, 0.3, m)
     found = SymmetricSum([EvenPlateau()] * m).quantile(s[None, :], p)
     y, error = float(found.value[0]), float(found.value_error[0])

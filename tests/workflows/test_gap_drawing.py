@@ -142,6 +142,7 @@ def test_models_of_no_drawing_have_no_allocation(folder: Path) -> None:
 def test_a_chosen_point_of_a_run_directory(folder: Path) -> None:
     """The rounded allocation of `allocation.csv`, or a row of the front by its number."""
     command = ["run", str(folder / "run.toml"), "--out", str(folder / "run"), "--quiet",
+               "--set", "algorithm.name=nsga2",
                "--set", "algorithm.population=12", "--set", "algorithm.generations=2",
                "--set", "references=none",
                "--set", "limits.interference_probability=0.9"]  # fmt: skip

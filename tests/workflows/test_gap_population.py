@@ -18,12 +18,13 @@ from tolevo.configuration.reader import read_table
 from tolevo.errors import InputError
 from tolevo.gap_records import GapResult
 from tolevo.models.effects.compose import predicted
+from tolevo.models.effects.population.law import Law
 from tolevo.models.propagation import Convolution
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.units import ARCMIN
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.distance import distance, floor
-from tolevo.workflows.gap.law import Law, law_of
+from tolevo.workflows.gap.law import law_of
 from tolevo.workflows.gap.mean_unit import of_mean_unit
 from tolevo.workflows.gap.plan import GapPlan
 from tolevo.workflows.gap.read import read_data

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from tolevo.gap_population_records import PopulationLine
-from tolevo.workflows.gap.law import Law
+from tolevo.models.effects.population.law import Law
 from tolevo.workflows.gap.populations.lines import Compared, batches, rarely
 from tolevo.workflows.gap.populations.statistics import (
     Look,

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...models.effects.population.law import Law
 from ...models.inputs.distribution import Array
-from .law import Law
 
 BATCHES = 400
 """Simulated batches that the floor is read from."""

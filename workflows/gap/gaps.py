@@ -9,7 +9,7 @@ import numpy as np
 
 from ...models.inputs.distribution import Array
 from .distance import distance, floor
-from .population import held_out_units, law_with
+from .population import held_out_units
 from .result import Ending, rmse
 
 OF_ROWS = "RMSE on rows that the fit never saw; the floor is the noise"
@@ -71,8 +71,8 @@ def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
         law = whole = bare.setup.laws[output.name]
         x, y = x[good], y[good]
         for one in end.analysis.scatter[:1] if at == 0 else ():
-            y = held_out_units(bare.batch.units(end.fit), one, y + one.moves(end.setup.data.target))
-            whole = law_with(law, one)
+            y = held_out_units(bare.batch.units(end.fit), one, y + one.moves)
+            whole = one.changed(law)
         rng = np.random.default_rng([end.setup.plan.seed, 8, at])
         first[output.name] = distance(law, x)
         last[output.name] = distance(whole, y)

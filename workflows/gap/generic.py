@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from ...models.effects.readings import unit_numbers
+from ...models.gear import SUN
 from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
 from ...units import converted
@@ -22,14 +23,17 @@ from .data import GapData
 from .linear import Groups, joined
 
 HIGHEST = 130.0
-"""Highest order of the periodogram; its grid is of quarters."""
+"""Highest order of the periodogram, unless the gear has higher ones; its grid is of quarters."""
+BEYOND = 10.0
+"""Orders above the highest of the gear that are looked at."""
+MOST_ORDERS = 600.0
 OVER_A_WORKSPACE = 12.0
 """The same where the angle is that of a pose: no teeth pass by."""
 MEAN = "mean of the units"
 PREDICTED = "predicted "
 """Before the name of an output: the variable that its prediction is."""
-USUAL = (1.0, 2.0, 4.0, 39.0, 40.0, 78.0, 80.0, 120.0)
-"""Orders that are also tried with a size that follows another input."""
+USUAL = (1.0, 2.0, 4.0)
+"""Orders that are also tried with a size that follows another input, beside those of the gear."""
 SWING = "a swing of "
 """How the detail of a slow wave of the time begins."""
 CYCLES = tuple(np.arange(0.75, 8.1, 0.25).tolist())
@@ -245,6 +249,8 @@ def order_grid(data: GapData) -> Array:
     angle = data.readings[Role.ANGLE]
     least = 0.25 * np.ceil(4.0 * 2 * np.pi / max(float(np.ptp(angle)), 1e-9))
     highest = OVER_A_WORKSPACE if Role.POSITION in data.readings else HIGHEST
+    if data.target.gear is not None:
+        highest = min(max(highest, data.target.gear.waves[-1] + BEYOND), MOST_ORDERS)
     return np.arange(max(0.25, min(least, 1.0)), highest + 0.1, 0.25)
 
 
@@ -266,10 +272,19 @@ def _orders(data: GapData) -> list[tuple[Form, Array]]:
     return found + _modulated(data, column, angle)
 
 
+def usual_orders(data: GapData) -> tuple[float, ...]:
+    """Orders of encoder and gear, but that of the sun in the housing, one above that before it."""
+    gear = data.target.gear
+    if gear is None:
+        return USUAL
+    sun = gear.orders.get(SUN, 0.0)
+    return (*USUAL, *(order for order in gear.waves if order != sun))
+
+
 def _modulated(data: GapData, column: Column, angle: Array) -> list[tuple[Form, Array]]:
     """Waves of the usual orders that grow with another input, or with its square."""
     found = []
-    for order in USUAL:
+    for order in usual_orders(data):
         wave = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
         for other in (c for c in data.inputs if c.role in (*SMOOTH, Role.DIRECTION)):
             x = np.asarray(data.readings.table[other.name], dtype=float)

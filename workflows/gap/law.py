@@ -1,21 +1,23 @@
-"""The law that the units of a batch scatter by, about the mean of the model."""
+"""The law that the units of a batch scatter by: convolved, or estimated from units."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 from statsmodels.nonparametric.kde import KDEUnivariate
 
-from ...models.effects.compose import acting
+from ...models.effects.effect import Effect, Readings, Target
+from ...models.effects.population.law import Law
+from ...models.effects.population.units import OfUnits
 from ...models.effects.readings import readings_of, target_of
 from ...models.inputs.distribution import Array
-from .library import ON_SCATTER
+from ...models.sources import Sources
 from .plan import GapPlan
+from .populations.unit_law import UnitLaw
 
 DRAWN = 200_000
 """Units that the density is read from."""
@@ -23,75 +25,91 @@ CELLS = 512
 SMOOTHED = 0.1
 """Width of the kernel that smooths the drawn units, as a share of their standard deviation."""
 LEAST = 1e-12
+MAPPED = 8192
+"""Units that an effect without a density of its own is given."""
+DRAWS = 32
+"""Draws by which an effect on the scatter is told from one that moves each unit by its own."""
+STILL = 1e-9
 
 
-@dataclass(frozen=True)
-class Law:
-    """Log density of deviations from the model's mean, on a lattice of `low` + k `step`."""
-
-    low: float
-    step: float
-    log: Array
-    std: float
-
-    def __call__(self, x: Array) -> Array:
-        """Log density at deviations x; beyond the lattice it falls as a normal's."""
-        lattice = self.low + self.step * np.arange(len(self.log))
-        beyond = np.maximum(lattice[0] - x, x - lattice[-1]).clip(0.0) / self.std
-        return np.asarray(np.interp(x, lattice, self.log) - 0.5 * beyond**2 - 3.0 * beyond)
-
-    @cached_property
-    def histogram(self) -> Any:
-        """The same as a distribution of scipy: shares, quantiles, draws."""
-        edges = self.low + self.step * (np.arange(len(self.log) + 1) - 0.5)
-        return stats.rv_histogram((np.exp(self.log), edges), density=True)
-
-    def widened(self, growth: float) -> Law:
-        """Every deviation 1 + growth times as large."""
-        by = 1.0 + growth
-        return replace(self, low=by * self.low, step=by * self.step,
-                       log=self.log - np.log(by), std=by * self.std)  # fmt: skip
-
-    def mixed(self, offset: float, share: float) -> Law:
-        """A share of the units off by `offset`: the mean moves by share times offset."""
-        low, more = self.low + min(offset, 0.0), int(np.ceil(abs(offset) / self.step))
-        x = np.asarray(low + self.step * np.arange(len(self.log) + more), dtype=np.float64)
-        std = float(np.sqrt(self.std**2 + share * (1.0 - share) * offset**2))
-        return Law(low, self.step, mixture(self, x, offset, share), std)
-
-
-def mixture(law: Law, x: Array, offset: float, share: float) -> Array:
-    """Log density at deviations x where a share of the units is off by `offset`."""
-    first, second = np.log1p(-share) + law(x), np.log(share) + law(x - offset)
-    return np.asarray(np.logaddexp(first, second))
-
-
-def law_of(plan: GapPlan, name: str) -> Law:
-    """Of the model's units with the effects on their scatter that are in it already, smoothed."""
-    drawn = _drawn(plan, name)
-    drawn = drawn - drawn.mean()
+def estimated(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
+    """Of units (m,) as deviations from `middle`, smoothed."""
     std = float(drawn.std())
-    smooth = KDEUnivariate(drawn)
+    smooth = KDEUnivariate(drawn - middle)
     smooth.fit(bw=SMOOTHED * std, gridsize=CELLS, cut=0.5 / SMOOTHED)
     chance = np.maximum(smooth.density, LEAST / std)
     return Law(float(smooth.support[0]), float(np.ptp(smooth.support)) / (CELLS - 1),
-               np.log(chance), std)  # fmt: skip
+               np.log(chance), std, mean)  # fmt: skip
 
 
-def _drawn(plan: GapPlan, name: str) -> Array:
-    """Units of the model, each of them in a lot of its own where lots matter."""
+def law_of(plan: GapPlan, name: str) -> Law:
+    """Of the model's units with the effects on their scatter that are in it already.
+
+    The inputs convolved where they add up, else estimated from units.
+    """
     assert plan.model is not None
-    fixed, rng = plan.model.law_sample(), np.random.default_rng([plan.seed, 5])
-    count = len(fixed[name]) if fixed else DRAWN
-    table = {c.name: _constant(c.text, count) for c in plan.model.columns if c.needed}
-    found = fixed or plan.model.predict(table, rng)
-    drawn = np.asarray(found[name], dtype=float)
-    active = [one for one in plan.active if one.effect.name in ON_SCATTER]
+    mean, sources = float(plan.model.means()[name]), plan.model.sources()
+    table = {c.name: _constant(c.text, MAPPED) for c in plan.model.columns if c.needed}
     target = target_of(plan.model, plan.model_name, table)
-    for action in acting(active, readings_of(target.columns, table), target):
-        assert action.population is not None
-        drawn = action.population(drawn, plan.model.means()[name], rng)
-    return drawn
+    readings = readings_of(target.columns, table)
+    law = _drawn(plan, name, mean) if sources is None or sources.widened else _exact(sources, mean)
+    for one in plan.active:
+        if on_scatter(one.effect, one.values, readings, target):
+            law = law_with(law, one.effect, one.values, target)
+    return replace(law, low=law.low - float(law.histogram.mean()))
+
+
+def _exact(sources: Sources, mean: float) -> Law:
+    units = UnitLaw(sources)
+    density = units.density()
+    held = np.flatnonzero(density > LEAST / units.std)
+    x, chance = units.x[held[0] : held[-1] + 1], density[held[0] : held[-1] + 1]
+    std = float(np.sqrt(np.average((x - np.average(x, weights=chance)) ** 2, weights=chance)))
+    return Law(float(x[0]) - mean, units.step, np.log(np.maximum(chance, LEAST / std)), std, mean)
+
+
+def _drawn(plan: GapPlan, name: str, mean: float) -> Law:
+    assert plan.model is not None
+    table = {c.name: _constant(c.text, DRAWN) for c in plan.model.columns if c.needed}
+    rng = np.random.default_rng([plan.seed, 5])
+    found = plan.model.law_sample() or plan.model.predict(table, rng)
+    drawn = np.asarray(found[name], dtype=float)
+    return estimated(drawn, mean, float(drawn.mean()))
+
+
+def law_with(law: Law, effect: Effect, values: Mapping[str, float], target: Target) -> Law:
+    """The law with an effect on the scatter in it: its own, or that of units it was given."""
+    own = effect.law(law, values, target) if isinstance(effect, OfUnits) else None
+    return own or _mapped(law, effect, values, target)
+
+
+def _mapped(law: Law, effect: Effect, values: Mapping[str, float], target: Target) -> Law:
+    rng = np.random.default_rng(0)
+    units = law.histogram.ppf((rng.permutation(MAPPED) + 0.5) / MAPPED) + law.mean
+    table = {c.name: _constant(c.text, MAPPED) for c in target.columns if c.text}
+    action = effect.act(readings_of(target.columns, table), values, target)
+    assert action.population is not None
+    return estimated(np.asarray(action.population(units, law.mean, rng)), law.mean, law.mean)
+
+
+def on_scatter(
+    effect: Effect, values: Mapping[str, float], readings: Readings, target: Target
+) -> bool:
+    """Whether an effect on a population moves units otherwise than each by an amount of its own."""
+    act = effect.act(readings, values, target).population if target.population else None
+    if act is None:
+        return False
+    first, *others = (_moves(act, len(readings), seed) for seed in range(DRAWS))
+    size = max(float(np.abs(first).max(initial=0.0)), 1.0)
+    return any(bool((np.abs(one - first) > STILL * size).any()) for one in others)
+
+
+def _moves(
+    act: Callable[[Array, float, np.random.Generator], Array], count: int, seed: int
+) -> Array:
+    rng = np.random.default_rng(seed)
+    drawn = rng.normal(size=count)
+    return np.asarray(act(drawn, 0.0, rng) - drawn)
 
 
 def _constant(text: bool, count: int) -> NDArray[Any]:

@@ -18,9 +18,7 @@ from ...models.effects.unresolved import Unresolved
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .data import GapData
-
-ON_SCATTER = ("spread_inflation", "lot_mixture")
-"""Effects on the scatter of a population: they move no single unit."""
+from .law import on_scatter
 
 Predict = Callable[[Mapping[str, Array]], Mapping[str, Array]]
 """The model's outputs (n,) by name, at changes inside of it."""
@@ -52,12 +50,14 @@ class Candidate:
 
     What it would show in is `unread` where that was not measured, or never changed: it moves all
     units of a population alike then, as other causes do, and is never more than a rival of them.
+    One `on_scatter` of a population moves no unit by an amount of its own.
     """
 
     effect: Effect
     linear: tuple[EffectParameter, ...]
     shape: tuple[EffectParameter, ...]
     unread: bool = False
+    on_scatter: bool = False
 
     @property
     def name(self) -> str:
@@ -205,8 +205,25 @@ def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
             numbers = effect.parameters(data.target)
             linear = tuple(one for one in numbers if one.linear)
             shape = tuple(_chosen(one, shown) for one in numbers if not one.linear)
-            found.append(Candidate(effect, linear, shape, _unread(effect, data)))
+            one = Candidate(effect, linear, shape, _unread(effect, data))
+            found.append(replace(one, on_scatter=_on_scatter(one, data)))
     return found
+
+
+def _on_scatter(one: Candidate, data: GapData) -> bool:
+    """Whether it changes the scatter of units, at values within its bounds."""
+    if not data.target.population:
+        return False
+    values = {n.name: _step(n) for n in one.linear}
+    values |= {n.name: n.choices[0] if n.choices else _within(n) for n in one.shape}
+    return on_scatter(one.effect, values, data.readings, data.target)
+
+
+def _within(number: EffectParameter) -> float:
+    low, high = number.low, number.high
+    if np.isfinite([low, high]).all():
+        return 0.5 * (low + high)
+    return low + 1.0 if np.isfinite(low) else 0.5 * min(high, 2.0)
 
 
 def left_out(names: Iterable[str], data: GapData) -> list[str]:

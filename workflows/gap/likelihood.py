@@ -2,26 +2,137 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
 
 import numpy as np
 from scipy import optimize, stats
 from statsmodels.tools.numdiff import approx_hess
 
+from ...models.effects.compose import Active
+from ...models.effects.effect import EffectParameter, Target
+from ...models.effects.population.law import Law
 from ...models.inputs.distribution import Array
-from .law import Law, mixture
+from .law import law_with
+from .library import Candidate, carried
 from .plan import GapPlan
 
 GROWTHS = np.geomspace(1.03, 4.0, 24) - 1.0
-STEPS = np.concatenate([-np.linspace(0.75, 5.0, 12), np.linspace(0.75, 5.0, 12)])
-SHARES = (0.06, 0.12, 0.25, 0.5, 0.75, 0.88)
+STEPS = np.linspace(0.75, 5.0, 12)
+SHARES = np.array([0.06, 0.12, 0.25, 0.5, 0.75, 0.88])
+FARTHEST = 20.0
 MOST = 400
-"""Units of a simulated batch; a likelihood ratio does not depend on their number."""
+"""Units of a simulated batch; a likelihood ratio does not depend on their number. Also the most
+starting points of a fit."""
 
 
-def threshold(law: Law, count: int, plan: GapPlan) -> float:
-    """What the better of both reaches on batches that are drawn from the model.
+@dataclass(frozen=True)
+class Kind:
+    """Of a parameter: values to start from, those that chance is read from, bounds, and the step
+    that its curvature is taken over.
+    """
+
+    starts: Array
+    coarse: Array
+    bounds: tuple[float, float]
+    step: float
+
+
+@dataclass(frozen=True)
+class BatchLikelihood:
+    """Of deviations (n,) from the model's mean, with one effect on their scatter in the law.
+
+    Its parameters are `p` (k,), those in the output's unit in standard deviations of the law.
+    """
+
+    candidate: Candidate
+    law: Law
+    target: Target
+    about_mean: bool = False
+    """Whether the deviations are taken from the mean that the units have, not from the model's."""
+
+    @cached_property
+    def numbers(self) -> tuple[EffectParameter, ...]:
+        """What is fitted."""
+        return (*self.candidate.linear, *self.candidate.shape)
+
+    @cached_property
+    def scale(self) -> Array:
+        """Of each parameter (k,), in its unit."""
+        unit = self.target.outputs[0].unit
+        return np.array([self.law.std if unit and one.unit == unit else 1.0
+                         for one in self.numbers])  # fmt: skip
+
+    def _kind(self, at: int) -> Kind:
+        one, scale = self.numbers[at], float(self.scale[at])
+        low, high = max(one.low / scale, -FARTHEST), min(one.high / scale, FARTHEST)
+        if one.unit == self.target.outputs[0].unit:
+            both = np.concatenate([-STEPS, STEPS]) if low < 0.0 else STEPS
+            return Kind(both, both[::3], (low, high), 0.1)
+        if np.isfinite([one.low, one.high]).all():
+            inside = SHARES if low >= 0.0 and high <= 1.0 else low + (high - low) * SHARES
+            return Kind(inside, inside[:4:2], (low, high), 0.005 * (high - low))
+        both = np.concatenate([-GROWTHS, GROWTHS]) if low < 0.0 else GROWTHS
+        return Kind(both, both[::2], (low, high), 0.05)
+
+    def _grid(self, coarse: bool) -> Array:
+        """Starting points (m, k)."""
+        kinds = [self._kind(at) for at in range(len(self.numbers))]
+        axes = [one.coarse if coarse else one.starts for one in kinds]
+        while np.prod([len(one) for one in axes]) > MOST:
+            axes = [one[::2] for one in axes]
+        return np.array(list(product(*axes)), dtype=np.float64)
+
+    def values(self, p: Array) -> dict[str, float]:
+        """Parameters by name, in their units."""
+        named = zip(self.numbers, np.asarray(p) * self.scale, strict=True)
+        return {one.name: float(value) for one, value in named}
+
+    def changed(self, p: Array) -> Law:
+        """The law with the effect in it."""
+        return law_with(self.law, self.candidate.effect, self.values(p), self.target)
+
+    def __call__(self, x: Array, p: Array) -> float:
+        """The log likelihood of deviations (n,)."""
+        moved = self.mean(p) if self.about_mean else 0.0
+        return float(self.changed(p)(x + moved).sum())
+
+    def mean(self, p: Array) -> float:
+        """By how much the effect moves the mean."""
+        return carried([Active(self.candidate.effect, self.values(p))], self.target)
+
+    def best(self, x: Array, start: Array | None = None) -> Array:
+        """The likeliest parameters (k,)."""
+        starts = self._grid(False) if start is None else start[None]
+
+        def worse(p: Array) -> float:
+            return -self(x, p)
+
+        found = optimize.minimize(
+            worse, min(starts, key=worse), method="Nelder-Mead",
+            bounds=[self._kind(at).bounds for at in range(len(self.numbers))],
+            options={"xatol": 1e-4, "fatol": 1e-3},
+        )  # fmt: skip
+        return np.asarray(found.x)
+
+    def tried(self, at: Array) -> list[Array]:
+        """Log densities (k,) about their mean of a few amounts that stand for all."""
+        return [self.changed(p)(at + self.mean(p)) for p in self._grid(True)]
+
+    def half_widths(self, x: Array, at: Array, level: float) -> Array:
+        """Half-widths (k,) of intervals from the curvature, all numbers together."""
+        steps = np.array([self._kind(k).step for k in range(len(self.numbers))])
+        bend = np.atleast_2d(approx_hess(at, lambda p: -self(x, p), epsilon=steps))
+        variance = np.diag(np.linalg.pinv(bend))
+        return np.asarray(stats.norm.ppf(0.5 + 0.5 * level) * np.sqrt(np.maximum(variance, 1e-12)))
+
+
+def threshold(
+    law: Law, every: Sequence[Candidate], target: Target, count: int, plan: GapPlan
+) -> float:
+    """What the best of all effects reaches on batches that are drawn from the model.
 
     The units are counted in the cells of a lattice, so that a likelihood is a product.
     """
@@ -33,70 +144,7 @@ def threshold(law: Law, count: int, plan: GapPlan) -> float:
     cell = ((x - low) / law.step).astype(np.int64) + cells * np.arange(len(x))[:, None]
     counts = np.bincount(cell.ravel(), minlength=cells * len(x)).reshape(len(x), cells)
     at = np.asarray(low + law.step * (np.arange(cells) + 0.5), dtype=np.float64)
-    tried = [law.widened(growth)(at) for growth in GROWTHS[::2]]
-    tried += [mixture(law, at + share * step, step, share)
-              for step in STEPS[::3] * law.std for share in SHARES[:4:2]]  # fmt: skip
+    tried = [log for one in every for log in BatchLikelihood(one, law, target).tried(at)]
     gains = counts.astype(float) @ (np.column_stack(tried) - law(at)[:, None])
     best = np.maximum(gains.max(axis=1), 0.0)
     return float(np.quantile(2.0 * best, 1.0 - plan.settings.false_rate))
-
-
-Likelihood = Callable[[Array, Array], float]
-"""Log likelihood of deviations (n,) at the parameters (k,) of an effect on their scatter."""
-
-
-@dataclass(frozen=True)
-class Kind:
-    """How one effect acts on the law, and its likelihood: starting points (m, k), bounds, the scale
-    (k,) of each parameter in the output's unit, steps (k,) that its curvature is taken over, and
-    by how much it moves the mean.
-    """
-
-    likelihood: Likelihood
-    starts: Array
-    bounds: list[tuple[float, float]]
-    scale: Array
-    steps: Array
-    mean: Callable[[Array], float]
-    law: Callable[[Array], Law]
-
-    def best(self, x: Array, start: Array | None = None) -> Array:
-        """The likeliest parameters (k,)."""
-        starts = self.starts if start is None else start[None]
-
-        def worse(p: Array) -> float:
-            return -self.likelihood(x, p)
-
-        found = optimize.minimize(
-            worse, min(starts, key=worse), method="Nelder-Mead", bounds=self.bounds,
-            options={"xatol": 1e-4, "fatol": 1e-3},
-        )  # fmt: skip
-        return np.asarray(found.x)
-
-    def about_mean(self, x: Array, p: Array) -> float:
-        """The likelihood with the mean where it fits: that of the units is the population's."""
-        return self.likelihood(x + self.mean(p), p)
-
-
-def kind_of(name: str, law: Law) -> Kind:
-    """The effect of that name on the scatter of a law."""
-    if name == "spread_inflation":
-        return Kind(
-            lambda x, p: float(law.widened(float(p[0]))(x).sum()),
-            GROWTHS[:, None], [(0.0, 20.0)], np.ones(1), np.array([0.05]),
-            lambda p: 0.0, lambda p: law.widened(float(p[0])),
-        )  # fmt: skip
-    starts = np.array([(step, share) for step in STEPS for share in SHARES])
-    return Kind(
-        lambda x, p: float(mixture(law, x, float(p[0]) * law.std, float(p[1])).sum()),
-        starts, [(-20.0, 20.0), (0.02, 0.98)], np.array([law.std, 1.0]), np.array([0.1, 0.005]),
-        lambda p: float(p[0] * p[1]) * law.std,
-        lambda p: law.mixed(float(p[0]) * law.std, float(p[1])),
-    )  # fmt: skip
-
-
-def half_widths(kind: Kind, x: Array, at: Array, level: float) -> Array:
-    """Half-widths (k,) of intervals from the curvature of the likelihood, all numbers together."""
-    bend = np.atleast_2d(approx_hess(at, lambda p: -kind.likelihood(x, p), epsilon=kind.steps))
-    variance = np.diag(np.linalg.pinv(bend))
-    return np.asarray(stats.norm.ppf(0.5 + 0.5 * level) * np.sqrt(np.maximum(variance, 1e-12)))

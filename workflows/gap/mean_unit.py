@@ -11,7 +11,8 @@ from ...models.effects.compose import acting, added, changes_of
 from ...models.inputs.distribution import Array
 from ...models.measurable import MeasurableModel
 from .data import GapData
-from .library import ON_SCATTER, Predict, carried
+from .law import on_scatter
+from .library import Predict, carried
 from .plan import GapPlan
 
 POINTS = 9
@@ -20,7 +21,8 @@ POINTS = 9
 
 def of_mean_unit(plan: GapPlan, data: GapData, model: MeasurableModel) -> Predict:
     """The mean over the units of a population, each row with its own changes inside."""
-    moving = [one for one in plan.active if one.effect.name not in ON_SCATTER]
+    moving = [one for one in plan.active
+              if not on_scatter(one.effect, one.values, data.readings, data.target)]  # fmt: skip
     actions = acting(moving, data.readings, data.target)
     always = changes_of(actions)
     by, bare = carried(plan.active, data.target), model.means()

@@ -16,15 +16,17 @@ from scipy import stats
 
 from ...models.effects import Target
 from ...models.effects.compose import Active
+from ...models.effects.population.law import Law
+from ...models.effects.population.units import OfUnits
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
 from .ambiguity import INSTRUMENT
 from .blocks import Improvement
 from .distance import distance, floor, matched
 from .fit import Fit, Member
-from .law import Law
+from .law import law_with
 from .library import Candidate, carried
-from .likelihood import Kind, half_widths, kind_of, threshold
+from .likelihood import BatchLikelihood, threshold
 from .select import Search
 from .setup import Setup, left_of
 
@@ -43,6 +45,7 @@ class Scatter:
     """
 
     candidate: Candidate
+    target: Target
     numbers: dict[str, float]
     intervals: dict[str, tuple[float, float]]
     gain: float
@@ -62,15 +65,19 @@ class Scatter:
         """The effect in a model."""
         return Active(self.candidate.effect, self.numbers)
 
-    def moves(self, target: Target) -> float:
-        """By how much it moves the mean of the units."""
-        return carried([self.active], target)
-
     @property
-    def fitted(self) -> Array:
-        """Its numbers (k,) that were fitted."""
-        kind = (*self.candidate.linear, *self.candidate.shape)
-        return np.array([self.numbers[one.name] for one in kind])
+    def moves(self) -> float:
+        """By how much it moves the mean of the units."""
+        return carried([self.active], self.target)
+
+    def changed(self, law: Law) -> Law:
+        """A law with the effect in it."""
+        return law_with(law, self.candidate.effect, self.numbers, self.target)
+
+    def likelihood(self, law: Law) -> tuple[BatchLikelihood, Array]:
+        """That it was fitted by (about the units' mean beside another name), and where (k,)."""
+        found = BatchLikelihood(self.candidate, law, self.target, bool(self.beside))
+        return found, np.array([self.numbers[one.name] for one in found.numbers]) / found.scale
 
 
 @dataclass(frozen=True)
@@ -105,7 +112,8 @@ class Batch:
     @cached_property
     def limit(self) -> float:
         """What twice a log likelihood ratio reaches by chance."""
-        return threshold(self.law, len(self.setup.data), self.setup.plan)
+        setup = self.setup
+        return threshold(self.law, setup.on_scatter, setup.data.target, len(setup.data), setup.plan)
 
     @cached_property
     def levels(self) -> tuple[str, ...]:
@@ -173,7 +181,7 @@ def misfit(batch: Batch, fit: Fit, wider: Scatter | None) -> Misfit | None:
     if not batch.setup.data.target.population:
         return None
     units, plan = batch.units(fit), batch.setup.plan
-    law = units.law if wider is None else law_with(units.law, wider)
+    law = units.law if wider is None else wider.changed(units.law)
 
     def compared(scaled: bool) -> tuple[float, float]:
         rng = np.random.default_rng([plan.seed, 9])
@@ -219,7 +227,7 @@ def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
 def carrying(setup: Setup, one: Scatter) -> Setup:
     """The setup of the model with an effect on the scatter in it, which may move the mean."""
     plan = replace(setup.plan, active=(*setup.plan.active, one.active))
-    by = one.moves(setup.data.target)
+    by = one.moves
     moved = {name: values + by for name, values in setup.predicted.items()}
     return replace(setup, plan=plan, predicted=moved, residual=setup.residual - by)
 
@@ -234,37 +242,34 @@ def _tried(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scat
     """One effect: with the mean where the effect has it, or wherever it fits where that is far
     likelier.
     """
-    kind = kind_of(candidate.name, units.law)
-    centred = replace(kind, likelihood=kind.about_mean)
+    data = batch.setup.data
+    kind = BatchLikelihood(candidate, units.law, data.target)
+    centred = replace(kind, about_mean=True)
     free, fixed = centred.best(units.centred), kind.best(units.x)
     without = float(units.law(units.centred).sum())
-    gain = 2.0 * (kind.about_mean(units.centred, free) - without)
-    better = 2.0 * (kind.about_mean(units.centred, free) - kind.likelihood(units.x, fixed))
+    gain = 2.0 * (centred(units.centred, free) - without)
+    better = 2.0 * (centred(units.centred, free) - kind(units.x, fixed))
     apart = bool(level) and better > batch.search.thresholds.library
     at, used, x = (free, centred, units.centred) if apart else (fixed, kind, units.x)
     price = float(np.log(len(x))) * (candidate.count + apart)
-    names = [one.name for one in (*candidate.linear, *candidate.shape)]
-    half = half_widths(used, x, at, batch.setup.plan.settings.interval)
-    values = dict(zip(names, (at * kind.scale).tolist(), strict=True))
-    ends = {
-        name: (float((value - width) * by), float((value + width) * by))
-        for name, value, width, by in zip(names, at, half, kind.scale, strict=True)
-    }
-    if candidate.name == "lot_mixture" and Role.LOT in batch.setup.data.readings:
-        values["within_lots"] = 1.0  # the units scatter so beside what moves whole lots
+    half = used.half_widths(x, at, batch.setup.plan.settings.interval)
+    values, low, high = (kind.values(p) for p in (at, at - half, at + half))
+    ends = {name: (low[name], high[name]) for name in values}
+    if Role.LOT in data.readings and isinstance(candidate.effect, OfUnits):
+        values |= candidate.effect.beside_lots
     return Scatter(
-        candidate, values, ends, gain, np.nan, _held_out(units, centred, free),
-        price - 2.0 * used.likelihood(x, at), beside=level if apart else "",
+        candidate, data.target, values, ends, gain, np.nan, _held_out(units, centred, free),
+        price - 2.0 * used(x, at), beside=level if apart else "",
     )  # fmt: skip
 
 
-def _held_out(units: Units, centred: Kind, start: Array) -> Improvement:
+def _held_out(units: Units, centred: BatchLikelihood, start: Array) -> Improvement:
     """Twice the rise of the log likelihood of units that the fit never saw."""
     x, falls = units.centred, []
     for block in np.unique(units.labels):
         out = units.labels == block
         p = centred.best(x[~out], start)
-        falls.append(2.0 * (centred.likelihood(x[out], p) - float(units.law(x[out]).sum())))
+        falls.append(2.0 * (centred(x[out], p) - float(units.law(x[out]).sum())))
     error = float(np.std(falls, ddof=1) * np.sqrt(len(falls))) if len(falls) > 1 else np.inf
     return Improvement(float(np.sum(falls)), error)
 
@@ -273,19 +278,11 @@ def held_out_units(units: Units, one: Scatter, x: Array) -> Array:
     """Deviations x (n,) of units that the fit never saw, as they stand in the population of the
     final fit: at the rank that they have in that of a fit without their block.
     """
-    kind = kind_of(one.candidate.name, units.law)
-    start, found = one.fitted / kind.scale, np.empty_like(x)
-    whole = law_with(units.law, one).histogram
-    used = replace(kind, likelihood=kind.about_mean) if one.beside else kind
+    used, start = one.likelihood(units.law)
+    found, whole = np.empty_like(x), one.changed(units.law).histogram
     for block in np.unique(units.labels):
         out = units.labels == block
         seen = x[~out] - x[~out].mean() if one.beside else x[~out]
-        law = kind.law(used.best(seen, start)).histogram
+        law = used.changed(used.best(seen, start)).histogram
         found[out] = whole.ppf(np.clip(law.cdf(x[out]), CERTAIN, 1.0 - CERTAIN))
     return found
-
-
-def law_with(law: Law, one: Scatter) -> Law:
-    """The law of units with an effect on their scatter."""
-    kind = kind_of(one.candidate.name, law)
-    return kind.law(one.fitted / kind.scale)

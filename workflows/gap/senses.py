@@ -1,7 +1,8 @@
 """Signs that are the other way round: an output, or a column, that counts against the convention.
 
-An effect has the sign that physics gives it. Where the data fit far better turned round, that is
-said before anything else: what is named otherwise is named for the wrong reason.
+An effect has the sign that physics gives it, and a load that resists winds a drive up. Where the
+data fit far better turned round, that is said before anything else: what is named otherwise is
+named for the wrong reason.
 """
 
 from __future__ import annotations
@@ -12,8 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...declarations import Output
+from ...models.effects.effect import kind_of
 from ...models.effects.inside import InsideSeveral
+from ...models.effects.shapes import POSITIONS
 from ...models.inputs.distribution import Array
+from ...models.measurable import Role
 from .data import GapData
 from .library import Candidate, Columns, grid
 from .linear import basis, beside
@@ -27,9 +32,17 @@ LEAST = 20
 """Rows from which a sign is judged."""
 
 
+STEPS = 4
+"""Effects that are fitted one after the other: a wave that dominates says nothing of a sign."""
+ENOUGH = 0.98
+"""Share of the squares that a further effect must at most leave, to be fitted."""
+FALLS = -0.7
+"""Correlation from which a prediction falls with the load."""
+
+
 @dataclass(frozen=True)
 class _Best:
-    """The smallest sum of squares that one effect, or none, leaves, and its name."""
+    """The sum of squares that a few effects leave, and the first of them that has a sign."""
 
     left: float
     name: str = ""
@@ -59,7 +72,23 @@ def turned(
         way = min(ways, key=lambda one: ways[one].left)
         if ways[way].left < FAR * given.left:
             found.append(_said(data, output.name, way, ways[way], given, library))
+        elif text := _falls(data, output, predicted[output.name]):
+            found.append(text)
     return found
+
+
+def _falls(data: GapData, output: Output, predicted: Array) -> str:
+    """A prediction that falls with the load, which winds a drive up; empty where it does not."""
+    load = next((c for c in data.inputs if c.role in (Role.TORQUE, Role.FORCE)), None)
+    if load is None or kind_of(output.unit) not in POSITIONS or not np.ptp(predicted):
+        return ""
+    if float(np.corrcoef(data.readings[load.role], predicted)[0, 1]) > FALLS:
+        return ""
+    return (
+        f"is the sign of {output.name} or of {load.name} the other way round? The prediction falls "
+        f"as {load.name} rises, and a load that resists winds a drive up: give sense = -1 to what "
+        f"counts against docs/conventions.md ({output.name} and its prediction, or {load.name})"
+    )
 
 
 def _blocks(
@@ -77,22 +106,31 @@ def _blocks(
 
 
 def _best(gap: Array, blocks: Sequence[tuple[Candidate, Array]]) -> _Best:
-    """The best single effect on a gap (n,), its bounds kept."""
-    whole = float(gap @ gap)
-    found = _Best(whole)
-    for one, x in blocks:
-        low, high = one.bounds
-        kept = np.linalg.norm(x, axis=0) > 0.0
-        if not kept.any():
-            continue
-        x, low, high = x[:, kept], low[kept], high[kept]
-        sizes, *_ = np.linalg.lstsq(x, gap, rcond=1e-9)
-        if (sizes < low).any() or (sizes > high).any():
-            sizes = _within(x, gap, low, high)
-        left = float(np.sum((gap - x @ sizes) ** 2))
-        if left < found.left:
-            found = _Best(left, one.name)
-    return found
+    """A few effects on a gap (n,), each the best on what those before it left, bounds kept."""
+    whole, name, taken = float(gap @ gap), "", set[str]()
+    for _ in range(STEPS):
+        tried = [(*_left(gap, one, x), one) for one, x in blocks if one.name not in taken]
+        if not tried:
+            break
+        left, rest, one = min(tried, key=lambda each: each[0])
+        if left > ENOUGH * whole:
+            break
+        whole, gap = left, rest
+        taken.add(one.name)
+        name = name or (one.name if (one.bounds[0] > -np.inf).any() else "")
+    return _Best(whole, name)
+
+
+def _left(gap: Array, one: Candidate, x: Array) -> tuple[float, Array]:
+    """What the columns (n, m) of an effect leave of a gap, within their bounds."""
+    kept = np.linalg.norm(x, axis=0) > 0.0
+    low, high = (ends[kept] for ends in one.bounds)
+    x = x[:, kept]
+    sizes, *_ = np.linalg.lstsq(x, gap, rcond=1e-9)
+    if (sizes < low).any() or (sizes > high).any():
+        sizes = _within(x, gap, low, high)
+    rest = np.asarray(gap - x @ sizes)
+    return float(rest @ rest), rest
 
 
 def _within(x: Array, gap: Array, low: Array, high: Array) -> Array:
@@ -121,10 +159,11 @@ def _said(
         more = f" with {best.name}" if best.name else ""
         return (f"{head}{what}{more}; give it sense = -1 if a positive reading means the opposite "
                 "of docs/conventions.md")  # fmt: skip
-    effect = next(one.effect for one in library if one.name == best.name)
-    acting = [c.name for c in data.target.columns if c.role in effect.needs]
-    of = f", or of {' or '.join(acting)}," if acting else ""
-    return (f"{head}With the opposite sign of the gap {best.name} leaves {ratio:.3g} times less "
-            f"than any effect with its own. If {output} and its prediction{of} count against "
+    needs = {role for one in library if one.name == best.name for role in one.effect.needs}
+    acting = [c.name for c in data.target.columns if c.role in needs]
+    of = f", or {' or '.join(acting)}," if acting else ""
+    of_what = f" ({best.name} first)" if best.name else ""
+    return (f"{head}With the opposite sign of the gap the effects of the library{of_what} leave "
+            f"{ratio:.3g} times less. If {output} and its prediction{of} count against "
             "docs/conventions.md, give them sense = -1; if not, the simulation has too much of "
             "it")  # fmt: skip

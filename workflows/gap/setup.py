@@ -10,20 +10,14 @@ import numpy as np
 from scipy import optimize
 
 from ...errors import raise_all
+from ...models.effects.population.law import Law
 from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, Role
 from .data import GapData
 from .fit import Fit
 from .generic import Form, generic
-from .law import Law, law_of
-from .library import (
-    ON_SCATTER,
-    Candidate,
-    Columns,
-    candidates,
-    left_out,
-    with_lots,
-)
+from .law import law_of
+from .library import Candidate, Columns, candidates, left_out, with_lots
 from .linear import basis, beside
 from .plan import GapPlan
 from .predictor import predictor
@@ -91,8 +85,8 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
     return Setup(
         plan=plan,
         data=data,
-        library=tuple(one for one in library if one.name not in ON_SCATTER),
-        on_scatter=tuple(one for one in library if one.name in ON_SCATTER)
+        library=tuple(one for one in library if not one.on_scatter),
+        on_scatter=tuple(one for one in library if one.on_scatter)
         if plan.settings.effects_at_most
         else (),
         forms=tuple(forms),

@@ -27,6 +27,8 @@ OPTIONAL = {
     "unit_turn": "unit_turn.csv",
     "population": "population.csv",
     "assumptions_cost": "assumptions_cost.csv",
+    "requirements": "requirements.csv",
+    "drivers": "drivers.csv",
 }
 NEEDED = {
     "choices": ("choice", "meaning", "point"),
@@ -36,6 +38,8 @@ NEEDED = {
     "unit_turn": ("turn_deg", "backlash_arcmin", "measured"),
     "population": ("backlash_max_arcmin", "share_within_percent", "share_percent"),
     "assumptions_cost": ("assumption", "value", "cost"),
+    "requirements": ("requirement", "multiplier_cost_per_unit"),
+    "drivers": ("part", "driven_by"),
 }
 """Columns that the page reads of them."""
 

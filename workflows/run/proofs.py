@@ -77,6 +77,8 @@ def exact_front(problem: ToleranceProblem) -> Exact | None:
     if not len(x):
         return None
     some = np.unique(np.linspace(0, len(x) - 1, CHECKED).astype(int))
+    if form.tested and np.any(problem.tested(x)[1] > 0.0):
+        return None
     values = _objectives(problem, x[some])
     columns = dict(zip(problem.objectives, values.T, strict=True))
     found = proof(problem, columns, len(some))

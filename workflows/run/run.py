@@ -28,6 +28,7 @@ from .plan import RunOutcome, RunPlan
 from .proofs import Exact, end_notes, exact_front, measures, proof_notes, with_bounds
 from .reach import searchable
 from .references import compare, documents, side_searches, table
+from .requirements import with_requirements
 from .resume import CHECKPOINT, CONFIGURATION, notes_of, opened, seconds_before
 from .sides import Fronts, Sides
 from .units import with_units
@@ -99,7 +100,7 @@ def _run(
     decisions = decide(plan.problem, front, plan.choice)
     result = _result(plan, found, front, references, summary, proven, exact)
     result = replace(with_choices(result, decisions, plan, exact), overlays=others)
-    result = with_units(result, plan.problem)
+    result = with_requirements(with_units(result, plan.problem), plan.problem)
     if not cut:
         result = with_assumptions(result, plan.problem, found.history, progress)
     if before is not None:

@@ -57,6 +57,8 @@ def _texts(result: RunResult) -> dict[str, str]:
         "unit_turn.csv": result.unit_turn,
         "population.csv": result.population,
         "assumptions_cost.csv": result.assumptions_cost,
+        "requirements.csv": result.requirements,
+        "drivers.csv": result.drivers,
     }
     texts = {n: frame.to_csv(index=False) for n, frame in tables.items() if frame is not None}
     return {"config.toml": result.configuration} | texts

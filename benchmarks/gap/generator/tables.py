@@ -109,12 +109,16 @@ POOR: dict[str, Callable[[np.random.Generator, dict[str, Array]], None]] = {
 }
 
 
+def _of(at: dict[str, Array]) -> Points:
+    return Points(at["angle"], at["torque"], at["direction"], at["speed"], at["tau"], at["time"])
+
+
 def points(rng: np.random.Generator, n: int, poor: str | None) -> Points:
     """A design of n rows; `poor` says which inputs are not independent, None that all are."""
     at = independent(rng, n)
     if poor is not None:
         POOR[poor](rng, at)
-    return Points(**at)
+    return _of(at)
 
 
 def own_gear(rng: np.random.Generator, n: int, poor: str | None, declared: bool = True) -> Points:
@@ -141,7 +145,7 @@ def loops(rng: np.random.Generator, n: int, poor: str | None) -> Points:
     at |= {"speed": np.zeros(n), "angle": np.full(n, rng.uniform(0.0, 2.0 * np.pi))}
     if poor is not None:
         temperature_follows_time(rng, at)
-    return Points(**at)
+    return _of(at)
 
 
 NAMES = {

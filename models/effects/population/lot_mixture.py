@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import inf
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from ...measurable import Role
 from ..effect import EffectParameter, Readings, Target, known, quantity
 from ..readings import labels_of, unit_numbers
 from ..shapes import Weight
+from .law import Law
 from .units import OfUnits, number
 
 WITHIN = EffectParameter(
@@ -35,6 +37,8 @@ class LotMixture(OfUnits):
     )
     mistaken_for = ("lot_offset", "spread_inflation", "process_mean_shift")
     reference = "McLachlan and Peel, Finite Mixture Models, 2000"
+    apart_from_inputs = "two suppliers"
+    beside_lots: ClassVar[Mapping[str, float]] = {WITHIN.name: 1.0}
     weight = Weight("offset", "c, how far the second supplier is off", low=-inf)
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
@@ -49,6 +53,9 @@ class LotMixture(OfUnits):
     def carried(self, values: Mapping[str, float], target: Target) -> float:
         """The share of the second supplier times its offset."""
         return values["share"] * known(values, number(self.weight, target))
+
+    def law(self, law: Law, values: Mapping[str, float], target: Target) -> Law:
+        return law.mixed(known(values, number(self.weight, target)), values["share"])
 
     def units(
         self,

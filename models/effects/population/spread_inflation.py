@@ -8,6 +8,7 @@ import numpy as np
 
 from ...inputs.distribution import Array
 from ..effect import EffectParameter, Readings, Target, known, quantity
+from .law import Law
 from .units import OfUnits
 
 
@@ -23,6 +24,9 @@ class SpreadInflation(OfUnits):
 
     def own_parameters(self, target: Target) -> tuple[EffectParameter, ...]:
         return (quantity("growth", "", "g, growth of the standard deviation as a share of it"),)
+
+    def law(self, law: Law, values: Mapping[str, float], target: Target) -> Law:
+        return law.widened(known(values, "growth"))
 
     def units(
         self,

@@ -24,6 +24,7 @@ class ToolWearDrift(MovedUnits):
     needs = (Role.UNIT,)
     mistaken_for = ("drift", "spread_inflation", "lot_offset")
     reference = "Montgomery, Introduction to Statistical Quality Control, 2013"
+    along_units = True
     weight = Weight("rate_per_unit", "a, change from one unit to the next", low=-inf)
 
     def pattern(self, readings: Readings) -> NDArray[Any]:

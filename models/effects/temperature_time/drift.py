@@ -22,6 +22,7 @@ class Drift(OneColumn):
     needs = (Role.TIME,)
     mistaken_for = ("creep", "wear")
     reference = "JCGM 200:2012, 4.21 instrumental drift"
+    along_units = True
     weight = Weight("rate", "a, per second", "s")
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:

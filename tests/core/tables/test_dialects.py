@@ -69,7 +69,8 @@ DIALECTS: dict[str, tuple[str, str]] = {
     "sep= line": (shifted(written(), "sep=;\r\n"), "cp1252"),
     "sep= line, tab": (shifted(written("\t"), "sep=\t\r\n"), "utf-8"),
     "preamble": (shifted(written(), "Protokoll\r\nPlan: RV-40E;Rev 3\r\n\r\n"), "cp1252"),
-    "padded preamble": (shifted(written(), "Protokoll;;;;\r\nDatum;01.03.2026;;;\r\n;;;;\r\n"), "cp1252"),
+    "padded preamble": (
+        shifted(written(), "Protokoll;;;;\r\nDatum;01.03.2026;;;\r\n;;;;\r\n"), "cp1252"),
     "comment lines": (shifted(written(), "# made by a bench\n# second line\n"), "utf-8"),
     "unit row": (UNIT_ROW, "cp1252"),
     "unit row in brackets": (BRACKET_ROW, "utf-8"),
@@ -77,7 +78,8 @@ DIALECTS: dict[str, tuple[str, str]] = {
     "summary below": (written() + "Mittelwert;;;0,4217;358,2\r\n", "cp1252"),
     "limits below the names": (
         written().replace("[mm]\r\n", "[mm]\r\nNennmaß;;;0,4;25,0\r\nOT;;;0,1;0,02\r\n"), "cp1252"),
-    "round brackets": (written(names=("Teil", "Serie", "Zeit", "Spiel (arcmin)", "Bohrung (mm)")), "utf-8"),
+    "round brackets": (
+        written(names=("Teil", "Serie", "Zeit", "Spiel (arcmin)", "Bohrung (mm)")), "utf-8"),
     "Chinese, GBK": (written(",", ".", CHINESE), "gbk"),
     "Chinese, GB18030": (written(";", ".", CHINESE), "gb18030"),
     "Chinese, Big5": (written(",", ".", TAIWANESE), "big5"),
@@ -223,5 +225,5 @@ def test_a_long_file_with_thousands_and_marks(tmp_path: Path) -> None:
 def test_a_mixed_column_of_a_long_file_is_refused(tmp_path: Path) -> None:
     text = noisy(20_000).to_csv(sep=";", decimal=",", index=False).replace(";S3;0,", ";S3;0.", 3)
     (tmp_path / "t.csv").write_text(text)
-    with pytest.raises(tolevo.ConfigurationError, match="Spiel.*decimal points in some"):
+    with pytest.raises(tolevo.ConfigurationError, match=r"Spiel.*decimal points in some"):
         tolevo.read_table(tmp_path / "t.csv")

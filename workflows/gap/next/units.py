@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ....gap_next_records import Separation
+from ....models.effects.population.law import Law
 from ....models.measurable import Role
-from ..law import Law
-from ..likelihood import Kind, kind_of
+from ..likelihood import BatchLikelihood
 from ..noise import Noise
 from ..plan import NextPlan
 from ..population import Scatter
@@ -52,8 +52,8 @@ def of_scatter(end: Ending, mine: Scatter, other: Scatter, count: int) -> Separa
     unit has a mean and a variance, those of many add up.
     """
     law = end.analysis.bare.batch.law
-    kinds = [kind_of(one.candidate.name, law) for one in (mine, other)]
-    laws = [kind.law(one.fitted) for kind, one in zip(kinds, (mine, other), strict=True)]
+    laws = [one.changed(law) for one in (mine, other)]
+    kinds = [one.likelihood(law)[0] for one in (mine, other)]
     moments = [_moments(right, wrong) for right, wrong in zip(laws, kinds[::-1], strict=True)]
     both = set(mine.names) & set(other.names)
     names, instead = (tuple(n for n in of.names if n not in both) for of in (other, mine))
@@ -70,13 +70,13 @@ def of_scatter(end: Ending, mine: Scatter, other: Scatter, count: int) -> Separa
     return Separation(names, instead, now, then, chance, chance, alone, needed, text)
 
 
-def _moments(right: Law, wrong: Kind) -> tuple[float, float]:
+def _moments(right: Law, wrong: BatchLikelihood) -> tuple[float, float]:
     """Mean and variance of the log likelihood ratio of a unit of the right law, against the wrong
     effect where it follows that law best.
     """
     shares = (np.arange(QUANTILES) + 0.5) / QUANTILES
     x = np.asarray(right.histogram.ppf(shares), dtype=np.float64)
-    ratio = right(x) - wrong.law(wrong.best(x))(x)
+    ratio = right(x) - wrong.changed(wrong.best(x))(x)
     return float(max(ratio.mean(), 0.0)), float(ratio.var())
 
 

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from ....gap_population_records import Attribution, InputChange
+from ....models.effects.population.units import OfUnits
 from ....models.effects.readings import unit_numbers
 from ....models.inputs.distribution import Array
-from ..library import ON_SCATTER
+from ..law import on_scatter
 from ..result import Ending
 from ..setup import LEAST_NAMED, left_of
 from .chance import chance_of
@@ -17,10 +18,6 @@ from .changed_laws import ChangedLaws
 from .input_changes import KINDS, Change, Tables
 from .unit_law import UnitLaw
 from .weighed import Weighed, parts_of
-
-MIXTURE = "lot_mixture"
-TRENDS = ("tool_wear_drift", "drift")
-"""Effects that move unit after unit: what an input does that wears off."""
 
 
 def of_batch(end: Ending) -> tuple[Attribution, ...]:
@@ -35,8 +32,7 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
     y, u = _units(end)
     settings = end.setup.plan.settings
     tables = Tables(ChangedLaws(UnitLaw(sources)), y, u, settings.parts_out_of_limits)
-    rival = _rival(end, tables)
-    weighed = Weighed(tables, settings.set_distance, settings.interval, rival)
+    weighed = Weighed(tables, settings.set_distance, settings.interval, *_rival(end, tables))
     limit = chance_of(tables, settings.false_rate, end.setup.plan.seed)
     if weighed.gain <= limit:
         text = _beside(end) or f"no input of its own: cannot tell with n = {len(y)}"
@@ -53,7 +49,7 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
     best = max(weighed.tables.changes, key=lambda one: one.best[1])
     if not weighed.standing or not weighed.explained:
         if weighed.mixed:
-            text = "two suppliers explain the batch; no change of one input does"
+            text = f"{weighed.rival} explain the batch; no change of one input does"
             return (Attribution(effect, output, "", (), "none", (), text),)
         text = "no admissible change of one input alone explains the batch; nearest is a " \
                f"{best.kind} of {best.name}"  # fmt: skip
@@ -84,7 +80,7 @@ def _records(weighed: Weighed, kind: str, unit: str) -> tuple[InputChange, ...]:
 def told(weighed: Weighed, unit: str) -> str:
     """What is left standing, and what would tell, in one sentence."""
     names = [_way(one) for one in weighed.standing]
-    names += ["two suppliers"] if weighed.mixed else []
+    names += [weighed.rival] if weighed.mixed else []
     if len(names) == 1:
         one = weighed.standing[0]
         times = one.kind == "widening" and one.source is not None
@@ -116,23 +112,31 @@ def _refused(end: Ending) -> str:
     count = len(end.setup.data)
     if not end.setup.plan.settings.effects_at_most or count < LEAST_NAMED:
         return f"cannot tell with n = {count} which input it is due to"
-    if any(one.effect.name in ON_SCATTER for one in end.analysis.bare.setup.plan.active):
+    setup = end.analysis.bare.setup
+    if any(on_scatter(one.effect, one.values, setup.data.readings, setup.data.target)
+           for one in setup.plan.active):  # fmt: skip
         return "cannot tell to which input: an effect on the scatter is in the model already"
     return ""
 
 
-def _rival(end: Ending, tables: Tables) -> float:
-    """Of two suppliers, where they were named."""
+def _rival(end: Ending, tables: Tables) -> tuple[str, float]:
+    """What was named on the scatter that no input does, and its log likelihood."""
     for one in end.analysis.scatter[:1]:
-        if one.candidate.name == MIXTURE:
-            offset, share = one.fitted.tolist()
-            return tables.mixed(offset, share) - 0.5 * float(np.log(len(tables.y)))
-    return -np.inf
+        if isinstance(one.candidate.effect, OfUnits) and one.candidate.effect.apart_from_inputs:
+            price = 0.5 * float(np.log(len(tables.y)))
+            return one.candidate.effect.apart_from_inputs, tables.under(one.changed) - price
+    return "", -np.inf
+
+
+def trends(end: Ending) -> tuple[str, ...]:
+    """Effects that move unit after unit: what an input does that wears off."""
+    return tuple(one.name for one in end.fit.members if one.candidate.effect.along_units)
 
 
 def _beside(end: Ending) -> str:
     """What is told of effects that are taken out before inputs are asked for."""
-    out = [name for name in end.fit.names if name not in (*TRENDS, *end.analysis.bare.batch.levels)]
+    out = [name for name in end.fit.names
+           if name not in (*trends(end), *end.analysis.bare.batch.levels)]  # fmt: skip
     return f"beside {', '.join(out)} nothing is left to attribute to an input" if out else ""
 
 
@@ -141,7 +145,7 @@ def _units(end: Ending) -> tuple[Array, Array]:
     setup, bare = end.analysis.bare.setup, end.analysis.bare
     output, model = setup.data.outputs[0].name, setup.plan.model
     assert model is not None
-    left = left_of(setup, end.fit, (*bare.batch.levels, *TRENDS))
+    left = left_of(setup, end.fit, (*bare.batch.levels, *trends(end)))
     numbers = unit_numbers(setup.data.readings).astype(float)
     good = bare.noises[0].good
     kept = slice(None) if good is None else good

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 from ....gap_population_records import Attribution, PopulationLine
 from ....gap_records import Measurement, Rival
+from ....models.effects.population.units import OfUnits
 from ..result import Ending
 from . import of_batch, of_pairs
-from .attribution import MIXTURE
 from .attribution import of_batch as inputs_of_batch
 from .recorded import of_recorded
 
-SHIFT = "process_mean_shift"
 SHOWN = 3
 
 
@@ -35,13 +34,18 @@ def inputs_instead(end: Ending, found: Sequence[Attribution]) -> tuple[Rival, ..
 
     Interference that is cut off changes their shape as a second supplier does.
     """
-    names = (*end.fit.names, *(one.candidate.name for one in end.analysis.scatter[:1]))
+    levels = end.analysis.bare.batch.levels if end.setup.data.target.population else ()
+    apart = [
+        one.candidate
+        for one in end.analysis.scatter[:1]
+        if isinstance(one.candidate.effect, OfUnits) and one.candidate.effect.apart_from_inputs
+    ]
     shifts = [one for one in found if one.kind == "shift" and one.inputs and one.verdict != "none"]
-    if MIXTURE not in names or not shifts or end.verdict not in ("named", "ambiguous"):
+    if not apart or not levels or not shifts or end.verdict not in ("named", "ambiguous"):
         return ()
     nearest = min((one.distance for one in shifts[0].candidates if not one.excluded_because),
                   default=0.0)  # fmt: skip
-    return (Rival((SHIFT,), (MIXTURE,), nearest, Measurement(shifts[0].text)),)
+    return (Rival(levels[:1], (apart[0].name,), nearest, Measurement(shifts[0].text)),)
 
 
 def said(lines: Sequence[PopulationLine], attribution: Sequence[Attribution]) -> list[str]:

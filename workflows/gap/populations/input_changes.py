@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from ....models.effects.population.law import Law
 from ....models.inputs.distribution import Array
 from ....models.sources import Source
 from .changed_laws import FACTORS, NOISES, REACH, SHIFTS, ChangedLaws, below
@@ -221,13 +222,11 @@ class Tables:
     def _at(self, y: Array) -> Array:
         return np.asarray(np.interp(y, self.law.x, self.base))
 
-    def mixed(self, offset: float, share: float) -> float:
-        """Log likelihood where a share of the units is off by `offset`."""
-        first, second = (
-            np.log1p(-share) + self._at(self.y),
-            np.log(share) + self._at(self.y - offset),
-        )
-        return float(np.logaddexp(first, second).sum())
+    def under(self, change: Callable[[Law], Law]) -> float:
+        """Log likelihood with an effect on the scatter in the law."""
+        law, mean = self.law, float(self.law.x @ np.exp(self.base) * self.law.step)
+        plain = Law(float(law.x[0]) - mean, law.step, self.base, law.std, mean)
+        return float(change(plain)(self.y - mean).sum())
 
     def between(self, table: Array, by: Array) -> Array:
         """Values of a table (m, k) over SHIFTS and the lattice at shifts (n,) and the units."""

@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....gap_population_records import PopulationLine
+from ....models.effects.population.law import Law
 from ....models.effects.readings import labels_of, unit_numbers
 from ....models.inputs.distribution import Array
 from ....models.measurable import Role
-from ..law import Law
-from ..population import law_with
 from ..result import Ending
 from ..setup import LEAST_NAMED, Setup, left_of
 from .lines import Compared, batches
@@ -36,7 +35,7 @@ def _lines(
     kept = np.arange(len(left)) if noise.good is None else np.flatnonzero(noise.good)
     law, middle = end.analysis.bare.setup.laws[output.name], 0.0
     for one in end.analysis.scatter[:1] if model == AFTER else ():
-        law, middle = law_with(law, one), one.moves(setup.data.target)
+        law, middle = one.changed(law), one.moves
     x = left[kept] + middle
     order = unit_numbers(setup.data.readings)[kept].astype(float)
     looks = looks_of(

@@ -112,10 +112,17 @@ class UnitLaw:
         rows = len(terms[0].constant)
         return spectrum(terms, np.full(rows, self.step * self.sources.unit), POINTS)
 
+    def density(self) -> Array:
+        """Of the units as they are (k,), exactly."""
+        return np.asarray(self._log(*self._clipped, *self._free, robust=False)[0])
+
     def _log(
-        self, clipped: Spectrum, start: Integers, free: Spectrum, free_start: Integers
-    ) -> Array:
-        """Of the sum of both parts, (m, k): mass of C below zero is put at zero."""
+        self, clipped: Spectrum, start: Integers, free: Spectrum, free_start: Integers,
+        robust: bool = True,
+    ) -> Array:  # fmt: skip
+        """Of the sum of both parts, (m, k): mass of C below zero is put at zero. With a share of
+        units that may be anything where `robust`; the plain density where not.
+        """
         at = np.full(len(clipped), -(POINTS // 2))
         mass = window(clipped, start, at, POINTS)
         zero = POINTS // 2
@@ -124,6 +131,8 @@ class UnitLaw:
         product = kept * free
         begin = np.full(len(product), self.first)
         found = window(product, np.broadcast_to(free_start, len(product)), begin, POINTS)
+        if not robust:
+            return np.asarray(np.maximum(found, 0.0) / self.step)
         odd = stats.norm.pdf(self.x, self.x[POINTS // 2], WIDE * self.std)
         density = (1.0 - ODD) * np.maximum(found, 0.0) / self.step + ODD * odd
         return np.asarray(np.log(np.maximum(density, ODD**4 / self.std)))

@@ -22,14 +22,15 @@ SURE = float((stats.norm.ppf(0.95) + stats.norm.ppf(0.9)) ** 2)
 class Weighed:
     """All changes of inputs on one batch: which of them the batch leaves standing.
 
-    `rival` is the log likelihood of two suppliers where they were named, less the price of their
+    `rival` is what was named beside inputs, `likely` its log likelihood less the price of its
     further number.
     """
 
     tables: Tables
     distance: float
     level: float
-    rival: float = -np.inf
+    rival: str = ""
+    likely: float = -np.inf
 
     @cached_property
     def _free(self) -> float:
@@ -39,7 +40,7 @@ class Weighed:
     @property
     def top(self) -> float:
         """The highest log likelihood of all, the rival among them."""
-        return max(self._free, self.rival)
+        return max(self._free, self.likely)
 
     @property
     def gain(self) -> float:
@@ -48,8 +49,8 @@ class Weighed:
 
     @property
     def mixed(self) -> bool:
-        """Whether two suppliers explain the batch as well."""
-        return 2.0 * (self.top - self.rival) <= self.distance
+        """Whether the rival explains the batch as well."""
+        return 2.0 * (self.top - self.likely) <= self.distance
 
     def behind(self, one: Change) -> float:
         """How much worse than the best the admissible amounts of a change do."""

@@ -1,0 +1,77 @@
+"""The best multipliers of a form with alternatives still open: its Lagrangian at their maximum.
+
+The dual is concave in the multipliers whatever is open. A single factor for all of them, as the
+search of `choices` tries, leaves percents where many requirements bind; its maximum by L-BFGS-B
+(Byrd, Lu, Nocedal & Zhu 1995) leaves what convexity itself costs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from ...problems.forms import Form
+from ...problems.spread import Spread
+from .prices import Prices, only_roots
+
+Array = NDArray[np.float64]
+_minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
+STEPS = 200
+"""Evaluations of the dual at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ascent:
+    """The dual of a form at one set of limits (r,), with tangents at one reference point."""
+
+    form: Form
+    limit: Array
+    spread: Spread
+
+    def multipliers(self, first: Array) -> Array:
+        """Multipliers (r,) of the largest bound, begun from `first`."""
+        asked = np.isfinite(self.limit)
+        unit = np.where(first > 0.0, first, max(float(first.max(initial=0.0)), 1e-9) * 1e-2)
+        scale = abs(self.value(first)[0]) or 1.0
+
+        def negative(y: Array) -> tuple[float, Array]:
+            value, slope = self.value(y * unit)
+            return -value / scale, -slope * unit / scale
+
+        bounds = optimize.Bounds(np.zeros(len(unit)), np.where(asked, np.inf, 0.0))
+        found = _minimize(negative, np.where(asked, first / unit, 0.0), jac=True, bounds=bounds,
+                          method="L-BFGS-B", options={"maxfun": STEPS})  # fmt: skip
+        better = np.maximum(np.asarray(found.x, dtype=float), 0.0) * unit
+        return better if self.value(better)[0] >= self.value(first)[0] else first
+
+    def value(self, multiplier: Array) -> tuple[float, Array]:
+        """The proven bound, and its slope (r,) by the multipliers."""
+        form = self.form
+        prices = Prices.at(form, multiplier[None, :], self.limit[None, :], self.spread)
+        direction, total = prices.direction[0], 0.0
+        linear, square = form.offset.copy(), form.constant.copy()
+        for at, feature in enumerate(form.features):
+            each = [prices.tolerance(way, at, float(feature.count)) for way in feature.ways]
+            best = int(np.argmin([cost[0] for _, cost in each]))
+            way, t = feature.ways[best], float(each[best][0][0])
+            total += float(each[best][1][0])
+            m, a = np.array(way.linear), np.array(way.spread)
+            linear += (m + direction[:, at] * a) * t + (np.array(way.offset) if way.offset else 0.0)
+            square += (a * t) ** 2
+        bound = float(prices.bound(form, np.array([total]))[0])
+        return bound, self._slope(linear, square)
+
+    def _slope(self, linear: Array, square: Array) -> Array:
+        """What each requirement exceeds its limit by, as it is priced."""
+        form, asked = self.form, np.isfinite(self.limit)
+        value = self.spread.value[0]
+        limit = np.where(asked, self.limit, 0.0)
+        room = np.maximum(limit - form.offset, 0.0)
+        squared = only_roots(form) & (value > 0.0)
+        by_square = (square - room**2) / (2.0 * np.where(value > 0.0, value, 1.0))
+        along = linear + self.spread.intercept[0] - limit
+        return np.where(asked, np.where(squared, by_square, along), 0.0)

@@ -1,0 +1,268 @@
+"""Many ways under several requirements: branch and bound on a linear master problem.
+
+A node allows some ways of every feature. Its relaxation mixes allocations: columns (feature, way,
+t), whose weights add up to one per feature, under tangent cuts of the requirements (Dantzig & Wolfe
+1960; Kelley 1960). The prices of the cuts give a Lagrangian bound, separable and valid whatever the
+linear programme did; they say which columns are missing, and the mean allocation which cuts.
+Columns and cuts serve all nodes. Branching is on the feature whose ways are mixed most.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize, sparse
+
+from ...problems.forms import Form
+from ...problems.spread import largest_parts, spread_of
+from .combination import Combination
+from .prices import ROUNDING
+from .programme import Programme
+
+Array = NDArray[np.float64]
+linprog: Any = optimize.linprog  # its stubs know arrays of one fixed dimension only
+GAP = 1e-4
+"""Relative gap at which the search ends."""
+NODES, ROUNDS = 60, 60
+"""Nodes that are entered at most, and rounds of columns and cuts in one."""
+BROKEN = 1e-6
+"""Share of a limit by which a mean allocation may break it."""
+PENALTY = 1e3
+"""Price of breaking a cut by its limit, in units of the range of costs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Least cost at one set of limits: ways and t (features,), multipliers (r,)."""
+
+    chosen: tuple[int, ...]
+    t: Array
+    cost: float
+    bound: float
+    multiplier: Array
+
+
+Allowed = tuple[tuple[int, ...], ...]
+
+
+@dataclass(eq=False)
+class Master:
+    """The search at upper limits (r,), `floor` and `ceiling` the range of the cost."""
+
+    form: Form
+    limit: Array
+    floor: float
+    ceiling: float
+    best: Solution | None = None
+    proven: float = -np.inf
+    _columns: list[tuple[int, int, float, float]] = field(default_factory=list)
+    _known: set[tuple[int, int, float]] = field(default_factory=set)
+    _cuts: list[tuple[int, Array, float]] = field(default_factory=list)
+    _solved: set[tuple[int, ...]] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self._most = largest_parts(self.form)
+        self._mean = np.zeros(len(self.form.features))
+        self._asked = np.flatnonzero(np.isfinite(self.limit))
+        ways = [(at, way, one) for at, feature in enumerate(self.form.features)
+                for way, one in enumerate(feature.ways)]  # fmt: skip
+        self._owner = np.array([at for at, _, _ in ways])
+        self._way = np.array([way for _, way, _ in ways])
+        self._ways = [one for _, _, one in ways]
+        self._linear, self._spread, self._offset = (
+            np.array([getattr(one, name) or (0.0,) * len(self.limit) for one in self._ways])
+            for name in ("linear", "spread", "offset")
+        )
+        for at, way, one in ways:
+            for t in (one.low, one.high):
+                self._add_column(at, way, t)
+        middle = np.stack([self._spread[self._owner == at].mean(axis=0)
+                           for at in range(len(self.form.features))], axis=1)  # fmt: skip
+        for share in (0.1, 0.5, 1.0):
+            wide = np.array([max(w.high for w in f.ways) for f in self.form.features])
+            self._add_cuts(middle * wide * share, np.full(len(self.limit), -np.inf))
+
+    def run(self) -> Solution | None:
+        """The cheapest allocation found, with the bound that is proven; None without any."""
+        root: Allowed = tuple(tuple(range(len(f.ways))) for f in self.form.features)
+        heap: list[tuple[float, int, Allowed]] = [(self.floor, 0, root)]
+        entered, proven = 0, np.inf
+        while heap:
+            bound, _, allowed = heapq.heappop(heap)
+            if self._closed(bound) or entered >= NODES:
+                proven = min(proven, bound)
+                break
+            entered += 1
+            bound, weight = self._node(allowed, bound)
+            if weight is None or self._closed(bound):
+                proven = min(proven, bound)
+                continue
+            self._round(weight, allowed, self._mean)
+            mixed = np.array([1.0 - one.max() for one in weight])
+            if self._closed(bound) or mixed.max() < 1e-9:
+                proven = min(proven, bound)
+                continue
+            at = int(np.argmax(mixed))
+            first = int(np.argmax(weight[at]))
+            others = tuple(way for way in allowed[at] if way != first)
+            for side, ways in enumerate(((first,), others)):
+                child = (*allowed[:at], ways, *allowed[at + 1 :])
+                heapq.heappush(heap, (bound, 2 * entered + side, child))
+        self.proven = np.inf if proven > self.ceiling * (1.0 + GAP) else float(proven)
+        if self.best is None:
+            return None
+        done = self.best
+        bound = min(done.cost, proven)
+        return Solution(done.chosen, done.t, done.cost, max(bound, self.floor), done.multiplier)
+
+    def _closed(self, bound: float) -> bool:
+        if bound > self.ceiling * (1.0 + GAP):
+            return True  # no allocation costs more: none keeps the limits
+        return self.best is not None and bound >= self.best.cost - GAP * abs(self.best.cost)
+
+    # ---------------------------------------------------------------- a node
+
+    def _node(self, allowed: Allowed, bound: float) -> tuple[float, list[Array] | None]:
+        """The bound of a node, and weights of each feature's ways; None where it is closed."""
+        open_ = np.array([way in allowed[at] for at, way in zip(self._owner, self._way,
+                                                                strict=True)])  # fmt: skip
+        weight: list[Array] | None = None
+        for _ in range(ROUNDS):
+            used, x, prices = self._programme(open_)
+            own, t = self._lagrangian(prices, open_)
+            bound = max(bound, own)
+            if self._closed(bound):
+                return bound, None
+            weight = [np.zeros(len(feature.ways)) for feature in self.form.features]
+            mean = np.zeros((len(self.limit), len(self.form.features)))
+            self._mean = np.zeros(len(self.form.features))
+            total = self.form.base
+            value = self.form.offset.copy()
+            for share, column in zip(x, used, strict=True):
+                at, way, size, cost = self._columns[column]
+                row = self._index(at, way)
+                weight[at][way] += share
+                self._mean[at] += share * size
+                mean[:, at] += share * self._spread[row] * size
+                value += share * (self._offset[row] + self._linear[row] * size)
+                total += share * cost
+            fresh = sum(self._add_column(int(at), int(way), float(one)) for at, way, one in
+                        zip(self._owner[open_], self._way[open_], t, strict=True))  # fmt: skip
+            cut = self._add_cuts(mean, self.limit - value)
+            if (not fresh and not cut) or (not cut and total - bound <= 0.1 * GAP * abs(total)):
+                break
+        return bound, weight
+
+    def _index(self, at: int, way: int) -> int:
+        return int(np.searchsorted(self._owner, at)) + way
+
+    def _programme(self, open_: NDArray[np.bool_]) -> tuple[list[int], Array, Array]:
+        """Columns, their weights, and the prices (cuts,) of the linear programme of a node."""
+        used = [i for i, (at, way, _, _) in enumerate(self._columns)
+                if open_[self._index(at, way)]]  # fmt: skip
+        owner = np.array([self._columns[i][0] for i in used])
+        rows = np.array([self._index(*self._columns[i][:2]) for i in used])
+        size = np.array([self._columns[i][2] for i in used])
+        cost = np.array([self._columns[i][3] for i in used])
+        which = np.array([row for row, _, _ in self._cuts])
+        slope = np.array([direction for _, direction, _ in self._cuts])
+        parts = self._offset[rows].T[which] + size * (
+            self._linear[rows].T[which] + slope[:, owner] * self._spread[rows].T[which]
+        )
+        room = (self.limit - self.form.offset)[which] - np.array([c for _, _, c in self._cuts])
+        scale = np.maximum(np.abs(room), 1e-12)
+        price = PENALTY * max(self.ceiling - self.floor, 1e-12)
+        whole = np.hstack([parts / scale[:, None], -np.eye(len(which))])
+        one = sparse.csr_matrix(
+            (np.ones(len(used)), (owner, np.arange(len(used)))),
+            shape=(len(self.form.features), len(used) + len(which)),
+        )
+        found = linprog(
+            np.concatenate([cost, np.full(len(which), price)]), A_ub=whole, b_ub=room / scale,
+            A_eq=one, b_eq=np.ones(len(self.form.features)), method="highs",
+        )  # fmt: skip
+        if found.x is None:
+            return used, np.zeros(len(used)), np.zeros(len(which))
+        prices = np.maximum(-np.asarray(found.ineqlin.marginals), 0.0) / scale
+        return used, np.asarray(found.x[: len(used)]), prices
+
+    def _lagrangian(self, prices: Array, open_: NDArray[np.bool_]) -> tuple[float, Array]:
+        """The bound at prices of the cuts, and the t of every open way there."""
+        which = np.array([row for row, _, _ in self._cuts])
+        slope = np.array([direction for _, direction, _ in self._cuts])
+        linear = np.zeros(len(self._ways))
+        offset = np.zeros(len(self._ways))
+        for row in self._asked:
+            own = which == row
+            total = prices[own].sum()
+            linear += total * self._linear[:, row]
+            linear += (prices[own] @ slope[own])[self._owner] * self._spread[:, row]
+            offset += total * self._offset[:, row]
+        room = (self.limit - self.form.offset)[which] - np.array([c for _, _, c in self._cuts])
+        t, value = np.zeros(len(self._ways)), np.full(len(self._ways), np.inf)
+        for at in np.flatnonzero(open_).tolist():
+            count = float(self.form.features[self._owner[at]].count)
+            way, p = self._ways[at], linear[at : at + 1]
+            best = way.curve.best(p / count, np.zeros(1), way.low, way.high)
+            t[at] = best[0]
+            value[at] = count * way.curve.cost(best)[0] + p[0] * best[0] + offset[at]
+        least = np.full(len(self.form.features), np.inf)
+        np.minimum.at(least, self._owner, value)
+        received = float(prices @ room)
+        slack = ROUNDING * (np.abs(least).sum() + float(prices @ np.abs(room)))
+        return float(self.form.base + least.sum() - received - slack), t[open_]
+
+    # ---------------------------------------------------------------- columns, cuts, allocations
+
+    def _add_column(self, at: int, way: int, t: float) -> bool:
+        key = at, way, float(f"{t:.7g}")
+        if key in self._known:
+            return False
+        self._known.add(key)
+        feature = self.form.features[at]
+        cost = feature.count * float(feature.ways[way].curve.cost(np.array([t]))[0])
+        self._columns.append((at, way, t, cost))
+        return True
+
+    def _add_cuts(self, s: Array, room: Array) -> bool:
+        """Tangents at s (r, features) of the requirements whose S exceeds its `room` (r,)."""
+        found = spread_of(self.form, s[None], self._most)
+        added = False
+        for row in self._asked.tolist():
+            excess = found.value[0, row] - room[row]
+            broken = excess > BROKEN * max(abs(self.limit[row]), 1e-300)
+            if broken and np.isfinite(found.intercept[0, row]):
+                self._cuts.append((row, found.direction[0, row], float(found.intercept[0, row])))
+                added = True
+        return added
+
+    def _round(self, weight: list[Array], allowed: Allowed, start: Array) -> None:
+        """Solve the ways of most weight, and the tightest of those that are mixed."""
+        heavy = tuple(int(np.argmax(one)) for one in weight)
+        tight = tuple(
+            min((way for way in allowed[at] if one[way] > 1e-6),
+                key=lambda way, at=at: self.form.features[at].ways[way].low)  # type: ignore[misc]
+            for at, one in enumerate(weight)
+        )  # fmt: skip
+        for chosen in (heavy, tight) if self.best is None else (heavy,):
+            self._leaf(chosen, start)
+
+    def _leaf(self, chosen: tuple[int, ...], start: Array) -> None:
+        if chosen in self._solved:
+            return
+        self._solved.add(chosen)
+        combination = Combination(self.form, chosen)
+        t = Programme(combination).kept_allocation(self.limit, start)
+        if t is None:
+            return
+        for at, (way, one) in enumerate(zip(chosen, t.tolist(), strict=True)):
+            self._add_column(at, way, one)
+        self._add_cuts(combination.parts(t[None, :])[0], np.full(len(self.limit), -np.inf))
+        cost = float(combination.cost(t[None, :])[0])
+        if self.best is None or cost < self.best.cost:
+            nothing = np.zeros(len(self.limit))
+            self.best = Solution(chosen, t, cost, -np.inf, nothing)

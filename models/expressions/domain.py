@@ -1,0 +1,81 @@
+"""How far a formula is from where it has no value.
+
+The room of a function is the distance of its argument from the edge of its domain, above 0 inside:
+
+    asin, acos   1 - |x|             sqrt, log   x
+    a/b          b, by its sign at the middle
+    a**b         a for a broken b, a by its sign at the middle for a negative b
+    tan          distance from the nearest pole of the middle's own period
+    atan2        distance from the half line on which it jumps, by the side of the middle
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .formula import Formula
+from .tree import Call, Expression, Operation
+
+Array = NDArray[np.float64]
+Values = list[Array]
+
+
+def domain_margin(formula: Formula, x: Mapping[str, Array], middle: Mapping[str, Array]) -> Array:
+    """The least room at quantities `x` over all functions, each in units of that at the `middle`.
+
+    1 where nothing has moved, 0 at the edge of the domain, below 0 outside of it; infinite where
+    the formula has a value everywhere. `x` broadcasts to the shape of the result, `middle` holds
+    single numbers.
+    """
+    with np.errstate(all="ignore"):
+        return _least(formula.tree, x, middle)[2]
+
+
+def _least(
+    node: Expression, x: Mapping[str, Array], middle: Mapping[str, Array]
+) -> tuple[Array, Array, Array]:
+    """Value and value at the middle of a node, and the least margin at or below it."""
+    below = [_least(part, x, middle) for part in node.parts]
+    values, centres = [one[0] for one in below], [one[1] for one in below]
+    margin = np.asarray(np.inf)
+    for _, _, own in below:
+        margin = np.fmin(margin, own)
+    value, centre = node.value(values, x), node.value(centres, middle)
+    rooms = _room(node, values, centres), _room(node, centres, centres)
+    if rooms[0] is not None and rooms[1] is not None:
+        margin = np.fmin(margin, rooms[0] / np.where(rooms[1] > 0.0, rooms[1], np.nan))
+    return value, centre, margin
+
+
+def _room(node: Expression, values: Values, centres: Values) -> Array | None:
+    """Distance from the edge of the node's own domain; None where it has none."""
+    if isinstance(node, Operation):
+        return _room_of_operation(node.sign, values, centres)
+    if not isinstance(node, Call):
+        return None
+    match node.function:
+        case "asin" | "acos":
+            return np.asarray(1.0 - np.abs(values[0]))
+        case "sqrt" | "log":
+            return values[0]
+        case "tan":
+            period = np.pi * np.floor(centres[0] / np.pi + 0.5)
+            return np.asarray(0.5 * np.pi - np.abs(values[0] - period))
+        case "atan2":
+            y, z = np.broadcast_arrays(*values)
+            return np.where(z > 0.0, np.hypot(y, z), y * np.where(centres[0] < 0.0, -1.0, 1.0))
+    return None
+
+
+def _room_of_operation(sign: str, values: Values, centres: Values) -> Array | None:
+    base, exponent = values
+    if sign == "/":
+        return np.asarray(exponent * np.sign(centres[1]))
+    if sign == "**" and not np.all(centres[1] == np.rint(centres[1])):
+        return base
+    if sign == "**" and np.any(centres[1] < 0.0):
+        return np.asarray(base * np.sign(centres[0]))
+    return None

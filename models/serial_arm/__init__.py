@@ -1,0 +1,1 @@
+"""Serial arms: chains of revolute joints by a Denavit-Hartenberg table."""

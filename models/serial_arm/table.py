@@ -1,0 +1,72 @@
+"""`[[joint]]`, `[base]` and `[tool]`: a serial arm as a configuration writes it."""
+
+from __future__ import annotations
+
+from ...declarations import Value
+from ...section import Section
+from .declared import BASE, MOST, TABLE, TOOL, nominal
+
+TABLES = ("joint", "base", "tool")
+
+
+def read_chain(top: Section) -> dict[str, Value]:
+    """The parameters that these tables stand for; every fault at its place."""
+    found = _frame(top.section("base"), "base", BASE) | _frame(top.section("tool"), "tool", TOOL)
+    if "joint" not in top:
+        return found
+    rows = top.tables("joint")
+    if not 1 <= len(rows) <= MOST:
+        top.fault("joint", f"is no chain: it has {len(rows)} rows, and needs 1 to {MOST}")
+        return found
+    read = [_joint(top.item("joint", at), at + 1) for at in range(len(rows))]
+    for row in read:
+        found |= row
+    _check(top, read)
+    return found | {"joints": len(rows)}
+
+
+def _joint(section: Section, joint: int) -> dict[str, Value]:
+    """One row: d, a and alpha must be there, since a table with gaps is another arm's."""
+    found: dict[str, Value] = {}
+    for column, (unit, meaning) in TABLE.items():
+        name = f"{column}_{unit}"
+        value = section.quantity(name, unit)
+        if value is not None:
+            found[nominal(column, joint)] = value
+        elif name not in section and column not in section and column != "offset":
+            section.fault(name, f"is missing: the {meaning} {joint}; write 0 where there is none")
+    found.setdefault(nominal("offset", joint), 0.0)
+    section.finish()
+    return found
+
+
+def _check(top: Section, rows: list[dict[str, Value]]) -> None:
+    """Faults of a table whose joints do not make a chain."""
+
+    def value(column: str, joint: int) -> float | None:
+        found = rows[joint - 1].get(nominal(column, joint))
+        return float(found) if isinstance(found, int | float) else None
+
+    last = len(rows)
+    for joint in range(1, last):
+        if value("a", joint) == 0.0 and (value("alpha", joint) or 0.0) % 180.0 == 0.0 \
+                and value("alpha", joint) is not None:  # fmt: skip
+            top.item("joint", joint - 1).fault(
+                "",
+                f"is no chain: joints {joint} and {joint + 1} "
+                "turn about one axis (a and alpha are 0)",
+            )
+    lengths = [value(column, joint) for joint in range(1, last + 1) for column in ("a", "d")]
+    if None not in lengths and not any(lengths):
+        top.fault("joint", "is no chain: every a and d is 0")
+
+
+def _frame(section: Section, stem: str, axes: tuple[str, ...]) -> dict[str, Value]:
+    found: dict[str, Value] = {}
+    for axis in axes:
+        unit = "deg" if axis[0] == "r" else "mm"
+        value = section.quantity(f"{axis}_{unit}", unit)
+        if value is not None:
+            found[f"nominal_{stem}_{axis}_{unit}"] = value
+    section.finish()
+    return found

@@ -1,0 +1,196 @@
+"""The parts of the backlash of an RV reducer as members of a convex form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.costs import CostCurve, Reciprocal
+from ...models.propagation.even import UNIFORM, Even, even_law
+from ...models.propagation.sums import Term
+from ...units import ARCMIN
+from .bent import LEVELS, SAFE, Cell, uniform_below
+from .shift import Shift, shift_of
+from .terms import ends, unit_terms
+
+if TYPE_CHECKING:
+    from .problem import RvBacklash
+
+Array = NDArray[np.float64]
+CELLS, COARSE = 48, 4
+"""Pieces of the range of the eccentricity, in geometric steps; those of designs for which
+y - Y >= 0 fails, which cost more than is of interest."""
+ROUNDING = 1e-6
+"""Share of a range that its mean by quantiles may be wrong by."""
+
+
+@dataclass(frozen=True)
+class Member:
+    """A way of a feature, whose deviation is `spread` t z, z ~ `law`, about mean + slope t.
+
+    Means [arcmin] are bounds from below of those in the backlash (`mean`, `slope`), and from above
+    in phi_2 (`top`, `top_slope`). `least` is the least value of its deviation, `range` the width,
+    `units` are values of evenly many units, where they are known.
+    """
+
+    curve: CostCurve
+    low: float
+    high: float
+    spread: float
+    law: Even
+    mean: float = 0.0
+    slope: float = 0.0
+    top: float = 0.0
+    top_slope: float = 0.0
+    least: float = 0.0
+    range: float = 0.0
+    cell: Cell | None = None
+    units: Array | None = None
+    choice: float = 0.0
+
+    def above(self, share: float) -> float:
+        """What a share of the units has at least."""
+        if self.units is None:
+            return self.least
+        found = float(np.quantile(self.units, 1.0 - share)) - SAFE * float(np.ptp(self.units))
+        return max(self.least, found)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A feature of the form: its variable or choice, its ways, whether phi_2 contains it.
+
+    A `bent` one is not even: it enters by a law that is below its own in convex order.
+    """
+
+    variable: str
+    members: tuple[Member, ...]
+    clipped: bool
+    bent: bool = False
+    choice: str = ""
+
+
+@dataclass(frozen=True)
+class Sum:
+    """The parts of the backlash, the constant of phi_2 (`cycloid`) and what is added to all."""
+
+    parts: tuple[Part, ...]
+    shift: Shift
+    cycloid: float
+    more: float
+
+
+def sum_of(problem: RvBacklash, cut: float) -> Sum | str:
+    """All parts of the backlash, or why there is none of their forms; `cut` as in `_grades`."""
+    shift = shift_of(problem)
+    if shift is None:
+        return "the ranges and limits of the modification leave no room"
+    if problem.change.growth != 0.0:
+        return "an effect inflates the spread"
+    parts: list[Part] = []
+    cycloid = 0.0
+    for name, term in unit_terms(problem).items():
+        cycloid += float(term.constant[0]) / ARCMIN
+        part = _bent(problem, name, term) if term.quadratic is not None else _straight(
+            problem, name, term, clipped=True)  # fmt: skip
+        if isinstance(part, str):
+            return part
+        parts.append(part)
+    bearing = problem.total(np.ones((1, len(problem.names)))).free[1]
+    more = [_straight(problem, "crank_bearing_um", bearing, clipped=False), _grades(problem, cut)]
+    for one in more:
+        if isinstance(one, str):
+            return one
+        parts.append(one)
+    return Sum(tuple(parts), shift, cycloid, problem.change.effective / ARCMIN)
+
+
+def _straight(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part | str:
+    """A term that grows with its tolerance as a whole; of phi_2 its constant is counted apart."""
+    known = even_law(term.distribution)
+    if known is None:
+        return f"the deviations of {name} are skewed or have poles"
+    linear = float(term.linear[0]) / ARCMIN
+    slope = linear * known[0] + (0.0 if clipped else float(term.constant[0]) / ARCMIN)
+    member = Member(problem.settings.costs[name], *ends(problem, name), abs(linear), known[1],
+                    slope=slope, top_slope=slope)  # fmt: skip
+    return Part(name, (member,), clipped)
+
+
+def _bent(problem: RvBacklash, name: str, term: Term, cells: int = CELLS) -> Part:
+    """The eccentricity, cut into cells."""
+    assert term.quadratic is not None
+    low, high = ends(problem, name)
+    b, q = float(term.linear[0]) / ARCMIN, float(term.quadratic[0]) / ARCMIN
+    edges = np.geomspace(low, high, cells + 1) if low < high else np.array([low, high])
+    members = []
+    for start, end in pairwise(edges.tolist()):
+        cell = Cell(term.distribution, b, q, start, end)
+        (slope, mean), (top_slope, top) = cell.mean_below, cell.mean_above
+        curve = problem.settings.costs[name]
+        members.append(Member(curve, start, end, cell.spread, UNIFORM, mean, slope, top, top_slope,
+                              cell.least, cell.range, cell))  # fmt: skip
+    return Part(name, tuple(members), clipped=True, bent=True)
+
+
+def coarse(problem: RvBacklash, total: Sum) -> Sum:
+    """The sum with few cells and one grade that is better than all, for designs of no interest."""
+    terms = unit_terms(problem)
+
+    def coarser(part: Part) -> Part:
+        if part.choice:
+            return replace(part, members=(_best_of(part.members),))
+        return _bent(problem, part.variable, terms[part.variable], COARSE) if part.bent else part
+
+    return replace(total, parts=tuple(coarser(part) for part in total.parts))
+
+
+def _best_of(members: tuple[Member, ...]) -> Member:
+    """A way that costs no more than any, and deviates no more; its range is the widest."""
+    least = min(float(one.curve.cost(np.array([1.0]))[0]) for one in members)
+    return replace(
+        members[0],
+        curve=Reciprocal(least, 0.0),
+        spread=min(one.spread for one in members),
+        mean=min(one.mean for one in members),
+        least=min(one.least for one in members),
+        range=max(one.range for one in members),
+        units=None,
+    )
+
+
+def _grades(problem: RvBacklash, cut: float) -> Part:
+    """The involute grade: every grade of the range is a way of its own.
+
+    A skewed clearance G enters as min(G, g), which a share `cut` of the units exceeds: it is less
+    than G, and y - g cannot be below the rest of W for designs that keep a limit (`OUTSIDE`).
+    """
+    name = "involute_grade"
+    low, high = ends(problem, name)
+    grades = np.arange(np.ceil(low), np.floor(high) + 1.0)
+    designs = np.ones((len(grades), len(problem.names)))
+    designs[:, problem.names.index(name)] = grades
+    term = problem.total(designs).free[0]
+    known = even_law(term.distribution)
+    mean, law, width = (known[0], known[1], 1.0) if known else _below(term, cut)
+    ends_of_z = term.distribution.support
+    units = term.distribution.quantile((np.arange(LEVELS) + 0.5) / LEVELS)
+    members = []
+    for g, m, a, cost in zip(grades.tolist(), term.constant / ARCMIN, term.linear / ARCMIN,
+                             problem.settings.costs[name].cost(grades), strict=True):  # fmt: skip
+        z = sorted((float(a) * ends_of_z[0], float(a) * ends_of_z[1]))
+        members.append(Member(Reciprocal(float(cost), 0.0), 1.0, 1.0, abs(float(a)) * width, law,
+                              mean=float(m + a * mean), least=float(m) + z[0],
+                              units=m + a * units, choice=g))  # fmt: skip
+    return Part("", tuple(members), clipped=False, bent=known is None, choice=name)
+
+
+def _below(term: Term, cut: float) -> tuple[float, Even, float]:
+    """Mean of a skewed law cut off at the top, and the largest uniform law that is below it."""
+    z = term.distribution.quantile((np.arange(LEVELS) + 0.5) / LEVELS)
+    z = np.minimum(z, np.quantile(z, 1.0 - cut))
+    return float(z.mean() - ROUNDING * np.ptp(z)), UNIFORM, uniform_below(z)

@@ -1,0 +1,103 @@
+"""What is wrong with a stack as a whole: samples, units of objectives, limits that contradict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...counts import Need, too_many
+from ...errors import Fault
+from ...models.stack import half_width
+from .convex import possible, range_of
+from .definition import Requirement
+from .joint import VARIATIONS, common_unit
+
+if TYPE_CHECKING:
+    from .problem import Stack
+
+DEVIATIONS = Need("deviation", bytes=16.0)
+"""Of every piece of every unit of the sample: a point, and the deviation."""
+
+
+def unit_faults(
+    requirements: Sequence[Requirement], objectives: Sequence[str], limits: Sequence[str]
+) -> list[Fault]:
+    """Objectives and limits over requirements whose units differ."""
+    if not requirements[0].key or common_unit(requirements) is not None:
+        return []
+    units = ", ".join(f'{one.key} in "{one.unit}"' for one in requirements)
+    places = [("objectives.minimise", name) for name in objectives if name in VARIATIONS]
+    places += [(f"limits.{name}", name) for name in limits if name in VARIATIONS]
+    return [
+        Fault(place, f"{name} is over requirements of different units ({units}): name one of them, "
+              f"like {requirements[0].key}.{name}, or give all the same unit")
+        for place, name in places
+    ]  # fmt: skip
+
+
+def size_faults(stack: Stack) -> list[Fault]:
+    """A sample of too many pieces."""
+    pieces, samples = len(stack.definition.mechanism.owner), stack.settings.propagation.samples
+    complaint = too_many(samples, DEVIATIONS, pieces, "samples x pieces")
+    return [Fault("propagation.samples", complaint)] if complaint else []
+
+
+def yield_faults(stack: Stack) -> list[Fault]:
+    """Yields that are asked for of requirements without limits."""
+    found = []
+    for one in stack.measured:
+        if one.name("yield_percent") in stack.wanted and not one.mechanism.bounded:
+            place = one.requirement.place
+            text = f"needs {place}.lower, {place}.upper or both: without them there is none"
+            found.append(Fault(f"limits.{one.name('yield_percent')}", text))
+    several = bool(stack.definition.requirement.key)
+    if (
+        several
+        and "yield_percent" in stack.wanted
+        and not any(one.mechanism.bounded for one in stack.measured)
+    ):
+        text = "needs lower or upper of a [[requirement]]: without them there is none"
+        found.append(Fault("limits.yield_percent", text))
+    return found
+
+
+def domain_faults(stack: Stack) -> list[Fault]:
+    """Half-widths of requirements that have no value for some units of every design."""
+    found = []
+    for one in stack.measured:
+        if one.requirement.method != "monte_carlo":
+            continue
+        ends = stack.tolerances(stack.corner(tight=True)[None, :])
+        coverage = stack.settings.propagation.coverage
+        width = half_width(one.mechanism, ends, stack.yields.searching, coverage)
+        if not np.isfinite(width[0]):
+            text = ("the formula has no value for some units of the sample even at the tightest "
+                    "tolerances; tighten the ranges")  # fmt: skip
+            found.append(Fault(f"{one.requirement.place}.formula", text))
+    return found
+
+
+def range_faults(stack: Stack) -> list[Fault]:
+    """Least tolerances that contradict an upper limit on a variation, both named."""
+    low, _ = stack.ends_of_t
+    limits = {part.name: range_of(stack, part)[0] for part in stack.definition.parts}
+    moved = np.maximum(low, list(limits.values()))
+    if np.all(moved == low) or not possible(stack):
+        return []
+    found = []
+    for one in stack.measured:
+        own, least = one.variations(moved[None, :]), one.variations(low[None, :])
+        for limit in stack.limits:
+            if limit.name not in own or stack.negative:
+                continue
+            if not least[limit.name][0] <= limit.high < own[limit.name][0]:
+                continue
+            names = [f"{name}_t" for at, name in enumerate(limits) if moved[at] > low[at]]
+            text = (f"at most {limit.high:.6g} {limit.unit} contradicts the least tolerance that "
+                    f"limits.{', limits.'.join(names)} ask for: with it the least {limit.name} is "
+                    f"{own[limit.name][0]:.6g}, without it {least[limit.name][0]:.6g}; "
+                    "raise the one or lower the other")  # fmt: skip
+            found.append(Fault(f"limits.{limit.name}", text))
+    return found

@@ -1,0 +1,155 @@
+"""One requirement of a stack: its linear variations, their slopes and proven ends, its margin."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.stack import Law, Linear, Mechanism, law_of, least_margin, linearised
+from ...models.stack.linear import SIGMAS
+from .definition import Definition, Part, Requirement
+
+Array = NDArray[np.float64]
+Interval = tuple[float, float]
+STEP = 1e-6
+"""Relative step of a tolerance for the slope of a domain margin, which is nearly linear."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A requirement and its mechanism on the parts that all requirements share."""
+
+    requirement: Requirement
+    mechanism: Mechanism
+    parts: tuple[Part, ...]
+
+    @cached_property
+    def linear(self) -> Linear:
+        """The linear model about the mid-limits."""
+        return linearised(self.mechanism)
+
+    @cached_property
+    def law(self) -> Law | str:
+        """The law of a linear requirement of even deviations, or why there is none."""
+        return law_of(self.mechanism, self.linear.covariance)
+
+    @property
+    def partial(self) -> bool:
+        """Whether its formula leaves its domain within the widest tolerances."""
+        return bool(self.mechanism.undefined)
+
+    @property
+    def bound_to_domain(self) -> bool:
+        """Whether designs must stay in the domain: where the variation is the formula's own.
+
+        The other methods know the formula by its slopes at the mid-limits alone.
+        """
+        return self.partial and self.requirement.method == "monte_carlo"
+
+    def name(self, output: str) -> str:
+        """The name of one of its outputs."""
+        return self.requirement.output(output)
+
+    @cached_property
+    def shown(self) -> tuple[int, ...]:
+        """The parts (places in `parts`) that it depends on: those with a contribution."""
+        slopes, owners = self.mechanism.sensitivities, self.mechanism.owners
+        alone = not self.requirement.key
+        return tuple(at for at in range(len(self.parts)) if alone or np.any(slopes[owners == at]))
+
+    def contribution(self, at: int) -> str:
+        """The name of the contribution of a part."""
+        return self.name(f"contribution_{self.parts[at].name}_percent")
+
+    def variations(self, t: Array) -> dict[str, Array]:
+        """The linear variations (n,) by output, of tolerances (n, parts)."""
+        found = {"worst_case": self.linear.worst_case(t), "rss": self.linear.rss(t)}
+        method = self.requirement.method
+        if method == "shifted_rss":
+            found["variation"] = self.linear.shifted_rss(t)
+        elif method != "monte_carlo":
+            found["variation"] = found[method]
+        return {self.name(name): value for name, value in found.items()}
+
+    def margin(self, t: Array) -> dict[str, Array]:
+        """The domain margin (n,), where the formula has an edge within the widest tolerances."""
+        return {self.name("domain_margin"): least_margin(self.mechanism, t)} if self.partial else {}
+
+    def shares(self, t: Array) -> dict[str, Array]:
+        """Contributions [%] of its parts (n,)."""
+        worst = self.requirement.method == "worst_case"
+        shares = self.linear.worst_shares(t) if worst else self.linear.variance_shares(t)
+        return {self.contribution(at): 100.0 * shares[:, at] for at in self.shown}
+
+    # ---------------------------------------------------------------- slopes
+
+    def slopes(self, t: Array, wanted: Collection[str], coverage: float) -> dict[str, Array]:
+        """Derivatives (n, parts) of the variations, and of a yield that is wanted.
+
+        That of a sampled yield, a step function, is the normal linear model's.
+        """
+        worst, rss = np.broadcast_to(self.linear.worst, t.shape), self.linear.rss_slopes(t)
+        found = {"worst_case": worst, "rss": rss}
+        method, law = self.requirement.method, self.law
+        if method != "monte_carlo":
+            found["variation"] = {**found, "shifted_rss": rss + self.linear.shift}[method]
+        elif isinstance(law, Law):
+            found["variation"] = law.half_width_slopes(t, coverage)
+        if self.mechanism.bounded and self.name("yield_percent") in wanted:
+            found["yield_percent"] = self._yield_slopes(t)
+        if self.partial and self.name("domain_margin") in wanted:
+            found["domain_margin"] = self._margin_slopes(t)
+        return {self.name(name): value for name, value in found.items()}
+
+    def _margin_slopes(self, t: Array) -> Array:
+        """By differences towards tighter tolerances, on the corner that is nearest to the edge."""
+        base, found = least_margin(self.mechanism, t), np.zeros_like(t)
+        for at in range(t.shape[1]):
+            moved = t.copy()
+            moved[:, at] *= 1.0 - STEP
+            change = base - least_margin(self.mechanism, moved)
+            found[:, at] = change / np.where(t[:, at] > 0.0, STEP * t[:, at], 1.0)
+        return found
+
+    def _yield_slopes(self, t: Array) -> Array:
+        if isinstance(self.law, Law):
+            return self.law.yield_slopes(t)
+        ends = (self.mechanism.lower, self.mechanism.upper)
+        lower, upper = (np.full(len(t), end - self.mechanism.centre) for end in ends)
+        return 100.0 * self.linear.yield_slopes(t, lower, upper)
+
+    # ---------------------------------------------------------------- what is known
+
+    def intervals(self, low: Array, high: Array) -> dict[str, Interval]:
+        """Proven ends of its outputs between the tightest and loosest tolerances (parts,)."""
+        worst = float(low @ self.linear.worst), float(high @ self.linear.worst)
+        rss = self._rss_interval(low, high)
+        shift = float(low @ self.linear.shift), float(high @ self.linear.shift)
+        found = {"worst_case": worst, "rss": rss, "yield_percent": (0.0, 100.0),
+                 "shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}  # fmt: skip
+        method = self.requirement.method
+        if method in found:
+            found["variation"] = found[method]
+        del found["shifted_rss"]
+        return {self.name(name): ends for name, ends in found.items()}
+
+    def _rss_interval(self, low: Array, high: Array) -> Interval:
+        """Bounds of the root sum square; exact unless contributions compensate each other."""
+        adding = np.maximum(self.linear.covariance, 0.0)
+        taking = np.minimum(self.linear.covariance, 0.0)
+        ends = (
+            low @ adding @ low + high @ taking @ high,
+            high @ adding @ high + low @ taking @ low,
+        )
+        least, most = SIGMAS * np.sqrt(np.maximum(ends, 0.0))
+        return float(least), float(most)
+
+
+def measured(definition: Definition) -> tuple[Measured, ...]:
+    """Every requirement of a stack."""
+    pairs = zip(definition.requirements, definition.mechanisms, strict=True)
+    return tuple(Measured(one, mechanism, definition.parts) for one, mechanism in pairs)

@@ -1,0 +1,80 @@
+"""What the user of a stack is warned of before a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from .linearity import linearity_warnings
+from .measured import Measured
+
+if TYPE_CHECKING:
+    from .problem import Stack
+
+Array = NDArray[np.float64]
+WARNING_SAMPLES = 131_072
+"""Units at most by which warnings are judged before a run."""
+
+
+def warnings_of(stack: Stack) -> tuple[str, ...]:
+    """Unverified grades, formulas that leave their domain, linear models that mislead."""
+    found = [f"part {part.name}: {why}" for part in stack.definition.parts
+             for key, why in part.assumed.items() if key in ("grade", "fit")]  # fmt: skip
+    for one in stack.measured:
+        found += [_domain(one)] if one.partial else []
+        if one.mechanism.formula is not None:
+            unit = f" {one.requirement.unit}".rstrip()
+            sample = stack.yields.drawn(WARNING_SAMPLES)
+            told = linearity_warnings(one.mechanism, one.linear, *_tried(stack, one), unit, sample)
+            found += [f"{one.requirement.key}: {text}" if one.requirement.key else text
+                      for text in told]  # fmt: skip
+    return tuple(found)
+
+
+def _domain(one: Measured) -> str:
+    """Where the formula leaves its domain."""
+    name = one.name("domain_margin")
+    designs = f"designs that do are infeasible ({name} below 0)"
+    if not one.bound_to_domain:
+        designs = (f"{name} is below 0 for designs that do, and limits.{name} = 0 refuses them "
+                   f"({one.requirement.method} knows the formula by its slopes alone)")  # fmt: skip
+    return (f"{one.requirement.place}.formula leaves its domain within the widest tolerances: "
+            f"{one.mechanism.undefined}; {designs}; units that do are non-conforming")  # fmt: skip
+
+
+def domain_remarks(measured: Sequence[Measured], front: pd.DataFrame) -> tuple[str, ...]:
+    """Which reported points have a corner of their tolerances at which a formula has no value."""
+    found = []
+    for one in measured:
+        name = one.name("domain_margin")
+        below = int((front[name] < 0.0).sum()) if name in front and len(front) else 0
+        if below:
+            found.append(f"{below} of {len(front)} points leave the domain of "
+                         f"{one.requirement.place}.formula at a corner of their own tolerances "
+                         f"({name} down to {front[name].min():.3g}, 0 at the edge): units there "
+                         "have no value and do not conform")  # fmt: skip
+    return tuple(found)
+
+
+def _tried(stack: Stack, one: Measured) -> tuple[Array, str]:
+    """The loosest design that keeps the limits on the linear variations, and its name."""
+    low, high = stack.ends_of_t
+    line = low + np.linspace(0.0, 1.0, 257)[:, None] * (high - low)
+    values = one.variations(line)
+    if one.requirement.method == "monte_carlo":
+        values.pop(one.name("variation"), None)
+    kept = np.ones(len(line), dtype=bool)
+    for limit in stack.limits:
+        if limit.name in values:
+            kept &= values[limit.name] <= limit.high
+        elif one.partial and limit.name == one.name("domain_margin"):
+            kept &= one.margin(line)[limit.name] >= limit.low
+    if np.all(kept) or not np.any(kept):
+        return high, "at the loosest tolerances"
+    last = int(np.flatnonzero(kept)[-1])
+    rss = float(one.linear.rss(line[last : last + 1])[0])
+    return line[last], f"at a variation of {rss:.4g} (rss)"

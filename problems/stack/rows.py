@@ -1,0 +1,192 @@
+"""What the convex form of a stack describes: variations, half-widths and yields, a row each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from ...models.stack import Law
+from ...models.stack.linear import SIGMAS
+from ..forms import Piece, Quantile
+from .joint import VARIATIONS
+from .measured import Measured
+
+if TYPE_CHECKING:
+    from .problem import Stack
+
+Array = NDArray[np.float64]
+CENTRED = 1e-12
+"""Relative difference of two limits' distances from the mean that counts as none."""
+YIELD = "yield_percent"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Row:
+    """A requirement of the form: its output, coefficients (parts,), and its quantile if it is one.
+
+    A root has its spread in `spread`; of a quantile that is its weight for each part. `most` is an
+    upper limit of its own.
+    """
+
+    output: str
+    measured: Measured
+    method: str
+    linear: Array
+    spread: Array
+    probability: float | None = None
+    most: float = np.inf
+
+
+def rows_of(stack: Stack, gaussian: bool) -> list[Row]:
+    """The rows of everything that is asked for, and the `variation` of one requirement.
+
+    `gaussian` has the root sum square stand for half-widths that have no law in closed form.
+    """
+    several = bool(stack.definition.requirement.key)
+    found: list[Row] = []
+    for one in stack.measured:
+        for kind in VARIATIONS:
+            own = one.name(kind)
+            if own in stack.wanted or (kind == "variation" and not several):
+                found += _row(stack, own, one, kind, 1.0, gaussian)
+            if several and kind in stack.wanted:
+                found += _row(stack, kind, one, kind, one.requirement.weight, gaussian)
+    if not several and not any(row.output == "variation" for row in found):
+        return []
+    found = [row for row in found if not several or row.output not in VARIATIONS
+             or _complete(row, found, stack)]  # fmt: skip
+    found += _yield_rows(stack)
+    first = stack.measured[0]
+    return found or _row(stack, first.name("rss"), first, "rss", 1.0, gaussian)
+
+
+def _complete(row: Row, rows: list[Row], stack: Stack) -> bool:
+    """Whether a largest variation has a row for every requirement."""
+    return sum(other.output == row.output for other in rows) == len(stack.measured)
+
+
+def _row(
+    stack: Stack, output: str, one: Measured, kind: str, weight: float, gaussian: bool
+) -> list[Row]:
+    """The row of a kind of variation of one requirement; none where it has no convex form."""
+    method = one.requirement.method if kind == "variation" else kind
+    if method == "monte_carlo":
+        if isinstance(one.law, Law):
+            p = 0.5 * (1.0 + stack.settings.propagation.coverage)
+            return [_at(output, one, p, weight)]
+        if not gaussian:
+            return []
+        method = "rss"
+    std = SIGMAS * signed(one)
+    nothing = np.zeros_like(std)
+    linear, spread = {
+        "worst_case": (one.linear.worst, nothing),
+        "rss": (nothing, std),
+        "shifted_rss": (one.linear.shift, std),
+    }[method]
+    return [Row(output, one, method, weight * linear, weight * spread)]
+
+
+def signed(one: Measured) -> Array:
+    """Standard deviation (parts,) of the contributions at t = 1.
+
+    With the sign of the slope where several requirements share the correlation of the parts.
+    """
+    std = np.sqrt(np.diag(one.linear.covariance))
+    if one.mechanism.correlation is None or not one.requirement.key:
+        return std
+    owners = one.mechanism.owners
+    each = np.bincount(owners, one.mechanism.sensitivities, minlength=len(std))
+    return np.asarray(np.where(each < 0.0, -std, std))
+
+
+def _at(
+    output: str, one: Measured, p: float, weight: float = 1.0, side: float = 0.0,
+    most: float = np.inf,
+) -> Row:  # fmt: skip
+    """side * mean + the p-quantile of the deviations: a root where all parts are normal."""
+    law = one.law
+    assert isinstance(law, Law)
+    linear = weight * side * law.mean
+    if law.covariance is not None:
+        spread = weight * float(ndtri(p)) * signed(one)
+        return Row(output, one, "monte_carlo", linear, spread, None, most)
+    matters = np.isin(np.arange(len(linear)), law.mechanism.owners)
+    return Row(output, one, "monte_carlo", linear, weight * matters, p, most)
+
+
+def _yield_rows(stack: Stack) -> list[Row]:
+    """Least yields of one half at least, as quantiles that keep the limits of the requirements.
+
+    A joint yield is kept by no design that does not keep it for every single requirement.
+    """
+    found = []
+    for one in stack.measured:
+        own = one.name(YIELD)
+        found += _kept_limits(one, own, least_yield(stack, own))
+        if own != YIELD:
+            found += _kept_limits(one, YIELD, least_yield(stack, YIELD))
+    return found
+
+
+def least_yield(stack: Stack, name: str) -> float:
+    """The least share of units that a limit asks for, 0 where there is none."""
+    return 0.01 * max((limit.low for limit in stack.limits if limit.name == name), default=0.0)
+
+
+def _kept_limits(one: Measured, output: str, p: float) -> list[Row]:
+    """The limits of a requirement, each at a share p of the units.
+
+    Exact for one limit, and for two about a mean that does not move with the tolerances; else both
+    are kept at the whole yield, which any design does that keeps it.
+    """
+    law = one.law
+    if not isinstance(law, Law) or not 0.5 <= p < 1.0:
+        return []
+    mechanism = law.mechanism
+    above, below = mechanism.upper - mechanism.centre, mechanism.centre - mechanism.lower
+    two = bool(np.isfinite(above) and np.isfinite(below))
+    if two and abs(above - below) <= CENTRED * (above + below) and not np.any(law.mean):
+        return [_at(output, one, 0.5 * (1.0 + p), most=max(above, below))]
+    return [
+        _at(output, one, p, side=side, most=room)
+        for side, room in ((1.0, above), (-1.0, below))
+        if np.isfinite(room)
+    ]
+
+
+def quantile_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) -> Quantile | None:
+    """The deviations of a row: of the parts `kept`, and fixed ones of those that are `settled`."""
+    law = row.measured.law
+    if row.probability is None or not isinstance(law, Law):
+        return None
+    pieces: list[list[Piece]] = [[] for _ in t]
+    for at, slope, one in zip(law.mechanism.owner, law.slopes, law.laws, strict=True):
+        pieces[at].append(Piece(float(slope), one))
+    fixed = [
+        Piece(float(one.weight * row.spread[at] * t[at]), one.law)
+        for at in np.flatnonzero(settled).tolist()
+        for one in pieces[at]
+    ]
+    return Quantile(row.probability, tuple(tuple(pieces[at]) for at in kept), tuple(fixed))
+
+
+def shortfall(stack: Stack, row: str, designs: Array, found: Mapping[str, Array]) -> Array:
+    """By how much (n,) the limits of requirements would have to give way for the yield asked.
+
+    One step of Newton's method for the yield `row`, alike for all requirements that it is over.
+    """
+    least, t = least_yield(stack, row), stack.tolerances(designs)
+    laws = [one.law for one in stack.measured
+            if isinstance(one.law, Law) and one.mechanism.bounded
+            and row in (YIELD, one.name(YIELD))]  # fmt: skip
+    if not laws or least <= 0.0:
+        return np.zeros(len(designs))
+    edge = np.sum([law.edge_density(t) for law in laws], axis=0)
+    lacking = least - 0.01 * found[row]
+    return np.asarray(lacking / np.maximum(edge, 1e-300))

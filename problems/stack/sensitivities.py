@@ -1,0 +1,99 @@
+"""Reads the sensitivity of a part: a number, or a number for each of several requirements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ...errors import Fault, nearest
+from ...section import Section
+from ...units import family
+from .definition import Part, Requirement
+
+
+def read_sensitivities(
+    section: Section, unit: str | None, requirements: Sequence[Requirement]
+) -> dict[str, float]:
+    """d requirement / d part by the key of the requirement; `unit` is that of the part."""
+    if "sensitivity" not in section:
+        section.known(("sensitivity",))
+        return {}
+    several = any(one.key for one in requirements)
+    if not several:
+        return _alone(section, requirements[0].key)
+    if not isinstance(section.take("sensitivity"), Mapping):
+        keys = ", ".join(f"{one.key} = ..." for one in requirements[:3])
+        text = f"must state the requirement: write sensitivity = {{ {keys} }}"
+        section.fault("sensitivity", text)
+        return {}
+    table, found = section.section("sensitivity"), dict[str, float]()
+    known = {one.key: one for one in requirements}
+    for key in table.given():
+        if key not in known:
+            close = nearest(key, known)
+            table.take(key)
+            table.fault(key, f'"{key}" is not the name of a [[requirement]]{close}')
+        elif (value := table.number(key, _quotient(known[key].unit, unit))) is not None:
+            found[key] = value
+    return found
+
+
+def _alone(section: Section, key: str) -> dict[str, float]:
+    """The one number of a stack with one requirement."""
+    value = section.number("sensitivity")
+    if value == 0.0:
+        section.fault("sensitivity", "must not be 0: the part does not matter; remove it")
+    return {} if value is None else {key: value}
+
+
+def _quotient(unit: str, per: str | None) -> str:
+    """The unit of a sensitivity; empty for a plain number."""
+    try:
+        same = per is None or family(unit) == family(per)
+    except ValueError:
+        same = True
+    return "" if same and unit == (per or "") else f"{unit or '1'}/{per}" if per else unit
+
+
+def sensitivity_faults(
+    requirements: Sequence[Requirement], tables: Sequence[Mapping[str, Any]]
+) -> list[Fault]:
+    """A formula or sensitivities for each requirement, never both, and no part that is for nothing.
+
+    `tables` are those of the parts, faulty ones included.
+    """
+    keys = [key for table in tables for key in _keys(table)]
+    found = []
+    for one in requirements:
+        if one.formula and one.key in keys:
+            text = f"is given beside {one.place}.formula: keep one of them"
+            found += [Fault(f"part[{at}].sensitivity.{one.key}", text + _name(table))
+                      for at, table in enumerate(tables) if one.key in _keys(table)]  # fmt: skip
+        elif not one.formula and one.key and one.key not in keys:
+            text = (f'"{one.key}" has no parts: give it a formula, or name it in the sensitivity '
+                    f"of a part, like sensitivity = {{ {one.key} = 1.0 }}")  # fmt: skip
+            found.append(Fault(one.place, text))
+    if not any(one.formula for one in requirements):
+        text = "is missing: no requirement depends on the part"
+        found += [Fault(f"part[{at}].sensitivity", text + _name(table))
+                  for at, table in enumerate(tables) if "sensitivity" not in table]  # fmt: skip
+    return found
+
+
+def needless(parts: Sequence[Part], used: Sequence[bool]) -> list[Fault]:
+    """A fault for every part on which no requirement depends."""
+    return [
+        Fault(f"part[{at}].name", f"no requirement depends on it: remove it (part {part.name})")
+        for at, (part, one) in enumerate(zip(parts, used, strict=True))
+        if not one
+    ]
+
+
+def _keys(table: Mapping[str, Any]) -> tuple[str, ...]:
+    value = table.get("sensitivity")
+    return tuple(value) if isinstance(value, Mapping) else ()
+
+
+def _name(table: Mapping[str, Any]) -> str:
+    name = table.get("name")
+    return f" (part {name})" if isinstance(name, str) else ""

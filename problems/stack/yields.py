@@ -1,0 +1,103 @@
+"""Yields and half-widths of a stack, by samples that all its requirements and designs share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.stack import Law, Sample, half_width, joint_yield_percent
+from ..limits import Limit
+from ..settings import Settings
+from .measured import Measured
+
+Array = NDArray[np.float64]
+SEARCH_SAMPLES = 8192
+"""Units of the search's own yields and half-widths; reported ones take `[propagation] samples`."""
+UNDECIDED = 6.0
+"""Standard errors about a limit within which a search takes the whole sample."""
+
+
+@dataclass(frozen=True, eq=False)
+class Yields:
+    """What of the outputs (n,) at tolerances t (n, parts) takes a sample of units."""
+
+    measured: tuple[Measured, ...]
+    settings: Settings
+    limits: tuple[Limit, ...]
+    wanted: frozenset[str]
+
+    def outputs(self, t: Array, searching: bool) -> dict[str, Array]:
+        """Half-widths and yields; NaN without limits, or where a search does not need them."""
+        sample = self.searching if searching else self.reported
+        found: dict[str, Array] = {}
+        bounded = [one for one in self.measured if one.mechanism.bounded]
+        for one in self.measured:
+            if one.requirement.method == "monte_carlo":
+                found |= self._half_width(one, t, sample, searching)
+            own = [one] if one.mechanism.bounded else []
+            found |= self._yield(one.name("yield_percent"), own, t, searching)
+        if self.measured[0].requirement.key:
+            found |= self._yield("yield_percent", bounded, t, searching)
+        return found
+
+    def _half_width(
+        self, one: Measured, t: Array, sample: Sample, searching: bool
+    ) -> dict[str, Array]:
+        name = one.name("variation")
+        if searching and not self.wanted & {name, "variation"}:
+            return {name: np.full(len(t), np.nan)}
+        coverage = self.settings.propagation.coverage
+        if isinstance(one.law, Law):
+            return {name: one.law.half_width(t, coverage)}
+        return {name: half_width(one.mechanism, t, sample, coverage)}
+
+    def _yield(
+        self, name: str, bounded: Sequence[Measured], t: Array, searching: bool
+    ) -> dict[str, Array]:
+        """A yield and its error over requirements with limits."""
+        names = (name, f"{name}_error")
+        if not bounded or (searching and name not in self.wanted):
+            return {name: np.full(len(t), np.nan) for name in names}
+        law = bounded[0].law
+        if len(bounded) == 1 and isinstance(law, Law):
+            return dict(zip(names, law.yield_percent(t), strict=True))
+        mechanisms = [one.mechanism for one in bounded]
+        sample = self.searching if searching else self.reported
+        found = joint_yield_percent(mechanisms, t, sample)
+        if searching and len(close := self._undecided(name, *found)):
+            exact = joint_yield_percent(mechanisms, t[close], self.reported)
+            for values, better in zip(found, exact, strict=True):
+                values[close] = better
+        return dict(zip(names, found, strict=True))
+
+    def _undecided(self, name: str, found: Array, error: Array) -> NDArray[np.int64]:
+        """Rows whose yield is so close to its limit that only the whole sample can judge it.
+
+        A search converges to its limits: what is judged otherwise in the end would all be lost.
+        """
+        near = np.zeros(len(found), dtype=bool)
+        for limit in self.limits:
+            if limit.name == name:
+                for end in (limit.low, limit.high):
+                    near |= np.abs(found - end) <= UNDECIDED * error
+        return np.flatnonzero(near)
+
+    @cached_property
+    def reported(self) -> Sample:
+        """The whole sample."""
+        return self.drawn(self.settings.propagation.samples)
+
+    @cached_property
+    def searching(self) -> Sample:
+        """The sample of a search."""
+        return self.drawn(SEARCH_SAMPLES)
+
+    def drawn(self, most: int) -> Sample:
+        """At most so many units; fewer are the first ones of more."""
+        rng = np.random.default_rng(self.settings.seed)
+        samples = min(most, self.settings.propagation.samples)
+        return Sample.draw(self.measured[0].mechanism, samples, rng)

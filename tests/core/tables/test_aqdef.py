@@ -1,0 +1,152 @@
+"""Q-DAS files in every form: values, attributes, times, limits (public descriptions of K keys)."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+import tolevo
+
+HEAD = """K0100 2
+K1001/1 4711
+K1002/1 Zykloidenscheibe
+K2001/1 10
+K2002/1 Ø Bohrung
+K2004/1 0
+K2101/1 25,000
+K2110/1 25,000
+K2111/1 25,021
+K2142/1 mm
+K2001/2 20
+K2002/2 Rundlauf
+K2004/2 0
+K2101/2 0
+K2112/2 -0,004
+K2113/2 0,004
+K2142/2 mm
+"""
+KEYS = """K0001/1 25,004
+K0002/1 0
+K0004/1 1.3.2026/08:00:00
+K0001/2 -0,0012
+K0001/1 25,0065
+K0002/1 255
+K0004/1 1.3.2026/08:01:00
+K0001/2 0,0021
+"""
+COMPACT = (
+    "25.004\x140\x141.3.2026/08:00:00\x14\x14#B1\x0f-0.0012\x140\n"
+    "25.0065\x14255\x141.3.2026/08:01:00\x14\x14#B1\x0f0.0021\x140\n"
+)
+MINUTES = [datetime(2026, 3, 1, 8, 0), datetime(2026, 3, 1, 8, 1)]
+
+
+def read(folder: Path, text: str, name: str = "p.dfq") -> list[tolevo.tables.Characteristic]:
+    (folder / name).write_bytes(text.replace("\n", "\r\n").encode("cp1252"))
+    return tolevo.read_aqdef(folder / name)
+
+
+def faults(folder: Path, text: str) -> str:
+    with pytest.raises(tolevo.ConfigurationError) as caught:
+        read(folder, text)
+    return str(caught.value)
+
+
+COMMAS = re.sub(r"(-?\d+)\.(\d+)(?=\x14)", r"\1,\2", COMPACT)
+
+
+@pytest.mark.parametrize("values", [KEYS, COMPACT, COMMAS], ids=["keys", "points", "commas"])
+def test_both_forms_read_the_same(tmp_path: Path, values: str) -> None:
+    bore, runout = read(tmp_path, HEAD + values)
+    assert (bore.part, bore.part_number, bore.name) == ("Zykloidenscheibe", "4711", "Ø Bohrung")
+    assert (bore.nominal, bore.lower, bore.upper, bore.unit) == (25.0, 25.0, 25.021, "mm")
+    assert bore.values == [25.004, None]  # the attribute 255 is "not valid"
+    assert bore.attributes == [0, 255]
+    assert bore.times == MINUTES
+    assert (runout.lower, runout.upper) == (-0.004, 0.004)
+    assert runout.values == [-0.0012, 0.0021]
+
+
+def test_batches_and_a_pair_of_files(tmp_path: Path) -> None:
+    (tmp_path / "p.dfx").write_text(COMPACT, newline="")
+    bore, _ = read(tmp_path, HEAD, "p.dfd")
+    assert bore.batches == ["B1", "B1"]
+    assert bore.values == [25.004, None]
+
+
+def test_a_part_of_a_pair_is_asked_for(tmp_path: Path) -> None:
+    with pytest.raises(tolevo.ConfigurationError, match=r"p\.dfd: needs p\.dfx beside it"):
+        read(tmp_path, HEAD, "p.dfd")
+
+
+def test_several_parts_have_their_own_characteristics(tmp_path: Path) -> None:
+    text = HEAD.replace("K0100 2", "K0100 3") + (
+        "K1001/2 4712\nK1002/2 Stift\nK2001/3 10\nK2002/3 Radius\nK2101/3 3,000\n"
+        "K2112/3 -0,002\nK2113/3 0,000\nK2142/3 mm\n" + KEYS + "K0001/3 2,9991\nK0001/3 2,9987\n"
+    )
+    bore, runout, radius = read(tmp_path, text)
+    assert (bore.part, runout.part, radius.part) == (
+        "Zykloidenscheibe",
+        "Zykloidenscheibe",
+        "Stift",
+    )
+    assert (radius.nominal, radius.lower, radius.upper) == (3.0, 2.998, 3.0)
+    assert radius.values == [2.9991, 2.9987]
+    assert len(bore.values) == 2
+
+
+def test_keys_for_all_and_keys_without_an_index(tmp_path: Path) -> None:
+    text = "K1002 Stift\nK2142/0 mm\nK2002 Radius\nK2101 3\nK0001 3,001\nK0004/0 2026-03-01/08:00\n"
+    (radius,) = read(tmp_path, text)
+    assert (radius.unit, radius.nominal, radius.values) == ("mm", 3.0, [3.001])
+    assert radius.times == [datetime(2026, 3, 1, 8, 0)]
+
+
+def test_counts_of_an_attributive_characteristic(tmp_path: Path) -> None:
+    text = "K1002 Stift\nK2002 Kratzer\nK2004 1\nK0020 50\nK0021 2\nK0020 50\nK0021 0\n"
+    (scratches,) = read(tmp_path, text)
+    assert scratches.attributive
+    assert (scratches.values, scratches.sizes) == ([2.0, 0.0], [50, 50])
+
+
+def test_no_limit_where_the_file_says_so(tmp_path: Path) -> None:
+    bore, _ = read(tmp_path, HEAD.replace("K2142/1", "K2120/1 0\nK2142/1") + KEYS)
+    assert (bore.lower, bore.upper) == (None, 25.021)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("K2142/1", "K2113/1 0,030\nK2142/1", "K2111 is 25.021, but the nominal 25 with the deviation"),
+        ("K2110/1 25,000", "K2110/1 25,030", "the lower limit 25.03 is above the upper limit"),
+        ("K2002/2 Rundlauf\n", "K2002/2 Rundlauf\nK2002/2 Planlauf\n", '"Rundlauf" above'),
+        ("K2001/2 20\nK2002/2 Rundlauf", "K2001/2 10\nK2002/2 Ø Bohrung", "is described twice"),
+        ("1.3.2026/08:01:00", "2026-03-01/08:01:00", "times in two formats"),
+        ("25,0065", "25,00,65", 'must be a number, got "25,00,65"'),
+        ("25,0065", "1.025,0065", 'must be a number, got "1.025,0065"'),
+        ("K0001/2 0,0021", "K0001/7 0,0021", "characteristic 7 is not described"),
+        ("K0100 2", "K0100 3", "K0100 announces 3 characteristics, 2 are described"),
+    ],
+)  # fmt: skip
+def test_faults_with_their_places(tmp_path: Path, old: str, new: str, said: str) -> None:
+    found = faults(tmp_path, (HEAD + KEYS).replace(old, new))
+    assert said in found
+    assert all(line.startswith("p.dfq") for line in found.splitlines())
+
+
+def test_more_values_than_characteristics(tmp_path: Path) -> None:
+    assert "3 characteristics in a line, 2 are described" in faults(
+        tmp_path, HEAD + "1\x0f2\x0f3\n"
+    )
+
+
+def test_as_a_table(tmp_path: Path) -> None:
+    (tmp_path / "p.dfq").write_bytes((HEAD + KEYS).encode("cp1252"))
+    found = tolevo.read_table(tmp_path / "p.dfq")
+    assert found.frame["Ø Bohrung"].tolist() == [25.004, None]
+    assert found.frame["Rundlauf"].tolist() == [-0.0012, 0.0021]
+    assert found.units == {"Ø Bohrung": "mm", "Rundlauf": "mm"}
+    assert found.notes == ("Ø Bohrung: 1 values are missing or not valid",)

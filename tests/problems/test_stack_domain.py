@@ -1,0 +1,157 @@
+"""Formulas that leave their domain: the clutch of the literature, margins by hand, units lost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from tolevo.algorithms.exact.bounds import proof
+from tolevo.algorithms.exact.solver import Exact, closed_form, exact_vectors
+from tolevo.algorithms.search import search
+from tolevo.algorithms.settings import Budget
+from tolevo.configuration import read
+from tolevo.errors import InputError
+from tolevo.models.expressions import Formula, domain_margin
+from tolevo.problems.stack import Stack
+
+PROCESSES = {
+    "hub": (55.29, [(10.0, 0.015, 0.015, 0.08), (5.0, 0.5, 0.06, 0.15), (3.5, 0.75, 0.12, 0.25)]),
+    "roller_1": (22.86, [(8.0, 0.25, 0.02, 0.15), (3.0, 0.65, 0.08, 0.30)]),
+    "roller_2": (22.86, [(2.5, 0.3, 0.04, 0.20), (5.0, 0.045, 0.12, 0.25)]),
+    "cage": (101.6, [(4.0, 0.56, 0.08, 0.12), (6.0, 0.16, 0.15, 0.25), (0.5, 0.88, 0.20, 0.40)]),
+}
+"""Nominal [mm], and a, b, least and largest tolerance of each process (Fortini's clutch)."""
+
+
+def clutch(folder: Path, *overrides: str) -> Stack:
+    tables = [
+        f"[[part]]\nname = '{name}'\nnominal = {nominal}\nunit = 'mm'\n"
+        + "".join(
+            f"[[part.process]]\nname = 'p{at}'\nt_min = {low}\nt_max = {high}\n"
+            f"cost = {{ model = 'reciprocal', a = {a}, b = {b} }}\n"
+            for at, (a, b, low, high) in enumerate(ways)
+        )
+        for name, (nominal, ways) in PROCESSES.items()
+    ]
+    head = """
+problem = "stack"
+[objectives]
+minimise = ["cost"]
+[algorithm]
+name = "exact"
+[requirement]
+unit = "rad"
+formula = "acos((hub + (roller_1 + roller_2)/2) / (cage - (roller_1 + roller_2)/2))"
+"""
+    (folder / "c.toml").write_text(head + "".join(tables), encoding="utf-8")
+    problem = read(folder / "c.toml", overrides).problem
+    assert isinstance(problem, Stack)
+    return problem
+
+
+@pytest.mark.parametrize(
+    ("method", "limit", "cost"),
+    [("rss", 0.035, 24.462426), ("rss", 0.025, 30.020704),
+     ("worst_case", 0.035, 34.127904), ("worst_case", 0.070, 24.251967)],
+)  # fmt: skip
+def test_clutch_of_the_literature(method: str, limit: float, cost: float, tmp_path: Path) -> None:
+    overrides = f'requirement.method="{method}"', f"limits.variation={limit}"
+    problem = clutch(tmp_path, *overrides)
+    form = closed_form(problem)
+    assert form is not None
+    x = exact_vectors(problem, form, 1)
+    found = problem.outputs_of(problem.complete(x))
+    assert found["cost"][0] == pytest.approx(cost, abs=5e-7)  # all digits that are printed
+    assert found["variation"][0] <= limit
+    bound = proof(problem, {"cost": found["cost"]}, 1).bound
+    assert bound[0] == pytest.approx(cost, abs=5e-7)
+
+
+def test_the_domain_is_a_warning_that_says_where(tmp_path: Path) -> None:
+    warning = clutch(tmp_path).warnings()[0]
+    assert "requirement.formula leaves its domain within the widest tolerances: column 1" in warning
+    assert "acos is defined on [-1, 1], its argument is" in warning
+    assert "limits.domain_margin = 0 refuses them" in warning
+    by_sample = clutch(tmp_path, 'requirement.method="monte_carlo"', "propagation.samples=4096")
+    assert "designs that do are infeasible" in by_sample.warnings()[0]
+
+
+def test_margin_by_hand(tmp_path: Path) -> None:
+    """(1 - argument at the worst corner) / (1 - argument at the mid-limits)."""
+    problem = clutch(tmp_path)
+    rng = np.random.default_rng(0)
+    x = rng.uniform(problem.xl, problem.xu, (30, problem.n_var))
+    designs = problem.complete(x)
+    hub, one, two, cage = problem.tolerances(designs).T
+    r = 0.5 * (one + two)
+    worst = 1.0 - (55.29 + 22.86 + hub + r) / (101.6 - 22.86 - cage - r)
+    margin = worst / (1.0 - 78.15 / 78.74)
+    found = problem.outputs_of(designs)["domain_margin"]
+    np.testing.assert_allclose(found, margin, rtol=1e-9, atol=1e-12)
+    assert margin.min() < 0.0 < margin.max()
+
+
+def test_designs_beyond_the_edge_are_infeasible_where_the_formula_is_sampled(
+    tmp_path: Path,
+) -> None:
+    problem = clutch(tmp_path, 'requirement.method="monte_carlo"', "propagation.samples=4096")
+    x = np.random.default_rng(0).uniform(problem.xl, problem.xu, (30, problem.n_var))
+    designs = problem.complete(x)
+    found = problem.outputs_of(designs)
+    feasible = np.all(problem.violations(designs, found) <= 0.0, axis=1)
+    np.testing.assert_array_equal(feasible, found["domain_margin"] >= 0.0)
+    assert np.all(np.isfinite(found["variation"]))
+
+
+def test_units_beyond_the_edge_do_not_conform(tmp_path: Path) -> None:
+    """acos has no value where hub + r > cage - r: one normal probability, with no other limit."""
+    problem = clutch(tmp_path, "requirement.lower=-1.0", "propagation.samples=262144")
+    design = problem.complete(problem.xu[None, :])
+    found = problem.outputs_of(design)
+    hub, one, two, cage = problem.tolerances(design)[0] / 3.0
+    lost = norm.sf((78.74 - 78.15) / np.linalg.norm([hub, one, two, cage]))
+    error = found["yield_percent_error"][0]
+    assert found["yield_percent"][0] == pytest.approx(100.0 * (1.0 - lost), abs=4.0 * error)
+    assert lost > 1e-4
+
+
+def test_a_limit_on_the_margin_is_kept(tmp_path: Path) -> None:
+    """With the domain asked for, the optimum at 0.035 rad costs more and stays inside."""
+    problem = clutch(tmp_path, "limits.variation=0.035", "limits.domain_margin=0.0")
+    front = search(problem, Exact(), Budget(), seed=1)
+    designs = problem.complete(front.x)
+    found = problem.outputs_of(designs)
+    best = int(np.argmin(found["cost"]))
+    assert found["domain_margin"][best] >= 0.0 and found["variation"][best] <= 0.035
+    assert 24.462426 < found["cost"][best] < 26.0
+
+
+def test_refused_where_no_design_is_inside(tmp_path: Path) -> None:
+    """A hub so large that the tightest tolerances reach the edge."""
+    clutch(tmp_path)
+    text = (tmp_path / "c.toml").read_text(encoding="utf-8").replace("55.29", "55.80")
+    (tmp_path / "d.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="even within the tightest tolerances, column 1: acos"):
+        read(tmp_path / "d.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "x", "margin"),
+    [
+        ("sqrt(a)", 1.0, 0.25), ("sqrt(a)", -4.0, -1.0), ("log(a) + sqrt(8 - a)", 6.0, 0.5),
+        ("1/(a - 2)", 3.0, 0.5), ("1/(a - 2)", 1.0, -0.5), ("(a - 6)**-1", 5.0, 0.5),
+        ("a**1.5", 2.0, 0.5), ("a**2", -9.0, np.inf), ("tan(a - 4)", 4.0 + 0.25 * np.pi, 0.5),
+        ("asin(a - 4)", 4.5, 0.5), ("atan2(a, 1)", -3.0, 0.0),
+    ],
+)  # fmt: skip
+def test_margins_of_functions(text: str, x: float, margin: float) -> None:
+    """Distance of the argument from the edge over that at the middle, a = 4."""
+    formula = Formula(text)
+    found = domain_margin(formula, {"a": np.array([x])}, {"a": np.asarray(4.0)})
+    if text.startswith("atan2"):
+        assert np.all(found > 0.0)
+    else:
+        np.testing.assert_allclose(np.broadcast_to(found, 1), margin, rtol=1e-12)

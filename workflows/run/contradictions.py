@@ -1,0 +1,108 @@
+"""Limits that contradict each other, and what cannot be proven: told before a run begins."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...algorithms.exact.bounds import restricted, row_limits, upper_limit
+from ...algorithms.exact.choices import least_cost
+from ...algorithms.exact.front import tightest
+from ...algorithms.exact.pieces import convex_pieces
+from ...errors import Fault
+from ...models.stack import Law
+from ...problems.forms import Form
+from ...problems.stack import Stack
+from ...problems.tolerance_problem import ToleranceProblem
+
+Array = NDArray[np.float64]
+CLOSE = 1e-9
+"""Relative excess that may be rounding."""
+HALVINGS = 40
+HALF = 50.0
+"""Yield [percent] below which a quantile is not convex."""
+
+
+def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
+    """A fault for each limit that another one forbids, with the least that is achievable.
+
+    Proven by the convex form: an upper limit on the cost against limits on requirements, and
+    requirements against each other where their deviations compensate.
+    """
+    found = _below_half(problem) if algorithm == "exact" else []
+    form = problem.form() if problem.limits else None
+    if form is None or form.also or len(problem.limits) < 2:
+        return found
+    limits = row_limits(problem, form)
+    used, most = np.isfinite(limits), upper_limit(problem, "cost")
+    if not np.any(used) or (not np.isfinite(most) and form.correlation is None):
+        return found
+    form, limits = convex_pieces(restricted(form, used)), limits[used]
+    bound = float(least_cost(form, limits[None, :]).bound[0])
+    if np.isinf(bound):
+        return found + _impossible(form, limits)
+    if bound > most + CLOSE * abs(most):
+        return found + _too_dear(form, limits, most, bound)
+    return found
+
+
+def _below_half(problem: ToleranceProblem) -> list[Fault]:
+    """Yields below one half of requirements that `exact` is to prove."""
+    measured = problem.measured if isinstance(problem, Stack) else ()
+    lawful = {one.name("yield_percent") for one in measured if isinstance(one.law, Law)}
+    return [
+        Fault(f"limits.{limit.name}", f"asks for {limit.low:g} % of the units: a quantile below "
+              "one half is not convex and cannot be proven; ask for 50 % or more, or take another "
+              "algorithm than exact, whose run is not proven")
+        for limit in problem.limits
+        if limit.name in lawful and 0.0 < limit.low < HALF
+    ]  # fmt: skip
+
+
+def _too_dear(form: Form, limits: Array, most: float, bound: float) -> list[Fault]:
+    """The limit on the cost, and those on requirements that it contradicts."""
+    each = [_alone(form, at) for at in range(len(limits))]
+    dear = [float(least_cost(one, limits[None, at : at + 1]).bound[0])
+            for at, one in enumerate(each)]  # fmt: skip
+    rows = [at for at, cost in enumerate(dear) if cost > most] or list(range(len(limits)))
+    names = list(dict.fromkeys(form.outputs[at] for at in rows))
+    kept = ", ".join(f"limits.{name}" for name in names)
+    least = max([bound, *(dear[at] for at in rows)])
+    faults = [Fault("limits.cost", f"at most {most:g} and {kept} contradict each other: with them "
+                    f"kept the least cost is {least:.6g}; raise the one or the other")]  # fmt: skip
+    for name in names:
+        own = [at for at in rows if form.outputs[at] == name]
+        reach = max(_reached(each[at], most) for at in own)
+        text = (f"at most {limits[own[0]]:g} and limits.cost, at most {most:g}, contradict each "
+                f"other: with the cost kept the least {name} is {reach:.6g}, with this limit the "
+                f"least cost is {max(dear[at] for at in own):.6g}")  # fmt: skip
+        faults.append(Fault(f"limits.{name}", text))
+    return faults
+
+
+def _alone(form: Form, at: int) -> Form:
+    return restricted(form, np.arange(len(form.outputs)) == at)
+
+
+def _reached(form: Form, most: float) -> float:
+    """The least value of a requirement that a cost buys, all others left aside."""
+    low, high = float(tightest(form)[0]), float(tightest(form)[0])
+    step = max(abs(high), 1e-12)
+    while least_cost(form, np.array([[high]])).cost[0] > most and step < 1e12 * max(abs(low), 1.0):
+        high, step = high + step, 2.0 * step
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        kept = least_cost(form, np.array([[middle]])).cost[0] <= most
+        low, high = (low, middle) if kept else (middle, high)
+    return high
+
+
+def _impossible(form: Form, limits: Array) -> list[Fault]:
+    """Limits on requirements that no tolerances keep together."""
+    least, names = tightest(form), ", ".join(dict.fromkeys(f"limits.{n}" for n in form.outputs))
+    return [
+        Fault(f"limits.{name}", f"no tolerances keep {names} together: alone the least {name} is "
+              f"{least[at]:.6g}, the limit is {limits[at]:g}; raise one of them")
+        for at, name in enumerate(form.outputs)
+        if name not in form.outputs[:at]
+    ]  # fmt: skip

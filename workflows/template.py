@@ -1,0 +1,108 @@
+"""`tolevo template`: tables and configurations that a command wants, filled in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ..models.measurable import Column, MeasurableModel, Role
+from ..problems.tolerance_problem import ToleranceProblem
+
+KINDS = ("designs", "units", "stack", "gap", "costs")
+SUFFIXES = {"designs": ".csv", "units": ".csv", "stack": ".toml", "gap": ".toml", "costs": ".csv"}
+UNITS = 20
+"""Units of a batch in the template."""
+COSTS = 3
+"""Prices of each tolerance in the template."""
+
+_GAP = """\
+# Where do model and measurement disagree? Reads units.csv (`tolevo template units`):
+#
+#   tolevo gap gap.toml units.csv --out runs/gap
+
+model = "rv_batch"
+seed = 0
+
+[columns]                 # name of a column in the file = name in the model, or role and unit
+"unit" = "unit"
+"backlash_arcmin" = { role = "measured", unit = "arcmin" }
+# "Seriennr." = { role = "ignore" }
+
+[effects]
+consider = "all"          # or names, families; never = [...]
+
+[validation]
+blocks = "auto"           # or a column: lot, session
+"""
+
+
+def template(kind: str, problem: ToleranceProblem, model: MeasurableModel) -> str:
+    """The text of a template; `problem` fills designs and costs, `model` units.
+
+    Raises KeyError where the kind is not known.
+    """
+    made: dict[str, Callable[[], str]] = {
+        "designs": lambda: _csv(_designs(problem)),
+        "units": lambda: _csv(_units(model)),
+        "stack": lambda: files("tolevo.configs").joinpath("stack_clutch.toml").read_text("utf-8"),
+        "gap": lambda: _GAP,
+        "costs": lambda: _csv(_costs(problem)),
+    }
+    return made[kind]()
+
+
+def _csv(frame: pd.DataFrame) -> str:
+    return frame.to_csv(index=False, lineterminator="\n")
+
+
+def _designs(problem: ToleranceProblem) -> pd.DataFrame:
+    """The document's allocation, and the middle of the search ranges."""
+    middle = {one.name: _middle(one.low, one.high) for one in problem.variables}
+    document = {one.name: middle[one.name] if one.document is None else one.document
+                for one in problem.variables}  # fmt: skip
+    frame = pd.DataFrame([document, middle | dict(problem.fixed)])
+    for one in problem.variables:
+        if one.integer and not one.labels:
+            frame[one.name] = frame[one.name].round().astype(int)
+        if one.labels:
+            frame[one.name] = [one.labels[int(at)] for at in frame[one.name]]
+    return frame
+
+
+def _middle(low: float, high: float) -> float:
+    return float(f"{0.5 * (low + high):.4g}")
+
+
+def _units(model: MeasurableModel) -> pd.DataFrame:
+    """Units of a batch, drawn by the model with a fixed seed."""
+    table = {one.name: _inputs(one) for one in model.columns
+             if one.text or one.role is Role.TEMPERATURE}  # fmt: skip
+    outputs = model.predict(table, np.random.default_rng(0))
+    return pd.DataFrame(table | {name: values.round(4) for name, values in outputs.items()})
+
+
+def _inputs(column: Column) -> np.ndarray[Any, np.dtype[Any]]:
+    """Cells of an input column: labels of units and lots, the reference temperature."""
+    if column.text:
+        share = 1 if column.role is Role.UNIT else UNITS // 2
+        labels = [f"{column.name}-{1 + at // share:03d}" for at in range(UNITS)]
+        return np.array(labels, dtype=object)
+    return np.full(UNITS, 20.0)
+
+
+def _costs(problem: ToleranceProblem) -> pd.DataFrame:
+    """Prices of each tolerance at some values of it, by the curves that the problem has."""
+    rows = []
+    for one in problem.variables:
+        curve = problem.settings.costs.get(one.name, problem.default_costs.get(one.name))
+        if curve is None or one.integer:
+            continue
+        ts = np.geomspace(one.low, one.high, COSTS)
+        prices = curve.cost(ts)
+        rows += [{"variable": one.name, "process": "", "t": float(f"{t:.4g}"),
+                  "cost": float(f"{price:.4g}")} for t, price in zip(ts, prices, strict=True)]  # fmt: skip
+    return pd.DataFrame(rows)
