@@ -17,8 +17,10 @@ from .predictor import predictor
 from .setup import Setup, nominal
 from .space import Space
 
-LEAST_ROWS = 20
+LEAST_ROWS = 10
 """Rows of a stretch of the record, at least."""
+FEWEST = 12
+"""Degrees of freedom of an interval from stretches, at least."""
 STRETCHES = 40
 """Stretches, at most."""
 STEPS, STEP, CONVERGED = 4, 1e-4, 1e-6
@@ -151,7 +153,7 @@ def _with_errors(
     seen = _by_stretches(jacobian, left, space)
     covariance = _larger(_covariance(jacobian, space, used), seen) * np.outer(scale, scale)
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    freedom = max(space.count - len(scale), 1)
+    freedom = max(min(space.count - len(scale), max(_stretches(space) - 1, FEWEST)), 1)
     return replace(found, values=x * scale, errors=errors, freedom=freedom, covariance=covariance)
 
 
@@ -224,7 +226,7 @@ def _by_stretches(jacobian: Array, left: Array, space: Space) -> Array:
     Reference: Liang and Zeger, Biometrika 73, 1986. Misfit that goes on from row to row widens it.
     """
     n = space.readings
-    count = int(np.clip(n // LEAST_ROWS, 2, STRETCHES))
+    count = _stretches(space)
     which = np.minimum(np.arange(n) * count // n, count - 1)
     edges = np.searchsorted(which, np.arange(count + 1))
     sums = np.zeros((count, jacobian.shape[1]))
@@ -234,6 +236,11 @@ def _by_stretches(jacobian: Array, left: Array, space: Space) -> Array:
             sums[k] += jacobian[rows].T @ left[rows]
     inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
     return np.asarray(inverse @ (sums.T @ sums) @ inverse * count / (count - 1))
+
+
+def _stretches(space: Space) -> int:
+    """How many stretches a record is cut into."""
+    return int(np.clip(space.readings // LEAST_ROWS, 2, STRETCHES))
 
 
 def _larger(model: Array, seen: Array) -> Array:

@@ -116,6 +116,8 @@ def _ended(analysis: Analysis) -> Ending:
     lost = analysis.judged.lost
     kept = [one for at, one in enumerate(analysis.fit.members) if at not in lost]
     fit = search.fitter.refined(kept) if kept else analysis.ground.empty
+    if not lost and not analysis.scatter and not analysis.setup.data.target.population:
+        fit = analysis.fit  # as it was tested
     model = corrected(analysis.setup, search.fitter.space, fit)
     bare = analysis.bare
     end = Ending(analysis, fit, model, bare.search.tested(bare.empty), search.tested(fit))

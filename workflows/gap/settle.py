@@ -64,8 +64,7 @@ class Settling:
             answers.append(self.grown(self.search.fitter.refined(kept), names))
         if len(answers) > 1 and answers[1].score < answers[0].score - FREER:
             answers.reverse()
-        best = next((one for one in answers if self.holds(one)), None) or self._accepted()
-        best = self.ordered(best)
+        best = self._first_that_holds(answers, frozenset())
         left = left_over(best, self.search.fitter, self.generic)
         struck = tuple(name for name in fit.names if name not in best.names)
         return Settled(best, struck, left, significant_forms(self.search, left))
@@ -73,7 +72,8 @@ class Settling:
     def again(self, fit: Fit, barred: frozenset[str]) -> Settled:
         """The answer without some names."""
         kept = [one for one in fit.members if one.name not in barred]
-        best = self.ordered(self.grown(self.search.fitter.refined(kept), barred))
+        grown = self.grown(self.search.fitter.refined(kept), barred)
+        best = self._first_that_holds([grown], barred)
         left = left_over(best, self.search.fitter, self.generic)
         return Settled(best, (), left, significant_forms(self.search, left))
 
@@ -88,13 +88,16 @@ class Settling:
                 return False
         return True
 
-    def _accepted(self) -> Fit:
-        """The accepted step that predicts best."""
-        return min(self.tried, key=lambda one: float(np.sum(one[1].white ** 2)))[0]
-
-    def ordered(self, fit: Fit) -> Fit:
-        """Names first, terms behind them."""
-        return self.search.fitter.fit(sorted(fit.members, key=is_term))
+    def _first_that_holds(self, answers: Sequence[Fit], barred: frozenset[str]) -> Fit:
+        """The first answer that holds, names first, terms behind them; else the accepted step that
+        predicts best, without barred names.
+        """
+        for one in answers:
+            fit = self.search.fitter.refined(sorted(one.members, key=is_term))
+            if self.holds(fit):
+                return fit
+        open_ = [one for one in self.tried if not barred & {*one[0].names}]
+        return min(open_, key=lambda one: float(np.sum(one[1].white ** 2)))[0]
 
     def grown(self, fit: Fit, never: frozenset[str]) -> Fit:
         """The fit with what is significant beside it, a name where one fits as well as any form;
