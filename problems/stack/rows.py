@@ -117,7 +117,8 @@ def _at(
         spread = np.asarray(weight * float(ndtri(p)) * signed(one), dtype=float)
         return Row(output, one, "monte_carlo", linear, spread, None, most)
     matters = np.isin(np.arange(len(linear)), law.mechanism.owners)
-    return Row(output, one, "monte_carlo", linear, weight * matters, p, most)
+    spread = np.asarray(weight * matters, dtype=float)
+    return Row(output, one, "monte_carlo", linear, spread, p, most)
 
 
 def _yield_rows(stack: Stack) -> list[Row]:
