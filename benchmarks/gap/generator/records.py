@@ -40,8 +40,8 @@ class Hidden:
 class Truth:
     """What is true of a record; `free` (m n, k) is the gradient of what may be recalibrated,
     `sigma` is the noise in the scales of the outputs, `noise_rms` that of the first output's noise
-    in its unit, outliers (5 sigma) aside. Of composed records the first hidden effect dominates, and
-    one that is `outside` is the last; `turned`: what a positive reading means is turned over.
+    in its unit, outliers (5 sigma) aside. Of composed records the first hidden effect dominates,
+    and one that is `outside` is the last; `turned`: what a positive reading means is turned over.
     """
 
     group: str
