@@ -14,6 +14,7 @@ from tolevo.declarations import Kind, Output, Parameter, Variable
 from tolevo.errors import InputError, refuse
 from tolevo.models.costs import CostCurve, Exponential, Reciprocal, Table
 from tolevo.models.inputs import Normal
+from tolevo.models.measurable import MeasurableModel
 from tolevo.problems.settings import Bound
 from tolevo.problems.tolerance_problem import Array, ToleranceProblem
 
@@ -59,7 +60,7 @@ class Bracket(ToleranceProblem):
         return {"cost": self.cost_of(designs), "play_arcmin": play} | rest
 
 
-class BracketModel:
+class BracketModel(MeasurableModel):
     columns = ()
     outputs = Bracket.outputs[1:2]
     changeable = ()
@@ -282,7 +283,8 @@ FAULTS = {
         "population holds)",
     'algorithm.name = "ga"': "algorithm.name: ga takes exactly one objective, [objectives] "
                              "minimise names 2",
-    "[[effect]]\nname = 'wear'": 'effect[0].name: "wear" has no place in the model bracket_batch',
+    "[[effect]]\nname = 'wear'": 'effect[0].name: "wear" has no place in the model bracket_batch: '
+                                 "no column of the role direction",
 }  # fmt: skip
 
 

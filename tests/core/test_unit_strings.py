@@ -139,6 +139,7 @@ FACTORS: dict[str, float] = {
     "arcsec/Nm": ARCSEC, "arcmin/Nm": ARCMIN, "mrad/Nm": 1e-3, "mrad kg/Nm": 1e-3,
     "arcsec/rpm": ARCSEC * 60.0 / (2.0 * pi), "arcsec/rpm^2": ARCSEC * (60.0 / (2.0 * pi)) ** 2,
     "arcsec/(rpm s)": ARCSEC * 60.0 / (2.0 * pi),
+    "arcsec/(Nm rpm)": ARCSEC * 60.0 / (2.0 * pi), "mm/K": 1e-3, "mrad/K": 1e-3,
     "kN": 1e3, "kN/mm": 1e6, "Nm/deg": 1.0 / DEG, "N m/deg": 1.0 / DEG,
 }  # fmt: skip
 """How many SI units each is that models, documents, configurations and tests name."""
@@ -338,6 +339,7 @@ def test_an_effect_takes_frequencies_and_differences_as_they_are(tmp_path: Path)
     path = tmp_path / "c.toml"
     text = """
 model = "table"
+gear.orders = {{ "pin passing" = 40 }}
 [columns]
 angle = {{ role = "angle", unit = "deg" }}
 n = {{ role = "speed", unit = "1/min" }}

@@ -11,6 +11,7 @@ from tolevo.models.inputs.distribution import Array
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.problems.rv_backlash.form import form_of
 from tolevo.problems.settings import PropagationSetting, Settings
 
 DOCUMENT = {"model": "document"}
@@ -99,14 +100,13 @@ def test_bounds_of_the_backlash_hold_with_effects() -> None:
 
 
 def test_form_holds_the_shift() -> None:
-    """Its offset moves as the geometric backlash of every design does."""
+    """Offsets move as the backlash of every design does: geometric with its mean, and effective."""
     plain, shifted = problem(), problem(active("process_mean_shift"))
-    forms = plain.form(), shifted.form()
-    assert forms[0] is not None
-    assert forms[1] is not None
-    np.testing.assert_allclose(
-        np.asarray(forms[1].offset) - forms[0].offset, [-0.15, -0.15, 0.0], atol=1e-12
-    )
+    for make, moved in ((form_of, [-0.15, -0.15, 0.0]), (RvBacklash.form, [-0.15])):
+        forms = make(plain), make(shifted)
+        assert forms[0] is not None
+        assert forms[1] is not None
+        np.testing.assert_allclose(np.asarray(forms[1].offset) - forms[0].offset, moved, atol=1e-12)
     assert problem(active("spread_inflation")).form() is None
 
 

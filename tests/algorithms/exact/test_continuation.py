@@ -65,9 +65,13 @@ def test_front_on_the_sample_breaks_limits_on_fresh_units() -> None:
 
 
 def test_front_falls() -> None:
-    """In the order of the cost; chance of fresh units may turn two neighbours round."""
+    """In the order of the cost; chance of fresh units may turn two neighbours round.
+
+    At the loose end two points may have the same cost there: the tighter one counts.
+    """
     f, _ = fresh(exact())
-    f = f[np.argsort(f[:, 0])]
+    f = f[np.lexsort([f[:, 1], f[:, 0]])]
+    f = f[np.append(True, np.diff(f[:, 0]) > 1e-3 * f[:-1, 0])]
     assert f[-1, 0] > 2.0 * f[0, 0]
     assert f[-1, 1] < 0.5 * f[0, 1]
     assert np.all(np.diff(f[:, 1]) < 0.03 * f[:-1, 1])
