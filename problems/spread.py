@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from .forms import Form
 
 Array = NDArray[np.float64]
+LEAST = 1e-100
+"""What is below counts as no spread: a price per square of it would overflow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +45,7 @@ def spread_of(form: Form, s: Array, most: Array | None = None) -> Spread:
             reach = np.where(most[row] > 0.0, found.gradient_error * np.abs(most[row]), 0.0)
             doubt = doubt + np.nan_to_num(reach, nan=np.inf).sum(axis=1)
         intercept[:, row] = found.value - own - doubt
-    return Spread(value, direction, intercept)
+    return Spread(np.where(value > LEAST, value, 0.0), direction, intercept)
 
 
 def largest_parts(form: Form) -> Array:

@@ -24,8 +24,6 @@ from ...problems.spread import Spread
 Array = NDArray[np.float64]
 ROUNDING = 1e-13
 """Relative allowance for rounding in a bound."""
-LEAST = 1e-100
-"""A spread below this counts as none: its price per square would overflow."""
 
 
 def only_roots(form: Form) -> NDArray[np.bool_]:
@@ -56,10 +54,9 @@ class Prices:
     @classmethod
     def at(cls, form: Form, multiplier: Array, limit: Array, spread: Spread) -> Prices:
         """Prices from multipliers and limits (n, r) and what S is at n reference points."""
-        some = spread.value > LEAST
-        safe = np.where(some, spread.value, 1.0)
+        safe = np.where(spread.value > 0.0, spread.value, 1.0)
         multiplier = np.where(np.isfinite(limit), multiplier, 0.0)
-        squared = only_roots(form) & some
+        squared = only_roots(form) & (spread.value > 0.0)
         linear = np.where(squared, 0.0, multiplier)
         square = np.where(squared, multiplier / (2.0 * safe), 0.0)
         room = np.where(np.isfinite(limit), limit - form.offset, 0.0)

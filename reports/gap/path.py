@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from math import isfinite
+from textwrap import shorten
 
 from matplotlib.figure import Figure
 
 from ...gap_records import GapResult, Step
 from ..drawing import new_figure, plain
 from .marks import AFTER
+
+LONGEST = 52
+"""Letters of a label; the table of steps has all of it."""
 
 
 def path_figure(result: GapResult) -> Figure | None:
@@ -41,4 +45,4 @@ def path_figure(result: GapResult) -> Figure | None:
 
 def _label(step: Step) -> str:
     name = step.name.replace("_", " ")
-    return f"{step.number} {step.action} {name}".rstrip()
+    return shorten(f"{step.number} {step.action} {name}", LONGEST, placeholder=" ...")

@@ -95,8 +95,9 @@ def result(plain: Array, tmp_path_factory: pytest.TempPathFactory) -> GapResult:
 
 
 def test_the_workflow_names_the_clearance_and_its_width(result: GapResult) -> None:
-    assert result.names == ("bearing_clearance",)
-    (width,) = result.effects[0].parameters
+    # channels of the test rig that are a few milliseconds apart may stand beside it
+    assert set(result.names) - {"delay"} == {"bearing_clearance"}
+    (width,) = next(e for e in result.effects if e.name == "bearing_clearance").parameters
     assert width.name == "bearing_clearance_in"
     assert 0.17 < width.value < 0.18
 

@@ -119,15 +119,13 @@ def test_front_of_exact_has_no_gap(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("method", "more", "statement"),
     [
-        ("monte_carlo", "", "nothing is proven: the problem has no convex form"),
         ("rss", '[objectives]\nminimise = ["variation"]', "nothing is proven: cost is not an"),
     ],
 )
 def test_where_nothing_is_proven_bounds_are_empty(
     method: str, more: str, statement: str, tmp_path: Path
 ) -> None:
-    algorithm = NSGA2 if method == "monte_carlo" else 'name = "exact"'
-    front, summary, _ = run(config(tmp_path, algorithm, method, more))
+    front, summary, _ = run(config(tmp_path, 'name = "exact"', method, more))
     assert len(front) and front["bound"].isna().all() and front["gap_percent"].isna().all()
     assert str(summary["bound_form"]).startswith(statement)
     assert summary["hypervolume_ratio"] is None
