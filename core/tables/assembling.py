@@ -169,9 +169,10 @@ def _missing_notes(
     name: str, cells: Any, lines: list[int], values: NDArray[Any] | None
 ) -> list[str]:
     """How many cells of a column of numbers are none."""
-    if values is None:
-        values = pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce").to_numpy()
-    bad = np.flatnonzero(np.isnan(values)).tolist()
+    known = values
+    if known is None:
+        known = np.asarray(pd.to_numeric(pd.Series(cells, dtype=object), errors="coerce"))
+    bad = np.flatnonzero(np.isnan(known)).tolist()
     if not bad:
         return []
     listed = ", ".join(f'row {lines[at]} "{cells[at]}"' for at in bad[:5])

@@ -77,7 +77,7 @@ class Evidence:
 def evidence(cells: Sequence[str]) -> Evidence:
     """What the cells of a column prove; of a column of text only that it holds no number."""
     found = Evidence()
-    places = np.linspace(0, len(cells) - 1, PROBES).astype(int).tolist()
+    places: list[int] = np.linspace(0, len(cells) - 1, PROBES).astype(int).tolist()
     if len(cells) > 2 * PROBES and not any(notation(cells[at]) for at in places):
         found.values = len(cells)
         return found

@@ -212,7 +212,7 @@ class _Series:
             room = k[-1] / period
             dense = np.where(order > 1.0, whole * room / (order - 1.0), np.inf)
             steep = np.where(rest_order > 1.0, partial * room[:, None] / (rest_order - 1.0), np.inf)
-        return cls(np.asarray(k), omega, phi, slopes, period, missing, dense, steep)
+        return cls(np.asarray(k, dtype=float), omega, phi, slopes, period, missing, dense, steep)
 
     def below(self, y: Array) -> Array:
         """F(y), (n,)."""
@@ -253,4 +253,4 @@ def _others(each: Array) -> tuple[Array, Array]:
     ones = np.ones_like(each[:, :1])
     before = np.cumprod(np.concatenate([ones, each[:, :-1]], axis=1), axis=1)
     after = np.cumprod(np.concatenate([ones, each[:, :0:-1]], axis=1), axis=1)[:, ::-1]
-    return before, after
+    return np.asarray(before, dtype=float), np.asarray(after, dtype=float)

@@ -146,9 +146,12 @@ def _settled(
     """The final answer of rows, in the noise beside all that is in it."""
     found, noises, search, generic = now
     start = found.fit
-    for _ in range(SETTLED):
-        empty = search.fitter.fit(())
-        done = Settling(search, generic, setup.data, empty, found.accepted).settled(start)
+    empty = search.fitter.fit(())
+    done = Settling(search, generic, setup.data, empty, found.accepted).settled(start)
+    for turn in range(SETTLED):
+        if turn:
+            empty = search.fitter.fit(())
+            done = Settling(search, generic, setup.data, empty, found.accepted).settled(start)
         if not done.fit.members:  # what noise there is beside nothing is known
             break
         anew = noise_of(setup, _contributions(setup, done.fit))

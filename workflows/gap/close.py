@@ -203,6 +203,7 @@ def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Correcte
     found = replace(model, numbers=numbers)
     residual = _residual(setup, space, found, scale)
     x = model.values / scale
+    left, jacobian = residual(x), np.empty((0, len(x)))
     for _ in range(STEPS):
         left = residual(x)
         jacobian = np.empty((len(left), len(x)), order="F")

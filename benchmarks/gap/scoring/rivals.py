@@ -194,7 +194,9 @@ def first_parameter(name: str, kind: str) -> str:
     return FIRST.get(name, "")
 
 
-KIND_TURNS = dict.fromkeys(("rotating", "own gear", "unknown gear", "rv_transmission"), True)
+KIND_TURNS: dict[str, bool] = dict.fromkeys(
+    ("rotating", "own gear", "unknown gear", "rv_transmission"), True
+)
 KIND_TURNS |= dict.fromkeys(("lost_motion", "rv_lost_motion"), False)
 RIVALS: dict[str, tuple[Rival, ...]] = {
     "rotating": ROTATING_RIVALS,
