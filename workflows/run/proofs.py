@@ -28,6 +28,7 @@ CHECKED = 50
 INFORMATIVE = 25.0
 """Median gap [percent] beyond which a bound that leaves limits out says nothing."""
 LEFT_OUT = "limits left out"
+INTERRUPTED = "nothing is proven: the run was interrupted; it is when --resume has ended it"
 CLOSED = 1e-7
 """Relative gap up to which a front counts as exact."""
 
@@ -40,16 +41,28 @@ class Exact:
     hypervolume: float
 
 
+def takes_long(problem: ToleranceProblem) -> bool:
+    """Whether proofs take seconds for each point, which an interrupted run does not wait for."""
+    form = problem.form()
+    return form is not None and bool(form.quantiles)
+
+
 def with_bounds(
-    frame: pd.DataFrame, problem: ToleranceProblem, within: NDArray[np.bool_] | None = None
+    frame: pd.DataFrame,
+    problem: ToleranceProblem,
+    within: NDArray[np.bool_] | None = None,
+    interrupted: bool = False,
 ) -> tuple[pd.DataFrame, str]:
     """The frame with `bound` and `gap_percent`, and what they are proven for.
 
     Rows that are marked as not feasible, or that are not `within` the search space (n,), keep them
     empty. A point that disproves its bound leaves all of them empty, with a word: one is wrong.
+    Where a run was `interrupted`, proofs that take long are left out.
     """
     frame = frame.assign(bound=np.nan, gap_percent=np.nan)
     frame = frame[[name for name in frame if name != "knee"] + ["knee"] * ("knee" in frame)]
+    if interrupted and takes_long(problem):
+        return frame, INTERRUPTED
     kept = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
     kept = kept if within is None else kept[within[frame.index.isin(kept.index)]]
     values = {name: kept[name].to_numpy(dtype=float) for name in problem.objectives}

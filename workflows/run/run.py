@@ -25,7 +25,15 @@ from .assumptions import with_assumptions
 from .choices import with_choices
 from .front import inside, nearest_miss, reported_front, with_references
 from .plan import RunOutcome, RunPlan
-from .proofs import Exact, end_notes, exact_front, measures, proof_notes, with_bounds
+from .proofs import (
+    Exact,
+    end_notes,
+    exact_front,
+    measures,
+    proof_notes,
+    takes_long,
+    with_bounds,
+)
 from .reach import searchable
 from .references import compare, documents, side_searches, table
 from .requirements import with_requirements
@@ -79,12 +87,14 @@ def _run(
     exact = exact_front(plan.problem)
     references = table(plan, printed, fronts, exact)
     front, dropped, joined = with_references(searched, references, plan.problem)
-    front, statement = with_bounds(front, plan.problem)
+    stopped = found.interrupted
+    front, statement = with_bounds(front, plan.problem, interrupted=stopped)
     before = next((other for side, other in fronts.items() if side.apart), None)
     others = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
     relaxed = {side.label: other for side, other in fronts.items() if side.relaxed}
     if len(references):
-        references, _ = with_bounds(references, plan.problem, inside(references, plan.problem))
+        within = inside(references, plan.problem)
+        references, _ = with_bounds(references, plan.problem, within, stopped)
         references = compare(references, searched, relaxed, plan.problem)
     cut = found.interrupted or any(other is None for other in fronts.values())
     status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
@@ -100,7 +110,9 @@ def _run(
     decisions = decide(plan.problem, front, plan.choice)
     result = _result(plan, found, front, references, summary, proven, exact)
     result = replace(with_choices(result, decisions, plan, exact), overlays=others)
-    result = with_requirements(with_units(result, plan.problem), plan.problem)
+    result = with_units(result, plan.problem)
+    if not (stopped and takes_long(plan.problem)):
+        result = with_requirements(result, plan.problem)
     if not cut:
         result = with_assumptions(result, plan.problem, found.history, progress)
     if before is not None:
