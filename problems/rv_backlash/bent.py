@@ -8,7 +8,7 @@ quantiles of Y' stay below those of Y: a u (1 - u) <= int_u^1 (Q_Y - mean), all 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -37,6 +37,11 @@ def uniform_below(values: Array) -> float:
     return max(0.0, float(np.min(upper / (share * (1.0 - share)))) * (1.0 - SAFE))
 
 
+def quantiles_of(law: Distribution) -> Array:
+    """Quantiles (n,) of a law at the levels (i + 1/2)/n."""
+    return np.asarray(law.quantile((np.arange(LEVELS) + 0.5) / LEVELS))
+
+
 @dataclass(frozen=True)
 class Cell:
     """What is known of Y = b t z + q t^2 z^2 [arcmin] for half-widths t in [low, high] [um].
@@ -51,11 +56,12 @@ class Cell:
     q: float
     low: float
     high: float
+    z: Array = field(compare=False, repr=False)
+    """Quantiles of the law, as `quantiles_of` gives them: cells of one law share them."""
 
     def values(self, t: float) -> Array:
         """Y at the levels (i + 1/2)/n of z."""
-        z = self.law.quantile((np.arange(LEVELS) + 0.5) / LEVELS)
-        return np.asarray(self.b * t * z + self.q * (t * z) ** 2)
+        return np.asarray(self.b * t * self.z + self.q * (t * self.z) ** 2)
 
     @cached_property
     def _at(self) -> Array:

@@ -13,7 +13,7 @@ from ...models.costs import CostCurve, Reciprocal
 from ...models.propagation.even import UNIFORM, Even, even_law
 from ...models.propagation.sums import Term
 from ...units import ARCMIN
-from .bent import LEVELS, SAFE, Cell, uniform_below
+from .bent import LEVELS, SAFE, Cell, quantiles_of, uniform_below
 from .shift import Shift, shift_of
 from .terms import ends, unit_terms
 
@@ -127,9 +127,9 @@ def _bent(problem: RvBacklash, name: str, term: Term, cells: int = CELLS) -> Par
     low, high = ends(problem, name)
     b, q = float(term.linear[0]) / ARCMIN, float(term.quadratic[0]) / ARCMIN
     edges = np.geomspace(low, high, cells + 1) if low < high else np.array([low, high])
-    members = []
+    members, z = [], quantiles_of(term.distribution)
     for start, end in pairwise(edges.tolist()):
-        cell = Cell(term.distribution, b, q, start, end)
+        cell = Cell(term.distribution, b, q, start, end, z)
         (slope, mean), (top_slope, top) = cell.mean_below, cell.mean_above
         curve = problem.settings.costs[name]
         members.append(Member(curve, start, end, cell.spread, UNIFORM, mean, slope, top, top_slope,

@@ -15,7 +15,7 @@ from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.models.inputs import Beta, Uniform
 from tolevo.problems.rv_backlash import RvBacklash
-from tolevo.problems.rv_backlash.bent import Cell, uniform_below
+from tolevo.problems.rv_backlash.bent import Cell, quantiles_of, uniform_below
 from tolevo.problems.settings import Bound, Settings, VariableSetting
 
 PRINTED = {"reading": "printed"}
@@ -138,7 +138,7 @@ def test_a_uniform_law_below_in_convex_order() -> None:
     z = 2.0 * u - 1.0
     assert uniform_below(z) == pytest.approx(1.0, rel=3e-3)
     assert uniform_below(-(z**2)) == pytest.approx(1.0 / 3.0, rel=3e-3)
-    cell = Cell(Uniform(), 0.0037, -0.00085, 3.0, 4.0)
+    cell = Cell(Uniform(), 0.0037, -0.00085, 3.0, 4.0, quantiles_of(Uniform()))
     for t in (3.0, 3.4, 4.0):
         y = cell.values(t)
         grid = np.linspace(y.min() - 0.01, y.max() + 0.01, 200)

@@ -25,28 +25,63 @@ from tolevo.workflows.run.references import SideSearch
 from tolevo.workflows.run.resume import CHECKPOINT
 from tolevo.workflows.run.sides import Sides
 
-CONFIG = """
-problem = "rv_backlash"
-references = "none"
+SEARCH = """
 seed = 4
-[variables]
-dr_rp_mm = { low = -0.05, high = -0.03 }
-dr_p_mm = { low = -0.09, high = -0.06 }
-[limits]
-interference_probability = 0.5
-[propagation]
-method = "moments"
 [algorithm]
 name = "nsga2"
 population = 20
 generations = 12
 """
+CONFIG = f"""
+problem = "stack"
+references = "none"
+{SEARCH}
+[requirement]
+name = "gap"
+unit = "mm"
+[[part]]
+name = "a"
+nominal = 20.0
+unit = "mm"
+sensitivity = 1.0
+t_min = 0.01
+t_max = 0.25
+cost = {{ model = "reciprocal", a = 1.0, b = 0.75 }}
+[[part]]
+name = "b"
+nominal = 30.0
+unit = "mm"
+sensitivity = -2.0
+t_min = 0.01
+t_max = 0.25
+cost = {{ model = "reciprocal", a = 1.0, b = 0.2 }}
+"""
+DRIVE = f"""
+problem = "rv_backlash"
+references = "none"
+{SEARCH}
+[variables]
+dr_rp_mm = {{ low = -0.05, high = -0.03 }}
+dr_p_mm = {{ low = -0.09, high = -0.06 }}
+[limits]
+interference_probability = 0.5
+[propagation]
+method = "moments"
+"""
+"""A problem with allocations of the documents, and so with searches beside its own."""
 
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
     path = tmp_path / "c.toml"
     path.write_text(CONFIG, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def drive(tmp_path: Path) -> Path:
+    path = tmp_path / "d.toml"
+    path.write_text(DRIVE, encoding="utf-8")
     return path
 
 
@@ -146,22 +181,22 @@ def test_resume_of_nothing_is_a_start(config: Path, tmp_path: Path) -> None:
 
 
 def test_finished_side_searches_are_not_repeated(
-    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out, references = tmp_path / "o", ("--set", "references=documents")
-    assert run(config, out, *references).exit_code == 0
+    assert run(drive, out, *references).exit_code == 0
     before = (out / "references.csv").read_bytes()
 
     def again(self: Any) -> None:
         raise AssertionError(f"{self.label} is searched again")
 
     monkeypatch.setattr("tolevo.workflows.run.references.SideSearch.front", again)
-    assert run(config, out, *references, "--resume").exit_code == 0
+    assert run(drive, out, *references, "--resume").exit_code == 0
     assert (out / "references.csv").read_bytes() == before
     monkeypatch.undo()
     more = (*references, "--set", "algorithm.generations=14")
     labels = set(Checkpoint.read(out / CHECKPOINT).tables)
-    assert run(config, out, *more, "--resume").exit_code == 0  # those with the old budget are
+    assert run(drive, out, *more, "--resume").exit_code == 0  # those with the old budget are
     kept = set(Checkpoint.read(out / CHECKPOINT).tables)
     assert len(kept) == len(labels) > len(kept & labels) == 1  # made anew, the GA's stays
 
@@ -171,11 +206,11 @@ def _hears_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def test_an_interrupt_is_prompt_and_says_how_to_go_on(config: Path, tmp_path: Path) -> None:
+def test_an_interrupt_is_prompt_and_says_how_to_go_on(drive: Path, tmp_path: Path) -> None:
     """Side searches in another process are ended, not waited for."""
     out, long = tmp_path / "o", ("--set", "algorithm.generations=1000000")
     references = ("--set", "references=documents", "--workers", 2)
-    command = command_of(config, out, *references, *long)
+    command = command_of(drive, out, *references, *long)
     with subprocess.Popen(
         command, stderr=subprocess.PIPE, env=os.environ.copy(), preexec_fn=_hears_interrupts
     ) as process:
@@ -214,7 +249,7 @@ def test_side_searches_are_ended_not_waited_for(tmp_path: Path) -> None:
 
 def test_overwrite_leaves_no_older_miss(config: Path, tmp_path: Path) -> None:
     out = tmp_path / "o"
-    hard = ("--set", "limits.interference_probability=0.01", "--set", "limits.backlash_arcmin=0.4")
+    hard = ("--set", "limits.variation=0.0224")  # the tightest parts give 0.02236
     assert run(config, out, *hard, "--set", "algorithm.generations=2").exit_code == 1
     assert (out / "nearest_miss.csv").is_file()
     assert run(config, out, "--overwrite").exit_code == 0

@@ -108,7 +108,7 @@ def test_nine_variables_are_rounded_as_well_as_by_trying_everything(seed: int) -
     ]
     every = np.array(list(itertools.product(*pairs)))
     every = np.clip(every, problem.xl, problem.xu)
-    found = problem.outputs_of(every)
+    found = problem.outputs_of(every, errors=False)
     own = problem.outputs_of(design[None])["squareness_mrad"][0]
     kept = found["squareness_mrad"] <= min(own * (1.0 + 1e-9), 0.2)
     assert problem.cost_of(new[None])[0] <= 1.02 * found["cost"][kept].min()

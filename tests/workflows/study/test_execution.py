@@ -61,6 +61,8 @@ kind = "factorial"
 "algorithm.mutation.probability" = [0.05, 0.1]
 """
 LOOPBACK = "127.0.0.1"
+TRIALS = int(os.environ.get("TOLEVO_TRIALS", "4"))
+"""Kills of a study at random moments."""
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +159,7 @@ def cmdline(pid: int) -> bytes:
         return b""
 
 
-def test_killed_at_ten_random_moments(plan: StudyPlan, table: bytes, tmp_path: Path) -> None:
+def test_killed_at_random_moments(plan: StudyPlan, table: bytes, tmp_path: Path) -> None:
     """The whole process by SIGKILL, resumed each time, and finished at last.
 
     A study that gets to its end in spite of them is looked at, and followed by another.
@@ -166,7 +168,7 @@ def test_killed_at_ten_random_moments(plan: StudyPlan, table: bytes, tmp_path: P
     start = time.monotonic()
     study(plan, tmp_path / "pace", InProcess())
     longest = 0.4 * (time.monotonic() - start)
-    while len(counts) < 10:
+    while len(counts) < TRIALS:
         process = server().Process(target=study, args=(plan, out, InProcess(), None, True))
         process.start()
         wait_until(partial(begun, process, out))
