@@ -83,6 +83,31 @@ class RunResult:
     drivers: pd.DataFrame | None = None
 
 
+def mechanism_lines(summary: Mapping[str, Any]) -> list[str]:
+    """What a run is about, where its configuration says it: the mechanism and its requirements."""
+    known = summary.get("mechanism")
+    if not isinstance(known, Mapping):
+        return []
+    own = _described(known)
+    requirements = [one for one in known.get("requirements") or () if isinstance(one, Mapping)]
+    alone = len(requirements) == 1 and requirements[0].get("name") == known.get("name")
+    each = [f"requirement {_described(one)}" for one in requirements if _described(one)]
+    return each if alone else [*([f"mechanism {own}"] if own else []), *each]
+
+
+def _described(known: Mapping[str, Any]) -> str:
+    """One line, like "end play, at most 0.2 mm (drawing GB-100): play of the shaft"."""
+    low, high, unit = (known.get(key) for key in ("lower", "upper", "unit"))
+    name, ends = str(known.get("name") or ""), f" {unit}" if unit else ""
+    if low is not None and high is not None:
+        name += f", {low:g} to {high:g}{ends}"
+    elif low is not None or high is not None:
+        name += f", at least {low:g}{ends}" if high is None else f", at most {high:g}{ends}"
+    drawing, description = known.get("drawing"), known.get("description")
+    name += f" (drawing {drawing})" if drawing else ""
+    return name + (f": {description}" if description else "")
+
+
 def model_lines(summary: Mapping[str, Any]) -> list[str]:
     """By which of several models a run judged: a line, and one for each choice of which another
     model says something. Nothing where there is but one model.

@@ -224,6 +224,12 @@ class Section:
         """A table that belongs to `key`, however it is written."""
         return Section(table, self.place(key), self._faults)
 
+    def having(self, key: str, value: Any) -> Section:
+        """The same table with a value that stands elsewhere in the configuration."""
+        found = Section({**self._table, key: value}, self._place, self._faults)
+        found._known = self._known
+        return found
+
     def tables(self, key: str) -> list[Mapping[str, Any]]:
         """The tables of an array `[[key]]`, empty where there is none."""
         value = self.take(key)

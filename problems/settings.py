@@ -46,6 +46,15 @@ class PropagationSetting:
 
 
 @dataclass(frozen=True, slots=True)
+class Labels:
+    """What readers know a mechanism by: its name, a description, the number of its drawing."""
+
+    name: str = ""
+    description: str = ""
+    drawing: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Settings:
     """Everything that distinguishes one instance of a problem from its defaults.
 
@@ -53,7 +62,7 @@ class Settings:
     problem's own. `definition` is what a problem that is written in the configuration (`stack`)
     was read from; `effects` are active in the model; `zero` is what an instrument adds to outputs
     of the model, `sense` is -1 of those that read the other way round; `gear` is that of a table,
-    `columns` says what the columns of a file are.
+    `columns` says what the columns of a file are, `labels` what readers know the mechanism by.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -69,3 +78,4 @@ class Settings:
     sense: Mapping[str, int] = field(default_factory=dict)
     gear: Gear | None = None
     columns: Mapping[str, ColumnUse] = field(default_factory=dict)
+    labels: Labels = Labels()

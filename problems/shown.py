@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -45,6 +45,8 @@ def effect_notes(settings: Settings, counterparts: Sequence[str]) -> tuple[str, 
 class Shown:
     """What the page of a run has beside the front, where a problem knows it."""
 
+    settings: Settings
+
     explained: ClassVar[Mapping[str, str]] = {}
     """By output without a derivative, the one whose derivative tells what contributes to it."""
 
@@ -83,7 +85,14 @@ class Shown:
 
     def title(self) -> str:
         """The mechanism in words, for the heading of a page; empty where the name says it."""
-        return ""
+        return self.settings.labels.name
+
+    def mechanism(self) -> dict[str, object]:
+        """What readers know the mechanism by, for pages, terminal and exports: `name`,
+        `description`, `drawing`, as far as they are stated.
+        """
+        labels = asdict(self.settings.labels) | {"name": self.title()}
+        return {key: value for key, value in labels.items() if value}
 
     def validity(self) -> tuple[str, ...]:
         """Limits of validity of the model, a sentence each."""

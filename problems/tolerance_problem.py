@@ -413,3 +413,9 @@ class ToleranceProblem(Problem, Shown):
         its zone as a deviation from it, both in the unit of the variable.
         """
         return None, self.settings.variables[name].mid or 0.0
+
+    def drawn(self, name: str) -> Mapping[str, str]:
+        """What the drawing says of the part that a variable tolerates: `class` (g6), `symbol`,
+        number of the `drawing` and of the `characteristic`; what is not known is left out.
+        """
+        return {}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..records import Bars, RunResult, model_lines
+from ..records import Bars, RunResult, mechanism_lines, model_lines
 from .bars import bars_figure
 from .choices import choice_sections
 from .convergence import RATIO, convergence_figure, known
@@ -53,6 +53,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
     scripted = interactive(result)
     sections = (
         *remarked(remarks),
+        "".join(f"<p>{escape(line)}</p>" for line in mechanism_lines(result.summary)),
         _model(result.summary),
         section("Front", _front(result, scripted)),
         section("In words", bullets(result.notes)),

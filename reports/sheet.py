@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from ..records import RunResult
+from ..records import RunResult, mechanism_lines
 
 if TYPE_CHECKING:
     from openpyxl.worksheet.worksheet import Worksheet
@@ -26,7 +26,8 @@ WIDEST = 44
 
 
 def allocation_sheet(result: RunResult) -> bytes | None:
-    """`allocation.xlsx`: allocations, choices with their losses, how each variable is rounded.
+    """`allocation.xlsx`: allocations, choices with their losses, the mechanism where the
+    configuration describes it, how each variable is rounded.
 
     None where nothing was chosen, or openpyxl (the extra `report`) is not installed.
     """
@@ -42,6 +43,8 @@ def allocation_sheet(result: RunResult) -> bytes | None:
     first.title = "Allocation"
     _fill(first, result.allocation)
     _fill(book.create_sheet("Choices"), result.choices)
+    if lines := mechanism_lines(result.summary):
+        _fill(book.create_sheet("Mechanism"), pd.DataFrame({"mechanism": lines}))
     _fill(book.create_sheet("Rounding"), pd.DataFrame(list(result.summary.get("rounding") or ())))
     buffer = BytesIO()
     book.save(buffer)

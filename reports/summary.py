@@ -10,7 +10,7 @@ import pandas as pd
 from .tables import shown, table
 
 ELSEWHERE = frozenset({"assumptions", "notes", "choices", "rounding", "axes", "bars", "files",
-                       "units", "validity", "assumptions_at"})  # fmt: skip
+                       "units", "validity", "assumptions_at", "mechanism"})  # fmt: skip
 """What the page shows in other places, or needs for itself."""
 
 

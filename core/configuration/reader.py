@@ -18,6 +18,7 @@ from .configuration import Configuration
 from .costs import check_ends, read_costs
 from .effects import read_effects, resolved_effects
 from .goals import read_limits, read_objectives, read_propagation
+from .labels import read_labels, resolved_labels
 from .model_columns import read_model_columns, resolved_columns
 from .pairs import belongs, stranger
 from .parameters import read_parameters
@@ -67,7 +68,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     model = load_named(top, "model", "models", kind.default_model if kind else "")
     model_name = top.take("model") or (kind.default_model if kind else "")
     references = top.text("references", REFERENCES) or "documents"
-    seed = _seed(top)
+    seed, labels = _seed(top), read_labels(top)
     effects = read_effects(top, model, model_name)
     read_unresolved(top, model, model_name)  # act on readings: an allocation has none
     zero = read_zero(top, model.outputs if model else ())
@@ -79,7 +80,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         top.finish()
         raise InputError(faults)
     settings = replace(_settings(top, kind, model), seed=seed, effects=effects,
-                       zero=zero, sense=sense)  # fmt: skip
+                       zero=zero, sense=sense, labels=labels)  # fmt: skip
     section = top.section("algorithm")
     objectives = settings.objectives or kind.default_objectives
     budget = read_budget(section)
@@ -98,6 +99,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     resolved = {
         "problem": top.take("problem"),
         **({"model": model_name} if model_name else {}),
+        **resolved_labels(labels),
         "seed": seed,
         "references": references,
         **resolved_problem(problem),

@@ -1,16 +1,18 @@
-"""Tolerance classes H, h, JS and js: "25 H7" as a zone."""
+"""Tolerance classes and fits: "25 g6" as a zone, "25 H7/g6" as the classes of two parts."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 
+from ...errors import nearest
 from ..inputs import Zone
-from .grades import grade_um
+from .deviations import HOLES, LETTERS, SHAFTS, deviations_um
 
-LETTERS = ("H", "h", "JS", "js")
-"""The letters whose zones follow from the grade alone."""
-_FIT = re.compile(r"^\s*(?:(\d+\.?\d*)\s*)?([A-Za-z]+)\s*(\d+)\s*$", re.ASCII)
+_SIZE = r"^\s*(?:[Øø⌀]?\s*(\d+\.?\d*)\s*)?"
+_CLASS = r"([A-Za-z]+)\s*(\d+)"
+_FIT = re.compile(rf"{_SIZE}{_CLASS}\s*$")
+_PAIR = re.compile(rf"{_SIZE}{_CLASS}\s*[/-]\s*{_CLASS}\s*$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,28 +27,54 @@ class Fit:
     def of_text(cls, text: str) -> Fit:
         """What "25 H7", "H7" or "js6" states.
 
-        Raises ValueError for another form, and for letters whose deviations are not in the table.
+        Raises ValueError for another form, and for letters that ISO 286 does not have.
         """
         match = _FIT.match(text)
         if match is None:
-            raise ValueError(f'write a fit as "25 H7" (size, letter, grade), got "{text}"')
+            two = " (of two parts: [[fit]] with parts and size)" if _PAIR.match(text) else ""
+            raise ValueError(f'write a fit as "25 H7" (size, letter, grade), got "{text}"{two}')
         size, letter, grade = match.groups()
-        if letter not in LETTERS:
-            raise ValueError(
-                f"the letter {letter} is not available: its fundamental deviation is not in the "
-                f'table; one of {", ".join(LETTERS)}, or give limits = "+0.02/-0.01"'
-            )
-        return cls(letter, f"IT{grade}", None if size is None else float(size))
+        return cls(_letter(letter), f"IT{grade}", None if size is None else float(size))
+
+    def __str__(self) -> str:
+        return f"{self.letter}{self.grade.removeprefix('IT')}"
+
+
+def pair_of_text(text: str) -> tuple[Fit, Fit]:
+    """The classes of hole and shaft that "25 H7/g6" states.
+
+    Raises ValueError for another form, and unless the first class is one of a hole and the second
+    one of a shaft.
+    """
+    match = _PAIR.match(text)
+    if match is None:
+        raise ValueError(
+            f'write a fit of two parts as "25 H7/g6" (size, hole, shaft), got "{text}"'
+        )
+    size, hole, hole_grade, shaft, shaft_grade = match.groups()
+    hole, shaft = _letter(hole), _letter(shaft)
+    if hole not in HOLES or shaft not in SHAFTS:
+        raise ValueError(f'states the hole in capitals first and the shaft after it, got "{text}"')
+    number = None if size is None else float(size)
+    return Fit(hole, f"IT{hole_grade}", number), Fit(shaft, f"IT{shaft_grade}", number)
 
 
 def zone(fit: Fit, size: float) -> Zone:
     """The zone [mm] of a tolerance class at a nominal size [mm].
 
-    H: from 0 up; h: from 0 down; JS and js: symmetric, half the grade on either side (not rounded).
-    Raises ValueError as `grade_um` does.
-
-    Reference: ISO 286-1:2010, clause 4.3.
+    Raises ValueError as `deviations_um` does.
     """
-    width = grade_um(fit.grade, size) / 1000.0
-    mid = {"H": 0.5, "h": -0.5}.get(fit.letter, 0.0) * width
-    return Zone(mid, 0.5 * width)
+    lower, upper = deviations_um(fit.letter, fit.grade, size)
+    return Zone((lower + upper) / 2000.0, (upper - lower) / 2000.0)
+
+
+def _letter(text: str) -> str:
+    if text in LETTERS:
+        return text
+    either = [letter for letter in (text.upper(), text.lower()) if letter in LETTERS]
+    if either:
+        raise ValueError(f'the letter {text} mixes the cases: {either[0]} is a hole, {either[1]} a '
+                         "shaft")  # fmt: skip
+    raise ValueError(f'"{text}" is not a letter of a fundamental deviation'
+                     f"{nearest(text, LETTERS)}; one of {', '.join(SHAFTS)}, in capitals for a "
+                     "hole")  # fmt: skip

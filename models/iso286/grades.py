@@ -2,26 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-from functools import lru_cache
-from importlib.resources import files
-
 from ...errors import nearest
+from .tables import check_size, value_um
 
-LARGEST = 500.0
-"""Largest nominal size of the table [mm]."""
 GRADES = ("IT01", *(f"IT{grade}" for grade in range(19)))
 UNVERIFIED = frozenset({"IT01", "IT0", *(f"IT{grade}" for grade in range(13, 19))})
 """Grades whose values were not compared with a second source; IT1 to IT12 agree with two."""
-
-
-@lru_cache(maxsize=1)
-def _table() -> tuple[tuple[float, ...], dict[str, tuple[float, ...]]]:
-    """Upper ends of the size classes [mm], and the tolerances of each grade [um]."""
-    text = (files("tolevo.models.iso286") / "it_um.csv").read_text(encoding="utf-8")
-    header, *rows = csv.reader(text.splitlines())
-    ends = tuple(float(cell.removeprefix("<= ").removesuffix(" mm")) for cell in header[1:])
-    return ends, {row[0]: tuple(map(float, row[1:])) for row in rows}
 
 
 def grade_um(grade: str, size: float) -> float:
@@ -35,9 +21,5 @@ def grade_um(grade: str, size: float) -> float:
         raise ValueError(
             f'"{grade}" is not a grade{nearest(grade, GRADES)}; one of {", ".join(GRADES)}'
         )
-    if not 0.0 < size <= LARGEST:
-        raise ValueError(
-            f"grades are tabulated for nominal sizes above 0 up to {LARGEST:g} mm, got {size:g} mm"
-        )
-    ends, widths = _table()
-    return next(w for end, w in zip(ends, widths[grade], strict=True) if size <= end)
+    check_size(size)
+    return value_um("it_um.csv", grade, size)

@@ -365,6 +365,8 @@ class RvReducer(ToleranceProblem):
     # ---------------------------------------------------------------- what a reader is shown
 
     def title(self) -> str:
+        if name := super().title():
+            return name
         nominal = self.model.geometry.nominal
         kind = "RV reducer" if self.settings.parameters["involute_stage"] else "Cycloidal reducer"
         teeth = f"{nominal.cycloid_teeth} teeth on {nominal.pins} pins"

@@ -23,7 +23,7 @@ class Requirement:
 
     `stated_nominal` is the nominal as it was written: its digits say how exact it is. `key` is the
     name by which outputs and sensitivities tell it from others, empty for that of `[requirement]`;
-    `place` where it stands in the configuration.
+    `place` where it stands in the configuration. `description` and `drawing` are for readers.
     """
 
     name: str
@@ -37,6 +37,8 @@ class Requirement:
     weight: float = 1.0
     key: str = ""
     place: str = "requirement"
+    description: str = ""
+    drawing: str = ""
 
     def output(self, name: str) -> str:
         """The name of one of its outputs: `rss`, or `gap.rss` where there are several."""
@@ -60,7 +62,9 @@ class Part:
     `mid` is the mid-limit minus the nominal. A `fixed` part has one process with low = high.
     `alternatives` says that its processes are listed, so that one of them is chosen. `stated` is
     what the configuration says about its zone, `assumed` what it leaves open. `sensitivities` are
-    by the key of the requirement, those of formulas left out.
+    by the key of the requirement, those of formulas left out. `drawing` and `characteristic` are
+    the numbers of its drawing and of the characteristic on it, `geometry` is the geometrical
+    characteristic (ISO 1101) that its zone is of; empty where none is stated.
     """
 
     name: str
@@ -75,6 +79,9 @@ class Part:
     sensitivities: Mapping[str, float] = field(default_factory=dict)
     stated: Mapping[str, Any] = field(default_factory=dict)
     assumed: Mapping[str, str] = field(default_factory=dict)
+    drawing: str = ""
+    characteristic: str = ""
+    geometry: str = ""
 
     @property
     def low(self) -> float:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ...counts import is_forced
 from ...errors import Fault
 from ...models.expressions import CONSTANTS, FUNCTIONS
 from ...models.inputs import Distribution, Normal
 from ...models.inputs.reading import read_distribution
+from ...models.iso286 import SYMBOLS
 from ...section import Range, Section
 from ...units import family
 from .definition import Part, Requirement
+from .fits import read_fits
 from .sensitivities import read_sensitivities
 from .zones import KEYS, Tolerance, read_tolerance
 
@@ -30,13 +33,14 @@ def read_parts(
 ) -> list[Part | None]:
     """The parts, None for each that is faulty."""
     found = []
-    length_unit = _length(requirements)
+    length_unit, fits = _length(requirements), read_fits(top, faults)
     for at in range(len(top.tables("part"))):
         own: list[Fault] = []
         section = top.item("part", at, own)
-        found.append(_read(section, length_unit, requirements))
-        section.finish()
         name = section.take("name")
+        fit = fits.get(name, "") if isinstance(name, str) else ""
+        found.append(_read(section, length_unit, requirements, fit))
+        section.finish()
         faults += [
             Fault(f.place, f"{f.message} (part {name})" if isinstance(name, str) else f.message)
             for f in own
@@ -61,17 +65,20 @@ def _length(requirements: Sequence[Requirement]) -> str:
     return units.pop() if len(units) == 1 and family(min(units))[0] == "meter" else ""
 
 
-def _read(section: Section, length_unit: str, requirements: Sequence[Requirement]) -> Part | None:
+def _read(
+    section: Section, length_unit: str, requirements: Sequence[Requirement], fit: str
+) -> Part | None:
     name = _name(section)
     unit, assumed = _unit(section, length_unit)
     count = section.integer("count", Range(1, MOST))
     sensitivities = read_sensitivities(section, unit, requirements)
     distribution = read_distribution(section, Normal())
+    labels = _labels(section)
     if unit is None:
         section.known(("nominal", "t_max", "cost", *KEYS))
         return None
     nominal = section.number("nominal", unit)
-    zone = read_tolerance(section, unit, nominal)
+    zone = read_tolerance(section, unit, nominal, fit)
     if name is None or zone is None or distribution is None:
         return None
     if distribution.one_sided and (other := [key for key in ("limits", "fit") if key in section]):
@@ -80,7 +87,8 @@ def _read(section: Section, length_unit: str, requirements: Sequence[Requirement
         return None
     if "distribution" not in section:
         assumed["distribution"] = "normal; the configuration names none"
-    return _part(name, unit, distribution, zone, nominal, count, sensitivities, assumed)
+    part = _part(name, unit, distribution, zone, nominal, count, sensitivities, assumed)
+    return replace(part, geometry=labels[0], drawing=labels[1], characteristic=labels[2])
 
 
 def _part(
@@ -107,6 +115,20 @@ def _part(
         stated=zone.stated,
         assumed=assumed | zone.assumed,
     )
+
+
+def _labels(section: Section) -> tuple[str, str, str]:
+    """Geometrical characteristic, number of the drawing, number of the characteristic on it."""
+    return (section.text("geometry", SYMBOLS) or "", _number(section, "drawing"),
+            _number(section, "characteristic"))  # fmt: skip
+
+
+def _number(section: Section, key: str) -> str:
+    """A number of a drawing: with quotes or without."""
+    value = section.take(key)
+    if isinstance(value, int) and not isinstance(value, bool):
+        return str(value)
+    return section.text(key) or ""
 
 
 def _name(section: Section) -> str | None:

@@ -24,6 +24,7 @@ from .assumptions import assumptions_of
 from .convex import form_of
 from .costs import PartCosts
 from .definition import Definition, Part
+from .drawn import drawn, labels_of
 from .faults import domain_faults, range_faults, size_faults, unit_faults, yield_faults
 from .joint import joint_intervals, joint_slopes, joint_variations
 from .measured import Measured, measured
@@ -201,6 +202,19 @@ class Stack(ToleranceProblem):
 
     def zone(self, name: str) -> tuple[float | None, float]:
         return {f"{p.name}_t": (p.nominal, p.mid) for p in self._parts}.get(name, (None, 0.0))
+
+    def title(self) -> str:
+        return super().title() or ", ".join(
+            one.name for one in self.definition.requirements if one.name
+        )
+
+    def mechanism(self) -> dict[str, object]:
+        return super().mechanism() | {"requirements": [
+            labels_of(one) for one in self.definition.requirements
+        ]}  # fmt: skip
+
+    def drawn(self, name: str) -> Mapping[str, str]:
+        return {f"{p.name}_t": drawn(p) for p in self._parts}.get(name, {})
 
     @cached_property
     def _costs(self) -> PartCosts:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .linearity import linearity_warnings
 from .measured import Measured
+from .standards import price_remark
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -24,6 +25,9 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
     """Unverified grades, formulas that leave their domain, linear models that mislead."""
     found = [f"part {part.name}: {why}" for part in stack.definition.parts
              for key, why in part.assumed.items() if key in ("grade", "fit")]  # fmt: skip
+    each = [price_remark(part.name, part.processes, part.stated.get("price", {}))
+            for part in stack.definition.parts]  # fmt: skip
+    found += [remark for remark in each if remark]
     for one in stack.measured:
         found += [_domain(one)] if one.partial else []
         if one.mechanism.formula is not None:

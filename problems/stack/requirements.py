@@ -60,6 +60,8 @@ def _read(section: Section, place: str, several: bool) -> Requirement:
         weight=1.0 if weight is None else weight,
         key=name if several else "",
         place=place,
+        description=section.text("description") or "",
+        drawing=section.text("drawing") or "",
     )
     section.finish()
     return found

@@ -34,6 +34,8 @@ def _requirement(requirement: Requirement) -> dict[str, Any]:
         "upper": requirement.upper,
         "method": requirement.method,
         "weight": requirement.weight if requirement.key else None,
+        "description": requirement.description or None,
+        "drawing": requirement.drawing or None,
     }
     return {key: value for key, value in found.items() if value is not None}
 
@@ -45,6 +47,12 @@ def _part(part: Part) -> dict[str, Any]:
     if part.sensitivities:
         found["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
     found |= written(part.distribution)
+    labels = {"drawing": part.drawing, "characteristic": part.characteristic,
+              "geometry": part.geometry}  # fmt: skip
+    found |= {key: value for key, value in labels.items() if value}
+    if part.alternatives and part.stated:  # grades: each costs its price, or what one curve says
+        return found | dict(part.stated) | ({} if "price" in part.stated
+                                            else _cost(part.processes[0]))  # fmt: skip
     if part.alternatives:
         return found | {"process": [{"name": p.name} | _range(p) for p in part.processes]}
     if part.fixed:

@@ -11,16 +11,15 @@ import numpy as np
 from ...models.costs import CostCurve
 from ...models.costs.reading import name_of, read_curve
 from ...models.inputs import Zone
-from ...models.iso286 import UNVERIFIED, Fit, grade_um, zone
 from ...section import POSITIVE, Range, Section
-from ...units import family
 from .definition import Process
+from .standards import MORE, assumed_of, searched_grades, standard
 
-KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "process")
+KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process")
 """The ways to state a zone, by their first key; exactly one is given."""
 REMEDY = (
-    "t_min and t_max with a cost, [[part.process]] tables, or a fixed tolerance, limits, grade or "
-    "fit"
+    "t_min and t_max with a cost, [[part.process]] tables, or a fixed tolerance, limits, grade, "
+    "fit or general tolerance"
 )
 
 
@@ -37,10 +36,20 @@ class Tolerance:
     assumed: dict[str, str] = field(default_factory=dict)
 
 
-def read_tolerance(section: Section, unit: str, nominal: float | None) -> Tolerance | None:
-    """The zone that the table of a part states, None and faults where it states none."""
+def read_tolerance(
+    section: Section, unit: str, nominal: float | None, fit: str = ""
+) -> Tolerance | None:
+    """The zone that the table of a part states, None and faults where it states none.
+
+    `fit` is its tolerance class by a `[[fit]]` of two parts, empty where it is in none.
+    """
     given = [key for key in KEYS if key in section or (key == "t_min" and "t_max" in section)]
-    section.known((*KEYS, "t_max", "cost"))
+    section.known((*KEYS, *MORE, "t_max", "cost"))
+    if fit and not given:
+        section, given = section.having("fit", fit), ["fit"]
+    elif fit:
+        section.fault(given[0], f"is a second statement beside {fit} of its [[fit]]: keep one")
+        return None
     if len(given) != 1:
         what = f"has too many: {', '.join(given)}; keep one" if given else "has none"
         section.fault("", f"needs one statement of its tolerance and {what}: {REMEDY}")
@@ -49,6 +58,12 @@ def read_tolerance(section: Section, unit: str, nominal: float | None) -> Tolera
         return None
     if given == ["process"]:
         return _alternatives(section, unit)
+    if given == ["grade"] and isinstance(section.take("grade"), list):
+        grades = searched_grades(section, unit, nominal)
+        if grades is None:
+            return None
+        return Tolerance(grades, alternatives=True, stated=stated_of(section),
+                         assumed=assumed_of(grades))  # fmt: skip
     if given == ["t_min"]:
         process = _process(section, unit)
         return None if process is None else Tolerance((process,))
@@ -133,11 +148,17 @@ def _fixed(
     try:
         if key == "limits":
             return _limits(text), {"stated": {key: text}}
-        found, more = _standard(key, text, unit, nominal)
+        found, more = standard(section, key, text, unit, nominal)
     except ValueError as error:
         section.fault(key, str(error))
         return None
-    return found, {"stated": {key: text}} | more
+    return found, {"stated": stated_of(section) | {key: text}} | more
+
+
+def stated_of(section: Section) -> dict[str, Any]:
+    """What the table of a part says about the standard of its zone, as it stands there."""
+    keys = ("grade", *(key for key in MORE if key != "geometry"))
+    return {key: section.take(key) for key in keys if key in section}
 
 
 def _limits(text: str) -> Zone:
@@ -145,31 +166,3 @@ def _limits(text: str) -> Zone:
     if not (math.isfinite(found.mid) and math.isfinite(found.half_width)):
         raise ValueError(f'must be finite, got "{text}"')
     return found
-
-
-def _standard(key: str, text: str, unit: str, nominal: float | None) -> tuple[Zone, dict[str, Any]]:
-    """The zone of an ISO 286 grade (symmetric) or fit, in the unit of the part.
-
-    Raises ValueError where the table has none.
-    """
-    base, factor = family(unit)
-    if base != "meter":
-        raise ValueError(f"applies to lengths, not to a part in {unit or 'plain numbers'}")
-    to_mm = factor / family("mm")[1]
-    fit = Fit.of_text(text) if key == "fit" else Fit("JS", text.strip())
-    size = fit.size if nominal is None else nominal * to_mm
-    if size is None:
-        raise ValueError("needs the nominal size of the part: give nominal")
-    if fit.size is not None and not math.isclose(fit.size, size, rel_tol=1e-9):
-        raise ValueError(f"is for a size of {fit.size:g} mm, but the nominal is {size:g} mm")
-    if key == "grade":
-        width = grade_um(fit.grade, size) / 1000.0
-        found = Zone(0.0, 0.5 * width)
-    else:
-        found = zone(fit, size)
-    unverified = {}
-    if fit.grade in UNVERIFIED:
-        unverified = {key: f"{fit.grade} of the shipped table has not been verified"}
-    nominal = size / to_mm if nominal is None else nominal
-    scaled = Zone(found.mid / to_mm, found.half_width / to_mm)
-    return scaled, {"nominal": nominal, "assumed": unverified}

@@ -14,7 +14,8 @@ from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
 COLUMNS = ("choice", "point", "variable", "meaning", "kind", "unit", "nominal", "mid", "unrounded",
-           "rounded", "lower_limit", "upper_limit", "grade", "rounding")  # fmt: skip
+           "rounded", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation", "grade",
+           "symbol", "drawing", "characteristic", "rounding")  # fmt: skip
 
 
 def allocation(
@@ -28,8 +29,10 @@ def allocation(
 
     `choices` names the rules that choose a row of the front, `designs` its unrounded and rounded
     full design, `grades` what a value of a variable is called, and `said` how it is rounded.
-    Limits are those of the zone around nominal and mid, deviations where no nominal is known. Where
-    a problem is one of several models, the last column says which.
+    Limits are those of the zone around nominal and mid, deviations where no nominal is known; the
+    deviations of a zone are from the nominal. `grade` is the tolerance class where one is stated,
+    `symbol` that of a geometrical characteristic. Where a problem is one of several models, the
+    last column says which.
     """
     rows = []
     models = _models(problem, {point: both[1] for point, both in designs.items()})
@@ -44,7 +47,8 @@ def allocation(
             )
     columns = [*COLUMNS, *(["model"] if problem.model_statement else [])]
     found = pd.DataFrame(rows, columns=columns)
-    return found.astype(dict.fromkeys(("nominal", "mid", "lower_limit", "upper_limit"), float))
+    numbers = ("nominal", "mid", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation")
+    return found.astype(dict.fromkeys(numbers, float))
 
 
 def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int, dict[str, str]]:
@@ -60,7 +64,7 @@ def _row(
 ) -> dict[str, Any]:
     nominal, mid = problem.zone(variable.name)
     lower, upper = _limits(variable, nominal, mid, new)
-    half = variable.kind is Kind.HALF_WIDTH
+    half, drawn = variable.kind is Kind.HALF_WIDTH, problem.drawn(variable.name)
     if variable.kind is Kind.GRADE:
         grade = f"grade {new:g}"
     return {
@@ -74,7 +78,12 @@ def _row(
         "rounded": _shown(variable, new),
         "lower_limit": lower,
         "upper_limit": upper,
-        "grade": grade,
+        "lower_deviation": _plain(mid - new) if half else None,
+        "upper_deviation": _plain(mid + new) if half else None,
+        "grade": drawn.get("class", grade),
+        "symbol": drawn.get("symbol", ""),
+        "drawing": drawn.get("drawing", ""),
+        "characteristic": drawn.get("characteristic", ""),
     }
 
 

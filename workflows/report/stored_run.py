@@ -155,7 +155,7 @@ def _typed(summary: dict[str, Any], stored: Stored) -> dict[str, Any]:
         "versions": dict, "ideal": dict, "nadir": dict, "axes": dict, "files": dict,
         "choices": dict, "notes": list, "assumptions": list, "bars": list, "rounding": list,
         "validity": list, "units": dict, "assumptions_at": dict,
-        "title": str, "format": int,
+        "title": str, "format": int, "mechanism": dict,
     }  # fmt: skip
     for name, kind in kinds.items():
         if name in summary and not isinstance(summary[name], kind):

@@ -25,6 +25,7 @@ def with_choices(
         "rounding": _rounding(decisions, plan),
         "format": FORMAT,
         "title": result.title,
+        **_mechanism(plan.problem),
         "axes": {"objectives": _axes(result.objectives), "variables": _axes(result.variables)},
         "bars": [asdict(one) for one in result.bars],
     }
@@ -37,6 +38,12 @@ def with_choices(
         contributions=_none_if_empty(decisions.contributions),
         exact_front=exact_table(plan.problem, exact),
     )
+
+
+def _mechanism(problem: ToleranceProblem) -> dict[str, object]:
+    """What readers know the mechanism by, beyond the title; nothing where nothing is stated."""
+    known = problem.mechanism()
+    return {"mechanism": known} if set(known) - {"name"} else {}
 
 
 def _short(choices: pd.DataFrame, problem: ToleranceProblem) -> dict[str, object]:

@@ -18,7 +18,7 @@ from ...directory import Ownership, owned
 from ...errors import refuse
 from ...files import write_text
 from ...problems.tolerance_problem import ToleranceProblem
-from ...records import Axis, RunResult, model_lines
+from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ..choice import decide
 from . import effects, overlay
 from .assumptions import with_assumptions
@@ -236,7 +236,7 @@ def _lines(result: RunResult, status: str, out: Path) -> tuple[str, ...]:
     """A short summary for the terminal."""
     lines = [f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
              f"evaluations, {float(str(result.summary['seconds'])):.1f} s"]  # fmt: skip
-    lines += model_lines(result.summary)
+    lines += [*mechanism_lines(result.summary), *model_lines(result.summary)]
     for row in result.references.to_dict("records"):
         kept = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
         values = ", ".join(f"{axis.name} {row[axis.name]:.4g}" for axis in result.objectives)

@@ -1,0 +1,33 @@
+"""What a drawing says of a part beside its limits: class, symbol, numbers."""
+
+from __future__ import annotations
+
+from ...models.iso286 import SYMBOLS, Fit
+from .definition import Part, Requirement
+
+
+def drawn(part: Part) -> dict[str, str]:
+    """Tolerance class or grade as stated, symbol of the geometrical characteristic (ISO 1101) with
+    its name, numbers of drawing and characteristic; what is not stated is left out.
+    """
+    found = {"class": _class(part), "drawing": part.drawing, "characteristic": part.characteristic}
+    if part.geometry:
+        found["symbol"] = f"{SYMBOLS[part.geometry]} {part.geometry.replace('_', ' ')}"
+    return {key: value for key, value in found.items() if value}
+
+
+def labels_of(requirement: Requirement) -> dict[str, object]:
+    """What readers know a requirement by: name, limits and their unit, description, drawing."""
+    found = {key: getattr(requirement, key)
+             for key in ("name", "lower", "upper", "unit", "description", "drawing")}  # fmt: skip
+    return {key: value for key, value in found.items() if value not in (None, "")}
+
+
+def _class(part: Part) -> str:
+    """Like g6 of a fit, IT6 of a fixed grade, ISO 2768-m of a general tolerance."""
+    fit, grade, general = (part.stated.get(key) for key in ("fit", "grade", "general"))
+    if isinstance(fit, str):
+        return str(Fit.of_text(fit))
+    if isinstance(general, str):
+        return f"ISO 2768-{general.removeprefix('ISO 2768-').removeprefix('ISO 2768').strip()}"
+    return grade.strip() if isinstance(grade, str) else ""
