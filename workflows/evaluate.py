@@ -22,6 +22,7 @@ def evaluate(
     """Every variable, output and limit margin at the designs in `path`, written to `out`.
 
     A column may be left out where the problem fixes that variable; where it is given, it counts.
+    `[columns]` of the configuration says what columns of the file are.
     A tolerance of 0 is evaluated as the limit it is: its cost may be infinite (`inf`).
     Raises InputError with every fault of the table; nothing is written then.
     """
@@ -31,7 +32,7 @@ def evaluate(
     needed = [name for name in names if name not in problem.fixed]
     text = [variable.name for variable in problem.variables if variable.labels]
     known = {variable.name: variable.unit for variable in problem.variables}
-    given = tables.fitted(found, place, known)
+    given = tables.fitted(found, place, known, problem.settings.columns)
     cells, unused = tables.without_unused(given.cells, names)
     frame, faults = tables.parsed(cells, place, needed, names, text)
     faults += given.faults

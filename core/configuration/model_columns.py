@@ -1,9 +1,11 @@
-"""`[columns]` of a model: which columns of a file are which of the model, whatever their names."""
+"""`[columns]`: which columns of a file are which of a model or problem, whatever their names."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
+
+from ..declarations import Variable
 
 from ..errors import nearest
 from ..models.measurable import Role
@@ -15,27 +17,37 @@ from .sense import sign_of
 
 ALWAYS = {Role.TIME: ("time_s", "s"), Role.REPEAT: ("repeat", "")}
 """Columns that a table of any model may have: name and unit."""
-OUTPUTS = ("measured", "std")
+VARIABLE = "variable"
+"""The role of a column of a table of designs."""
 
 
 def read_model_columns(top: Section, kind: Any) -> dict[str, ColumnUse]:
-    """What each listed column of the file is.
+    """What each listed column of a file of readings or operating points is.
 
     A column is given by the name that the model has for it (`"Spiel" = "backlash_arcmin"`), or by a
     table of its role and unit, and `of` where the model has several columns of that role.
     """
+    return _read(top, _known(kind))
+
+
+def read_design_columns(top: Section, variables: Iterable[Variable]) -> dict[str, ColumnUse]:
+    """What each listed column of a table of designs is: a variable by its name
+    (`"Bohrung" = "bore_t"`), or by `{ of = "bore_t", unit = "um" }`.
+    """
+    return _read(top, {one.name: (VARIABLE, one.unit) for one in variables})
+
+
+def _read(top: Section, known: Mapping[str, tuple[str, str]]) -> dict[str, ColumnUse]:
     section = top.section("columns")
     found: dict[str, ColumnUse] = {}
     for key in section.given():
         given = section.take(key)
         if isinstance(given, str):
-            use = _named(section, key, given, kind)
+            use = _named(section, key, given, known)
         elif isinstance(given, Mapping):
-            use = _described(section.section(key), kind)
+            use = _described(section.section(key), known)
         else:
-            text = (
-                f'must be a name of a column of the model or {{ role = "..." }}, got {shown(given)}'
-            )
+            text = f'must be a name of a column {_owner(known)} or {{ role = "..." }}, got {shown(given)}'
             section.fault(key, text)
             use = None
         if use is not None:
@@ -64,20 +76,26 @@ def _known(kind: Any) -> dict[str, tuple[str, str]]:
     return found | {one.name: (one.role.value, one.unit) for one in kind.columns}
 
 
-def _named(section: Section, key: str, name: str, kind: Any) -> ColumnUse | None:
-    """A column by the model's name."""
-    known = _known(kind)
+def _named(
+    section: Section, key: str, name: str, known: Mapping[str, tuple[str, str]]
+) -> ColumnUse | None:
+    """A column by its name."""
     if name == "ignore":
         return ColumnUse("")
     if name not in known:
-        listed = ", ".join(known)
-        text = f'"{name}" is no column of the model{nearest(name, known)}; it has {listed}'
+        text = f'"{name}" is no column {_owner(known)}{nearest(name, known)}; it has '
+        text += ", ".join(known)
         section.fault(key, text)
         return None
     return ColumnUse(name)
 
 
-def _described(section: Section, kind: Any) -> ColumnUse | None:
+def _owner(known: Mapping[str, tuple[str, str]]) -> str:
+    designs = all(role == VARIABLE for role, _ in known.values())
+    return "of the problem" if designs else "of the model"
+
+
+def _described(section: Section, known: Mapping[str, tuple[str, str]]) -> ColumnUse | None:
     """A column by its role."""
     role, unit = section.text("role", ROLES), section.text("unit") or ""
     of, sense = section.text("of") or "", sign_of(section, "sense") or 1
@@ -86,18 +104,19 @@ def _described(section: Section, kind: Any) -> ColumnUse | None:
         return ColumnUse("")
     if role is None and not of:
         return None  # without a role it is of no use, and said in a note
-    known = _known(kind)
     if role == "std" and f"{of}_std" in known:
         of = f"{of}_std"
     fitting = [name for name, (own, _) in known.items() if own == role or (role is None)]
     if of and of not in fitting:
-        text = f'"{of}" is no column of the model with this role{nearest(of, fitting)}'
+        text = f'"{of}" is no column {_owner(known)} with this role{nearest(of, fitting)}'
         section.fault("of", f"{text}; it has {', '.join(fitting) or 'none'}")
         return None
     if not of and len(fitting) != 1:
         listed = ", ".join(fitting)
-        text = f"the model has several columns of this role: say which by `of`: {listed}"
-        section.fault("role", text if fitting else f'the model has no column of role "{role}"')
+        text = f"several columns {_owner(known)} have this role: say which by `of`: {listed}"
+        section.fault(
+            "role", text if fitting else f'no column {_owner(known)} has the role "{role}"'
+        )
         return None
     target = of or fitting[0]
     return ColumnUse(target, unit, sense) if _unit_fits(section, unit, known[target][1]) else None

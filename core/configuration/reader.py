@@ -19,7 +19,7 @@ from .costs import check_ends, read_costs
 from .effects import read_effects, resolved_effects
 from .goals import read_limits, read_objectives, read_propagation
 from .labels import read_labels, resolved_labels
-from .model_columns import read_model_columns, resolved_columns
+from .model_columns import read_design_columns, read_model_columns, resolved_columns
 from .pairs import belongs, stranger
 from .parameters import read_parameters
 from .plugins import load_named
@@ -76,11 +76,12 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     if named and model and not belongs(top.take("problem"), named, model_name, model):
         top.fault("model", stranger(top.take("problem"), model_name, model))
     if kind is None:  # its sections cannot be judged
-        top.known(("parameters", "variables", *PROBLEM_ONLY))
+        top.known(("parameters", "variables", "columns", *PROBLEM_ONLY))
         top.finish()
         raise InputError(faults)
-    settings = replace(_settings(top, kind, model), seed=seed, effects=effects,
-                       zero=zero, sense=sense, labels=labels)  # fmt: skip
+    columns = read_design_columns(top, kind.variables)
+    settings = replace(_settings(top, kind, model), seed=seed, effects=effects, zero=zero,
+                       sense=sense, labels=labels, columns=columns)  # fmt: skip
     section = top.section("algorithm")
     objectives = settings.objectives or kind.default_objectives
     budget = read_budget(section)
@@ -104,6 +105,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         "references": references,
         **resolved_problem(problem),
         "algorithm": resolved_algorithm(name, algorithm, budget, engine),
+        **resolved_columns(columns),
         **resolved_zero(zero),
         **resolved_sense(sense),
         **resolved_effects(settings.effects),

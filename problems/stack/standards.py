@@ -70,20 +70,12 @@ def searched_grades(
     if ("cost" in section) == ("price" in section):
         section.fault("cost", "give a cost curve of t, or price = { IT6 = 12.0, IT7 = 8.5 } by "
                       "grade, one of them")  # fmt: skip
-        return None
-    try:
-        to_mm = _to_mm(unit)
-        if nominal is None:
-            raise ValueError("needs the nominal size of the part: give nominal")
-        t = [grade_um(one, nominal * to_mm) / 2000.0 / to_mm for one in grades or ()]
-    except ValueError as error:
-        section.fault("grade", str(error))
-        return None
-    if grades is None or (curve is None and prices is None):
+    t = _half_widths(section, grades or (), unit, nominal)
+    if grades is None or t is None or (curve is None) == (prices is None):
         return None
     found = []
     for grade, half_width in zip(grades, t, strict=True):
-        own: CostCurve | None = Reciprocal(prices[grade], 0.0) if prices is not None else curve
+        own = curve if prices is None else Reciprocal(prices[grade], 0.0)
         found.append(Process(half_width, half_width, own, grade))
     return tuple(found)
 
@@ -122,6 +114,19 @@ def _range(section: Section) -> tuple[str, ...] | None:
                       f'["IT5", "IT8"]; got {", ".join(names)}')  # fmt: skip
         return None
     return GRADES[GRADES.index(names[0]) : GRADES.index(names[1]) + 1]
+
+
+def _half_widths(
+    section: Section, grades: tuple[str, ...], unit: str, nominal: float | None
+) -> list[float] | None:
+    try:
+        to_mm = _to_mm(unit)
+        if nominal is None:
+            raise ValueError("needs the nominal size of the part: give nominal")
+        return [grade_um(grade, nominal * to_mm) / 2000.0 / to_mm for grade in grades]
+    except ValueError as error:
+        section.fault("grade", str(error))
+        return None
 
 
 def _prices(section: Section, grades: tuple[str, ...]) -> dict[str, float] | None:
