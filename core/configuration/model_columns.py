@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..declarations import Variable
-
 from ..errors import nearest
 from ..models.measurable import Role
 from ..section import Section, shown
@@ -47,7 +46,8 @@ def _read(top: Section, known: Mapping[str, tuple[str, str]]) -> dict[str, Colum
         elif isinstance(given, Mapping):
             use = _described(section.section(key), known)
         else:
-            text = f'must be a name of a column {_owner(known)} or {{ role = "..." }}, got {shown(given)}'
+            text = f'must be a name of a column {_owner(known)} or {{ role = "..." }}, got '
+            text += shown(given)
             section.fault(key, text)
             use = None
         if use is not None:

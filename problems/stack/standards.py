@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Any
 
 from ...errors import nearest
-from ...models.costs import CostCurve
 from ...models.costs.reading import read_curve
 from ...models.costs.reciprocal import Reciprocal
 from ...models.inputs import Zone

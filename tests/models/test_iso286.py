@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from itertools import pairwise
 from math import degrees
 from pathlib import Path
@@ -157,12 +158,13 @@ def test_general_tolerances_of_iso_2768() -> None:
     assert geometrical_mm("perpendicularity", "K", 101.0) == 0.6
     assert geometrical_mm("symmetry", "L", 100.0) == 0.6
     assert geometrical_mm("circular_runout", "K", 800.0) == 0.2
-    for call, words in (
+    refused: list[tuple[Callable[[], float], str]] = [
         (lambda: linear_mm("f", 2500.0), "no tolerance of class f"),
         (lambda: linear_mm("m", 0.4), "no tolerance"),
         (lambda: linear_mm("x", 10.0), "must be one of f, m, c, v"),
         (lambda: geometrical_mm("position", "H", 10.0), "only, got position"),
         (lambda: angle_rad("m", 0.0), "above 0 mm"),
-    ):
+    ]
+    for call, words in refused:
         with pytest.raises(ValueError, match=words):
             call()

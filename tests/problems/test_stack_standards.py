@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -78,6 +79,11 @@ def written(text: str, folder: Path) -> Path:
     return path
 
 
+def built(config: Path) -> Any:
+    """The problem that a configuration states."""
+    return read(config).problem
+
+
 def run(config: Path, out: Path) -> pd.DataFrame:
     """The front of `tolevo run`."""
     done = CliRunner().invoke(app, ["run", str(config), "--out", str(out)])
@@ -89,8 +95,8 @@ def run(config: Path, out: Path) -> pd.DataFrame:
 def test_a_fit_states_the_zones_of_two_parts(tmp_path: Path) -> None:
     """25 H7/g6: 0/+21 um and -20/-7 um."""
     free = HEAD + SEAT + SEARCHED + GENERAL
-    problem = read(written(free, tmp_path)).problem
-    bore, pin, *_, plate = problem.definition.parts  # type: ignore[attr-defined]
+    problem = built(written(free, tmp_path))
+    bore, pin, *_, plate = problem.definition.parts
     assert (bore.mid, bore.low) == pytest.approx((0.0105, 0.0105))
     assert (pin.mid, pin.low) == pytest.approx((-0.0135, 0.0065))
     assert (plate.low, plate.fixed) == (0.3, True)
@@ -122,10 +128,10 @@ def test_labels_go_through_to_page_and_sheet(tmp_path: Path) -> None:
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "<title>bearing seat" in page and "Axial play of the output bearing" in page
     book = load_workbook(out / "allocation.xlsx")
-    mechanism = [row[0] for row in book["Mechanism"].values]
+    mechanism = [row[0] for row in book["Mechanism"].iter_rows(values_only=True)]
     assert "mechanism bearing seat (drawing 4711-00): Axial play of the output bearing" in mechanism
     assert "requirement end play, at least 0 mm (drawing 4711-00, B4)" in mechanism
-    heads, *rows = book["Allocation"].values
+    heads, *rows = book["Allocation"].iter_rows(values_only=True)
     of = {row[heads.index("variable")]: dict(zip(heads, row, strict=True)) for row in rows}
     bore, pin = of["bore_t"], of["pin_t"]
     assert (bore["lower_deviation"], bore["upper_deviation"], bore["grade"]) == (0.0, 0.021, "H7")
@@ -138,7 +144,7 @@ def test_labels_go_through_to_page_and_sheet(tmp_path: Path) -> None:
 
 def test_a_dearer_coarser_grade_is_said(tmp_path: Path) -> None:
     text = HEAD + SEARCHED.replace("IT8 = 7.5", "IT8 = 12.5")
-    (told,) = read(written(text, tmp_path)).problem.warnings()
+    (told,) = built(written(text, tmp_path)).warnings()
     assert "IT8 costs 12.5, IT7 11" in told and "never chosen" in told
 
 
@@ -185,7 +191,7 @@ def test_designs_in_columns_of_a_works(tmp_path: Path) -> None:
     assert row["cost"] == pytest.approx(11.0 + 1.0 + 0.05 / 0.0075)
     resolved = tmp_path / "resolved.toml"
     resolved.write_text(CliRunner().invoke(app, ["check", str(config)]).stdout, encoding="utf-8")
-    assert read(resolved).problem.settings.columns == read(config).problem.settings.columns
+    assert built(resolved).settings.columns == built(config).settings.columns
     wrong = (HEAD + SEARCHED + COLUMNS).replace('"cover_t"', '"cover"').replace('"um"', '"deg"')
     with pytest.raises(InputError) as caught:
         read(written(wrong, tmp_path))
