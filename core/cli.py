@@ -159,6 +159,7 @@ def _gap(
 def _run(
     configuration: Configuration, out: Path, workers: int, quiet: bool, resume: bool, replace: bool
 ) -> int:
+    from .problems.slips import warnings_of
     from .progress import shown
     from .workflows.run import RunPlan, run
 
@@ -176,7 +177,7 @@ def _run(
         choice=configuration.choice,
     )
     if not quiet:
-        for warning in configuration.problem.warnings():
+        for warning in warnings_of(configuration.problem):
             typer.echo(f"warning: {warning}", err=True)
     with shown(quiet) as progress:
         outcome = run(plan, out, workers, progress, resume, replace)

@@ -10,6 +10,7 @@ from typing import Any
 
 from .counts import PLAIN, Need, too_many
 from .errors import Fault, nearest
+from .likely_units import unit_hint
 from .units import split_unit, to_unit
 
 
@@ -126,7 +127,8 @@ class Section:
             self.fault(key, f"must be finite, got {shown(value)}")
             return None
         if complaint := within.complaint(number):
-            self.fault(key, complaint)
+            hint = unit_hint(number, unit, within.low, within.high) if unit else ""
+            self.fault(key, complaint + hint)
             return None
         return float(number)
 

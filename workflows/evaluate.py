@@ -9,6 +9,8 @@ import pandas as pd
 from .. import tables
 from ..declarations import Variable
 from ..errors import nearest, raise_all
+from ..likely_units import unit_hint
+from ..problems.slips import slip
 from ..problems.tolerance_problem import ToleranceProblem
 
 
@@ -44,7 +46,7 @@ def evaluate(
                 bad = _outside(variable, frame[variable.name])
             faults += tables.cell_faults(place, variable.name, bad)
     raise_all(faults)
-    understood([*found.lines(place), *given.notes, *unused])
+    understood([*_slips(problem, frame), *found.lines(place), *given.notes, *unused])
     frame = frame.assign(**{n: v for n, v in problem.fixed.items() if n not in frame})
     designs = frame[names].to_numpy(dtype=float)
     for name, bad_rows in problem.misplaced(designs).items():
@@ -54,6 +56,20 @@ def evaluate(
     outputs = problem.frame(designs)
     tables.write(outputs, out)
     return outputs
+
+
+def _slips(problem: ToleranceProblem, frame: pd.DataFrame) -> list[str]:
+    """Tolerances that lie all but 0 far from the range that is searched, as in another unit."""
+    found = []
+    for one in problem.free:
+        if not one.tolerance or one.labels or one.name not in frame:
+            continue
+        given = frame[one.name].to_numpy(dtype=float)
+        if len(given := given[given != 0.0]):
+            texts = [slip(end, one.unit, one.low, one.high) for end in (given.min(), given.max())]
+            if all(texts):
+                found.append(f"is column {one.name} in another unit? {texts[0]}")
+    return found
 
 
 def _numbered(
@@ -75,10 +91,11 @@ def _outside(variable: Variable, column: pd.Series[float]) -> dict[object, str]:
     low, high, unit = variable.valid_low, variable.valid_high, f" {variable.unit}".rstrip()
     bad: dict[object, str] = {}
     for at, value in column.items():
+        hint = unit_hint(value, variable.unit, variable.low, variable.high)
         if value < low:
-            bad[at] = f"must be at least {low:g}{unit}, got {value:g}"
+            bad[at] = f"must be at least {low:g}{unit}, got {value:g}{hint}"
         elif value > high:
-            bad[at] = f"must be at most {high:g}{unit}, got {value:g}"
+            bad[at] = f"must be at most {high:g}{unit}, got {value:g}{hint}"
         elif variable.integer and value == value and value != round(value):
             bad[at] = f"must be a whole number, got {value:g}"
     return bad

@@ -10,6 +10,7 @@ from ..declarations import Assumption, Variable
 from ..models.effects.effect import Target
 from ..models.effects.readings import target_of
 from ..problems.settings import VariableSetting
+from ..problems.slips import warnings_of
 from ..workflows.study.plan import StudyPlan
 from .configuration import Configuration
 from .table import TABLE, table_model
@@ -25,7 +26,7 @@ def describe(configuration: Configuration) -> str:
     lines += _effects(configuration)
     lines += ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
     lines += ["", "Assumptions (no document prints them)", *_assumptions(problem.assumptions())]
-    if warnings := problem.warnings():
+    if warnings := warnings_of(problem):
         lines += ["", "Warnings", *(f"  {warning}" for warning in warnings)]
     return _commented(configuration.toml(), lines)
 

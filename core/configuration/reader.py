@@ -10,6 +10,7 @@ from typing import Any
 from ..declarations import Value, completed
 from ..errors import Fault, InputError, raise_all
 from ..problems.settings import Settings, VariableSetting
+from ..problems.slips import unit_slips
 from ..section import Range, Section
 from ..workflows.choice.steps import rounding_faults
 from ..workflows.run.contradictions import contradictions
@@ -94,7 +95,8 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     top.finish()
     raise_all(faults)
     problem = kind(settings)
-    raise_all([*problem.faults(), *rounding_faults(problem, choice)])
+    wrong = problem.faults()
+    raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
     raise_all(contradictions(problem, name))
     assert algorithm is not None
     resolved = {

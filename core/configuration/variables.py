@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..declarations import TOLERANCES, Kind, Value, Variable
+from ..likely_units import unit_hint
 from ..models.inputs import Distribution, Zone
 from ..models.inputs.reading import KEYS, read_distribution
 from ..problems.settings import VariableSetting
@@ -50,7 +51,8 @@ def _outside(section: Section, variable: Variable, key: str, number: float) -> b
     if variable.integer and not number.is_integer():
         complaint = f"must be a whole number, got {number}"
     if complaint:
-        section.fault(key, complaint)
+        hint = unit_hint(number, variable.unit, variable.low, variable.high)
+        section.fault(key, complaint + hint)
     return bool(complaint)
 
 

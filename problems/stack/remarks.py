@@ -9,6 +9,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...likely_units import unit_hint
+from ...units import family
+from .definition import Part
 from .linearity import linearity_warnings
 from .measured import Measured
 from .standards import price_remark
@@ -17,6 +20,10 @@ if TYPE_CHECKING:
     from .problem import Stack
 
 Array = NDArray[np.float64]
+FINEST, COARSEST = 1e-6, 0.25
+"""Half-widths between which tolerances of lengths lie, as shares of the nominal size: from half of
+IT01 at 500 mm to a quarter of the size.
+"""
 WARNING_SAMPLES = 131_072
 """Units at most by which warnings are judged before a run."""
 
@@ -25,6 +32,7 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
     """Unverified grades, formulas that leave their domain, linear models that mislead."""
     found = [f"part {part.name}: {why}" for part in stack.definition.parts
              for key, why in part.assumed.items() if key in ("grade", "fit")]  # fmt: skip
+    found += [text for part in stack.definition.parts if (text := _impossible(part))]
     each = [price_remark(part.name, part.processes, part.stated.get("price", {}))
             for part in stack.definition.parts]  # fmt: skip
     found += [remark for remark in each if remark]
@@ -37,6 +45,21 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
             found += [f"{one.requirement.key}: {text}" if one.requirement.key else text
                       for text in told]  # fmt: skip
     return tuple(found)
+
+
+def _impossible(part: Part) -> str:
+    """A tolerance that hardly is one of the part's nominal size, with the unit it may be in."""
+    size = abs(part.nominal or 0.0)
+    if family(part.unit)[0] != "meter" or size == 0.0:
+        return ""
+    low, high = FINEST * size, COARSEST * size
+    for t in (part.low, part.high):
+        if 0.0 < t < low or t > high:
+            hint = unit_hint(t, part.unit, low, high)
+            return (f"part {part.name}: a tolerance of {t:g} {part.unit} is "
+                    f"{'small' if t < low else 'large'} for a size of {size:g} {part.unit}"
+                    f"{hint}")  # fmt: skip
+    return ""
 
 
 def _domain(one: Measured) -> str:

@@ -17,6 +17,7 @@ from ...algorithms.search import Progress, SearchResult, search
 from ...directory import Ownership, owned
 from ...errors import refuse
 from ...files import write_text
+from ...problems.slips import warnings_of
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ..choice import decide
@@ -102,7 +103,7 @@ def _run(
     for other in others.values():
         front = overlay.with_distance(front, other, names)
     beside = [n for label, one in others.items() for n in overlay.notes(front, label, one, names)]
-    told = (*plan.problem.effect_notes(), *plan.problem.warnings(), *beside)
+    told = (*plan.problem.effect_notes(), *warnings_of(plan.problem), *beside)
     notes = (*told, *plan.problem.remarks(front), *anew, *_notes(references, dropped, joined))
     proven = (*proof_notes(front, statement), *end_notes(plan.problem, front), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)

@@ -1,0 +1,39 @@
+"""Which unit a number was probably meant in, where it is far from what its own unit allows."""
+
+from __future__ import annotations
+
+import math
+
+from .units import converted, fits
+
+COMMON = ("um", "mm", "in", "m", "arcsec", "arcmin", "mrad", "deg", "rad", "N mm", "N m", "N", "kN",
+          "N mm/arcmin", "N m/arcmin", "N m/rad", "N/um", "N/mm", "N/m", "rpm", "deg/s",
+          "rad/s")  # fmt: skip
+"""Units that drawings, catalogues and measuring machines state, the small ones first."""
+
+
+def likely_unit(value: float, unit: str, low: float, high: float) -> str:
+    """The common unit in which `value` would lie from `low` to `high`, both in `unit`.
+
+    Empty where there is none, where `value` lies there already, and where an end is infinite. Of
+    several units that fit, the one that comes nearest to the middle of the range of ratios.
+    """
+    if not unit or low <= value <= high or not (math.isfinite(low) and math.isfinite(high)):
+        return ""
+    try:
+        scales = {one: converted(1.0, one, unit) for one in COMMON if fits(one, unit)}
+    except ValueError:
+        return ""
+    middle = math.sqrt(low * high) if low > 0.0 else 0.1 * high
+    near = [(abs(math.log(value * scale / middle)), one) for one, scale in scales.items()
+            if scale != 1.0 and low <= value * scale <= high and value * scale > 0.0]  # fmt: skip
+    return min(near)[1] if near else ""
+
+
+def unit_hint(value: float, unit: str, low: float, high: float) -> str:
+    """` (in m it would be 64 mm; write "0.064 m")`, empty where no common unit fits."""
+    other = likely_unit(value, unit, low, high)
+    if not other:
+        return ""
+    meant = converted(value, other, unit)
+    return f' (was {other} meant? "{value:g} {other}" is {meant:.6g} {unit})'

@@ -1,0 +1,61 @@
+"""Numbers of a configuration that look as if they were stated in another unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ..errors import Fault
+from ..likely_units import unit_hint
+
+if TYPE_CHECKING:
+    from .tolerance_problem import ToleranceProblem
+
+FAR = 20.0
+"""How many times what is usual a number is, or its inverse, to be asked about."""
+NEAR = 3.0
+"""How many times what is usual it is at most in the unit that was probably meant."""
+
+
+def unit_slips(problem: ToleranceProblem) -> list[Fault]:
+    """Parameters and tolerances far from what is usual that another unit would bring back.
+
+    What is usual is the default of a parameter and the default range of a variable.
+    """
+    return [Fault(place, text) for place, text in (*_parameters(problem), *_variables(problem))]
+
+
+def warnings_of(problem: ToleranceProblem) -> tuple[str, ...]:
+    """What the user should know before trusting a run: the problem's own warnings, and slips."""
+    return (*(str(slip) for slip in unit_slips(problem)), *problem.warnings())
+
+
+def slip(value: float, unit: str, low: float, high: float) -> str:
+    """What is suspicious about a number where `low` to `high` is usual, empty where nothing is."""
+    if low / FAR <= value <= high * FAR or low <= 0.0 or value <= 0.0:
+        return ""
+    hint = unit_hint(value, unit, low / NEAR, high * NEAR)
+    usual = f"{low:g} {unit}" if low == high else f"{low:g} to {high:g} {unit}"
+    return f"{value:g} {unit} is far from what is usual ({usual}){hint}" if hint else ""
+
+
+def _parameters(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
+    for one in problem.parameters:
+        value, default = problem.settings.parameters.get(one.name), one.default
+        if isinstance(value, int | float) and isinstance(default, int | float) and one.unit:
+            text = slip(abs(value), one.unit, abs(default), abs(default))
+            if text:
+                yield f"parameters.{one.name}", text
+
+
+def _variables(problem: ToleranceProblem) -> Iterator[tuple[str, str]]:
+    usual = {one.name: one for one in getattr(type(problem), "variables", ())}
+    for name, setting in problem.settings.variables.items():
+        one = usual.get(name)
+        for key in ("value", "low", "high") if one is not None and one.tolerance else ():
+            value = getattr(setting, key)
+            if one is None or value is None:
+                continue
+            text = slip(value, one.unit, one.low, one.high)
+            if text:
+                yield f"variables.{name}.{key}", text
