@@ -12,6 +12,8 @@ import pandas as pd
 
 from ..errors import Fault, nearest, raise_all
 from ..units import converted, fits, split_unit
+from .marks import is_date
+from .moments import seconds
 from .options import AS_DETECTED, ReadOptions
 from .reading import opened
 from .record import Table
@@ -88,12 +90,34 @@ def fitted(
             names[name] = wanted
             cells[name] = _in_unit(cells[name], found.units[name], unit, 1)
             notes.append(f'"{found.headers[name]}" is read as {wanted}')
+    for name, target in names.items():
+        if known.get(target) == "s":
+            cells[name], told, wrong = _clock(cells[name])
+            place_of = f"{place}: column {found.headers.get(name, name)}"
+            faults += [Fault(place_of, text) for text in wrong]
+            notes += [
+                f'"{found.headers.get(name, name)}" is read as {target}: {text}' for text in told
+            ]
     kept = {names.get(str(n), str(n)): c for n, c in cells.items() if names.get(str(n), "-")}
     taken = [target for target in names.values() if target]
     for target in sorted({one for one in taken if taken.count(one) > 1}):
         both = ", ".join(f'"{name}"' for name, one in names.items() if one == target)
         faults.append(Fault("columns", f"{both} are both {target}; only one column can be"))
     return Fitted(pd.DataFrame(kept, index=found.cells.index), tuple(notes), tuple(faults))
+
+
+def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], list[str], list[str]]:
+    """Dates and times of day as seconds since the earliest, a note, and what is wrong; numbers stay
+    as they are.
+    """
+    texts = ["" if cell is None or cell != cell else str(cell) for cell in cells]
+    if not any(map(is_date, texts)):
+        return cells, [], []
+    try:
+        found, start = seconds(texts)
+    except ValueError as error:
+        return cells, [], [str(error)]
+    return pd.Series(found, index=cells.index), [f"seconds since {start:%Y-%m-%d %H:%M:%S}"], []
 
 
 def without_unused(cells: pd.DataFrame, known: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:

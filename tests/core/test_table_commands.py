@@ -112,3 +112,41 @@ def test_an_unknown_template(tmp_path: Path) -> None:
     done = tolevo("template", "unts", "--out", tmp_path / "x")
     assert done.exit_code == 2
     assert "did you mean `units`" in done.stderr
+
+
+DATED = (
+    "Datum;Drehmoment [N mm];Drehrichtung\n"
+    "01.03.2026 08:00:10;100000;1\n01.03.2026 08:00:00;50000;1\n02.03.2026 08:00:00,5;-200000;-1\n"
+)
+CLOCK = COLUMNS.replace(
+    'Spiel = { role = "measured", unit = "arcsec" }', 'Datum = { role = "time" }'
+)
+
+
+def test_a_column_of_dates_is_a_time(tmp_path: Path) -> None:
+    done = simulated(tmp_path, CLOCK, DATED.encode())
+    assert done.exit_code == 0, done.stderr
+    assert 'read: "Datum" is read as time_s: seconds since 2026-03-01 08:00:00' in done.stderr
+    assert pd.read_csv(tmp_path / "o.csv")["time_s"].tolist() == [10.0, 0.0, 86400.5]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("01.03.2026 08:00:00", "2026-03-01 08:00:00", "has times in two formats"),
+        ("01.03.2026 08:00:00", "31.02.2026 08:00:00", "is no time"),
+        (".03.2026", "/03/2026", "with the day or the month first"),
+    ],
+)
+def test_faults_of_dates(tmp_path: Path, old: str, new: str, said: str) -> None:
+    done = simulated(tmp_path, CLOCK, DATED.replace(old, new).encode())
+    assert done.exit_code == 2
+    assert "in.csv: column Datum: " in done.stderr
+    assert said in done.stderr
+
+
+def test_dates_with_slashes_are_read_where_a_day_decides(tmp_path: Path) -> None:
+    text = DATED.replace("02.03.2026", "13.03.2026").replace(".03.2026", "/03/2026")
+    done = simulated(tmp_path, CLOCK, text.encode())
+    assert done.exit_code == 0, done.stderr
+    assert pd.read_csv(tmp_path / "o.csv")["time_s"].tolist() == [10.0, 0.0, 12 * 86400 + 0.5]

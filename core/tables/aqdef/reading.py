@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...errors import Fault, InputError, raise_all, refuse
 from ..encoding import decoded
-from .moments import moment
+from ..moments import moment
 from .parsing import Content, Raw
 from .records import Characteristic
 
