@@ -2,27 +2,59 @@
 
 from __future__ import annotations
 
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-_FROM_API = ("evaluate", "read", "run", "simulate")
-_FROM_TABLES = ("read_aqdef", "read_table")
+if TYPE_CHECKING:
+    from typing import Final
+
+    from .api import check, evaluate, gap, read, report, reproduce, run, simulate, study
+    from .errors import ConfigurationError
+    from .results import Gap, Reproduction, Run, Study
+    from .tables import read_aqdef, read_table
+
+    __version__: Final[str] = ""
+
+_ROOMS = {
+    ".api": ("check", "evaluate", "gap", "read", "report", "reproduce", "run", "simulate", "study"),
+    ".errors": ("ConfigurationError",),
+    ".results": ("Gap", "Reproduction", "Run", "Study"),
+    ".tables": ("read_aqdef", "read_table"),
+}
+_PLACES = {name: room for room, names in _ROOMS.items() for name in names}
+
+__all__ = [
+    "ConfigurationError",
+    "Gap",
+    "Reproduction",
+    "Run",
+    "Study",
+    "__version__",
+    "check",
+    "evaluate",
+    "gap",
+    "read",
+    "read_aqdef",
+    "read_table",
+    "report",
+    "reproduce",
+    "run",
+    "simulate",
+    "study",
+]
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        from importlib.metadata import version
+def __dir__() -> list[str]:
+    return sorted(__all__)
 
-        return version("tolevo")
-    if name in _FROM_API:
-        from . import api
 
-        return getattr(api, name)
-    if name in _FROM_TABLES:
-        from . import tables
+if not TYPE_CHECKING:  # type checkers know the names above, and no others
 
-        return getattr(tables, name)
-    if name == "ConfigurationError":
-        from .errors import ConfigurationError
+    def __getattr__(name):
+        if name == "__version__":
+            from importlib.metadata import version
 
-        return ConfigurationError
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            return version("tolevo")
+        if name in _PLACES:
+            return getattr(import_module(_PLACES[name], __name__), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -50,7 +50,7 @@ def choice_faults(workers: int | None, resume: bool, overwrite: bool) -> list[Fa
     return faults
 
 
-def file_faults(out: Path, source: Path) -> list[Fault]:
+def file_faults(out: Path, source: Path | None) -> list[Fault]:
     """An output file that cannot be written, or an input file that is not there."""
     faults = []
     if out.is_dir():
@@ -62,6 +62,8 @@ def file_faults(out: Path, source: Path) -> list[Fault]:
         if out.suffix.lower() not in TABLES:
             text = f"{out.name} is neither .csv nor .parquet; no other table can be written"
             faults.append(Fault("--out", text))
+    if source is None:
+        return faults
     if not source.exists():
         faults.append(Fault(str(source), "does not exist"))
     elif out.exists() and out.samefile(source):

@@ -161,23 +161,11 @@ def _run(
 ) -> int:
     from .problems.slips import warnings_of
     from .progress import shown
-    from .workflows.run import RunPlan, run
+    from .workflows.run import run
 
-    assert configuration.problem is not None
-    assert configuration.algorithm is not None
-    plan = RunPlan(
-        problem=configuration.problem,
-        algorithm=configuration.algorithm,
-        budget=configuration.budget,
-        seed=configuration.seed,
-        references=configuration.references == "documents",
-        configuration=configuration.toml(),
-        title=configuration.problem_name,
-        engine=configuration.engine,
-        choice=configuration.choice,
-    )
+    plan = configuration.plan()
     if not quiet:
-        for warning in warnings_of(configuration.problem):
+        for warning in warnings_of(plan.problem):
             typer.echo(f"warning: {warning}", err=True)
     with shown(quiet) as progress:
         outcome = run(plan, out, workers, progress, resume, replace)

@@ -21,15 +21,29 @@ def evaluate(
     options: tables.ReadOptions = tables.AS_DETECTED,
     understood: tables.Tell = tables.silent,
 ) -> pd.DataFrame:
-    """Every variable, output and limit margin at the designs in `path`, written to `out`.
+    """`evaluated` of the designs in `path`, written to `out`.
+
+    Raises InputError with every fault of the table; nothing is written then.
+    """
+    found = tables.opened_whole(path, path.name, options)
+    outputs = evaluated(problem, found, path.name, understood)
+    tables.write(outputs, out)
+    return outputs
+
+
+def evaluated(
+    problem: ToleranceProblem,
+    found: tables.Table,
+    place: str,
+    understood: tables.Tell = tables.silent,
+) -> pd.DataFrame:
+    """Every variable, output and limit margin at the designs in a table that faults call `place`.
 
     A column may be left out where the problem fixes that variable; where it is given, it counts.
     `[columns]` of the configuration says what columns of the file are.
     A tolerance of 0 is evaluated as the limit it is: its cost may be infinite (`inf`).
-    Raises InputError with every fault of the table; nothing is written then.
+    Raises InputError with every fault of the table.
     """
-    place = path.name
-    found = tables.opened_whole(path, place, options)
     names = [variable.name for variable in problem.variables]
     needed = [name for name in names if name not in problem.fixed]
     text = [variable.name for variable in problem.variables if variable.labels]
@@ -53,9 +67,7 @@ def evaluate(
         bad = {frame.index[row]: why for row, why in bad_rows.items()}
         faults += tables.cell_faults(place, name, bad)
     raise_all(faults)
-    outputs = problem.frame(designs)
-    tables.write(outputs, out)
-    return outputs
+    return problem.frame(designs)
 
 
 def _slips(problem: ToleranceProblem, frame: pd.DataFrame) -> list[str]:

@@ -34,16 +34,38 @@ def simulate(
     understood: tables.Tell = tables.silent,
     uses: Mapping[str, tables.ColumnUse] | None = None,
 ) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """The inputs in `path` with the predicted outputs beside them, written to `out`.
+    """`simulated` of the inputs in `path`, written to `out`, and what the user should know.
+
+    Raises InputError with every fault of the table; nothing is written then.
+    """
+    table, notes = tables.opened_whole(path, path.name, options), list[str]()
+    found = simulated(
+        model, table, path.name, seed, name, effects, zero, uses, understood, notes.extend
+    )
+    tables.write(found, out)
+    return found, tuple(notes)
+
+
+def simulated(
+    model: MeasurableModel,
+    table_read: tables.Table,
+    place: str,
+    seed: int = 0,
+    name: str = "",
+    effects: tuple[Active, ...] = (),
+    zero: Mapping[str, float] = NO_CHANGES,
+    uses: Mapping[str, tables.ColumnUse] | None = None,
+    understood: tables.Tell = tables.silent,
+    notes: tables.Tell = tables.silent,
+) -> pd.DataFrame:
+    """The inputs in a table, which faults call `place`, with the predicted outputs beside them.
 
     `effects` are active in the model `name`, `zero` is added to its outputs. Measured outputs in
     the table are left out. `uses` says what the columns of the file are.
 
-    Also returns what the user should know: optional columns that are missing, and columns that were
-    left out. Raises InputError with every fault of the table; nothing is written then.
+    `understood` is told how the table was read, `notes` what the user should know: optional columns
+    that are missing, and columns that were left out. Raises InputError with every fault.
     """
-    place = path.name
-    table_read = tables.opened_whole(path, place, options)
     fitted = tables.fitted(table_read, place, _units(model), uses)
     given = fitted.cells
     frame, faults, unused = _inputs(model, given, place)
@@ -53,8 +75,7 @@ def simulate(
     raise_all(_without_columns(model, name, table, effects, place))
     rng = np.random.default_rng(seed)
     found = frame.assign(**predicted(model, name, table, effects, rng, zero))
-    tables.write(found, out)
-    notes = tuple(
+    notes(
         f"{place}: no column {c.name} (optional: {c.meaning}); the model's nominal value is taken"
         for c in model.columns
         if c.name not in frame
@@ -62,9 +83,9 @@ def simulate(
     measured = ", ".join(o.name for o in model.outputs if o.name in given)
     if measured or isinstance(model, MeasuredTable):
         named = measured or ", ".join(o.name for o in model.outputs)
-        notes += (f"{place}: {named} as written are predictions with the effects in them, not the "
-                  "measurements",)  # fmt: skip
-    return found, notes
+        notes([f"{place}: {named} as written are predictions with the effects in them, not the "
+               "measurements"])  # fmt: skip
+    return found
 
 
 def _without_columns(

@@ -16,6 +16,7 @@ from ..workflows.choice.settings import ChoiceSettings
 
 if TYPE_CHECKING:
     from ..problems.tolerance_problem import ToleranceProblem
+    from ..workflows.run.plan import RunPlan
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,24 @@ class Configuration:
     budget: Budget = field(default_factory=Budget)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
     resolved: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+    def plan(self) -> RunPlan:
+        """What `tolevo run` does with it. Only of a configuration that has a problem."""
+        from ..workflows.run.plan import RunPlan
+
+        assert self.problem is not None
+        assert self.algorithm is not None
+        return RunPlan(
+            problem=self.problem,
+            algorithm=self.algorithm,
+            budget=self.budget,
+            seed=self.seed,
+            references=self.references == "documents",
+            configuration=self.toml(),
+            title=self.problem_name,
+            engine=self.engine,
+            choice=self.choice,
+        )
 
     @property
     def seed(self) -> int:

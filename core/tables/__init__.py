@@ -17,7 +17,7 @@ from .naming import (
 )
 from .options import AS_DETECTED, ReadOptions
 from .parsed import cell_faults, formed, numbers, parsed, read, write
-from .reading import PARQUET, opened, read_table
+from .reading import PARQUET, opened, read_table, table_of
 from .record import Dialect, Table
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "read_aqdef",
     "read_table",
     "silent",
+    "table_of",
     "without_unused",
     "write",
 ]

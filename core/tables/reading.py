@@ -93,9 +93,14 @@ def _from_parquet(content: bytes, place: str) -> tuple[Table, list[Fault]]:
         frame = pd.read_parquet(io.BytesIO(content))
     except (OSError, ValueError) as error:
         raise refuse(place, f"is not a Parquet file ({error})") from error
+    return table_of(frame, place, "parquet")
+
+
+def table_of(frame: pd.DataFrame, place: str, kind: str = "frame") -> tuple[Table, list[Fault]]:
+    """A frame as a table, its rows numbered from 1, and its faults."""
     faults = [Fault(place, "has no rows")] if frame.empty else []
     frame = frame.rename(columns=str)
     numeric = tuple(str(n) for n in frame if frame[n].dtype.kind in "fiu")
     headers = {str(name): str(name) for name in frame}
     columns = Columns({str(n): frame[n].to_numpy() for n in frame}, range(1, len(frame) + 1))
-    return Table(columns, Dialect("parquet", header=0), {}, (), numeric, headers), faults
+    return Table(columns, Dialect(kind, header=0), {}, (), numeric, headers), faults

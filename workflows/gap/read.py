@@ -49,8 +49,17 @@ def checked(
     plan: GapPlan | None, path: Path, options: tables.ReadOptions = tables.AS_DETECTED
 ) -> tuple[GapData | None, list[Fault]]:
     """The data in `path`, or every fault of them: of their form alone where there is no plan."""
-    place = path.name
-    table, faults = tables.opened(path, place, options)
+    return checked_table(plan, *tables.opened(path, path.name, options), path.name, path)
+
+
+def checked_table(
+    plan: GapPlan | None,
+    table: tables.Table | None,
+    faults: list[Fault],
+    place: str,
+    path: Path | None = None,
+) -> tuple[GapData | None, list[Fault]]:
+    """`checked` of a table that was opened, from a file or not, with the faults of its form."""
     if plan is None or table is None:
         return None, faults
     fitted = tables.fitted(table, place, _units(plan), plan.uses)
@@ -98,7 +107,7 @@ def checked(
     if faults := range_faults(plan, data, place):
         return None, faults
     understood = (*table.lines(place), *(f"{place}: {note}" for note in fitted.notes))
-    data = replace(data, understood=understood, table=table.record(), digest=_digest(path))
+    data = replace(data, understood=understood, table=table.record(), digest=_digest(table, path))
     return replace(data, notes=(*implausible(data), *data.notes)), []
 
 
@@ -128,8 +137,10 @@ def _said_of(unused: Sequence[str]) -> list[str]:
     return [f"without a role, and not used: {listed} (docs/conventions.md lists the roles)"]
 
 
-def _digest(path: Path) -> str:
-    """SHA-256 of a file."""
+def _digest(table: tables.Table, path: Path | None) -> str:
+    """SHA-256 of a file, or of the cells of a table that is in none."""
+    if path is None:
+        return hashlib.sha256(table.cells.to_csv(index=False).encode()).hexdigest()
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
