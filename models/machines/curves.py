@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
-from scipy.optimize.elementwise import find_root
+from scipy.interpolate import PchipInterpolator
 
 from ..costs import CostCurve, Table
 from .machine import Machine
@@ -16,8 +15,8 @@ from .machine import Machine
 Array = NDArray[np.float64]
 KNOTS = 2049
 """Limits at which scatter and cost are tabulated for their inverses."""
-STEPS = 3
-"""Steps of Newton's method from the tabulated inverse, which is right to six digits."""
+STEPS = 1
+"""Steps of Newton's method from the tabulated inverse, which is right to eight digits."""
 FINE = 16
 """Points per interval of a hull at which it is tried to lie below the cost."""
 
@@ -54,6 +53,11 @@ class GoodPartsBySpread(CostCurve):
         return t, self.scale * self.machine.good_parts(t).std
 
     @property
+    def tried(self) -> Array:
+        """Tabulated x."""
+        return self._slopes[0]
+
+    @property
     def ends(self) -> tuple[float, float]:
         """Least and largest x."""
         x = self._table[1]
@@ -83,62 +87,44 @@ class GoodPartsBySpread(CostCurve):
         return np.asarray(found.cost_slope / (self.scale * found.std_slope))
 
     def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
-        if not np.any(linear):
-            return np.clip(self._by_square(square), low, high)
-        ends = self.limit(np.array([low, high]))
-        return np.clip(self._by_both(linear, square, *ends), low, high)
+        """As in the base class, by bisection in the tabulated slope, which rises with x."""
+        x, slope = self._slopes
+        first, last = np.zeros(len(linear), np.int64), np.full(len(linear), len(x) - 1)
+        for _ in range(int(np.ceil(np.log2(len(x))))):
+            middle = (first + last) // 2
+            above = slope[middle] + linear + 2.0 * square * x[middle] > 0.0
+            first, last = np.where(above, first, middle), np.where(above, middle, last)
+        at = np.minimum(first, len(x) - 2)
+        left = slope[at] + linear + 2.0 * square * x[at]
+        right = slope[at + 1] + linear + 2.0 * square * x[at + 1]
+        share = np.clip(-left / np.where(right > left, right - left, 1.0), 0.0, 1.0)
+        return np.clip(x[at] + share * (x[at + 1] - x[at]), low, high)
 
     @cached_property
-    def _worth(self) -> CubicSpline:
-        """x against the logarithm of -dC/d(x^2), the price of a square at which it is the best."""
+    def _slopes(self) -> tuple[Array, Array]:
+        """x and dC/dx, which the cost of good parts makes rise."""
         t, x = self._table
         found = self.machine.good_parts(t)
-        price = -found.cost_slope / (2.0 * x * self.scale * found.std_slope)
-        order = np.log(np.maximum(price[::-1], 1e-300))
-        kept = np.concatenate([[True], np.diff(np.maximum.accumulate(order)) > 0.0])
-        return CubicSpline(order[kept], x[::-1][kept])
-
-    def _by_square(self, square: Array) -> Array:
-        spline = self._worth
-        with np.errstate(divide="ignore"):
-            at = np.clip(np.log(square), spline.x[0], spline.x[-1])
-        return np.asarray(spline(at))
-
-    def _by_both(self, linear: Array, square: Array, low: float, high: float) -> Array:
-        """By a root of the derivative in t, which rises where the cost is convex in x."""
-
-        def rise(t: Array, p: Array, q: Array) -> Array:
-            found = self.machine.good_parts(t)
-            x, slope = self.scale * found.std, self.scale * found.std_slope
-            return found.cost_slope / slope + p + 2.0 * q * x
-
-        first, last = (np.full_like(linear, end) for end in (low, high))
-        falls, rises = rise(last, linear, square) <= 0.0, rise(first, linear, square) >= 0.0
-        t, inner = np.where(falls, high, low), ~(falls | rises)
-        if np.any(inner):
-            t[inner] = find_root(rise, (low, high), args=(linear[inner], square[inner])).x
-        return self.scale * self.machine.good_parts(t).std
+        slope = found.cost_slope / (self.scale * found.std_slope)
+        kept = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 0.0])
+        return x[kept], np.maximum.accumulate(slope[kept])
 
 
-def convex_cost(curve: GoodPartsBySpread) -> tuple[CostCurve, bool]:
-    """A convex curve that is nowhere above the cost, and whether it is the cost itself.
+def convex_cost(curve: CostCurve, x: Array) -> tuple[CostCurve, bool]:
+    """A convex curve that is nowhere above the cost from x[0] to x[-1], and whether it is the cost.
 
     The cost of a good part is convex in its scatter for a centred machine without rework, and with
-    it to limits of 4 sigma; elsewhere that is tried at `KNOTS` limits. Where it is not convex its
-    convex hull takes its place, as a table.
+    it to limits of 4 sigma; elsewhere that is tried at `x` (n,). Where it is not convex its convex
+    hull takes its place, as a table.
     """
-    t, x = curve._table
-    found = curve.machine.good_parts(t)
-    slope = found.cost_slope / found.std_slope
+    slope = curve.slope(x)
     if np.all(np.diff(slope) >= -1e-9 * np.ptp(slope)) and np.all(slope <= 0.0):
         return curve, True
-    cost = np.minimum.accumulate(found.cost)
+    cost = np.minimum.accumulate(curve.cost(x))
     hull = _hull(x, cost)
     table = Table(tuple(x[hull].tolist()), tuple(cost[hull].tolist()))
-    fine = np.interp(np.linspace(0, len(t) - 1, FINE * len(t)), np.arange(len(t)), t)
-    parts = curve.machine.good_parts(fine)
-    at = np.clip(curve.scale * parts.std, x[0], x[-1])
-    above = max(0.0, float(np.max(table.cost(at) - parts.cost)))
+    fine = np.interp(np.linspace(0, len(x) - 1, FINE * len(x)), np.arange(len(x)), x)
+    above = max(0.0, float(np.max(table.cost(fine) - curve.cost(fine))))
     lower = tuple((np.array(table.cost_at) - above * (1.0 + 1e-6)).tolist())
     return replace(table, cost_at=lower), False
 

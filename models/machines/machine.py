@@ -98,6 +98,11 @@ class Machine:
         """What an inspection keeps from each limit."""
         return self.inspection.guard * self.inspection.u if self.inspection else 0.0
 
+    def passed(self, t: Array) -> Array:
+        """Share of parts that an inspection at limits +-t passes."""
+        w = t - self.guard_band
+        return _between((-w - self.mean) / self.reading, (w - self.mean) / self.reading)
+
     def good_parts(self, t: Array) -> GoodParts:
         """The good parts at limits +-t, t above the guard band."""
         if self.inspection is None:

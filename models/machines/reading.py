@@ -167,7 +167,7 @@ def _searched(
                   f"leaves nothing between the guard bands: limits of {low:g} {unit} less "
                   f"{one.guard_band:.4g} at each (guard x u)")  # fmt: skip
         return None
-    share = float(one.good_parts(np.array([low])).passed[0])
+    share = float(one.passed(np.array([low]))[0])
     if not share >= LEAST_YIELD:
         own.fault("mean" if one.mean else "t_min", f"lets {100.0 * share:.2g} % of the parts pass "
                   f"at the tightest limits ({low:g} {unit}): correct the mean or widen t_min")  # fmt: skip

@@ -1,9 +1,9 @@
 """Machines as ways of the convex form of a stack.
 
-The variable of an inspected machine is the spread x of its good parts: the variance of the
+The variable of an inspected machine is its limit t where worst cases alone are asked for, else the spread x of its good parts: the variance of the
 requirement is a sum of squares in it, and the cost of a good part is convex in it (docs/stack.md,
 "Machines"). What grows otherwise, the limit itself in a worst case and the mean of a machine that
-is not centred, is replaced in each of `CELLS` pieces of the range by a line below it.
+is not centred, is then replaced in each of `CELLS` pieces of the range by a line below it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .made import by_spread, spread_and_mean
 from .rows import Row
 
 Array = NDArray[np.float64]
-CELLS = 24
+CELLS = 6
 """Pieces of the range of a spread, where something is replaced by lines below it."""
 TRIED = 33
 """Points of a piece at which a line is tried to be below."""
@@ -39,16 +39,28 @@ def machine_ways(
         return [], True
     if process.low == process.high:
         return [_fixed(part, number, rows, at)], True
+    if limits_alone(rows):
+        assert process.curve is not None
+        used, exact = convex_cost(process.curve, np.linspace(low, high, TRIED**2))
+        slopes = tuple(float(row.linear[at]) for row in rows)
+        return [Way(used, low, high, slopes, (0.0,) * len(rows), choice=float(number))], exact
     curve = by_spread(part, process)
-    used, exact = convex_cost(curve)
-    ends = spread_and_mean(part, process, np.array([low, high]))[0]
+    used, exact = convex_cost(curve, curve.tried)
     cells = CELLS if _moves(process, rows, at) else 1
+    ends = spread_and_mean(part, process, np.linspace(low, high, cells + 1))[0]
+    if not any(row.linear[at] for row in rows):
+        ends = np.linspace(ends[0], ends[-1], cells + 1)
     ways = []
-    for first, last in pairwise(np.linspace(ends[0], ends[1], cells + 1).tolist()):
+    for first, last in pairwise(ends.tolist()):
         slopes, offsets = _below(process, rows, at, curve, first, last)
         spread = tuple(float(row.spread[at]) for row in rows)
         ways.append(Way(used, first, last, slopes, spread, offsets, float(number)))
     return ways, exact and cells == 1
+
+
+def limits_alone(rows: list[Row]) -> bool:
+    """Whether limits t are the variables: where nothing but worst cases is asked for."""
+    return not any(np.any(row.spread) for row in rows)
 
 
 def _fixed(part: Part, number: int, rows: list[Row], at: int) -> Way:
@@ -57,10 +69,11 @@ def _fixed(part: Part, number: int, rows: list[Row], at: int) -> Way:
     assert process.machine is not None
     t = np.array([process.low])
     spread, mean = (float(one[0]) for one in spread_and_mean(part, process, t))
+    x = process.low if limits_alone(rows) else spread
     return Way(
         curve=process.curve or Reciprocal(0.0, 0.0),
-        low=spread,
-        high=spread,
+        low=x,
+        high=x,
         linear=(0.0,) * len(rows),
         spread=tuple(float(row.spread[at]) for row in rows),
         offset=tuple(float(_moved(row, at, t, np.array([mean]))[0]) for row in rows),

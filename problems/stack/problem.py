@@ -27,12 +27,13 @@ from .definition import Definition, Part
 from .drawn import drawn, labels_of
 from .faults import domain_faults, range_faults, size_faults, unit_faults, yield_faults
 from .joint import joint_intervals, joint_slopes, joint_variations
+from .machine_ways import limits_alone
 from .made import as_made, ends_as_made, limits_of
 from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
 from .reading import read_definition
 from .remarks import domain_remarks, warnings_of
-from .rows import shortfall
+from .rows import rows_of, shortfall
 from .stand_in import stand_in
 from .writing import tables_of
 from .yields import Yields
@@ -295,6 +296,8 @@ class Stack(ToleranceProblem):
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Limits of inspection from the spread of good parts, which a form searches."""
         found = dict(columns)
+        if limits_alone(rows_of(self, gaussian=True)):
+            return found
         for part in self._parts:
             if part.by_machine and (name := f"{part.name}_t") in found:
                 chosen = np.zeros(len(found[name]), dtype=np.int64)
