@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...likely_units import unit_hint
 from ...units import family
 from .definition import Part
+from ...models.stack import Tolerances, between
 from .linearity import linearity_warnings
 from .measured import Measured
 from .standards import price_remark
@@ -87,10 +88,10 @@ def domain_remarks(measured: Sequence[Measured], front: pd.DataFrame) -> tuple[s
     return tuple(found)
 
 
-def _tried(stack: Stack, one: Measured) -> tuple[Array, str]:
-    """The loosest design that keeps the limits on the linear variations, and its name."""
-    low, high = stack.ends_of_t
-    line = low + np.linspace(0.0, 1.0, 257)[:, None] * (high - low)
+def _tried(stack: Stack, one: Measured) -> tuple[Tolerances, str]:
+    """The loosest design (1, p) that keeps the limits on the linear variations, and its name."""
+    low, high = stack.ends_as_made
+    line = between(low, high, np.linspace(0.0, 1.0, 257)[:, None])
     values = one.variations(line)
     if one.requirement.method == "monte_carlo":
         values.pop(one.name("variation"), None)
@@ -104,4 +105,4 @@ def _tried(stack: Stack, one: Measured) -> tuple[Array, str]:
         return high, "at the loosest tolerances"
     last = int(np.flatnonzero(kept)[-1])
     rss = float(one.linear.rss(line[last : last + 1])[0])
-    return line[last], f"at a variation of {rss:.4g} (rss)"
+    return line[last : last + 1], f"at a variation of {rss:.4g} (rss)"
