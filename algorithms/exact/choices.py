@@ -134,8 +134,10 @@ class _Search:
         self.leaves += 1
         done[rows] = True
         combination = Combination(self.form, chosen)
-        solver = Path(combination) if self.separable else Programme(combination)
-        found = solver.least_cost(self.limits[rows])
+        if self.separable:
+            found = Path(combination).least_cost(self.limits[rows])
+        else:
+            found = Programme(combination).least_cost(self.limits[rows], self.t[rows])
         self.bound[rows] = np.minimum(self.bound[rows], found.bound)
         own = found.cost < self.cost[rows]
         better = rows[own]

@@ -110,7 +110,7 @@ class Corrected:
         moved = limit if self._moved is None else np.where(real, limit + self._moved, limit)
         t: Array | None = None
         for _ in range(ROUNDS):
-            t = self._solved(ways, moved, least)
+            t = self._solved(ways, moved, least, self._start if t is None else t)
             if t is None:
                 break
             x = self._vector(ways, t)
@@ -155,12 +155,14 @@ class Corrected:
         found = Optimum(np.array([ways]), t[None, :], one, one, one[:, None])
         return np.asarray(search_vectors(self.run.problem, self.form, found)[0])
 
-    def _solved(self, ways: tuple[int, ...], limit: Array, least: int) -> Array | None:
-        """Tolerances (features,) of least cost, or of the least value of a row."""
+    def _solved(
+        self, ways: tuple[int, ...], limit: Array, least: int, start: Array | None
+    ) -> Array | None:
+        """Tolerances (features,) of least cost, from a `start`, or of the least value of a row."""
         if least >= 0:
             found = least_value(_made(self.form, ways), least, limit)
             return None if found is None else found.t
-        return Programme(Combination(self.form, ways)).allocation(limit, self._start)
+        return Programme(Combination(self.form, ways)).allocation(limit, start)
 
 
 def is_corrected(form: Form) -> bool:
