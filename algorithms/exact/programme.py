@@ -21,7 +21,7 @@ from .slsqp import ascend, slsqp
 Array = NDArray[np.float64]
 GAP, GAP_QUANTILE = 1e-10, 1e-8
 """Relative gap from which on the multipliers are improved; that of quantiles, which take longer."""
-TOLERANCE, TOLERANCE_QUANTILE = 1e-15, 1e-11
+TOLERANCE, TOLERANCE_QUANTILE = 1e-15, 1e-10
 """Tolerance of SLSQP."""
 QUICK, NEAR = 1e-9, 1e-5
 """The same where nothing is proven, and the share of a limit by which it may then be broken."""
@@ -32,6 +32,8 @@ BETWEEN = 17
 """Places between the tightest and the loosest tolerances that a search without a start looks at."""
 CHORDS = 8
 """Times that a way back to the limits is made longer, where rounding leaves it too short."""
+CLEARLY = 1e-9
+"""Share of a limit by which it must be broken where no allocation is said to keep it."""
 TRIED = 33
 """Places between the tightest tolerances and those that compensate them that are tried."""
 
@@ -116,6 +118,9 @@ class Programme:
             return c.low, True
         if not self._compensating:
             return None, False
+        traded = self._traded(limit)
+        if traded is not None:
+            return traded
         tight = np.where(np.any(c.linear < 0.0, axis=0), np.linspace(0.0, 1.0, TRIED)[:, None], 0.0)
         tried = c.low + tight * (c.high - c.low)
         kept = np.flatnonzero(np.all(c.values(tried) <= limit, axis=1))
@@ -132,6 +137,31 @@ class Programme:
         least = weight[asked] @ given + np.sum(ends)
         slack = ROUNDING * (weight[asked] @ np.abs(given) + np.sum(np.abs(ends)))
         return None, not least > slack
+
+    def _traded(self, limit: Array) -> tuple[Array | None, bool] | None:
+        """As `_inner`: all at its tightest but the one feature without spread that lowers a value.
+
+        Values rise with the spread of all others, whose means fall by no more than over their whole
+        range. None where more than one trades, where deviations are correlated, or where that does
+        not decide.
+        """
+        c = self.combination
+        falls, spreads = np.any(c.linear < 0.0, axis=0), np.any(c.spread != 0.0, axis=0)
+        free = np.flatnonzero(falls & ~spreads)
+        if c.form.correlation is not None or len(free) != 1:
+            return None
+        at, width = int(free[0]), c.high - c.low
+        room, slope = limit - c.values(c.low[None, :])[0], c.linear[:, at]
+        least, most = _course(room, slope, float(width[at]))
+        t = c.low.copy()
+        t[at] = np.clip(t[at] + 0.5 * (least + most), c.low[at], c.high[at])
+        if self._keeps(t, limit):
+            return t, True
+        gained = -np.minimum(c.linear, 0.0)[:, falls & spreads] @ width[falls & spreads]
+        size = np.maximum(np.abs(np.where(np.isfinite(limit), limit, 0.0)), 1.0)
+        room = room + gained + CLEARLY * size
+        least, most = _course(room, slope, float(width[at]))
+        return (None, False) if least > most or np.any(room[slope == 0.0] < 0.0) else None
 
     @property
     def _compensating(self) -> bool:
@@ -250,3 +280,10 @@ class Programme:
         unit = np.where(multiplier > 0.0, multiplier, max(float(multiplier.max()), 1e-9) * 1e-3)
         better = unit * ascend(lambda y: bound(y * unit) / (abs(cost) or 1.0), multiplier / unit)
         return max((found, multiplier), (bound(better), better), key=lambda pair: pair[0])
+
+
+def _course(room: Array, slope: Array, width: float) -> tuple[float, float]:
+    """How far a feature must and may go, at most `width`, for values with slopes (r,) and room."""
+    moved = np.divide(room, slope, out=np.zeros_like(room), where=slope != 0.0)
+    least = float(np.max(moved, where=slope < 0.0, initial=0.0))
+    return least, float(np.min(moved, where=slope > 0.0, initial=width))
