@@ -59,10 +59,8 @@ def _by(form: Form, near: Optimum, limits: Array) -> Array:
     tangent = Spread(once.value[every], once.direction[every], once.intercept[every])
     prices = Prices.at(form, grid * near.multiplier[every], limits[every], tangent)
     tables = [
-        np.stack([prices.tolerance(way, at, float(feature.count))[1].reshape(shape)
-                  for way in feature.ways])
-        for at, feature in enumerate(form.features)
-    ]  # fmt: skip
+        prices.ways(feature, at)[1].reshape(-1, *shape) for at, feature in enumerate(form.features)
+    ]
     received = prices.received.reshape(shape)
     total = _combined(tables)
     slack = ROUNDING * (np.abs(total) + np.abs(received))
