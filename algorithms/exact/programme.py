@@ -30,6 +30,8 @@ FLAT, BENDS = 1e-2, 2.0
 bends by in units of the fall."""
 BETWEEN = 17
 """Places between the tightest and the loosest tolerances that a search without a start looks at."""
+TINY = 1e-6
+"""Share of a limit that counts as a step where nothing moves its value."""
 CHORDS = 8
 """Times that a way back to the limits is made longer, where rounding leaves it too short."""
 CLEARLY = 1e-9
@@ -207,8 +209,10 @@ class Programme:
         if not np.any(movable):
             return c.low, np.zeros(len(limit))
         asked = np.isfinite(limit)
-        scale = np.where(limit != 0.0, np.abs(limit), 1.0)[asked]
         step, unit = self._steps(start, movable)
+        rise = (c.gradients(start[None, :])[0] * start)[asked][:, movable] * step
+        scale = np.maximum(np.linalg.norm(rise, axis=1), TINY * np.abs(limit[asked]))
+        scale = np.where(scale > 0.0, scale, 1.0)
 
         def whole(x: Array) -> Array:
             t = c.low.copy()
