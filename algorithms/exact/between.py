@@ -13,7 +13,7 @@ from .choices import Optimum, least_cost
 from .prices import ROUNDING, Prices
 
 Array = NDArray[np.float64]
-SOLVED = 20
+SOLVED = 48
 """Sets of limits that are solved where there are more."""
 GRID = np.geomspace(0.6, 1.6, 15)
 """Prices that are tried, in units of a neighbour's."""
