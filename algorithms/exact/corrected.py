@@ -61,6 +61,7 @@ class Corrected:
     form: Form
     _moved: Array | None = field(default=None, init=False)
     _start: Array | None = field(default=None, init=False)
+    _apart: NDArray[np.int64] | None = field(default=None, init=False)
 
     def best(self, ways: tuple[int, ...], limit: Array) -> Point | None:
         """The cheapest allocation that keeps limits (r,), by `ways` (features,) and those near.
@@ -68,7 +69,9 @@ class Corrected:
         The ways of the form's own optimum are the best only as far as the form is right: those
         next to them are tried as long as that helps.
         """
-        best = self.point(ways, limit)
+        best = self.point(self._expected(ways), limit)
+        if best is None:
+            best = self.point(ways, limit)
         for at, step in self._steps():
             while best is not None and self._has(at, best.ways[at] + step):
                 move = (*best.ways[:at], best.ways[at] + step, *best.ways[at + 1 :])
@@ -76,7 +79,18 @@ class Corrected:
                 if other is None or other.cost >= best.cost:
                     break
                 best = other
+        if best is not None:
+            self._apart = np.subtract(best.ways, ways)
         return best
+
+    def _expected(self, ways: tuple[int, ...]) -> tuple[int, ...]:
+        """The ways that were best last time, as many steps from the form's own."""
+        if self._apart is None:
+            return ways
+        return tuple(
+            min(max(way + int(step), 0), len(feature.ways) - 1) if len(feature.ways) > MANY else way
+            for way, step, feature in zip(ways, self._apart, self.form.features, strict=True)
+        )
 
     @property
     def _open(self) -> list[int]:
@@ -88,12 +102,13 @@ class Corrected:
         return 0 <= way < len(self.form.features[at].ways)
 
     def _steps(self) -> list[tuple[int, int]]:
-        """Feature and step; long ones only where there are many ways."""
+        """Feature and step; long ones only where there are many ways, of which none is known."""
         return [
             (at, step)
             for at in self._open
             for step in STEPS
-            if abs(step) == 1 or len(self.form.features[at].ways) > MANY
+            if abs(step) == 1
+            or (len(self.form.features[at].ways) > MANY and self._apart is None)
         ]
 
     def point(
