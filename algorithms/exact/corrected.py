@@ -145,7 +145,9 @@ class Corrected:
                 return None
             if best is not None and np.all(np.abs(excess[self._active(moved, t, ways)]) < CLOSE):
                 break
-            moved = np.where(real, moved - scale * (excess + INSIDE), moved)
+            # a limit that the form does not reach, but the model breaks, begins where the form is
+            own = np.where(excess > 0.0, np.minimum(moved, self._values(ways, t)), moved)
+            moved = np.where(real, own - scale * (excess + INSIDE), moved)
         if best is not None:
             self._moved = np.subtract(moved, limit, out=np.zeros_like(limit), where=real)
             self._start = best.t
@@ -153,10 +155,13 @@ class Corrected:
 
     def _active(self, limit: Array, t: Array, ways: tuple[int, ...]) -> NDArray[np.bool_]:
         """Which limits (r,) hold an allocation back."""
-        values = Combination(self.form, ways).values(t[None, :])[0]
-        real = np.isfinite(limit)
+        values, real = self._values(ways, t), np.isfinite(limit)
         level = np.where(real, limit, 0.0)
         return np.asarray(real & (values >= level - 1e-6 * np.maximum(np.abs(level), 1e-2)))
+
+    def _values(self, ways: tuple[int, ...], t: Array) -> Array:
+        """What the form says of an allocation, (r,)."""
+        return np.asarray(Combination(self.form, ways).values(t[None, :])[0])
 
     def _near_enough(self, values: Array, limit: Array, least: int) -> bool:
         """Whether a point keeps limits of the requirements that the problem does not check."""
