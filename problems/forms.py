@@ -16,7 +16,7 @@ ways (alternative processes, grades, or pieces of a range), each with coefficien
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -57,7 +57,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Quantile:
-    """The quantile at a `probability` >= 1/2 of what features deviate, with gradient and error.
+    """The quantile at a `probability` >= 1/2 of what features deviate.
 
     Feature j deviates by s_j sum over its `pieces` of weight z; `fixed` pieces deviate as well.
     """
@@ -66,27 +66,48 @@ class Quantile:
     pieces: tuple[tuple[Piece, ...], ...]
     fixed: tuple[Piece, ...] = ()
 
-    @cached_property
-    def _sum(self) -> tuple[SymmetricSum, Array, Array]:
-        """All deviations, the feature of each (-1: none), and its weight."""
-        every = [(at, one) for at, own in enumerate(self.pieces) for one in own]
-        every += [(-1, one) for one in self.fixed]
-        owner = np.array([at for at, _ in every], dtype=float)
-        weight = np.array([abs(one.weight) for _, one in every])
-        return SymmetricSum([one.law for _, one in every]), owner, weight
+
+class Quantiles:
+    """The quantiles among the requirements of a form, all at once.
+
+    Deviations that several of them have in common are one term of one sum, with a weight of its own
+    (0 where it is left out) in each.
+    """
+
+    def __init__(self, rows: Sequence[Quantile | None]) -> None:
+        self.rows = np.array([at for at, one in enumerate(rows) if one is not None], dtype=int)
+        known = [one for one in rows if one is not None]
+        self.probability = np.array([one.probability for one in known])
+        weight: dict[tuple[int, int, Even], Array] = {}
+        for row, quantile in enumerate(known):
+            for at, own in enumerate((*quantile.pieces, quantile.fixed)):
+                owner = at if at < len(quantile.pieces) else -1
+                for place, piece in enumerate(own):
+                    column = weight.setdefault((owner, place, piece.law), np.zeros(len(known)))
+                    column[row] += abs(piece.weight)
+        self._sum = SymmetricSum([law for _, _, law in weight])
+        self._owner = np.array([owner for owner, _, _ in weight], dtype=int)
+        self._weight = np.array(list(weight.values())).reshape(len(weight), len(known)).T
 
     def tangent(self, s: Array) -> Tangent:
-        """Value (n,) and gradient (n, features) at scales s (n, features), and their errors."""
-        total, owner, weight = self._sum
-        own = owner.astype(int)
-        wide = np.where(own >= 0, s[:, np.maximum(own, 0)], 1.0) * weight
-        found = total.quantile(wide, self.probability)
-        kept = np.flatnonzero(own >= 0)
-        gradient, doubt = np.zeros((2, len(self.pieces), len(s)))
-        np.add.at(gradient, own[kept], (found.gradient * weight).T[kept])
-        np.add.at(doubt, own[kept], (found.gradient_error * weight).T[kept])
+        """Values (n, k) of the k quantiles and gradients (n, k, features) at scales of that shape.
+
+        With the errors of both.
+        """
+        n, k, features = s.shape
+        own = self._owner >= 0
+        scale = np.where(own, s[:, :, np.maximum(self._owner, 0)], 1.0) * self._weight
+        found = self._sum.quantile(scale.reshape(n * k, -1), np.tile(self.probability, n))
+        gradient, doubt = np.zeros((2, features, n, k))
+        slopes, errors = (
+            np.where(self._weight > 0.0, one.reshape(n, k, -1), 0.0) * self._weight
+            for one in (found.gradient, found.gradient_error)
+        )
+        np.add.at(gradient, self._owner[own], np.moveaxis(slopes, 2, 0)[own])
+        np.add.at(doubt, self._owner[own], np.moveaxis(errors, 2, 0)[own])
         side = np.where(s < 0.0, -1.0, 1.0)
-        return Tangent(found.value, side * gradient.T, found.value_error, doubt.T)
+        value, error = (one.reshape(n, k) for one in (found.value, found.value_error))
+        return Tangent(value, side * np.moveaxis(gradient, 0, 2), error, np.moveaxis(doubt, 0, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +124,7 @@ class Feature:
     count: int = 1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Form:
     """The convex form of a problem; see the module for its formula.
 
@@ -139,6 +160,11 @@ class Form:
     def rows(self) -> tuple[Quantile | None, ...]:
         """What S of each requirement is: a quantile, or None for a root."""
         return self.quantiles or (None,) * len(self.outputs)
+
+    @cached_property
+    def joint(self) -> Quantiles | None:
+        """All quantiles of the form, None where there is none."""
+        return Quantiles(self.rows) if any(one is not None for one in self.rows) else None
 
     @property
     def own_limits(self) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -50,10 +51,19 @@ def least_value(form: Form, row: int, limits: Array) -> Least | None:
     another; it then goes as far as the limits let it. None where more do, where deviations are
     correlated, or where no combination of ways keeps the limits.
     """
+    return least_values(form, [row], limits)[0]
+
+
+def least_values(form: Form, rows: Sequence[int], limits: Array) -> list[Least | None]:
+    """`least_value` of each of some requirements."""
     trading = _trading(form)
     if form.correlation is not None or form.combinations > MOST or len(trading) > 1:
-        return None
+        return [None] * len(rows)
     corner = _corner(form, trading)
+    return [_least(corner, row, limits, trading) for row in rows]
+
+
+def _least(corner: _Corner, row: int, limits: Array, trading: list[int]) -> Least | None:
     others = np.arange(len(limits)) != row
     least, most = _course(corner, limits, others)
     moved = np.where(corner.slopes[:, row] >= 0.0, least, most)

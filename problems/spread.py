@@ -34,17 +34,16 @@ def spread_of(form: Form, s: Array, most: Array | None = None) -> Spread:
     value = np.sqrt(square)
     safe = np.where(value > 0.0, value, 1.0)
     direction, intercept = towards / safe[..., None], form.constant / safe
-    for row, quantile in enumerate(form.rows):
-        if quantile is None:
-            continue
-        found = quantile.tangent(s[:, row])
-        value[:, row], direction[:, row] = found.value, found.gradient
-        own = np.sum(found.gradient * s[:, row], axis=1)
+    if form.joint is not None:
+        rows = form.joint.rows
+        found = form.joint.tangent(s[:, rows])
         doubt = found.value_error
         if most is not None:
-            reach = np.where(most[row] > 0.0, found.gradient_error * np.abs(most[row]), 0.0)
-            doubt = doubt + np.nan_to_num(reach, nan=np.inf).sum(axis=1)
-        intercept[:, row] = found.value - own - doubt
+            with np.errstate(invalid="ignore"):
+                reach = np.where(most[rows] != 0.0, found.gradient_error * np.abs(most[rows]), 0.0)
+            doubt = doubt + np.where(np.isfinite(reach), reach, np.inf).sum(axis=2)
+        value[:, rows], direction[:, rows] = found.value, found.gradient
+        intercept[:, rows] = found.value - np.sum(found.gradient * s[:, rows], axis=2) - doubt
     return Spread(np.where(value > LEAST, value, 0.0), direction, intercept)
 
 

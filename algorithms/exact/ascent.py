@@ -55,10 +55,10 @@ class Ascent:
         direction, total = prices.direction[0], 0.0
         linear, square = form.offset.copy(), form.constant.copy()
         for at, feature in enumerate(form.features):
-            each = [prices.tolerance(way, at, float(feature.count)) for way in feature.ways]
-            best = int(np.argmin([cost[0] for _, cost in each]))
-            way, t = feature.ways[best], float(each[best][0][0])
-            total += float(each[best][1][0])
+            each, costs = prices.ways(feature, at)
+            best = int(np.argmin(costs[:, 0]))
+            way, t = feature.ways[best], float(each[best, 0])
+            total += float(costs[best, 0])
             m, a = np.array(way.linear), np.array(way.spread)
             linear += (m + direction[:, at] * a) * t + (np.array(way.offset) if way.offset else 0.0)
             square += (a * t) ** 2

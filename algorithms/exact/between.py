@@ -13,8 +13,10 @@ from .choices import Optimum, least_cost
 from .prices import ROUNDING, Prices
 
 Array = NDArray[np.float64]
-SOLVED = 20
-"""Sets of limits that are solved where there are more."""
+FIRST, SOLVED = 12, 48
+"""Sets of limits that are solved first where there are more, and at most."""
+LOST = 5e-4
+"""Share of a cost that a bound by its neighbours' prices may lose before it is solved itself."""
 GRID = np.geomspace(0.6, 1.6, 15)
 """Prices that are tried, in units of a neighbour's."""
 PAIRS = 1024
@@ -24,28 +26,72 @@ PAIRS = 1024
 def least_bounds(form: Form, limits: Array) -> Array:
     """Proven least costs (n,) at limits (n, r).
 
-    Of quantiles, which take long, at most `SOLVED` are solved; the others have the Lagrangian
-    bounds of their neighbours' prices, and no less than what is proven at wider limits.
+    Of quantiles, which take long, some are solved, `SOLVED` at most; the others have the Lagrangian
+    bounds of their neighbours' prices, and no less than what is proven at wider limits. What a
+    bound may lose is seen from the neighbours' costs: where it is most, that set is solved next.
     """
-    if not form.quantiles or len(limits) <= SOLVED:
+    if not form.quantiles or len(limits) <= FIRST:
         return least_cost(form, limits).bound
     order = np.lexsort(limits.T[::-1])
-    some = order[np.unique(np.linspace(0, len(order) - 1, SOLVED).astype(int))]
-    known = least_cost(form, limits[some])
-    found = np.full(len(limits), -np.inf)
-    found[some] = known.bound
-    rest = np.setdiff1d(order, some)
-    rank = np.argsort(order)
-    place = np.searchsorted(rank[some], rank[rest])
-    for side in (-1, 0):
-        at = np.clip(place + side, 0, len(some) - 1)
-        real = np.isfinite(known.cost[at])
-        if np.any(real):
-            near = known.at(at[real])
-            found[rest[real]] = np.maximum(found[rest[real]], _by(form, near, limits[rest[real]]))
-    wider = np.all(limits[some][None, :, :] >= limits[:, None, :], axis=2)
-    proven = np.where(wider, known.bound[None, :], -np.inf).max(axis=1)
-    return np.asarray(np.maximum(found, proven))
+    found = _Course(form, limits[order])
+    found.solve(np.unique(np.linspace(0, len(order) - 1, FIRST).astype(int)))
+    while len(worst := found.worst()):
+        found.solve(worst)
+    bound = np.empty(len(limits))
+    bound[order] = found.bound
+    return bound
+
+
+class _Course:
+    """Sets of limits (n, r) in order, some of them solved, with the bounds (n,) of all."""
+
+    def __init__(self, form: Form, limits: Array) -> None:
+        self.form, self.limits = form, limits
+        self.bound = np.full(len(limits), -np.inf)
+        self.cost = np.full(len(limits), np.inf)
+        self.solved = np.zeros(len(limits), dtype=bool)
+        moving = np.flatnonzero(np.ptp(np.nan_to_num(limits, posinf=0.0), axis=0) > 0.0)
+        self._axis = int(moving[0]) if len(moving) == 1 else None
+
+    def solve(self, rows: NDArray[np.intp]) -> None:
+        """Solve some sets of limits, and bound those between by them."""
+        known = least_cost(self.form, self.limits[rows])
+        self.bound[rows], self.cost[rows], self.solved[rows] = known.bound, known.cost, True
+        rest = np.flatnonzero(~self.solved)
+        place = np.searchsorted(np.flatnonzero(self.solved), rest)
+        for side in (-1, 0):
+            every = np.flatnonzero(self.solved)
+            near = every[np.clip(place + side, 0, len(every) - 1)]
+            at = np.searchsorted(rows, near)
+            new = (at < len(rows)) & np.isfinite(self.cost[near])
+            new[new] = rows[at[new]] == near[new]
+            if np.any(new):
+                own = _by(self.form, known.at(at[new]), self.limits[rest[new]])
+                self.bound[rest[new]] = np.maximum(self.bound[rest[new]], own)
+        wider = np.all(self.limits[rows][None, :, :] >= self.limits[rest][:, None, :], axis=2)
+        proven = np.where(wider, known.bound[None, :], -np.inf).max(axis=1, initial=-np.inf)
+        self.bound[rest] = np.maximum(self.bound[rest], proven)
+
+    def worst(self) -> NDArray[np.intp]:
+        """The sets between solved ones whose bounds may lose most, one in each gap."""
+        every, rest = np.flatnonzero(self.solved), np.flatnonzero(~self.solved)
+        if not len(rest) or len(every) >= SOLVED:
+            return np.empty(0, dtype=np.intp)
+        above = self._most(every, rest)
+        lost = above - self.bound[rest] - LOST * np.abs(above)
+        lost = np.where(np.isfinite(above), lost, np.inf)
+        gap = np.searchsorted(every, rest)
+        each = [rest[gap == one][np.argmax(lost[gap == one])]
+                for one in np.unique(gap[lost > 0.0])]  # fmt: skip
+        return np.array(each[: SOLVED - len(every)], dtype=np.intp)
+
+    def _most(self, every: NDArray[np.intp], rest: NDArray[np.intp]) -> Array:
+        """Costs (n,) that the unsolved ones hardly exceed: along one limit the chord's."""
+        if self._axis is None:
+            at = np.searchsorted(every, rest)
+            return np.asarray(self.cost[every[np.clip(at - 1, 0, None)]])
+        x = self.limits[:, self._axis]
+        return np.asarray(np.interp(x[rest], x[every], self.cost[every]))
 
 
 def _by(form: Form, near: Optimum, limits: Array) -> Array:
@@ -59,10 +105,8 @@ def _by(form: Form, near: Optimum, limits: Array) -> Array:
     tangent = Spread(once.value[every], once.direction[every], once.intercept[every])
     prices = Prices.at(form, grid * near.multiplier[every], limits[every], tangent)
     tables = [
-        np.stack([prices.tolerance(way, at, float(feature.count))[1].reshape(shape)
-                  for way in feature.ways])
-        for at, feature in enumerate(form.features)
-    ]  # fmt: skip
+        prices.ways(feature, at)[1].reshape(-1, *shape) for at, feature in enumerate(form.features)
+    ]
     received = prices.received.reshape(shape)
     total = _combined(tables)
     slack = ROUNDING * (np.abs(total) + np.abs(received))

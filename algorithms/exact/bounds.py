@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import ModelError
 from ...problems.forms import Feature, Form, Way
-from ...problems.least import least_value
+from ...problems.least import least_values
 from ...problems.tolerance_problem import ToleranceProblem
 from .between import least_bounds
 from .choices import cost_range
@@ -106,9 +106,8 @@ def _bound(form: Form, limits: Array) -> Array:
 def within_reach(form: Form, limits: Array) -> NDArray[np.bool_]:
     """Whether limits (n, r) are not proven to contradict each other at once."""
     possible = np.ones(len(limits), dtype=bool)
-    for row in range(len(form.outputs) if form.quantiles else 0):
-        widest = limits.max(axis=0)
-        least = least_value(form, row, np.where(np.arange(len(widest)) == row, np.inf, widest))
+    every = range(len(form.outputs) if form.quantiles else 0)
+    for row, least in zip(every, least_values(form, every, limits.max(axis=0)), strict=True):
         if least is not None:
             possible &= limits[:, row] >= least.value - LOOSER_SHARE * abs(least.value)
     return possible

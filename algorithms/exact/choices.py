@@ -64,25 +64,25 @@ def least_cost(form: Form, limits: Array) -> Optimum:
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
         return _by_master(form, limits)
     if form.combinations == 1 or form.separable or len(limits) < 2:
-        return _least_cost(form, limits, ())
+        return _least_cost(form, limits, None)
     found: list[Optimum] = []
     for limit in limits:  # multipliers of several requirements are improved for each alone
         known = found[-1:]
-        first = tuple(known[0].chosen[0].tolist()) if known else ()
-        found.append(_least_cost(form, limit[None, :], first))
+        found.append(_least_cost(form, limit[None, :], known[0] if known else None))
     return Optimum(*(np.concatenate([getattr(one, name) for one in found])
                      for name in Optimum.__dataclass_fields__))  # fmt: skip
 
 
-def _least_cost(form: Form, limits: Array, first: tuple[int, ...]) -> Optimum:
+def _least_cost(form: Form, limits: Array, near: Optimum | None) -> Optimum:
     """The search at sets of limits together, with the ways of a neighbour to begin with."""
     search = _Search(form, limits)
     every = np.ones(len(limits), dtype=bool)
-    search.leaf((0,) * len(form.features), every)
+    if near is not None and np.isfinite(near.cost[0]):
+        search.start[:] = near.t[0]
+        search.leaf(tuple(near.chosen[0].tolist()), every)
+    search.leaf((0,) * len(form.features), ~np.isfinite(search.cost))
     if form.combinations > 1 and len(limits):
-        search.leaf(tightest_ways(form), every)
-        if first:
-            search.leaf(first, every)
+        search.leaf(tightest_ways(form), ~np.isfinite(search.cost) | (near is None))
         search.run()
     return Optimum(search.chosen, search.t, search.cost, search.bound, search.multiplier)
 
@@ -117,7 +117,7 @@ class _Search:
         self.separable = self.form.separable
         self.most = largest_parts(self.form) if self.form.quantiles else None
         self.chosen = np.zeros((n, features), dtype=np.int64)
-        self.t = np.full((n, features), np.nan)
+        self.t, self.start = np.full((2, n, features), np.nan)
         self.multiplier = np.zeros_like(self.limits)
         self.cost, self.bound = np.full(n, np.inf), np.full(n, np.inf)
         self.factor, self.ascended = np.ones(n), np.full_like(self.limits, np.nan)
@@ -134,8 +134,11 @@ class _Search:
         self.leaves += 1
         done[rows] = True
         combination = Combination(self.form, chosen)
-        solver = Path(combination) if self.separable else Programme(combination)
-        found = solver.least_cost(self.limits[rows])
+        if self.separable:
+            found = Path(combination).least_cost(self.limits[rows])
+        else:
+            starts = np.where(np.isnan(self.t[rows]), self.start[rows], self.t[rows])
+            found = Programme(combination).least_cost(self.limits[rows], starts)
         self.bound[rows] = np.minimum(self.bound[rows], found.bound)
         own = found.cost < self.cost[rows]
         better = rows[own]
@@ -160,12 +163,9 @@ class _Search:
         shape = (len(GRID), n)
         self.received = prices.received.reshape(shape)
         self.tables = [
-            np.stack([
-                prices.tolerance(way, at, float(feature.count))[1].reshape(shape)
-                for way in feature.ways
-            ])
+            prices.ways(feature, at)[1].reshape(-1, *shape)
             for at, feature in enumerate(self.form.features)
-        ]  # fmt: skip
+        ]
         self.open_ = [np.zeros(shape)]
         for table in self.tables[::-1]:
             self.open_.insert(0, self.open_[0] + table.min(axis=0))

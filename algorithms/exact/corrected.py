@@ -61,6 +61,7 @@ class Corrected:
     form: Form
     _moved: Array | None = field(default=None, init=False)
     _start: Array | None = field(default=None, init=False)
+    _apart: NDArray[np.int64] | None = field(default=None, init=False)
 
     def best(self, ways: tuple[int, ...], limit: Array) -> Point | None:
         """The cheapest allocation that keeps limits (r,), by `ways` (features,) and those near.
@@ -68,7 +69,9 @@ class Corrected:
         The ways of the form's own optimum are the best only as far as the form is right: those
         next to them are tried as long as that helps.
         """
-        best = self.point(ways, limit)
+        best = self.point(self._expected(ways), limit)
+        if best is None:
+            best = self.point(ways, limit)
         for at, step in self._steps():
             while best is not None and self._has(at, best.ways[at] + step):
                 move = (*best.ways[:at], best.ways[at] + step, *best.ways[at + 1 :])
@@ -76,7 +79,18 @@ class Corrected:
                 if other is None or other.cost >= best.cost:
                     break
                 best = other
+        if best is not None:
+            self._apart = np.subtract(best.ways, ways)
         return best
+
+    def _expected(self, ways: tuple[int, ...]) -> tuple[int, ...]:
+        """The ways that were best last time, as many steps from the form's own."""
+        if self._apart is None:
+            return ways
+        return tuple(
+            min(max(way + int(step), 0), len(feature.ways) - 1) if len(feature.ways) > MANY else way
+            for way, step, feature in zip(ways, self._apart, self.form.features, strict=True)
+        )
 
     @property
     def _open(self) -> list[int]:
@@ -88,12 +102,13 @@ class Corrected:
         return 0 <= way < len(self.form.features[at].ways)
 
     def _steps(self) -> list[tuple[int, int]]:
-        """Feature and step; long ones only where there are many ways."""
+        """Feature and step; long ones only where there are many ways, of which none is known."""
         return [
             (at, step)
             for at in self._open
             for step in STEPS
-            if abs(step) == 1 or len(self.form.features[at].ways) > MANY
+            if abs(step) == 1
+            or (len(self.form.features[at].ways) > MANY and self._apart is None)
         ]
 
     def point(
@@ -110,7 +125,7 @@ class Corrected:
         moved = limit if self._moved is None else np.where(real, limit + self._moved, limit)
         t: Array | None = None
         for _ in range(ROUNDS):
-            t = self._solved(ways, moved, least)
+            t = self._solved(ways, moved, least, self._start if t is None else t)
             if t is None:
                 break
             x = self._vector(ways, t)
@@ -130,7 +145,9 @@ class Corrected:
                 return None
             if best is not None and np.all(np.abs(excess[self._active(moved, t, ways)]) < CLOSE):
                 break
-            moved = np.where(real, moved - scale * (excess + INSIDE), moved)
+            # a limit that the form does not reach, but the model breaks, begins where the form is
+            own = np.where(excess > 0.0, np.minimum(moved, self._values(ways, t)), moved)
+            moved = np.where(real, own - scale * (excess + INSIDE), moved)
         if best is not None:
             self._moved = np.subtract(moved, limit, out=np.zeros_like(limit), where=real)
             self._start = best.t
@@ -138,10 +155,13 @@ class Corrected:
 
     def _active(self, limit: Array, t: Array, ways: tuple[int, ...]) -> NDArray[np.bool_]:
         """Which limits (r,) hold an allocation back."""
-        values = Combination(self.form, ways).values(t[None, :])[0]
-        real = np.isfinite(limit)
+        values, real = self._values(ways, t), np.isfinite(limit)
         level = np.where(real, limit, 0.0)
         return np.asarray(real & (values >= level - 1e-6 * np.maximum(np.abs(level), 1e-2)))
+
+    def _values(self, ways: tuple[int, ...], t: Array) -> Array:
+        """What the form says of an allocation, (r,)."""
+        return np.asarray(Combination(self.form, ways).values(t[None, :])[0])
 
     def _near_enough(self, values: Array, limit: Array, least: int) -> bool:
         """Whether a point keeps limits of the requirements that the problem does not check."""
@@ -155,12 +175,14 @@ class Corrected:
         found = Optimum(np.array([ways]), t[None, :], one, one, one[:, None])
         return np.asarray(search_vectors(self.run.problem, self.form, found)[0])
 
-    def _solved(self, ways: tuple[int, ...], limit: Array, least: int) -> Array | None:
-        """Tolerances (features,) of least cost, or of the least value of a row."""
+    def _solved(
+        self, ways: tuple[int, ...], limit: Array, least: int, start: Array | None
+    ) -> Array | None:
+        """Tolerances (features,) of least cost, from a `start`, or of the least value of a row."""
         if least >= 0:
             found = least_value(_made(self.form, ways), least, limit)
             return None if found is None else found.t
-        return Programme(Combination(self.form, ways)).allocation(limit, self._start)
+        return Programme(Combination(self.form, ways)).allocation(limit, start)
 
 
 def is_corrected(form: Form) -> bool:

@@ -122,10 +122,10 @@ def tightest(form: Form) -> Array:
         linear, square = linear + own_linear.min(axis=0), square + own_square.min(axis=0)
         parts.append(np.sqrt(own_square.min(axis=0)))
     least = np.sqrt(square)
-    for row, quantile in enumerate(form.rows):
-        if quantile is not None:  # it rises with every scale, because all laws are unimodal
-            found = quantile.tangent(np.stack(parts, axis=1)[row : row + 1])
-            least[row] = found.value[0] - found.value_error[0]
+    if form.joint is not None:  # they rise with every scale, because all laws are unimodal
+        rows = form.joint.rows
+        found = form.joint.tangent(np.stack(parts, axis=1)[None, rows])
+        least[rows] = (found.value - found.value_error)[0]
     return np.asarray(linear + least)
 
 

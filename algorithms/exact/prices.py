@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...problems.forms import Form, Way
+from ...problems.forms import Feature, Form, Way
 from ...problems.spread import Spread
 
 Array = NDArray[np.float64]
@@ -73,6 +73,34 @@ class Prices:
         t = way.curve.best(linear / count, square / count, way.low, way.high)
         offset = self.linear @ np.array(way.offset) if way.offset else 0.0
         return t, count * way.curve.cost(t) + linear * t + square * t * t + offset
+
+    def ways(self, feature: Feature, at: int) -> tuple[Array, Array]:
+        """`tolerance` of every way of feature number `at`: t and cost plus price, (ways, n) each.
+
+        Ways of one cost curve, with a stationary point in closed form, are solved at once.
+        """
+        count, ways = float(feature.count), feature.ways
+        if len(ways) > 1 and all(way.curve == ways[0].curve for way in ways):
+            found = self._of_one_curve(ways, at, count)
+            if found is not None:
+                return found
+        each = [self.tolerance(way, at, count) for way in ways]
+        return np.array([t for t, _ in each]), np.array([cost for _, cost in each])
+
+    def _of_one_curve(
+        self, ways: tuple[Way, ...], at: int, count: float
+    ) -> tuple[Array, Array] | None:
+        curve, nothing = ways[0].curve, (0.0,) * self.linear.shape[1]
+        m, a, offset = (np.array([getattr(way, name) or nothing for way in ways])
+                        for name in ("linear", "spread", "offset"))  # fmt: skip
+        low, high = (np.array([[getattr(way, name)] for way in ways]) for name in ("low", "high"))
+        linear = m @ self.linear.T + a @ (self.linear * self.direction[:, :, at]).T
+        square = (a * a) @ self.square.T
+        found = curve.stationary(linear / count, square / count)
+        if found is None:
+            return None
+        t = np.clip(found, low, high)
+        return t, count * curve.cost(t) + linear * t + square * t * t + offset @ self.linear.T
 
     def bound(self, form: Form, total: Array) -> Array:
         """The proven bound (n,) from the sum (n,) over the features of what `tolerance` states."""

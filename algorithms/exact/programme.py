@@ -21,10 +21,21 @@ from .slsqp import ascend, slsqp
 Array = NDArray[np.float64]
 GAP, GAP_QUANTILE = 1e-10, 1e-8
 """Relative gap from which on the multipliers are improved; that of quantiles, which take longer."""
-TOLERANCE, TOLERANCE_QUANTILE = 1e-15, 1e-13
+TOLERANCE, TOLERANCE_QUANTILE = 1e-15, 1e-10
 """Tolerance of SLSQP."""
 QUICK, NEAR = 1e-9, 1e-5
 """The same where nothing is proven, and the share of a limit by which it may then be broken."""
+FLAT, BENDS = 1e-2, 2.0
+"""Share of the largest fall of a cost that the smallest counts with at least, and what a Lagrangian
+bends by in units of the fall."""
+BETWEEN = 17
+"""Places between the tightest and the loosest tolerances that a search without a start looks at."""
+TINY = 1e-6
+"""Share of a limit that counts as a step where nothing moves its value."""
+CHORDS = 8
+"""Times that a way back to the limits is made longer, where rounding leaves it too short."""
+CLEARLY = 1e-9
+"""Share of a limit by which it must be broken where no allocation is said to keep it."""
 TRIED = 33
 """Places between the tightest tolerances and those that compensate them that are tried."""
 
@@ -35,16 +46,16 @@ class Programme:
 
     combination: Combination
 
-    def least_cost(self, limits: Array) -> Solved:
-        """Least cost at sets of upper limits (n, r).
+    def least_cost(self, limits: Array, starts: Array | None = None) -> Solved:
+        """Least cost at sets of upper limits (n, r), begun from `starts` (n, features) if known.
 
         Where no allocation is found that keeps limits, and none is proven not to exist, the cost is
-        inf and the bound that without limits.
+        inf and the bound that without limits. A start that is NaN is not known.
         """
         c, n = self.combination, len(limits)
         t, cost = np.tile(c.high, (n, 1)), np.full(n, np.inf)
         bound, multiplier = np.full(n, float(c.cost(c.high[None, :])[0])), np.zeros_like(limits)
-        start = c.high
+        start: Array | None = None
         for row, limit in enumerate(limits):
             if not self._keeps(c.high, limit):
                 inner, possible = self._inner(limit)
@@ -52,7 +63,10 @@ class Programme:
                     bound[row] = bound[row] if possible else np.inf
                     continue
                 tolerance = TOLERANCE_QUANTILE if c.form.quantiles else TOLERANCE
-                start, multiplier[row] = self._solved(limit, start, inner, tolerance)
+                if starts is not None and not np.any(np.isnan(starts[row])):
+                    start = np.clip(starts[row], c.low, c.high)
+                first = self._between(limit, inner) if start is None else start
+                start, multiplier[row] = self._solved(limit, first, inner, tolerance)
                 t[row] = start
                 proven, multiplier[row] = self._proven(limit, start, multiplier[row])
                 bound[row] = max(bound[row], proven)
@@ -67,7 +81,7 @@ class Programme:
         c = self.combination
         if self._keeps(c.high, limit):
             return c.high
-        first = c.high if start is None else np.clip(start, c.low, c.high)
+        first = self._between(limit, c.low) if start is None else np.clip(start, c.low, c.high)
         t = self._solved(limit, first, None, QUICK)[0]
         excess = c.values(t[None, :])[0] - limit
         return t if np.all(excess <= NEAR * np.maximum(np.abs(limit), 0.1)) else None
@@ -80,6 +94,17 @@ class Programme:
         inner, _ = self._inner(limit)
         first = np.clip(start, c.low, c.high)
         return None if inner is None else self._solved(limit, first, inner, QUICK)[0]
+
+    def _between(self, limit: Array, inner: Array) -> Array:
+        """The loosest tolerances (features,) on the way from `inner` to the loosest that keep limits.
+
+        Where even `inner` breaks them it is that.
+        """
+        c = self.combination
+        share = np.linspace(0.0, 1.0, BETWEEN)[:, None]
+        tried = np.exp((1.0 - share) * np.log(inner) + share * np.log(c.high))
+        kept = np.flatnonzero(np.all(c.values(tried) <= limit, axis=1))
+        return np.asarray(np.clip(tried[kept[-1] if len(kept) else 0], c.low, c.high))
 
     def _keeps(self, t: Array, limit: Array) -> bool:
         return bool(np.all(self.combination.values(t[None, :])[0] <= limit))
@@ -95,6 +120,9 @@ class Programme:
             return c.low, True
         if not self._compensating:
             return None, False
+        traded = self._traded(limit)
+        if traded is not None:
+            return traded
         tight = np.where(np.any(c.linear < 0.0, axis=0), np.linspace(0.0, 1.0, TRIED)[:, None], 0.0)
         tried = c.low + tight * (c.high - c.low)
         kept = np.flatnonzero(np.all(c.values(tried) <= limit, axis=1))
@@ -111,6 +139,31 @@ class Programme:
         least = weight[asked] @ given + np.sum(ends)
         slack = ROUNDING * (weight[asked] @ np.abs(given) + np.sum(np.abs(ends)))
         return None, not least > slack
+
+    def _traded(self, limit: Array) -> tuple[Array | None, bool] | None:
+        """As `_inner`: all at its tightest but the one feature without spread that lowers a value.
+
+        Values rise with the spread of all others, whose means fall by no more than over their whole
+        range. None where more than one trades, where deviations are correlated, or where that does
+        not decide.
+        """
+        c = self.combination
+        falls, spreads = np.any(c.linear < 0.0, axis=0), np.any(c.spread != 0.0, axis=0)
+        free = np.flatnonzero(falls & ~spreads)
+        if c.form.correlation is not None or len(free) != 1:
+            return None
+        at, width = int(free[0]), c.high - c.low
+        room, slope = limit - c.values(c.low[None, :])[0], c.linear[:, at]
+        least, most = _course(room, slope, float(width[at]))
+        t = c.low.copy()
+        t[at] = np.clip(t[at] + 0.5 * (least + most), c.low[at], c.high[at])
+        if self._keeps(t, limit):
+            return t, True
+        gained = -np.minimum(c.linear, 0.0)[:, falls & spreads] @ width[falls & spreads]
+        size = np.maximum(np.abs(np.where(np.isfinite(limit), limit, 0.0)), 1.0)
+        room = room + gained + CLEARLY * size
+        least, most = _course(room, slope, float(width[at]))
+        return (None, False) if least > most or np.any(room[slope == 0.0] < 0.0) else None
 
     @property
     def _compensating(self) -> bool:
@@ -156,29 +209,31 @@ class Programme:
         if not np.any(movable):
             return c.low, np.zeros(len(limit))
         asked = np.isfinite(limit)
-        scale = np.where(limit != 0.0, np.abs(limit), 1.0)[asked]
-        unit = float(c.cost(c.low[None, :])[0] - c.cost(c.high[None, :])[0]) or 1.0
+        step, unit = self._steps(start, movable)
+        rise = (c.gradients(start[None, :])[0] * start)[asked][:, movable] * step
+        scale = np.maximum(np.linalg.norm(rise, axis=1), TINY * np.abs(limit[asked]))
+        scale = np.where(scale > 0.0, scale, 1.0)
 
         def whole(x: Array) -> Array:
             t = c.low.copy()
-            t[movable] = np.clip(np.exp(x), c.low[movable], c.high[movable])
+            t[movable] = np.clip(np.exp(x * step), c.low[movable], c.high[movable])
             return t[None, :]
 
         def slopes(x: Array) -> Array:
             t = whole(x)
-            return np.asarray((c.slopes(t) * t)[0, movable] / unit)
+            return np.asarray((c.slopes(t) * t)[0, movable] * step / unit)
 
         def margin_slopes(x: Array) -> Array:
             t = whole(x)
-            return np.asarray(-(c.gradients(t)[0] * t)[asked][:, movable] / scale[:, None])
+            return np.asarray(-(c.gradients(t)[0] * t)[asked][:, movable] * step / scale[:, None])
 
         found = slsqp(
             lambda x: float(c.cost(whole(x))[0]) / unit,
             slopes,
             lambda x: (limit - c.values(whole(x))[0])[asked] / scale,
             margin_slopes,
-            np.log(start[movable]),
-            (np.log(c.low[movable]), np.log(c.high[movable])),
+            np.log(start[movable]) / step,
+            (np.log(c.low[movable]) / step, np.log(c.high[movable]) / step),
             tolerance,
             500,
         )
@@ -187,18 +242,33 @@ class Programme:
         t = whole(found.x)[0]
         return (t if inner is None else self._kept(t, limit, inner)), multiplier
 
+    def _steps(self, start: Array, movable: NDArray[np.bool_]) -> tuple[Array, float]:
+        """Units of ln t (movable,) and of the cost in which the Lagrangian bends by one all round.
+
+        Of C = b/t^k its second derivative in ln t is k C beside that of the priced requirement,
+        which is about as much as C falls.
+        """
+        fall = np.maximum(-(self.combination.slopes(start[None, :])[0] * start)[movable], 0.0)
+        largest = float(fall.max()) or 1.0
+        return np.sqrt(largest / np.maximum(fall, FLAT * largest)), BENDS * largest
+
     def _kept(self, t: Array, limit: Array, inner: Array) -> Array:
-        """The point nearest to t on the way from tolerances that keep the limits."""
-        low, high = 0.0, 1.0
-        if self._keeps(t, limit):
+        """A point on the way from t to tolerances that keep the limits, as near as its chord says.
+
+        Values are convex, so that they lie below the chord: where it meets a limit they keep it.
+        """
+        values = self.combination.values(np.stack([t, inner]))
+        excess, room = np.maximum(values[0] - limit, 0.0), np.maximum(limit - values[1], 0.0)
+        if not np.any(excess > 0.0):
             return t
-        for _ in range(60):
-            if high - low < 1e-13:
-                break
-            middle = 0.5 * (low + high)
-            kept = self._keeps(inner + middle * (t - inner), limit)
-            low, high = (middle, high) if kept else (low, middle)
-        return np.asarray(inner + low * (t - inner))
+        asked = excess > 0.0
+        share = float(np.max(excess[asked] / (excess[asked] + room[asked])))
+        for _ in range(CHORDS):
+            moved = np.asarray(t + share * (inner - t))
+            if self._keeps(moved, limit):
+                return moved
+            share = min(1.0, 2.0 * share + 1e-14)
+        return inner
 
     def _proven(self, limit: Array, t: Array, multiplier: Array) -> tuple[float, Array]:
         """The best bound found, and its multipliers (r,)."""
@@ -214,3 +284,10 @@ class Programme:
         unit = np.where(multiplier > 0.0, multiplier, max(float(multiplier.max()), 1e-9) * 1e-3)
         better = unit * ascend(lambda y: bound(y * unit) / (abs(cost) or 1.0), multiplier / unit)
         return max((found, multiplier), (bound(better), better), key=lambda pair: pair[0])
+
+
+def _course(room: Array, slope: Array, width: float) -> tuple[float, float]:
+    """How far a feature must and may go, at most `width`, for values with slopes (r,) and room."""
+    moved = np.divide(room, slope, out=np.zeros_like(room), where=slope != 0.0)
+    least = float(np.max(moved, where=slope < 0.0, initial=0.0))
+    return least, float(np.min(moved, where=slope > 0.0, initial=width))

@@ -147,7 +147,7 @@ class EvenTruncatedNormal(Even):
         )
 
     def envelope(self, w: Array) -> tuple[Array, Array]:
-        safe = np.maximum(w, 1e-300)
+        safe = np.maximum(w, 1e-150)
         edge = self._peak * np.exp(-0.5 / self.sigma**2)
         bound = np.minimum(2.0 * self._peak / safe, 2.0 * edge / safe + self._bend / safe**2)
         return np.minimum(bound, 1.0), np.where(bound < 1.0, 1.0, 0.0)
@@ -222,5 +222,6 @@ def _sinc(w: Array) -> tuple[Array, Array]:
 
 def _power(factor: float, order: float, w: Array) -> tuple[Array, Array]:
     """min(1, factor w^-order) and its order of falling."""
-    bound = factor / np.maximum(w, 1e-300) ** order
+    with np.errstate(divide="ignore", over="ignore"):
+        bound = factor / np.maximum(w, 1e-300) ** order
     return np.minimum(bound, 1.0), np.where(bound < 1.0, order, 0.0)

@@ -33,8 +33,8 @@ ENOUGH = 1e-14
 """What may be left out of a probability."""
 ROUNDING = 4e-15
 """Rounding of a probability."""
-CLOSE = 1e-14
-"""Relative step at which Newton's method has ended."""
+CLOSE, SQUARED = 1e-14, 1e-8
+"""Relative step at which bisection has ended, and Newton's method, whose next one is its square."""
 LARGE = 3
 """Number of terms up to which a sum remembers how many it needs."""
 STEPS = 60
@@ -58,7 +58,7 @@ class SymmetricSum:
     """A sum of independent deviations s_j z_j, z_j of the even `laws` (m)."""
 
     laws: Sequence[Even]
-    _last: tuple[Array, float, Tangent] | None = field(default=None, init=False, repr=False)
+    _last: tuple[Array, Array, Tangent] | None = field(default=None, init=False, repr=False)
     _begin: int = field(default=0, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -68,23 +68,19 @@ class SymmetricSum:
         self._std = np.array([law.std for law in self.laws])
         self._ends = np.array([law.reach for law in self.laws])
 
-    def quantile(self, s: Array, probability: float) -> Tangent:
-        """Quantiles at a `probability` >= 1/2 of sums with the scales s (n, m)."""
-        last = self._last
-        if last is not None and last[1] == probability and np.array_equal(last[0], s):
+    def quantile(self, s: Array, probability: float | Array) -> Tangent:
+        """Quantiles at a `probability` >= 1/2, or one (n,) of each, of sums of scales s (n, m)."""
+        p, last = np.broadcast_to(np.asarray(probability, dtype=float), len(s)), self._last
+        if last is not None and np.array_equal(last[0], s) and np.array_equal(last[1], p):
             return last[2]
-        s = np.abs(np.array(s, dtype=float))
+        kept, p, s = np.array(s, dtype=float), np.array(p), np.abs(np.array(s, dtype=float))
         rows = max(1, BLOCK // (TERMS[0] * max(1, s.shape[1])))
-        blocks = [
-            self._tangent(s[at : at + rows], probability) for at in range(0, len(s), rows)
-        ] or [self._tangent(s, probability)]
-        found = Tangent(
-            np.concatenate([one.value for one in blocks]),
-            np.vstack([one.gradient for one in blocks]),
-            np.concatenate([one.value_error for one in blocks]),
-            np.vstack([one.gradient_error for one in blocks]),
-        )
-        self._last = s.copy(), probability, found
+        start = self._expected(s, p)
+        found = Tangent(np.zeros(len(s)), np.zeros_like(s), np.zeros(len(s)), np.zeros_like(s))
+        for at in range(0, len(s), rows):
+            self._block(found, np.arange(at, min(at + rows, len(s))), s, p, start)
+        self._alone(s, p, found)
+        self._last = kept, p, found
         return found
 
     def below(self, s: Array, y: Array) -> tuple[Array, Array, Array]:
@@ -123,54 +119,62 @@ class SymmetricSum:
     def _series(self, s: Array, end: Array, most: Array) -> _Series:
         safe = np.where(end > 0.0, end + most, 1.0)
         found = _Series.of(self, s, safe, TERMS[self._begin])
-        for at in range(self._begin + 1, len(TERMS)):
+        for terms in TERMS[self._begin + 1 :]:
             if np.all((found.missing <= ENOUGH) | (end <= 0.0)):
                 break
-            found = _Series.of(self, s, safe, TERMS[at])
-            self._begin = at if len(s) == 1 and at < LARGE else self._begin
+            found = _Series.of(self, s, safe, terms)
         return found
 
-    def _tangent(self, s: Array, p: float) -> Tangent:
-        std, end = self._size(s)
-        # a variable of this kind is strictly sub-Gaussian: P(X > y) <= exp(-y^2 / (2 std^2))
-        high = np.minimum(end, 1.1 * std * np.sqrt(2.0 * np.log(1.0 / (1.0 - p))) + 1e-300)
-        series = self._series(s, end, high)
-        y = series.solved(p, high, self._expected(s, p, std))
+    def _block(self, found: Tangent, rows: NDArray[np.int64], s: Array, p: Array,
+               start: Array) -> None:  # fmt: skip
+        """Fill in some rows of `found`, each by as many terms as it needs."""
+        begin = self._begin
+        for at in range(begin, len(TERMS)):
+            std, end = self._size(s[rows])
+            # a variable of this kind is strictly sub-Gaussian: P(X > y) <= exp(-y^2 / (2 std^2))
+            high = np.minimum(end, 1.1 * std * np.sqrt(-2.0 * np.log(1.0 - p[rows])) + 1e-300)
+            series = _Series.of(self, s[rows], np.where(end > 0.0, end + high, 1.0), TERMS[at])
+            done = (series.missing <= ENOUGH) | (end <= 0.0) | (at + 1 == len(TERMS))
+            if np.any(done):
+                some = slice(None) if np.all(done) else done
+                self._fill(found, rows[some], series.of_rows(some), p[rows[some]], high[some],
+                           start[rows[some]], end[some])  # fmt: skip
+            elif at == self._begin < LARGE:
+                self._begin = at + 1
+            rows = rows[~done]
+            if not len(rows):
+                return
+
+    def _fill(self, found: Tangent, rows: NDArray[np.int64], series: _Series, p: Array, high: Array,
+              start: Array, end: Array) -> None:  # fmt: skip
+        y = series.solved(p, high, start)
         density = np.maximum(series.density(y), 1e-300)
-        slopes = series.slopes(y)
-        gradient = -slopes / density[:, None]
-        value_error = 2.0 * (series.missing + ROUNDING) / density
+        gradient = -series.slopes(y) / density[:, None]
         missing = series.missing_slopes + ROUNDING / np.where(end > 0.0, end, 1.0)[:, None]
         with np.errstate(invalid="ignore", over="ignore"):
             doubt = missing + np.abs(gradient) * series.missing_density[:, None]
-            gradient_error = np.nan_to_num(
-                2.0 * doubt / density[:, None], nan=np.inf, posinf=np.inf
-            )
-        return self._alone(s, p, Tangent(y, gradient, value_error, gradient_error))
+            doubt = 2.0 * doubt / density[:, None]
+        found.value[rows], found.gradient[rows] = y, gradient
+        found.value_error[rows] = 2.0 * (series.missing + ROUNDING) / density
+        found.gradient_error[rows] = np.where(np.isfinite(doubt), doubt, np.inf)
 
-    def _expected(self, s: Array, p: float, std: Array) -> Array:
+    def _expected(self, s: Array, p: Array) -> Array:
         """Where to begin: on the tangent at the last scales, or at the normal quantile."""
         last = self._last
-        if last is not None and last[1] == p and last[0].shape == s.shape:
-            return np.asarray(np.sum(last[2].gradient * s, axis=1))
-        return np.asarray(float(ndtri(p)) * std)
+        if last is not None and last[0].shape == s.shape and np.array_equal(last[1], p):
+            return np.asarray(np.sum(np.abs(last[2].gradient) * s, axis=1))
+        return np.asarray(ndtri(p) * np.sqrt(np.sum((s * self._std) ** 2, axis=1)))
 
-    def _alone(self, s: Array, p: float, found: Tangent) -> Tangent:
+    def _alone(self, s: Array, p: Array, found: Tangent) -> None:
         """Sums of at most one term, whose quantile is that of its law, in place of the series."""
         active = np.count_nonzero(s > 0.0, axis=1)
-        rows = np.flatnonzero(active <= 1)
-        if not len(rows):
-            return found
-        parts = [np.array(one) for one in (found.value, found.gradient, found.value_error,
-                                           found.gradient_error)]  # fmt: skip
-        for row in rows.tolist():
-            for part in parts:
+        for row in np.flatnonzero(active <= 1).tolist():
+            for part in (found.value, found.gradient, found.value_error, found.gradient_error):
                 part[row] = 0.0
             if active[row]:
                 j = int(np.argmax(s[row]))
-                unit = self.laws[j].quantile(p)
-                parts[0][row], parts[1][row, j] = s[row, j] * unit, unit
-        return Tangent(*parts)
+                unit = self.laws[j].quantile(float(p[row]))
+                found.value[row], found.gradient[row, j] = s[row, j] * unit, unit
 
 
 @dataclass(eq=False)
@@ -214,6 +218,14 @@ class _Series:
             steep = np.where(rest_order > 1.0, partial * room[:, None] / (rest_order - 1.0), np.inf)
         return cls(np.asarray(k, dtype=float), omega, phi, slopes, period, missing, dense, steep)
 
+    def of_rows(self, rows: NDArray[np.bool_] | slice) -> _Series:
+        """The series of some sums."""
+        if isinstance(rows, slice):
+            return self
+        each = (self.omega, self.phi, self.slopes_of_phi, self.period, self.missing,
+                self.missing_density, self.missing_slopes)  # fmt: skip
+        return _Series(self.k, *(one[rows] for one in each))
+
     def below(self, y: Array) -> Array:
         """F(y), (n,)."""
         wave = self.phi * np.sin(self.omega * y[:, None]) / self.k
@@ -230,8 +242,8 @@ class _Series:
         each = np.einsum("nmk,nk->nm", self.slopes_of_phi, wave)
         return np.asarray(2.0 / self.period[:, None] * each)
 
-    def solved(self, p: float, high: Array, start: Array) -> Array:
-        """The y (n,) with F(y) = p between 0 and `high`, from `start` (n,) on."""
+    def solved(self, p: Array, high: Array, start: Array) -> Array:
+        """The y (n,) with F(y) = p (n,) between 0 and `high`, from `start` (n,) on."""
         low, high = np.zeros_like(high), np.array(high)
         y = np.where((start > low) & (start < high), start, 0.5 * high)
         for _ in range(STEPS):
@@ -242,7 +254,7 @@ class _Series:
             moved = y - step
             inside = (dense > 0.0) & (moved > low) & (moved < high)
             new = np.where(inside, moved, 0.5 * (low + high))
-            if np.all(np.abs(new - y) <= CLOSE * np.abs(new)):
+            if np.all(np.abs(new - y) <= np.where(inside, SQUARED, CLOSE) * np.abs(new)):
                 return new
             y = new
         return y

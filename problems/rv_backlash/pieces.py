@@ -14,7 +14,7 @@ from ...models.propagation.even import UNIFORM, Even, even_law
 from ...models.propagation.sums import Term
 from ...units import ARCMIN
 from .bent import LEVELS, SAFE, Cell, quantiles_of, uniform_below
-from .shift import Shift, shift_of
+from .shift import Shift
 from .terms import ends, unit_terms
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class Sum:
 
 def sum_of(problem: RvBacklash, cut: float) -> Sum | str:
     """All parts of the backlash, or why there is none of their forms; `cut` as in `_grades`."""
-    shift = shift_of(problem)
+    shift = problem.shift
     if shift is None:
         return "the ranges and limits of the modification leave no room"
     if problem.change.growth != 0.0:

@@ -35,7 +35,7 @@ from .form import deviations, form_of
 from .gradient import gradients
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
 from .quantile_form import quantile_form, shortfalls
-from .shift import SHIFT, columns_of, shift_of
+from .shift import SHIFT, Shift, columns_of, shift_of
 
 Array = NDArray[np.float64]
 SEARCH_POINTS = 512
@@ -148,6 +148,11 @@ class RvBacklash(ToleranceProblem):
         return self._quantile_form if isinstance(self._quantile_form, str) else ""
 
     @cached_property
+    def shift(self) -> Shift | None:
+        """What modification and stagger may do to phi_2, None where they have no room."""
+        return shift_of(self)
+
+    @cached_property
     def _quantile_form(self) -> Form | str:
         return quantile_form(self)
 
@@ -172,7 +177,7 @@ class RvBacklash(ToleranceProblem):
 
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Modification and stagger of the shift that a form has found."""
-        shift = shift_of(self)
+        shift = self.shift
         if SHIFT not in columns or shift is None:
             return dict(columns)
         s = np.asarray(columns[SHIFT]) + shift.low - 1.0
