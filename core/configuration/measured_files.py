@@ -1,0 +1,89 @@
+"""`[part.measured] file`: measured parts from a table or a Q-DAS file, put in its place."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+from .. import tables
+from ..errors import Fault, InputError, nearest
+
+SUFFIXES = (".dfq", ".dfd")
+OPTIONS = ("encoding", "delimiter", "decimal")
+Raw = dict[str, Any]
+
+
+def with_measured_files(table: Raw, folder: Path, faults: list[Fault]) -> Raw:
+    """The tables with the values of every file of measured parts; faults are added to `faults`.
+
+    Of a Q-DAS file lots, nominal and half the distance of its limits (`made_to`) come along where
+    the configuration does not state them.
+    """
+    found = copy.deepcopy(table)
+    parts = found.get("part")
+    for at, part in enumerate(parts if isinstance(parts, list) else []):
+        own = part.get("measured") if isinstance(part, dict) else None
+        if isinstance(own, dict) and "file" in own:
+            place = f"part[{at}].measured.file"
+            name = own.pop("file")
+            options = tables.ReadOptions(*(own.pop(key, None) for key in OPTIONS))
+            if not isinstance(name, str):
+                faults.append(Fault(place, f"must be the name of a file, got {name}"))
+                continue
+            if "values" in own:
+                faults.append(Fault(place, "is given beside values: keep one"))
+                continue
+            try:
+                filled = _filled(folder / name, own.get("characteristic"), options)
+            except InputError as error:
+                faults += [Fault(place, f"{one.place} {one.message}") for one in error.faults]
+                own["values"] = []
+                continue
+            part["measured"] = filled | own
+    return found
+
+
+def _filled(path: Path, wanted: Any, options: tables.ReadOptions) -> Raw:
+    if path.suffix.lower() in SUFFIXES:
+        return _of_aqdef(path, wanted, options)
+    found = tables.opened_whole(path, path.name, options)
+    names = {name: name for name in found.numeric}
+    names |= {found.headers.get(name, name): name for name in found.numeric}
+    name = _chosen(path.name, wanted, names, list(found.numeric))
+    column = found.frame[name].dropna()
+    unit = found.units.get(name, "")
+    values = [float(value) for value in column]
+    return {"values": values} | ({"unit": unit} if unit else {})
+
+
+def _of_aqdef(path: Path, wanted: Any, options: tables.ReadOptions) -> Raw:
+    known = [one for one in tables.read_aqdef(path, options.encoding) if not one.attributive]
+    names = {key: one.label for one in known for key in (one.number, one.name) if key}
+    label = _chosen(path.name, wanted, names, list(dict.fromkeys(one.label for one in known)))
+    one = next(one for one in known if one.label == label)
+    rows = [(value, lot) for value, lot in zip(one.values, one.batches, strict=True)
+            if value is not None]  # fmt: skip
+    found: Raw = {"values": [float(value) for value, _ in rows], "characteristic": label}
+    if any(lot for _, lot in rows):
+        found["lots"] = [lot for _, lot in rows]
+    if one.unit:
+        found["unit"] = one.unit
+    if one.nominal is not None:
+        found["nominal"] = one.nominal
+    if one.lower is not None and one.upper is not None:
+        found["made_to"] = 0.5 * (one.upper - one.lower)
+    return found
+
+
+def _chosen(place: str, wanted: Any, names: dict[str, str], each: list[str]) -> str:
+    """The characteristic that is wanted, or the only one there is."""
+    if wanted is None and len(each) == 1:
+        return each[0]
+    if wanted is None:
+        text = f"has {len(each)} characteristics: say which, characteristic = ...; it has "
+        raise InputError([Fault(place, text + ", ".join(each))])
+    if str(wanted) not in names:
+        text = f'has no characteristic "{wanted}"{nearest(str(wanted), names)}; it has '
+        raise InputError([Fault(place, text + ", ".join(each))])
+    return names[str(wanted)]

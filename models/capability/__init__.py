@@ -1,0 +1,19 @@
+"""What measured parts tell of the process that made them."""
+
+from __future__ import annotations
+
+from .indices import Index, capability
+from .knowledge import Gauge, Knowledge, Prior, knowledge_of
+from .stability import Finding, distribution_type, findings
+
+__all__ = [
+    "Finding",
+    "Gauge",
+    "Index",
+    "Knowledge",
+    "Prior",
+    "capability",
+    "distribution_type",
+    "findings",
+    "knowledge_of",
+]

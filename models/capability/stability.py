@@ -1,0 +1,107 @@
+"""What contradicts one stable normal process: drift, lots, outliers, shape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+Array = NDArray[np.float64]
+LEVEL = 0.01
+"""Probability of finding anything in a sample of one stable normal process, all tests together."""
+FEW = 8
+"""Values from which a shape can be judged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One departure: what it is (`drift`, `lots`, `scatter`, `outlier`, `shape`), in words, and the
+    probability of one as large by chance.
+    """
+
+    kind: str
+    text: str
+    probability: float
+
+
+def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
+    """Departures of `values` (n,), in the order of making, beyond chance (Holm's procedure).
+
+    `lots` (n,) name the lot of each value, empty where none is known.
+
+    Reference: Holm (1979), Scandinavian J. Statistics 6(2), 65-70; Grubbs (1969), Technometrics
+    11(1), 1-21; Shapiro and Wilk (1965), Biometrika 52(3-4), 591-611; Brown and Forsythe (1974),
+    J. American Statistical Association 69(346), 364-367.
+    """
+    tried = [_drift(values), _outlier(values), *_lots(values, lots)]
+    if len(values) >= FEW:
+        tried.append(_shape(values))
+    kept: list[Finding] = []
+    for at, one in enumerate(sorted(tried, key=lambda each: each.probability)):
+        if one.probability > LEVEL / (len(tried) - at):
+            break
+        kept.append(one)
+    if any(one.kind == "outlier" for one in kept):  # a shape that one value makes is none
+        rest = np.delete(values, np.argmax(np.abs(values - values.mean())))
+        if len(rest) >= FEW and _shape(rest).probability > LEVEL:
+            kept = [one for one in kept if one.kind != "shape"]
+    return kept
+
+
+def distribution_type(found: Sequence[Finding]) -> str:
+    """The distribution model of ISO 22514-2: A1, A2 (stable), B (scatter moves), C1, C2, C3, C4 (the
+    mean moves) or D (both), as far as the tests tell.
+
+    Reference: ISO 22514-2:2017, clause 5, table 1.
+    """
+    kinds = {one.kind for one in found}
+    if "scatter" in kinds:
+        return "D" if kinds & {"drift", "lots"} else "B"
+    if "drift" in kinds:
+        return "C3"
+    if "lots" in kinds:
+        return "C1"
+    return "A2" if "shape" in kinds else "A1"
+
+
+def _drift(values: Array) -> Finding:
+    found = stats.linregress(np.arange(len(values), dtype=float), values)
+    total = float(found.slope) * (len(values) - 1)
+    text = f"drifts by {total:.3g} from the first part to the last"
+    return Finding("drift", text, float(found.pvalue))
+
+
+def _lots(values: Array, lots: Sequence[str]) -> list[Finding]:
+    names = list(dict.fromkeys(lots))
+    groups = [values[[at for at, lot in enumerate(lots) if lot == name]] for name in names]
+    groups = [group for group in groups if len(group) > 1]
+    if len(groups) < 2:
+        return []
+    spread = float(np.ptp([group.mean() for group in groups]))
+    return [
+        Finding("lots", f"has lots whose means differ by up to {spread:.3g}",
+                float(stats.f_oneway(*groups).pvalue)),
+        Finding("scatter", "has lots that scatter differently",
+                float(stats.levene(*groups, center="median").pvalue)),
+    ]  # fmt: skip
+
+
+def _outlier(values: Array) -> Finding:
+    """Grubbs' test of the value furthest from the mean."""
+    n, far = len(values), int(np.argmax(np.abs(values - values.mean())))
+    g = float(abs(values[far] - values.mean()) / values.std(ddof=1))
+    room = (n - 1) ** 2 - n * g**2
+    t = np.inf if room <= 0.0 else np.sqrt(n * (n - 2) * g**2 / room)
+    p = min(1.0, 2.0 * n * float(stats.t.sf(t, n - 2)))
+    text = f"has an outlier: {values[far]:.6g} (part {far + 1}), {g:.1f} standard deviations off"
+    return Finding("outlier", text, p)
+
+
+def _shape(values: Array) -> Finding:
+    skew, excess = float(stats.skew(values)), float(stats.kurtosis(values))
+    words = "heavy tails" if excess > abs(skew) else "skew" if abs(skew) > 0.5 else "no normal shape"
+    text = f"is not normal: {words} (skewness {skew:.2f}, excess kurtosis {excess:.2f})"
+    return Finding("shape", text, float(stats.shapiro(values).pvalue))

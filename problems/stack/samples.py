@@ -1,0 +1,183 @@
+"""Reads `[part.measured]`: what parts that were measured tell of the process of a part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...likely_units import unit_hint
+from ...models.capability import (
+    Finding,
+    Gauge,
+    Index,
+    Knowledge,
+    Prior,
+    capability,
+    distribution_type,
+    findings,
+    knowledge_of,
+)
+from ...section import POSITIVE, Range, Section
+from ...units import converted, fits
+
+Array = NDArray[np.float64]
+MEANS = ("as_found", "corrected")
+FIXED = "fixed"
+NEAR_NOMINAL = 1e-9
+BEYOND = 20.0
+"""How many times the half-width that parts were made to they hardly lie off the nominal."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartSample:
+    """Measured parts of one characteristic: deviations (n,) from the mid-limit, in the part's unit.
+
+    `knowledge` is of the process, `made_to` the half-width that the parts were made to (0 where
+    their scatter does not follow it), `offset` by how much the mean of all later parts is off.
+    """
+
+    deviations: Array
+    knowledge: Knowledge
+    made_to: float
+    offset: float
+    found: tuple[Finding, ...]
+    indices: Mapping[str, Index]
+    stated: Mapping[str, Any] = field(default_factory=dict)
+    assumed: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def type(self) -> str:
+        """The distribution model of ISO 22514-2."""
+        return distribution_type(self.found)
+
+    def statement(self, unit: str) -> str:
+        """What is known, in one line."""
+        indices = [f"{name} {one.value:.2f} ({one.low:.2f} to {one.high:.2f})"
+                   for name, one in self.indices.items()]  # fmt: skip
+        return ", ".join([
+            f"{len(self.deviations)} parts: mean {self.knowledge.mean:+.4g} {unit} from the "
+            f"mid-limit, s = {self.knowledge.std:.4g} {unit}", *indices,
+            f"distribution {self.type} (ISO 22514-2)",
+        ])  # fmt: skip
+
+
+def read_sample(
+    part: Section, unit: str, nominal: float | None, mid: float, t: float | None
+) -> PartSample | None:
+    """The `[part.measured]` table; `t` is the half-width of a part with a fixed one.
+
+    None and faults where it is wrong.
+    """
+    section = part.section("measured")
+    own_unit = _unit(section, unit)
+    numbers, lots = section.numbers("values"), section.take("lots") or []
+    mean = section.text("mean", MEANS)
+    gauge, made_to = _gauge(section, own_unit), _made_to(section, own_unit, unit, t)
+    of_file = section.number("nominal", own_unit)
+    section.known(("characteristic",))
+    prior = _prior(section, made_to or 0.0)
+    if "values" not in section:
+        section.fault("file", "is missing: name a table or Q-DAS file of measured parts, or give "
+                      "values")  # fmt: skip
+    stated = {key: section.take(key) for key in section.given()}
+    section.finish()
+    if numbers is None or made_to is None or own_unit is None:
+        return None
+    values = np.asarray(converted(np.array(numbers), own_unit, unit), dtype=float)
+    if of_file is not None and nominal is not None:
+        theirs = float(converted(of_file, own_unit, unit))
+        if abs(theirs - nominal) > NEAR_NOMINAL * max(abs(nominal), 1.0):
+            section.fault("file", f"is of a nominal of {theirs:g} {unit}, the part has {nominal:g} "
+                          f"{unit}: another revision of the drawing?")  # fmt: skip
+            return None
+    deviations = _deviations(values, nominal) - mid
+    far = float(np.max(np.abs(deviations), initial=0.0))
+    if far > BEYOND * made_to:
+        hint = unit_hint(far, unit, 0.0, made_to)
+        section.fault("values", f"lie up to {far:.4g} {unit} off the mid-limit, {far / made_to:.3g} "
+                      f"times what they were made to ({made_to:g} {unit}){hint}: check their "
+                      "unit")  # fmt: skip
+        return None
+    try:
+        known = knowledge_of(deviations, prior, gauge)
+    except ValueError as error:
+        section.fault("values", str(error))
+        return None
+    assumed = {} if mean else {"measured.mean": "the mean of later parts is that of the sample; "
+                               "the configuration does not say that it is corrected"}  # fmt: skip
+    return PartSample(
+        deviations=deviations,
+        knowledge=known,
+        made_to=made_to,
+        offset=0.0 if mean == "corrected" else known.mean,
+        found=tuple(findings(deviations, [str(lot) for lot in lots])),
+        indices=capability(deviations, -made_to, made_to),
+        stated=stated,
+        assumed=assumed,
+    )
+
+
+def _deviations(values: Array, nominal: float | None) -> Array:
+    """Deviations from the nominal: of sizes, unless the values are deviations already."""
+    middle = float(np.median(values)) if len(values) else 0.0
+    if nominal is None or abs(middle) < abs(middle - nominal):
+        return values
+    return values - nominal
+
+
+def _unit(section: Section, unit: str) -> str | None:
+    given = section.text("unit")
+    if not given:
+        return unit
+    try:
+        if fits(given, unit):
+            return given
+        section.fault("unit", f'"{given}" cannot be stated in {unit}, the unit of the part')
+    except ValueError as error:
+        section.fault("unit", str(error))
+    return None
+
+
+def _made_to(section: Section, own: str | None, unit: str, t: float | None) -> float | None:
+    """Half-width that the measured parts were made to, in the unit of the part."""
+    if section.take("made_to") == FIXED:
+        if t is None:
+            section.fault("made_to", "of a searched tolerance cannot be fixed, as tighter limits "
+                          "would then change nothing: state a [[part.machine]] with its sigma")  # fmt: skip
+        return t
+    given = section.number("made_to", own or unit, POSITIVE)
+    if given is not None:
+        return float(converted(given, own or unit, unit))
+    if "made_to" not in section and t is None:
+        section.fault("made_to", "is missing: the half-width that the measured parts were made to, "
+                      "so that their scatter can follow the tolerance")  # fmt: skip
+    return t if "made_to" not in section else None
+
+
+def _gauge(section: Section, unit: str | None) -> Gauge | None:
+    if "gauge" not in section:
+        return None
+    own = section.section("gauge")
+    sigma = own.number("sigma", unit or "", POSITIVE)
+    df = own.number("df", within=Range(low=1.0))
+    if "sigma" not in own:
+        own.fault("sigma", "is missing: the standard deviation of repeated readings of one part")
+    own.finish()
+    return None if sigma is None else Gauge(sigma, np.inf if df is None else df)
+
+
+def _prior(section: Section, made_to: float) -> Prior | None:
+    if "prior" not in section:
+        return None
+    own = section.section("prior")
+    cp, parts = own.number("cp", within=POSITIVE), own.number("parts", within=POSITIVE)
+    for key, what in (("cp", "the capability that is believed"),
+                      ("parts", "how many measured parts the belief is worth")):  # fmt: skip
+        if key not in own:
+            own.fault(key, f"is missing: {what}")
+    own.finish()
+    return None if cp is None or parts is None else Prior(made_to / (3.0 * cp), parts)
