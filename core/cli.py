@@ -176,7 +176,7 @@ def _run(
         choice=configuration.choice,
     )
     if not quiet:
-        for warning in configuration.problem.warnings():
+        for warning in configuration.problem.cautions():
             typer.echo(f"warning: {warning}", err=True)
     with shown(quiet) as progress:
         outcome = run(plan, out, workers, progress, resume, replace)
