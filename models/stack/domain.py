@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from ..expressions import domain_margin
+from .made import Tolerances, limit_of
 from .mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ def box(pieces: int, inner: int = INNER) -> Array:
     return np.hstack([np.zeros((pieces, 1)), corners, drawn[:, :inner]])
 
 
-def least_margin(mechanism: Mechanism, t: Array) -> Array:
+def least_margin(mechanism: Mechanism, t: Tolerances) -> Array:
     """Least domain margin (n,) over the corners of the tolerances t (n, p), and points between.
 
     1 at tolerances of 0, 0 where a unit within the tolerances just reaches the edge, below 0 where
@@ -44,7 +45,7 @@ def least_margin(mechanism: Mechanism, t: Array) -> Array:
         return np.full(len(t), np.inf)
     used = [i for i, name in enumerate(mechanism.names) if name in formula.names]
     names = [mechanism.names[i] for i in used]
-    z, reach = _points(mechanism, used), (t[:, mechanism.owners] * scale)[:, used]
+    z, reach = _points(mechanism, used), (limit_of(t)[:, mechanism.owners] * scale)[:, used]
     middle = {name: np.asarray(mids[i]) for name, i in zip(names, used, strict=True)}
     found, step = np.empty(len(t)), max(1, MEMORY // z.shape[1])
     for start in range(0, len(t), step):

@@ -11,6 +11,7 @@ from scipy.special import ndtr, ndtri
 from ..inputs import Normal
 from ..propagation.even import Even, even_law
 from ..propagation.symmetric_sum import SymmetricSum
+from .made import Tolerances, mean_of, spread_of
 from .mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -24,7 +25,7 @@ class Law:
 
     `slopes` (k,) are |S_i|, `mean` (p,) what a unit of tolerance of each part moves the mean of y.
     Where all parts are normal (`covariance`, p x p, at t = 1) pieces may be correlated.
-    Tolerances t have shape (n, p).
+    Tolerances t have shape (n, p); derivatives are by the spread of parts that are `AsMade`.
     """
 
     mechanism: Mechanism
@@ -34,7 +35,7 @@ class Law:
     laws: tuple[Even, ...]
     covariance: Array | None = None
 
-    def yield_percent(self, t: Array) -> tuple[Array, Array]:
+    def yield_percent(self, t: Tolerances) -> tuple[Array, Array]:
         """Share of units within the limits (n,), in percent, and a bound of its error (n,)."""
         found, error = np.zeros(len(t)), np.zeros(len(t))
         for sign, end in self._ends(t):
@@ -42,30 +43,30 @@ class Law:
             found, error = found + sign * below, error + doubt
         return 100.0 * np.clip(found, 0.0, 1.0), 100.0 * error + ROUNDING
 
-    def half_width(self, t: Array, coverage: float) -> Array:
+    def half_width(self, t: Tolerances, coverage: float) -> Array:
         """Half the width (n,) of the interval that holds `coverage` of the units, centred."""
         p = 0.5 * (1.0 + coverage)
         if self.covariance is not None:
             return np.asarray(float(ndtri(p)) * self._std(t))
         return self.deviations.quantile(self._scales(t), p).value
 
-    def half_width_slopes(self, t: Array, coverage: float) -> Array:
+    def half_width_slopes(self, t: Tolerances, coverage: float) -> Array:
         """d half_width/dt, (n, p)."""
         p = 0.5 * (1.0 + coverage)
         if self.covariance is not None:
             std = self._std(t)[:, None]
-            return float(ndtri(p)) * (t @ self.covariance) / np.where(std > 0.0, std, 1.0)
+            return float(ndtri(p)) * (spread_of(t) @ self.covariance) / np.where(std > 0.0, std, 1.0)
         return self._to_parts(self.deviations.quantile(self._scales(t), p).gradient)
 
-    def yield_slopes(self, t: Array) -> Array:
+    def yield_slopes(self, t: Tolerances) -> Array:
         """d yield_percent/dt, (n, p)."""
-        found = np.zeros_like(t)
+        found = np.zeros_like(spread_of(t))
         for sign, end in self._ends(t):
             slopes = self._below(t, end)[1] - self.density(t, end)[:, None] * self.mean
             found += 100.0 * sign * np.where(np.isfinite(end)[:, None], slopes, 0.0)
         return found
 
-    def density(self, t: Array, at: Array) -> Array:
+    def density(self, t: Tolerances, at: Array) -> Array:
         """Density (n,) of y minus its mean."""
         if self.covariance is None:
             safe = np.where(np.isfinite(at), at, 0.0)
@@ -75,16 +76,17 @@ class Law:
         bell = np.exp(-0.5 * (at / safe) ** 2) / (safe * np.sqrt(2.0 * np.pi))
         return np.where(std > 0.0, bell, 0.0)
 
-    def edge_density(self, t: Array) -> Array:
+    def edge_density(self, t: Tolerances) -> Array:
         """Density (n,) of y at its limits, both together."""
         return np.asarray(sum(self.density(t, end) for _, end in self._ends(t)))
 
-    def _ends(self, t: Array) -> list[tuple[float, Array]]:
+    def _ends(self, t: Tolerances) -> list[tuple[float, Array]]:
         """Sign and distance (n,) of each limit from the mean of y."""
-        mean = self.mechanism.centre + t @ self.mean
+        slope = np.bincount(self.mechanism.owners, self.mechanism.sensitivities, len(self.mean))
+        mean = self.mechanism.centre + spread_of(t) @ self.mean + mean_of(t) @ slope
         return [(1.0, self.mechanism.upper - mean), (-1.0, self.mechanism.lower - mean)]
 
-    def _below(self, t: Array, at: Array) -> tuple[Array, Array, Array]:
+    def _below(self, t: Tolerances, at: Array) -> tuple[Array, Array, Array]:
         """P(y - mean <= at), its derivatives in t by the spread alone, and its error."""
         if self.covariance is None:
             far = np.where(np.isfinite(at), at, 0.0)
@@ -96,15 +98,16 @@ class Law:
         x = np.where(std > 0.0, at / safe, np.where(at >= 0.0, np.inf, -np.inf))
         level = np.where(np.isfinite(x), x, 0.0)
         bell = -level * np.exp(-0.5 * level**2) / np.sqrt(2.0 * np.pi)
-        rise = (t @ self.covariance) / safe[:, None] ** 2
+        rise = (spread_of(t) @ self.covariance) / safe[:, None] ** 2
         return np.asarray(ndtr(x)), bell[:, None] * rise, np.zeros(len(t))
 
-    def _std(self, t: Array) -> Array:
+    def _std(self, t: Tolerances) -> Array:
         assert self.covariance is not None
-        return np.asarray(np.sqrt(np.maximum(np.sum((t @ self.covariance) * t, axis=1), 0.0)))
+        s = spread_of(t)
+        return np.asarray(np.sqrt(np.maximum(np.sum((s @ self.covariance) * s, axis=1), 0.0)))
 
-    def _scales(self, t: Array) -> Array:
-        return np.asarray(t[:, self.mechanism.owners] * self.slopes)
+    def _scales(self, t: Tolerances) -> Array:
+        return np.asarray(spread_of(t)[:, self.mechanism.owners] * self.slopes)
 
     def _to_parts(self, each: Array) -> Array:
         """Derivatives in t (n, p) from those in the scales of the pieces (n, k)."""

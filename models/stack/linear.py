@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
+from .made import Tolerances, limit_of, mean_of, spread_of
 from .mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -19,67 +21,81 @@ class Linear:
     """y = centre + sum_i S_i t z_i by parts: what each unit of tolerance adds.
 
     `worst` (p,) is sum |S_i| over the pieces of a part, `mean` (p,) the sum of S_i E[z_i], `shift`
-    (p,) the sum of |S_i E[z_i]|, `covariance` (p, p) that of y's contributions at t = 1. All
-    results are in the unit of the requirement; designs t have shape (n, p).
+    (p,) the sum of |S_i E[z_i]|, `covariance` (p, p) that of y's contributions at t = 1, `slope`
+    (p,) the sum of S_i, by which y follows the mean of a part that is `AsMade`. All results are in
+    the unit of the requirement; designs t have shape (n, p), and so have derivatives, which are by
+    the spread of parts that are `AsMade`.
     """
 
     worst: Array
     mean: Array
     shift: Array
     covariance: Array
+    slope: Array
 
-    def worst_case(self, t: Array) -> Array:
+    def worst_case(self, t: Tolerances) -> Array:
         """sum_i |S_i| t: no unit of parts within their zones deviates more."""
-        return np.asarray(t @ self.worst)
+        return np.asarray(limit_of(t) @ self.worst)
 
-    def variance(self, t: Array) -> Array:
+    def variance(self, t: Tolerances) -> Array:
         """Variance of y (n,)."""
-        return np.asarray(np.sum((t @ self.covariance) * t, axis=1))
+        s = spread_of(t)
+        return np.asarray(np.sum((s @ self.covariance) * s, axis=1))
 
-    def rss(self, t: Array) -> Array:
+    def rss(self, t: Tolerances) -> Array:
         """Three standard deviations of y; for normal parts with Cp = 1 sqrt(sum (S_i t)^2)."""
         return SIGMAS * np.sqrt(np.maximum(self.variance(t), 0.0))
 
-    def shifted_rss(self, t: Array) -> Array:
+    def shifted_rss(self, t: Tolerances) -> Array:
         """Mean shifts in the worst direction plus the root sum square.
 
-        sum |S_i| |E[z_i]| t + rss. Reference: Chase & Greenwood (1988), Design issues in mechanical
-        tolerance analysis, Manufacturing Review 1(1), 50-59 (estimated mean shift), with Cp.
+        sum |S_i| |E[x_i]| + rss, E[x_i] = t E[z_i]. Reference: Chase & Greenwood (1988), Design
+        issues in mechanical tolerance analysis, Manufacturing Review 1(1), 50-59 (estimated mean
+        shift), with Cp.
         """
-        return np.asarray(t @ self.shift) + self.rss(t)
+        return spread_of(t) @ self.shift + np.abs(mean_of(t)) @ self.worst + self.rss(t)
 
-    def mean_shift(self, t: Array) -> Array:
+    def mean_shift(self, t: Tolerances) -> Array:
         """Mean of y minus its value at the mid-limits (n,)."""
-        return np.asarray(t @ self.mean)
+        return np.asarray(spread_of(t) @ self.mean + mean_of(t) @ self.slope)
 
-    def rss_slopes(self, t: Array) -> Array:
+    def rss_slopes(self, t: Tolerances) -> Array:
         """d rss / d t, shape (n, p); 0 where there is no spread at all."""
         rss = self.rss(t)[:, None]
-        along = SIGMAS**2 * (t @ self.covariance)
+        along = SIGMAS**2 * (spread_of(t) @ self.covariance)
         return np.divide(along, rss, out=np.zeros_like(along), where=rss > 0.0)
 
-    def yield_slopes(self, t: Array, lower: Array, upper: Array) -> Array:
+    def within(self, t: Tolerances, lower: Array, upper: Array) -> Array:
+        """Share of units (n,) between limits, as if y were normal.
+
+        `lower` and `upper` (n,) are those of y minus its value at the mid-limits, or infinite.
+        """
+        std, shift = self.rss(t) / SIGMAS, self.mean_shift(t)
+        safe = np.where(std > 0.0, std, 1e-300)
+        return np.asarray(ndtr((upper - shift) / safe) - ndtr((lower - shift) / safe))
+
+    def yield_slopes(self, t: Tolerances, lower: Array, upper: Array) -> Array:
         """d/dt of the share of units between limits, as if y were normal, shape (n, p).
 
         `lower` and `upper` (n,) are those of y minus its value at the mid-limits, or infinite.
         """
         std = self.rss(t)[:, None] / SIGMAS
         safe, shift = np.where(std > 0.0, std, 1.0), self.mean_shift(t)[:, None]
-        found = np.zeros_like(t)
+        found = np.zeros_like(spread_of(t))
         for sign, limit in ((1.0, upper), (-1.0, lower)):
             z = (np.where(np.isfinite(limit), limit, 0.0)[:, None] - shift) / safe
             density = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) * np.isfinite(limit)[:, None]
             found -= sign * density * (self.mean + z * self.rss_slopes(t) / SIGMAS) / safe
         return np.where(std > 0.0, found, 0.0)
 
-    def variance_shares(self, t: Array) -> Array:
+    def variance_shares(self, t: Tolerances) -> Array:
         """Share of each part in the variance (n, p); a negative one compensates for others."""
-        each = t * (t @ self.covariance)
+        each = spread_of(t) * (spread_of(t) @ self.covariance)
         return _shares(each, each.sum(axis=1))
 
-    def worst_shares(self, t: Array) -> Array:
+    def worst_shares(self, t: Tolerances) -> Array:
         """Share of each part in the worst case (n, p)."""
-        each = t * self.worst
+        each = limit_of(t) * self.worst
         return _shares(each, each.sum(axis=1))
 
 
@@ -103,4 +119,5 @@ def linearised(mechanism: Mechanism) -> Linear:
         mean=of_part @ (slope * mean[owners]),
         shift=of_part @ np.abs(slope * mean[owners]),
         covariance=scaled @ correlation @ scaled.T,
+        slope=of_part @ slope,
     )

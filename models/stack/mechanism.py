@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..expressions import Formula
 from ..inputs import Distribution
+from .made import Tolerances, mean_of, spread_of
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,8 @@ class Mechanism:
 
         with a formula   y = gain f(mids + scale t z), in the consistent units of the formula
         without one      y = centre + sum_i sensitivities_i t z_i
+
+    (mean + spread z in the place of t z where parts are `AsMade`).
 
     `sensitivities` (k,) are dy/dx_i at the mid-limits, requirement unit per unit of the part;
     `centre` is y at the mid-limits. `lower` and `upper` are the limits of y, infinite where there
@@ -55,14 +58,16 @@ class Mechanism:
         """Whether the requirement has a limit, so that it has a yield."""
         return bool(np.isfinite(self.lower) or np.isfinite(self.upper))
 
-    def values(self, t: Array, z: Array) -> Array:
+    def values(self, t: Tolerances, z: Array) -> Array:
         """y (n, m) of n designs t (n, p) at the deviations z (k, m), NaN where there is none."""
-        wide = t[:, self.owners]
+        wide = spread_of(t)[:, self.owners]
+        mean = mean_of(t)[:, self.owners]
         if self.formula is None or self.mids is None or self.scale is None:
-            return np.asarray(self.centre + (wide * self.sensitivities) @ z)
-        reach = wide * self.scale
+            moved = (mean @ self.sensitivities)[:, None]
+            return np.asarray(self.centre + moved + (wide * self.sensitivities) @ z)
+        reach, middle = wide * self.scale, self.mids + mean * self.scale
         x = {
-            name: self.mids[i] + reach[:, i, None] * z[i]
+            name: middle[:, i, None] + reach[:, i, None] * z[i]
             for i, name in enumerate(self.names)
             if name in self.formula.names
         }

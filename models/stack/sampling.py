@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ..propagation import MonteCarlo
+from .made import Tolerances
 from .mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -42,7 +43,7 @@ class Sample:
         """Units in all."""
         return int(self.deviations[:, 0].size)
 
-    def blocks(self, mechanism: Mechanism, t: Array) -> Iterator[tuple[slice, Array]]:
+    def blocks(self, mechanism: Mechanism, t: Tolerances) -> Iterator[tuple[slice, Array]]:
         """Rows of a block of designs, and y (block, replicates, m) of all units of each."""
         _, pieces, each = self.deviations.shape
         wide = max(1, MEMORY // (8 * max(self.size, (pieces + 6) * each)))
@@ -58,7 +59,7 @@ def _root(correlation: Array) -> Array:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def yield_percent(mechanism: Mechanism, t: Array, sample: Sample) -> tuple[Array, Array]:
+def yield_percent(mechanism: Mechanism, t: Tolerances, sample: Sample) -> tuple[Array, Array]:
     """Share of units within the limits (n,), in percent, and its standard error (n,).
 
     A unit for which the requirement has no value does not conform. The error is the scatter over
@@ -68,7 +69,7 @@ def yield_percent(mechanism: Mechanism, t: Array, sample: Sample) -> tuple[Array
 
 
 def joint_yield_percent(
-    mechanisms: Sequence[Mechanism], t: Array, sample: Sample
+    mechanisms: Sequence[Mechanism], t: Tolerances, sample: Sample
 ) -> tuple[Array, Array]:
     """`yield_percent` of the units that conform to every one of several mechanisms."""
     found, error = np.empty(len(t)), np.empty(len(t))
@@ -86,7 +87,7 @@ def joint_yield_percent(
     return 100.0 * found, 100.0 * error
 
 
-def half_width(mechanism: Mechanism, t: Array, sample: Sample, coverage: float) -> Array:
+def half_width(mechanism: Mechanism, t: Tolerances, sample: Sample, coverage: float) -> Array:
     """Half the width (n,) of the interval that holds `coverage` of the units, as much on each side.
 
     (q(1 - a/2) - q(a/2))/2 with a = 1 - coverage: for normal parts of a linear stack and a coverage

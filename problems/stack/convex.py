@@ -11,6 +11,7 @@ from ...models.costs import Reciprocal
 from ..forms import Feature, Form, Way
 from ..limits import Limit
 from .definition import Part
+from .machine_ways import machine_ways
 from .rows import YIELD, Row, quantile_of, rows_of
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
     rows = rows_of(stack, gaussian)
     if not rows or not possible(stack) or _entangled(stack):
         return None
-    linear, spread = np.array([one.linear for one in rows]), np.array([one.spread for one in rows])
+    linear = np.array([one.linear for one in rows])
     parts, t = stack.definition.parts, np.array([part.low for part in stack.definition.parts])
     settled, correlation = _settled(stack), _correlation(stack)
     kept = [at for at in range(len(parts)) if not settled[at]]
@@ -42,18 +43,16 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
     rooted = [0.0 if one.probability else _square(one.spread, t, correlation, settled)
               for one in rows]  # fmt: skip
     names = [one.output for one in rows if one.most < np.inf]
+    features = [_feature(parts[at], rows, at, range_of(stack, parts[at])) for at in kept]
     return Form(
         outputs=tuple(row.output for row in rows),
-        features=tuple(
-            _feature(parts[at], linear[:, at], spread[:, at], range_of(stack, parts[at]))
-            for at in kept
-        ),
+        features=tuple(feature for feature, _ in features),
         offset=linear[:, settled] @ t[settled],
         constant=np.array(rooted),
         statement=_statement(stack, rows, left_out),
         base=float(sum(_fixed_cost(p) for p, out in zip(parts, settled, strict=True) if out)),
         correlation=None if independent else within,
-        exact=len(names) == len(set(names)),
+        exact=len(names) == len(set(names)) and all(exact for _, exact in features),
         relaxed=left_out,
         tested=tuple(limit.name for limit in stack.limits if limit.name in _domains(stack)),
         quantiles=quantiles if any(one is not None for one in quantiles) else (),
@@ -120,23 +119,25 @@ def range_of(stack: Stack, part: Part) -> tuple[float, float]:
     return low, min((limit.high for limit in own), default=np.inf)
 
 
-def _feature(part: Part, linear: Array, spread: Array, ends: tuple[float, float]) -> Feature:
-    """The processes of a part as ways."""
-    ways = tuple(
-        Way(
-            curve=process.curve or FREE,
-            low=low,
-            high=high,
-            linear=tuple(linear.tolist()),
-            spread=tuple(spread.tolist()),
-            choice=float(at) if part.alternatives else 0.0,
-        )
-        for at, process in enumerate(part.processes)
-        for low, high in [(max(process.low, ends[0]), min(process.high, ends[1]))]
-        if low <= high
-    )
-    choice = f"{part.name}_process" if part.alternatives else ""
-    return Feature(f"{part.name}_t", ways, choice, part.count)
+def _feature(
+    part: Part, rows: list[Row], at: int, ends: tuple[float, float]
+) -> tuple[Feature, bool]:
+    """The processes of a part as ways, and whether these are exact."""
+    ways: list[Way] = []
+    whole = True
+    for number, process in enumerate(part.processes):
+        if process.machine is not None:
+            own, exact = machine_ways(part, number, rows, at, ends)
+            ways, whole = ways + own, whole and exact
+            continue
+        low, high = max(process.low, ends[0]), min(process.high, ends[1])
+        if low <= high:
+            choice = float(number) if part.alternatives else 0.0
+            linear, spread = (tuple(float(values[at]) for values in each) for each in (
+                [row.linear for row in rows], [row.spread for row in rows]))  # fmt: skip
+            ways.append(Way(process.curve or FREE, low, high, linear, spread, choice=choice))
+    choice_name = f"{part.name}_process" if part.alternatives else ""
+    return Feature(f"{part.name}_t", tuple(ways), choice_name, part.count), whole
 
 
 def _fixed_cost(part: Part) -> float:
@@ -156,6 +157,8 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
     for one in stack.measured:
         if one.name(YIELD) in left_out and isinstance(one.law, str):
             more += f" ({one.law})"
+    if any(part.by_machine for part in stack.definition.parts):
+        more += "; good parts of an inspected machine are normal with their own mean and scatter"
     if not stack.definition.requirement.key:
         return f"least cost of the linearised stack, variation = {words[rows[0].method]}{more}"
     told = ", ".join(f"{row.output} by {row.method}" for row in rows)

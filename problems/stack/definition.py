@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from ...models.costs import CostCurve
 from ...models.inputs import Distribution
+from ...models.machines import Machine
+from ...models.machines.reading import Offer
 from ...models.stack import Mechanism
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
@@ -47,12 +49,18 @@ class Requirement:
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """One way of making a part: half-width t from `low` to `high` at a cost."""
+    """One way of making a part: half-width t from `low` to `high` at a cost.
+
+    The scatter of good parts is in proportion to t, or that of a `machine`. `note` says how its range was
+    understood.
+    """
 
     low: float
     high: float
     curve: CostCurve | None = None
     name: str = ""
+    machine: Machine | None = None
+    note: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +72,8 @@ class Part:
     what the configuration says about its zone, `assumed` what it leaves open. `sensitivities` are
     by the key of the requirement, those of formulas left out. `drawing` and `characteristic` are
     the numbers of its drawing and of the characteristic on it, `geometry` is the geometrical
-    characteristic (ISO 1101) that its zone is of; empty where none is stated.
+    characteristic (ISO 1101) that its zone is of; empty where none is stated. `machines` are those
+    that some of its processes use.
     """
 
     name: str
@@ -82,6 +91,12 @@ class Part:
     drawing: str = ""
     characteristic: str = ""
     geometry: str = ""
+    machines: tuple[Offer, ...] = ()
+
+    @property
+    def by_machine(self) -> bool:
+        """Whether some processes have a scatter of their own."""
+        return bool(self.machines)
 
     @property
     def low(self) -> float:

@@ -69,7 +69,7 @@ def domain_faults(stack: Stack) -> list[Fault]:
     for one in stack.measured:
         if one.requirement.method != "monte_carlo":
             continue
-        ends = stack.tolerances(stack.corner(tight=True)[None, :])
+        ends = stack.made(stack.corner(tight=True)[None, :])
         coverage = stack.settings.propagation.coverage
         width = half_width(one.mechanism, ends, stack.yields.searching, coverage)
         if not np.isfinite(width[0]):
@@ -81,6 +81,8 @@ def domain_faults(stack: Stack) -> list[Fault]:
 
 def range_faults(stack: Stack) -> list[Fault]:
     """Least tolerances that contradict an upper limit on a variation, both named."""
+    if any(part.by_machine for part in stack.definition.parts):
+        return []
     low, _ = stack.ends_of_t
     limits = {part.name: range_of(stack, part)[0] for part in stack.definition.parts}
     moved = np.maximum(low, list(limits.values()))

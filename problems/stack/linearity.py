@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from ...models.stack import Linear, Mechanism, Sample, yield_percent
+from ...models.stack import Linear, Mechanism, Sample, Tolerances, yield_percent
 from ...models.stack.linear import SIGMAS
 
 Array = NDArray[np.float64]
@@ -21,14 +21,13 @@ ERRORS = 3.0
 
 
 def linearity_warnings(
-    mechanism: Mechanism, linear: Linear, t: Array, where: str, unit: str, sample: Sample
+    mechanism: Mechanism, linear: Linear, design: Tolerances, where: str, unit: str, sample: Sample
 ) -> tuple[str, ...]:
-    """What the linear model gets wrong, in a sentence, at one design t (p,).
+    """What the linear model gets wrong, in a sentence, at one design (1, p).
 
     The limits are those of the requirement, where there are some, and the linear mean +- the root
     sum square, beyond which 0.27 % are promised.
     """
-    design = t[None, :]
     mean = mechanism.centre + float(linear.mean_shift(design)[0])
     rss = float(linear.rss(design)[0])
     if rss == 0.0:

@@ -9,7 +9,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.stack import Law, Linear, Mechanism, law_of, least_margin, linearised
+from ...models.stack import (
+    Law,
+    Linear,
+    Mechanism,
+    Tolerances,
+    law_of,
+    least_margin,
+    limit_of,
+    linearised,
+    mean_of,
+    spread_of,
+)
 from ...models.stack.linear import SIGMAS
 from .definition import Definition, Part, Requirement
 
@@ -65,7 +76,7 @@ class Measured:
         """The name of the contribution of a part."""
         return self.name(f"contribution_{self.parts[at].name}_percent")
 
-    def variations(self, t: Array) -> dict[str, Array]:
+    def variations(self, t: Tolerances) -> dict[str, Array]:
         """The linear variations (n,) by output, of tolerances (n, parts)."""
         found = {"worst_case": self.linear.worst_case(t), "rss": self.linear.rss(t)}
         method = self.requirement.method
@@ -75,11 +86,11 @@ class Measured:
             found["variation"] = found[method]
         return {self.name(name): value for name, value in found.items()}
 
-    def margin(self, t: Array) -> dict[str, Array]:
+    def margin(self, t: Tolerances) -> dict[str, Array]:
         """The domain margin (n,), where the formula has an edge within the widest tolerances."""
         return {self.name("domain_margin"): least_margin(self.mechanism, t)} if self.partial else {}
 
-    def shares(self, t: Array) -> dict[str, Array]:
+    def shares(self, t: Tolerances) -> dict[str, Array]:
         """Contributions [%] of its parts (n,)."""
         worst = self.requirement.method == "worst_case"
         shares = self.linear.worst_shares(t) if worst else self.linear.variance_shares(t)
@@ -87,12 +98,12 @@ class Measured:
 
     # ---------------------------------------------------------------- slopes
 
-    def slopes(self, t: Array, wanted: Collection[str], coverage: float) -> dict[str, Array]:
+    def slopes(self, t: Tolerances, wanted: Collection[str], coverage: float) -> dict[str, Array]:
         """Derivatives (n, parts) of the variations, and of a yield that is wanted.
 
         That of a sampled yield, a step function, is the normal linear model's.
         """
-        worst, rss = np.broadcast_to(self.linear.worst, t.shape), self.linear.rss_slopes(t)
+        worst, rss = np.broadcast_to(self.linear.worst, spread_of(t).shape), self.linear.rss_slopes(t)
         found = {"worst_case": worst, "rss": rss}
         method, law = self.requirement.method, self.law
         if method != "monte_carlo":
@@ -102,7 +113,7 @@ class Measured:
         if self.mechanism.bounded and self.name("yield_percent") in wanted:
             found["yield_percent"] = self._yield_slopes(t)
         if self.partial and self.name("domain_margin") in wanted:
-            found["domain_margin"] = self._margin_slopes(t)
+            found["domain_margin"] = self._margin_slopes(limit_of(t))
         return {self.name(name): value for name, value in found.items()}
 
     def _margin_slopes(self, t: Array) -> Array:
@@ -115,20 +126,28 @@ class Measured:
             found[:, at] = change / np.where(t[:, at] > 0.0, STEP * t[:, at], 1.0)
         return found
 
-    def _yield_slopes(self, t: Array) -> Array:
+    def _yield_slopes(self, t: Tolerances) -> Array:
         if isinstance(self.law, Law):
             return self.law.yield_slopes(t)
-        ends = (self.mechanism.lower, self.mechanism.upper)
-        lower, upper = (np.full(len(t), end - self.mechanism.centre) for end in ends)
-        return 100.0 * self.linear.yield_slopes(t, lower, upper)
+        return 100.0 * self.linear.yield_slopes(t, *self._ends(len(t)))
+
+    def _ends(self, n: int) -> tuple[Array, Array]:
+        """Limits (n,) from the value at the mid-limits."""
+        lower, upper = self.mechanism.lower, self.mechanism.upper
+        centre = self.mechanism.centre
+        return np.full(n, lower - centre), np.full(n, upper - centre)
+
+    def linear_yield(self, t: Tolerances) -> Array:
+        """Yield [%] (n,) of the linear model, as if the requirement were normal."""
+        return 100.0 * self.linear.within(t, *self._ends(len(t)))
 
     # ---------------------------------------------------------------- what is known
 
-    def intervals(self, low: Array, high: Array) -> dict[str, Interval]:
-        """Proven ends of its outputs between the tightest and loosest tolerances (parts,)."""
-        worst = float(low @ self.linear.worst), float(high @ self.linear.worst)
-        rss = self._rss_interval(low, high)
-        shift = float(low @ self.linear.shift), float(high @ self.linear.shift)
+    def intervals(self, low: Tolerances, high: Tolerances) -> dict[str, Interval]:
+        """Proven ends of its outputs between the tightest and loosest parts, (1, parts) each."""
+        worst = float(self.linear.worst_case(low)[0]), float(self.linear.worst_case(high)[0])
+        rss = self._rss_interval(spread_of(low)[0], spread_of(high)[0])
+        shift = self._shift(low), self._shift(high)
         found = {"worst_case": worst, "rss": rss, "yield_percent": (0.0, 100.0),
                  "shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}  # fmt: skip
         method = self.requirement.method
@@ -136,6 +155,11 @@ class Measured:
             found["variation"] = found[method]
         del found["shifted_rss"]
         return {self.name(name): ends for name, ends in found.items()}
+
+    def _shift(self, t: Tolerances) -> float:
+        """Mean shifts in the worst direction of one design (1, parts)."""
+        own = spread_of(t)[0] @ self.linear.shift + np.abs(mean_of(t)[0]) @ self.linear.worst
+        return float(own)
 
     def _rss_interval(self, low: Array, high: Array) -> Interval:
         """Bounds of the root sum square; exact unless contributions compensate each other."""

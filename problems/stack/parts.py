@@ -85,7 +85,11 @@ def _read(
         text = f"a radius lies between 0 and its tolerance: leave out {', '.join(other)}"
         section.fault("distribution", text)
         return None
-    if "distribution" not in section:
+    if zone.machines and not (isinstance(distribution, Normal) and distribution.shift == 0.0):
+        section.fault("distribution", "must be normal and centred beside machines, whose good parts "
+                      "count as normal with a mean of their own: state mean in [[part.machine]]")  # fmt: skip
+        return None
+    if "distribution" not in section and not zone.machines:
         assumed["distribution"] = "normal; the configuration names none"
     part = _part(name, unit, distribution, zone, nominal, count, sensitivities, assumed)
     return replace(part, geometry=labels[0], drawing=labels[1], characteristic=labels[2])
@@ -114,6 +118,7 @@ def _part(
         sensitivities=sensitivities,
         stated=zone.stated,
         assumed=assumed | zone.assumed,
+        machines=zone.machines,
     )
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...declarations import Assumption, Output, Parameter, Variable
 from ...errors import Fault, ModelError
 from ...models.costs import CostCurve
-from ...models.stack import Linear
+from ...models.stack import Law, Linear, Tolerances
 from ...section import Section
 from ..forms import Form
 from ..settings import Bound, Settings, VariableSetting
@@ -27,16 +27,20 @@ from .definition import Definition, Part
 from .drawn import drawn, labels_of
 from .faults import domain_faults, range_faults, size_faults, unit_faults, yield_faults
 from .joint import joint_intervals, joint_slopes, joint_variations
+from .machine_ways import limits_alone
+from .made import as_made, ends_as_made, limits_of
 from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
 from .reading import read_definition
 from .remarks import domain_remarks, warnings_of
-from .rows import shortfall
+from .rows import rows_of, shortfall
 from .stand_in import stand_in
 from .writing import tables_of
 from .yields import Yields
 
 Array = NDArray[np.float64]
+STEP = 1e-6
+"""Relative step of a limit for derivatives by differences."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +105,7 @@ class Stack(ToleranceProblem):
 
     def _completed(self, given: Settings) -> Settings:
         """Fixed tolerances, and processes without an alternative, are fixed variables."""
-        fixed = {f"{p.name}_t": p.low for p in self.definition.parts if p.fixed}
+        fixed = {f"{p.name}_t": p.low for p in self.definition.parts if p.low == p.high}
         fixed |= {f"{p.name}_process": 0.0 for p in self.definition.parts
                   if p.alternatives and len(p.processes) == 1}  # fmt: skip
         settings = {name: VariableSetting(value=value) for name, value in fixed.items()}
@@ -125,6 +129,15 @@ class Stack(ToleranceProblem):
         if not part.alternatives:
             return np.zeros(len(designs), dtype=np.int64)
         return np.rint(self.column(designs, f"{part.name}_process")).astype(np.int64)
+
+    def made(self, designs: Array) -> Tolerances:
+        """Parts of full designs as they come out: with the scatter of machines, where they have any.
+        """
+        return as_made(self._parts, self.tolerances(designs), self._chosen_of_all(designs))
+
+    def _chosen_of_all(self, designs: Array) -> NDArray[np.int64]:
+        """Number of the process (n, parts) that each part is made by."""
+        return np.stack([self._chosen(designs, part) for part in self._parts], axis=1)
 
     def complete(self, x: Array) -> Array:
         """Full designs; a tolerance that its process cannot hold is moved to the nearest it can."""
@@ -156,13 +169,13 @@ class Stack(ToleranceProblem):
     # ---------------------------------------------------------------- outputs
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
-        t = self.tolerances(designs)
+        t = self.made(designs)
         found = {"cost": self.cost_of(designs)} | self.yields.outputs(t, searching)
         for one in self.measured:
             found |= one.variations(t) | one.margin(t) | self._shares(one, t, searching)
         return found | joint_variations(self.measured, found)
 
-    def _shares(self, one: Measured, t: Array, searching: bool) -> dict[str, Array]:
+    def _shares(self, one: Measured, t: Tolerances, searching: bool) -> dict[str, Array]:
         """Contributions of the parts; NaN where a search does not need them."""
         names = [one.contribution(at) for at in one.shown]
         if searching and not self.wanted & set(names):
@@ -222,7 +235,7 @@ class Stack(ToleranceProblem):
 
     def _by_part(self, designs: Array, slope: bool = False) -> Array:
         """Cost, or its slope, of each part (n, parts)."""
-        chosen = np.stack([self._chosen(designs, part) for part in self._parts], axis=1)
+        chosen = self._chosen_of_all(designs)
         return self._costs.each(self.tolerances(designs), chosen, slope)
 
     def gradient(self, designs: Array) -> dict[str, Array]:
@@ -230,21 +243,68 @@ class Stack(ToleranceProblem):
 
         That of a sampled yield, a step function, is the normal linear model's.
         """
-        t, coverage = self.tolerances(designs), self.settings.propagation.coverage
-        found = {"cost": self._by_part(designs, slope=True)}
+        t, coverage = self.made(designs), self.settings.propagation.coverage
+        found: dict[str, Array] = {}
         values: dict[str, Array] = {}
         for one in self.measured:
             found |= one.slopes(t, self.wanted, coverage)
             values |= one.variations(t)
         if all(one.name("variation") in values for one in self.measured):
             found |= joint_slopes(self.measured, values, found)
+        found = self._by_limit(designs, found) | {"cost": self._by_part(designs, slope=True)}
         at = [self.names.index(f"{part.name}_t") for part in self._parts]
         wide = {name: np.zeros_like(designs) for name in found}
         for name, slopes in found.items():
             wide[name][:, at] = slopes
         return wide
 
+    def _by_limit(self, designs: Array, slopes: dict[str, Array]) -> dict[str, Array]:
+        """Derivatives (n, parts) by the tolerances: by differences where a machine makes the part.
+        """
+        by_machine = [at for at, part in enumerate(self._parts) if part.by_machine]
+        if not by_machine:
+            return slopes
+        found = {name: slope.copy() for name, slope in slopes.items()}
+        for at in by_machine:
+            column = self.names.index(f"{self._parts[at].name}_t")
+            step = STEP * designs[:, column]
+            ends = []
+            for side in (1.0, -1.0):
+                moved = designs.copy()
+                moved[:, column] += side * step
+                ends.append(self._linear_outputs(moved))
+            for name in found:
+                found[name][:, at] = (ends[0][name] - ends[1][name]) / (2.0 * step)
+        return found
+
+    def _linear_outputs(self, designs: Array) -> dict[str, Array]:
+        """The outputs (n,) that `gradient` gives, yields and half-widths by their laws."""
+        t, coverage = self.made(designs), self.settings.propagation.coverage
+        found: dict[str, Array] = {}
+        for one in self.measured:
+            found |= one.variations(t) | one.margin(t)
+            if isinstance(one.law, Law):
+                found[one.name("yield_percent")] = one.law.yield_percent(t)[0]
+                if one.requirement.method == "monte_carlo":
+                    found[one.name("variation")] = one.law.half_width(t, coverage)
+            else:
+                found[one.name("yield_percent")] = one.linear_yield(t)
+        return found | joint_variations(self.measured, found)
+
     # ---------------------------------------------------------------- what is known
+
+    def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
+        """Limits of inspection from the spread of good parts, which a form searches."""
+        found = dict(columns)
+        if limits_alone(rows_of(self, gaussian=True)):
+            return found
+        for part in self._parts:
+            if part.by_machine and (name := f"{part.name}_t") in found:
+                chosen = np.zeros(len(found[name]), dtype=np.int64)
+                if (choice := f"{part.name}_process") in found:
+                    chosen = np.rint(found[choice]).astype(np.int64)
+                found[name] = limits_of(part, found[name], chosen)
+        return found
 
     def form(self) -> Form | None:
         return form_of(self)
@@ -276,9 +336,9 @@ class Stack(ToleranceProblem):
         """Proven bounds of the outputs of every requirement, and of all together."""
         found: dict[str, Interval] = {}
         for one in self.measured:
-            found |= one.intervals(*self.ends_of_t)
+            found |= one.intervals(*self.ends_as_made)
             if one.partial:
-                ends = (one.margin(end[None, :]) for end in self.ends_of_t)
+                ends = (one.margin(end) for end in self.ends_as_made)
                 most, least = (float(end[one.name("domain_margin")][0]) for end in ends)
                 found[one.name("domain_margin")] = least, most
         return found | joint_intervals(self.measured, found) | {"yield_percent": (0.0, 100.0)}
@@ -288,6 +348,11 @@ class Stack(ToleranceProblem):
         """Tightest and loosest half-width (parts,)."""
         return (np.array([part.low for part in self._parts]),
                 np.array([part.high for part in self._parts]))  # fmt: skip
+
+    @cached_property
+    def ends_as_made(self) -> tuple[Tolerances, Tolerances]:
+        """Tightest and loosest parts as they come out (1, parts)."""
+        return ends_as_made(self._parts)
 
     @property
     def negative(self) -> bool:

@@ -13,7 +13,7 @@ from .sensitivities import sensitivity_faults
 
 _REMEDIES = {
     "variables": "a stack states its ranges in [[part]]: t_min and t_max, or tolerance",
-    "costs": "a stack states its costs in [[part]]: cost",
+    "costs": "a stack states its costs in [[part]], cost, or in a file, costs.file: none is assumed",
     "parameters": "a stack has no parameters: nominals stand in [[part]]",
 }
 
@@ -83,6 +83,9 @@ def _uncorrelated(name: str, owners: dict[str, Part], parts: list[Part]) -> str:
             return f"{name} is built in {part.count} times: name {part.pieces[0]}, ..."
     if name not in owners:
         return f'"{name}" is not a part{nearest(name, owners)}'
+    if owners[name].by_machine:
+        return (f"{name} is made by machines: only parts whose scatter follows their tolerance can "
+                "be correlated")  # fmt: skip
     if not isinstance(owners[name].distribution, Normal):
         return f"{name} is not normal: only normal parts can be correlated"
     return ""

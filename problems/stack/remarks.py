@@ -10,7 +10,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...likely_units import unit_hint
+from ...models.stack import Tolerances, between
 from ...units import family
+from ..money import rising
 from .definition import Part
 from .linearity import linearity_warnings
 from .measured import Measured
@@ -36,6 +38,11 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
     each = [price_remark(part.name, part.processes, part.stated.get("price", {}))
             for part in stack.definition.parts]  # fmt: skip
     found += [remark for remark in each if remark]
+    for part in stack.definition.parts:
+        for process in part.processes:
+            name = f"{part.name} ({process.name})" if process.name else part.name
+            found += [f"part {name}: {process.note}"] if process.note else []
+            found += [note] if (note := rising(f"part {name}", process.curve)) else []
     for one in stack.measured:
         found += [_domain(one)] if one.partial else []
         if one.mechanism.formula is not None:
@@ -87,10 +94,10 @@ def domain_remarks(measured: Sequence[Measured], front: pd.DataFrame) -> tuple[s
     return tuple(found)
 
 
-def _tried(stack: Stack, one: Measured) -> tuple[Array, str]:
-    """The loosest design that keeps the limits on the linear variations, and its name."""
-    low, high = stack.ends_of_t
-    line = low + np.linspace(0.0, 1.0, 257)[:, None] * (high - low)
+def _tried(stack: Stack, one: Measured) -> tuple[Tolerances, str]:
+    """The loosest design (1, p) that keeps the limits on the linear variations, and its name."""
+    low, high = stack.ends_as_made
+    line = between(low, high, np.linspace(0.0, 1.0, 257)[:, None])
     values = one.variations(line)
     if one.requirement.method == "monte_carlo":
         values.pop(one.name("variation"), None)
@@ -104,4 +111,4 @@ def _tried(stack: Stack, one: Measured) -> tuple[Array, str]:
         return high, "at the loosest tolerances"
     last = int(np.flatnonzero(kept)[-1])
     rss = float(one.linear.rss(line[last : last + 1])[0])
-    return line[last], f"at a variation of {rss:.4g} (rss)"
+    return line[last : last + 1], f"at a variation of {rss:.4g} (rss)"

@@ -30,7 +30,8 @@ class Row:
     """A requirement of the form: its output, coefficients (parts,), and its quantile if it is one.
 
     A root has its spread in `spread`; of a quantile that is its weight for each part. `most` is an
-    upper limit of its own.
+    upper limit of its own. `bias` (parts,) is by how much it rises with the mean of a part that a
+    machine makes, `shift` (parts,) with the size of that mean; nothing where they are not given.
     """
 
     output: str
@@ -40,6 +41,16 @@ class Row:
     spread: Array
     probability: float | None = None
     most: float = np.inf
+    bias: Array | None = None
+    shift: Array | None = None
+
+    def bias_of(self, at: int) -> float:
+        """By how much it rises with the mean of a part."""
+        return 0.0 if self.bias is None else float(self.bias[at])
+
+    def shift_of(self, at: int) -> float:
+        """By how much it rises with the size of the mean of a part."""
+        return 0.0 if self.shift is None else float(self.shift[at])
 
 
 def rows_of(stack: Stack, gaussian: bool) -> list[Row]:
@@ -89,7 +100,8 @@ def _row(
         "rss": (nothing, std),
         "shifted_rss": (one.linear.shift, std),
     }[method]
-    return [Row(output, one, method, weight * linear, weight * spread)]
+    shift = weight * one.linear.worst if method == "shifted_rss" else None
+    return [Row(output, one, method, weight * linear, weight * spread, shift=shift)]
 
 
 def signed(one: Measured) -> Array:
@@ -112,13 +124,13 @@ def _at(
     """side * mean + the p-quantile of the deviations: a root where all parts are normal."""
     law = one.law
     assert isinstance(law, Law)
-    linear = weight * side * law.mean
+    linear, bias = weight * side * law.mean, weight * side * one.linear.slope
     if law.covariance is not None:
         spread = np.asarray(weight * float(ndtri(p)) * signed(one), dtype=float)
-        return Row(output, one, "monte_carlo", linear, spread, None, most)
+        return Row(output, one, "monte_carlo", linear, spread, None, most, bias)
     matters = np.isin(np.arange(len(linear)), law.mechanism.owners)
     spread = np.asarray(weight * matters, dtype=float)
-    return Row(output, one, "monte_carlo", linear, spread, p, most)
+    return Row(output, one, "monte_carlo", linear, spread, p, most, bias)
 
 
 def _yield_rows(stack: Stack) -> list[Row]:
@@ -152,7 +164,13 @@ def _kept_limits(one: Measured, output: str, p: float) -> list[Row]:
     mechanism = law.mechanism
     above, below = mechanism.upper - mechanism.centre, mechanism.centre - mechanism.lower
     two = bool(np.isfinite(above) and np.isfinite(below))
-    if two and abs(above - below) <= CENTRED * (above + below) and not np.any(law.mean):
+    off_centre = any(offer.machine.mean for part in one.parts for offer in part.machines)
+    if (
+        two
+        and abs(above - below) <= CENTRED * (above + below)
+        and not np.any(law.mean)
+        and not off_centre
+    ):
         return [_at(output, one, 0.5 * (1.0 + p), most=max(above, below))]
     return [
         _at(output, one, p, side=side, most=room)
@@ -182,7 +200,7 @@ def shortfall(stack: Stack, row: str, designs: Array, found: Mapping[str, Array]
 
     One step of Newton's method for the yield `row`, alike for all requirements that it is over.
     """
-    least, t = least_yield(stack, row), stack.tolerances(designs)
+    least, t = least_yield(stack, row), stack.made(designs)
     laws = [one.law for one in stack.measured
             if isinstance(one.law, Law) and one.mechanism.bounded
             and row in (YIELD, one.name(YIELD))]  # fmt: skip

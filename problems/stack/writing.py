@@ -50,6 +50,10 @@ def _part(part: Part) -> dict[str, Any]:
     labels = {"drawing": part.drawing, "characteristic": part.characteristic,
               "geometry": part.geometry}  # fmt: skip
     found |= {key: value for key, value in labels.items() if value}
+    if part.machines:
+        own = [{"name": p.name} | _range(p) for p in part.processes if p.machine is None]
+        return found | ({"process": own} if own else {}) | {
+            "machine": [one.table() for one in part.machines]}  # fmt: skip
     if part.alternatives and part.stated:  # grades: each costs its price, or what one curve says
         return found | dict(part.stated) | ({} if "price" in part.stated
                                             else _cost(part.processes[0]))  # fmt: skip

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.stack import Law, Sample, half_width, joint_yield_percent
+from ...models.stack import Law, Sample, Tolerances, half_width, joint_yield_percent
 from ..limits import Limit
 from ..settings import Settings
 from .measured import Measured
@@ -30,7 +30,7 @@ class Yields:
     limits: tuple[Limit, ...]
     wanted: frozenset[str]
 
-    def outputs(self, t: Array, searching: bool) -> dict[str, Array]:
+    def outputs(self, t: Tolerances, searching: bool) -> dict[str, Array]:
         """Half-widths and yields; NaN without limits, or where a search does not need them."""
         sample = self.searching if searching else self.reported
         found: dict[str, Array] = {}
@@ -45,7 +45,7 @@ class Yields:
         return found
 
     def _half_width(
-        self, one: Measured, t: Array, sample: Sample, searching: bool
+        self, one: Measured, t: Tolerances, sample: Sample, searching: bool
     ) -> dict[str, Array]:
         name = one.name("variation")
         if searching and not self.wanted & {name, "variation"}:
@@ -56,7 +56,7 @@ class Yields:
         return {name: half_width(one.mechanism, t, sample, coverage)}
 
     def _yield(
-        self, name: str, bounded: Sequence[Measured], t: Array, searching: bool
+        self, name: str, bounded: Sequence[Measured], t: Tolerances, searching: bool
     ) -> dict[str, Array]:
         """A yield and its error over requirements with limits."""
         names = (name, f"{name}_error")

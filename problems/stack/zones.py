@@ -8,18 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from ...models.costs import CostCurve
+from ...models.costs import CostCurve, Table
+from ...models.costs.extras import dearer, read_extras
 from ...models.costs.reading import name_of, read_curve
 from ...models.inputs import Zone
+from ...models.machines.reading import Offer, read_offers
 from ...section import POSITIVE, Range, Section
 from .definition import Process
+from .made import processes_of
 from .standards import MORE, assumed_of, searched_grades, standard
 
-KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process")
-"""The ways to state a zone, by their first key; exactly one is given."""
+KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process", "machine")
+"""The ways to state a zone, by their first key; exactly one is given, but that machines may stand
+beside processes and with t_min and t_max, the limits of their inspection."""
+MADE = ({"process"}, {"machine"}, {"process", "machine"}, {"t_min", "machine"})
 REMEDY = (
-    "t_min and t_max with a cost, [[part.process]] tables, or a fixed tolerance, limits, grade, "
-    "fit or general tolerance"
+    "t_min and t_max with a cost, [[part.process]] or [[part.machine]] tables, or a fixed tolerance, "
+    "limits, grade, fit or general tolerance"
 )
 
 
@@ -34,6 +39,7 @@ class Tolerance:
     nominal: float | None = None
     stated: dict[str, Any] = field(default_factory=dict)
     assumed: dict[str, str] = field(default_factory=dict)
+    machines: tuple[Offer, ...] = ()
 
 
 def read_tolerance(
@@ -50,14 +56,14 @@ def read_tolerance(
     elif fit:
         section.fault(given[0], f"is a second statement beside {fit} of its [[fit]]: keep one")
         return None
+    if set(given) in MADE:
+        return _alternatives(section, unit)
     if len(given) != 1:
         what = f"has too many: {', '.join(given)}; keep one" if given else "has none"
         section.fault("", f"needs one statement of its tolerance and {what}: {REMEDY}")
         if "cost" in section:
             read_curve(section.section("cost"))
         return None
-    if given == ["process"]:
-        return _alternatives(section, unit)
     if given == ["grade"] and isinstance(section.take("grade"), list):
         grades = searched_grades(section, unit, nominal)
         if grades is None:
@@ -68,7 +74,7 @@ def read_tolerance(
         process = _process(section, unit)
         return None if process is None else Tolerance((process,))
     found = _fixed(section, given[0], unit, nominal)
-    curve = read_curve(section.section("cost")) if "cost" in section else None
+    curve = _read_cost(section) if "cost" in section else None
     if found is None:
         return None
     shape, tolerance = found
@@ -88,15 +94,35 @@ def _process(section: Section, unit: str, name: str = "") -> Process | None:
                       "}, or fix the tolerance")  # fmt: skip
         curve = None
     else:
-        curve = read_curve(section.section("cost"))
+        curve = _read_cost(section)
     if low is None or high is None:
         return None
     if low >= high:
         section.fault("t_min", f"must be below t_max ({high:g}), got {low:g}")
         return None
+    low, high, note = _narrowed(low, high, curve, unit)
     for key, end in (("t_min", low), ("t_max", high)):
         _check_cost(section, key, curve, end, unit)
-    return Process(low, high, curve, name)
+    return Process(low, high, curve, name, note=note)
+
+
+def _narrowed(
+    low: float, high: float, curve: CostCurve | None, unit: str
+) -> tuple[float, float, str]:
+    """A range within the tolerances that a table of costs spans, and what to say of it."""
+    if not isinstance(curve, Table):
+        return low, high, ""
+    ends = max(low, curve.t[0]), min(high, curve.t[-1])
+    if ends == (low, high) or ends[0] >= ends[1]:
+        return low, high, ""
+    return *ends, (f"costs are given from {curve.t[0]:g} to {curve.t[-1]:g} {unit}: the search from "
+                   f"{low:g} to {high:g} is narrowed to {ends[0]:g} to {ends[1]:g}")  # fmt: skip
+
+
+def _read_cost(section: Section) -> CostCurve | None:
+    """The cost of a part, its share of a set-up and its inspection included."""
+    curve, more = read_curve(section.section("cost")), read_extras(section)
+    return None if curve is None else dearer(curve, more)
 
 
 def _check_cost(section: Section, key: str, curve: CostCurve | None, t: float, unit: str) -> None:
@@ -111,9 +137,28 @@ def _check_cost(section: Section, key: str, curve: CostCurve | None, t: float, u
 
 
 def _alternatives(section: Section, unit: str) -> Tolerance | None:
-    """The `[[part.process]]` tables."""
+    """The `[[part.process]]` and `[[part.machine]]` tables."""
     if "cost" in section:
-        section.fault("cost", "belongs into each [[part.process]]")
+        section.fault("cost", "belongs into each [[part.process]]; a machine has a price")
+    own = _processes(section, unit) if "process" in section else ()
+    if "machine" not in section:
+        return None if own is None else Tolerance(own, alternatives=True)
+    ends = [section.number(key, unit, POSITIVE) for key in ("t_min", "t_max")]
+    offers = read_offers(section, unit, (ends[0], ends[1]))
+    if own is None or offers is None:
+        return None
+    both = {one.name for one in own} & {way.label for one in offers for way in one.ways()}
+    for name in sorted(both):
+        section.fault("machine", f'"{name}" is the name of a process and of a machine')
+    if both:
+        return None
+    assumed = "; ".join(one.assumed for one in offers if one.assumed)
+    return Tolerance((*own, *processes_of(offers)), alternatives=True, machines=offers,
+                     assumed={"machine": assumed} if assumed else {})  # fmt: skip
+
+
+def _processes(section: Section, unit: str) -> tuple[Process, ...] | None:
+    """The `[[part.process]]` tables."""
     tables = section.tables("process")
     names: list[str] = []
     found: list[Process | None] = []
@@ -130,9 +175,7 @@ def _alternatives(section: Section, unit: str) -> Tolerance | None:
     if not tables and isinstance(section.take("process"), list):
         section.fault("process", "must list at least one process")
     whole = tuple(one for one in found if one is not None)
-    if not found or len(whole) < len(found):
-        return None
-    return Tolerance(whole, alternatives=True)
+    return whole if found and len(whole) == len(found) else None
 
 
 def _fixed(

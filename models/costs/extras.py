@@ -1,0 +1,78 @@
+"""What a part costs beside the price of making it: its share of a set-up, its inspection."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ...section import POSITIVE, Range, Section
+from .curve import CostCurve
+from .table import Table
+
+NOT_NEGATIVE = Range(low=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """A set-up at a `price` for a `lot` of so many parts."""
+
+    price: float
+    lot: int
+
+    @property
+    def per_part(self) -> float:
+        """What each part of the lot bears."""
+        return self.price / self.lot
+
+    def table(self) -> dict[str, Any]:
+        """The table that states it."""
+        return {"price": self.price, "lot": self.lot}
+
+
+def read_setup(section: Section) -> Setup | None:
+    """`setup = { price = 120, lot = 50 }`, None where there is none or it is at fault."""
+    if "setup" not in section:
+        section.known(("setup",))
+        return None
+    own = section.section("setup")
+    price, lot = own.number("price", within=NOT_NEGATIVE), own.integer("lot", Range(low=1))
+    for key, what in (("price", "the price of a set-up"), ("lot", "how many parts it is for")):
+        if key not in own and isinstance(section.take("setup"), dict):
+            own.fault(key, f"is missing: {what}")
+    own.finish()
+    return None if price is None or lot is None else Setup(price, lot)
+
+
+def read_extras(section: Section) -> float:
+    """What `setup` and `inspection = { price = 0.4 }` add to the cost of a part; 0 without them."""
+    setup, more = read_setup(section), 0.0
+    if "inspection" in section:
+        own = section.section("inspection")
+        price = own.number("price", within=POSITIVE)
+        if "price" not in own:
+            own.fault("price", "is missing: what the inspection of a part costs")
+        for key in ("u", "guard", "scrap", "rework", "required"):
+            if key in own:
+                own.take(key)
+                own.fault(key, "needs a scatter that does not follow t: state sigma in a machine")
+        own.finish()
+        more = price or 0.0
+    section.known(("inspection",))
+    return more + (setup.per_part if setup else 0.0)
+
+
+def dearer(curve: CostCurve, more: float) -> CostCurve:
+    """The curve with a constant added."""
+    if more == 0.0:
+        return curve
+    if isinstance(curve, Table):
+        return replace(curve, cost_at=tuple(cost + more for cost in curve.cost_at))
+    return replace(curve, a=curve.a + more)  # type: ignore[type-var,attr-defined]
+
+
+def times(curve: CostCurve, factor: float) -> CostCurve:
+    """The curve in a unit of cost of which one is `factor`."""
+    if isinstance(curve, Table):
+        return replace(curve, cost_at=tuple(factor * cost for cost in curve.cost_at))
+    scaled = {key: factor * getattr(curve, key) for key in ("a", "b", "c") if hasattr(curve, key)}
+    return replace(curve, **scaled)  # type: ignore[type-var]

@@ -1,0 +1,142 @@
+"""Costs of good parts as cost curves: by the limit of inspection, and by their scatter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from ..costs import CostCurve, Table
+from .machine import Machine
+
+Array = NDArray[np.float64]
+KNOTS = 2049
+"""Limits at which scatter and cost are tabulated for their inverses."""
+STEPS = 1
+"""Steps of Newton's method from the tabulated inverse, which is right to eight digits."""
+FINE = 16
+"""Points per interval of a hull at which it is tried to lie below the cost."""
+
+
+@dataclass(frozen=True)
+class GoodPartsByLimit(CostCurve):
+    """Cost of a good part of an inspected `machine` against the limits +-t."""
+
+    machine: Machine
+
+    def cost(self, t: Array) -> Array:
+        return self.machine.good_parts(t).cost
+
+    def slope(self, t: Array) -> Array:
+        return self.machine.good_parts(t).cost_slope
+
+
+@dataclass(frozen=True)
+class GoodPartsBySpread(CostCurve):
+    """The same against x = `scale` times the standard deviation of good parts.
+
+    Limits run from `low` to `high`. The scatter rises with the limit, so that x stands for it.
+    """
+
+    machine: Machine
+    low: float
+    high: float
+    scale: float
+
+    @cached_property
+    def _table(self) -> tuple[Array, Array]:
+        """Limits and x there."""
+        t = np.linspace(self.low, self.high, KNOTS)
+        return t, self.scale * self.machine.good_parts(t).std
+
+    @property
+    def tried(self) -> Array:
+        """Tabulated x."""
+        return self._slopes[0]
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Least and largest x."""
+        x = self._table[1]
+        return float(x[0]), float(x[-1])
+
+    @cached_property
+    def _inverse(self) -> PchipInterpolator:
+        t, x = self._table
+        rising = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 0.0])
+        return PchipInterpolator(x[rising], t[rising])
+
+    def limit(self, x: Array) -> Array:
+        """The limit t of an inspection that leaves good parts with the scatter x."""
+        t = np.clip(self._inverse(np.clip(x, *self.ends)), self.low, self.high)
+        for _ in range(STEPS):
+            found = self.machine.good_parts(t)
+            rise = self.scale * found.std_slope
+            step = (x - self.scale * found.std) / np.where(rise > 0.0, rise, np.inf)
+            t = np.clip(t + step, self.low, self.high)
+        return np.asarray(t)
+
+    def cost(self, t: Array) -> Array:
+        return self.machine.good_parts(self.limit(np.asarray(t, dtype=float))).cost
+
+    def slope(self, t: Array) -> Array:
+        found = self.machine.good_parts(self.limit(np.asarray(t, dtype=float)))
+        return np.asarray(found.cost_slope / (self.scale * found.std_slope))
+
+    def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
+        """As in the base class, by bisection in the tabulated slope, which rises with x."""
+        x, slope = self._slopes
+        first, last = np.zeros(len(linear), np.int64), np.full(len(linear), len(x) - 1)
+        for _ in range(int(np.ceil(np.log2(len(x))))):
+            middle = (first + last) // 2
+            above = slope[middle] + linear + 2.0 * square * x[middle] > 0.0
+            first, last = np.where(above, first, middle), np.where(above, middle, last)
+        at = np.minimum(first, len(x) - 2)
+        left = slope[at] + linear + 2.0 * square * x[at]
+        right = slope[at + 1] + linear + 2.0 * square * x[at + 1]
+        share = np.clip(-left / np.where(right > left, right - left, 1.0), 0.0, 1.0)
+        return np.clip(x[at] + share * (x[at + 1] - x[at]), low, high)
+
+    @cached_property
+    def _slopes(self) -> tuple[Array, Array]:
+        """x and dC/dx, which the cost of good parts makes rise."""
+        t, x = self._table
+        found = self.machine.good_parts(t)
+        slope = found.cost_slope / (self.scale * found.std_slope)
+        kept = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 0.0])
+        return x[kept], np.maximum.accumulate(slope[kept])
+
+
+def convex_cost(curve: CostCurve, x: Array) -> tuple[CostCurve, bool]:
+    """A convex curve that is nowhere above the cost from x[0] to x[-1], and whether it is the cost.
+
+    The cost of a good part is convex in its scatter for a centred machine without rework, and with
+    it to limits of 4 sigma; elsewhere that is tried at `x` (n,). Where it is not convex its convex
+    hull takes its place, as a table.
+    """
+    slope = curve.slope(x)
+    if np.all(np.diff(slope) >= -1e-9 * np.ptp(slope)) and np.all(slope <= 0.0):
+        return curve, True
+    cost = np.minimum.accumulate(curve.cost(x))
+    hull = _hull(x, cost)
+    table = Table(tuple(x[hull].tolist()), tuple(cost[hull].tolist()))
+    fine = np.interp(np.linspace(0, len(x) - 1, FINE * len(x)), np.arange(len(x)), x)
+    above = max(0.0, float(np.max(table.cost(fine) - curve.cost(fine))))
+    lower = tuple((np.array(table.cost_at) - above * (1.0 + 1e-6)).tolist())
+    return replace(table, cost_at=lower), False
+
+
+def _hull(x: Array, y: Array) -> list[int]:
+    """Places of the lower convex hull of points in order of x (Andrew's monotone chain)."""
+    found: list[int] = []
+    for at in range(len(x)):
+        while len(found) > 1:
+            i, j = found[-2:]
+            if (x[j] - x[i]) * (y[at] - y[i]) - (y[j] - y[i]) * (x[at] - x[i]) > 0.0:
+                break
+            found.pop()
+        found.append(at)
+    return found

@@ -1,0 +1,164 @@
+"""What a machine makes: scatter, mean, yield and cost of its good parts.
+
+A machine makes x ~ N(o, sigma^2). Inspection reads x + e, e ~ N(0, u^2), and passes a part whose
+reading lies within +-w, w = t - k u: the limits +-t less a guard band of k u at each (ISO 14253-1;
+k = 1.645 leaves 5 % of the parts on a limit to be accepted wrongly). The readings are normal with
+the variance S^2 = sigma^2 + u^2, those of good parts are truncated at a = (-w - o)/S and
+b = (w - o)/S:
+
+    Y    = Phi(b) - Phi(a)                                            yield
+    m_r  = o - S (phi(b) - phi(a))/Y                                  mean of the readings
+    s_r^2 = S^2 (1 - (b phi(b) - a phi(a))/Y - ((phi(b) - phi(a))/Y)^2)   their variance
+
+Given its reading a part is normal about o + r (reading - o), r = sigma^2/S^2, with the variance
+r u^2, so that good parts have mean o + r (m_r - o) and variance r^2 s_r^2 + r u^2. For u = 0 and
+o = 0 this is sigma^2 (1 - 2 tau phi(tau)/(2 Phi(tau) - 1)), tau = t/sigma. Reference: Johnson, Kotz
+& Balakrishnan (1994), Continuous Univariate Distributions 1, section 13.10.1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+Array = NDArray[np.float64]
+GUARD = 1.645
+"""Guard band in units of the standard uncertainty: 5 % risk for a part on the limit."""
+SIDES = ("upper", "lower", "both")
+"""Which rejected parts can be reworked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rework:
+    """Rework of rejected parts on one `side` at a `price`; a share `success` of them then passes."""
+
+    price: float
+    success: float = 1.0
+    side: str = "upper"
+
+
+@dataclass(frozen=True, slots=True)
+class Inspection:
+    """Inspection of every part at a `price`, with the standard uncertainty `u`.
+
+    `scrap` says that a rejected part is lost; else it serves elsewhere for what it cost to make.
+    """
+
+    price: float
+    u: float = 0.0
+    guard: float = GUARD
+    scrap: bool = True
+    rework: Rework | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GoodParts:
+    """What leaves a machine, all of one shape: share `passed`, mean and standard deviation of the
+    good parts, cost of one, and derivatives of the last three by the limit t.
+    """
+
+    passed: Array
+    mean: Array
+    std: Array
+    cost: Array
+    mean_slope: Array
+    std_slope: Array
+    cost_slope: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """A machine: standard deviation and mean (from the mid-limit) of what it makes, price a part.
+
+    Lengths are in the unit of the part. Without an inspection every part counts as good.
+    """
+
+    name: str
+    sigma: float
+    price: float
+    mean: float = 0.0
+    inspection: Inspection | None = None
+
+    @property
+    def natural(self) -> float:
+        """The half-width that it holds without inspection: 3 sigma, and its mean."""
+        return 3.0 * self.sigma + abs(self.mean)
+
+    @property
+    def reading(self) -> float:
+        """Standard deviation of the readings of an inspection."""
+        u = self.inspection.u if self.inspection else 0.0
+        return float(np.hypot(self.sigma, u))
+
+    @property
+    def guard_band(self) -> float:
+        """What an inspection keeps from each limit."""
+        return self.inspection.guard * self.inspection.u if self.inspection else 0.0
+
+    def passed(self, t: Array) -> Array:
+        """Share of parts that an inspection at limits +-t passes."""
+        w = t - self.guard_band
+        return _between((-w - self.mean) / self.reading, (w - self.mean) / self.reading)
+
+    def good_parts(self, t: Array) -> GoodParts:
+        """The good parts at limits +-t, t above the guard band."""
+        if self.inspection is None:
+            one, nothing = np.ones_like(t), np.zeros_like(t)
+            return GoodParts(one, one * self.mean, one * self.sigma, one * self.price,
+                             nothing, nothing, nothing)  # fmt: skip
+        w, scale, o = t - self.guard_band, self.reading, self.mean
+        a, b = (-w - o) / scale, (w - o) / scale
+        at_a, at_b = (_density(end) / scale for end in (a, b))
+        passed = _between(a, b)
+        mean = o - scale**2 * (at_b - at_a) / passed
+        variance = scale**2 * (1.0 - (b * at_b - a * at_a) * scale / passed) - (mean - o) ** 2
+        share = (self.sigma / scale) ** 2
+        spread = share**2 * variance + share * self.inspection.u**2
+        std = np.sqrt(spread)
+        mean_slope = (at_b * (w - mean) - at_a * (w + mean)) / passed
+        rise = (at_b * ((w - mean) ** 2 - variance) + at_a * ((w + mean) ** 2 - variance)) / passed
+        cost, cost_slope = self._cost(passed, at_a + at_b, (a, b), (at_a, at_b))
+        return GoodParts(
+            passed=passed,
+            mean=o + share * (mean - o),
+            std=std,
+            cost=cost,
+            mean_slope=share * mean_slope,
+            std_slope=0.5 * share**2 * rise / std,
+            cost_slope=cost_slope,
+        )
+
+    def _cost(
+        self, passed: Array, rise: Array, ends: tuple[Array, Array], density: tuple[Array, Array]
+    ) -> tuple[Array, Array]:
+        """Cost of a good part and its derivative by t; `rise` is that of the share passed.
+
+        (p + i + q (rho + i))/(Y + q f): q the share that is reworked for rho, f of which passes.
+        """
+        given = self.inspection
+        assert given is not None
+        share, share_slope, again, success = np.zeros_like(passed), np.zeros_like(passed), 0.0, 0.0
+        if given.rework is not None:
+            again, success = given.rework.price + given.price, given.rework.success
+            if given.rework.side in ("upper", "both"):
+                share, share_slope = share + ndtr(-ends[1]), share_slope - density[1]
+            if given.rework.side in ("lower", "both"):
+                share, share_slope = share + ndtr(ends[0]), share_slope - density[0]
+        good, good_slope = passed + success * share, rise + success * share_slope
+        lost = self.price if given.scrap else 0.0
+        spent, spent_slope = lost + given.price + again * share, again * share_slope
+        kept = 0.0 if given.scrap else self.price
+        return kept + spent / good, (spent_slope - spent / good * good_slope) / good
+
+
+def _density(x: Array) -> Array:
+    return np.asarray(np.exp(-0.5 * x * x) / np.sqrt(2.0 * np.pi))
+
+
+def _between(a: Array, b: Array) -> Array:
+    """Phi(b) - Phi(a), on the side where it does not cancel."""
+    turned = a + b > 0.0
+    return np.asarray(np.where(turned, ndtr(-a) - ndtr(-b), ndtr(b) - ndtr(a)))

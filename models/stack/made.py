@@ -1,0 +1,64 @@
+"""How parts come out where that does not follow from their tolerances alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AsMade:
+    """Parts of n designs, (n, p) each, in the units of the parts.
+
+    A part deviates by mean + spread z from its mid-limit, z ~ its input, and its drawing allows
+    +-limit. Of parts whose scatter is in proportion to their tolerance, limit = spread = t.
+    """
+
+    limit: Array
+    spread: Array
+    mean: Array
+
+    def __len__(self) -> int:
+        return len(self.limit)
+
+    def __getitem__(self, rows: slice | NDArray[np.int64] | NDArray[np.bool_]) -> AsMade:
+        """Some of the designs."""
+        return AsMade(self.limit[rows], self.spread[rows], self.mean[rows])
+
+
+    @classmethod
+    def between(cls, low: AsMade, high: AsMade, share: Array) -> AsMade:
+        """Designs at shares (n, 1) of the way from one design to another."""
+        ends = [(getattr(low, name), getattr(high, name)) for name in cls.__slots__]
+        return cls(*(first + share * (last - first) for first, last in ends))
+
+
+Tolerances = Array | AsMade
+"""Half-widths t (n, p), where the scatter of all parts is in proportion to them; else `AsMade`."""
+
+
+def between(low: Tolerances, high: Tolerances, share: Array) -> Tolerances:
+    """Designs at shares (n, 1) of the way from one design (1, p) to another."""
+    if isinstance(low, AsMade) and isinstance(high, AsMade):
+        return AsMade.between(low, high, share)
+    return limit_of(low) + share * (limit_of(high) - limit_of(low))
+
+
+def limit_of(t: Tolerances) -> Array:
+    """What the drawing allows (n, p)."""
+    return t.limit if isinstance(t, AsMade) else t
+
+
+def spread_of(t: Tolerances) -> Array:
+    """By what z is multiplied (n, p)."""
+    return t.spread if isinstance(t, AsMade) else t
+
+
+def mean_of(t: Tolerances) -> Array:
+    """What is added to the mean of z (n, p)."""
+    return t.mean if isinstance(t, AsMade) else np.zeros_like(t)
+
