@@ -19,7 +19,7 @@ from . import tables
 from .arguments import file_faults, page_faults, start_faults
 from .configuration import Configuration
 from .configuration import read as read_file
-from .configuration.reader import read_table
+from .configuration.reader import read_tables
 from .errors import Fault, InputError, raise_all
 from .results import Gap, Reproduction, Run, Scratch, Study
 
@@ -49,7 +49,7 @@ def read(source: Source, settings: Sequence[str] = ()) -> Configuration:
     if isinstance(source, Configuration):
         return source
     if isinstance(source, Mapping):
-        return read_table(dict(source), [])
+        return read_tables(dict(source), Path(), [])
     return read_file(Path(source), settings)
 
 

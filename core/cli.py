@@ -159,13 +159,12 @@ def _gap(
 def _run(
     configuration: Configuration, out: Path, workers: int, quiet: bool, resume: bool, replace: bool
 ) -> int:
-    from .problems.slips import warnings_of
     from .progress import shown
     from .workflows.run import run
 
     plan = configuration.plan()
     if not quiet:
-        for warning in warnings_of(plan.problem):
+        for warning in plan.problem.cautions():
             typer.echo(f"warning: {warning}", err=True)
     with shown(quiet) as progress:
         outcome = run(plan, out, workers, progress, resume, replace)

@@ -84,8 +84,26 @@ class RunResult:
 
 
 def mechanism_lines(summary: Mapping[str, Any]) -> list[str]:
-    """What a run is about, where its configuration says it: the mechanism and its requirements."""
-    known = summary.get("mechanism")
+    """What a run is about, where its configuration says it: the mechanism, its requirements, what
+    its costs are in and which of them are assumed.
+    """
+    return [*_mechanism(summary.get("mechanism")), *_money(summary.get("costs"))]
+
+
+def _money(known: object) -> list[str]:
+    """Like "costs in EUR; assumed: pin_radius_um (one assumed unit is worth 25 EUR)"."""
+    if not isinstance(known, Mapping) or not known.get("currency"):
+        return []
+    currency, assumed = str(known["currency"]), list(known.get("assumed") or ())
+    text = f"costs in {currency}" + (f"; assumed: {', '.join(map(str, assumed))}" if assumed else "")
+    scale = known.get("scale_assumed")
+    if assumed and isinstance(scale, int | float):
+        text += f" (one assumed unit is worth {scale:g} {currency})"
+    return [text]
+
+
+def _mechanism(known: object) -> list[str]:
+    """The mechanism and its requirements, a line each."""
     if not isinstance(known, Mapping):
         return []
     own = _described(known)

@@ -60,7 +60,14 @@ def _variables(problem: ToleranceProblem) -> list[Assumption]:
 
 
 def _costs(problem: ToleranceProblem) -> list[Assumption]:
-    reason = "relative cost; the documents print no cost data"
+    reason, money = "relative cost; the documents print no cost data", problem.settings.money
+    if money.currency:
+        worth = f"; one assumed unit is worth {money.scale:g} {money.currency}" if money.scale else ""
+        return [
+            Assumption(f"costs.{name}", repr(problem.settings.costs[name]), money.currency,
+                       f"assumed curve; the documents print no cost data{worth}")
+            for name in money.assumed
+        ]  # fmt: skip
     return [
         Assumption(f"costs.{name}", repr(curve), "", reason, _set_by(name, problem.given.costs))
         for name, curve in problem.settings.costs.items()

@@ -55,6 +55,17 @@ class Labels:
 
 
 @dataclass(frozen=True, slots=True)
+class Money:
+    """Currency of the costs, empty where they are relative; names of curves that are assumptions,
+    and what one unit of theirs was taken to be worth.
+    """
+
+    currency: str = ""
+    assumed: tuple[str, ...] = ()
+    scale: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Settings:
     """Everything that distinguishes one instance of a problem from its defaults.
 
@@ -62,7 +73,8 @@ class Settings:
     problem's own. `definition` is what a problem that is written in the configuration (`stack`)
     was read from; `effects` are active in the model; `zero` is what an instrument adds to outputs
     of the model, `sense` is -1 of those that read the other way round; `gear` is that of a table,
-    `columns` says what the columns of a file are, `labels` what readers know the mechanism by.
+    `columns` says what the columns of a file are, `labels` what readers know the mechanism by; `money` is what the costs
+    are in, `notes` say how the configuration was understood.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -79,3 +91,5 @@ class Settings:
     gear: Gear | None = None
     columns: Mapping[str, ColumnUse] = field(default_factory=dict)
     labels: Labels = Labels()
+    money: Money = Money()
+    notes: tuple[str, ...] = ()

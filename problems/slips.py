@@ -25,11 +25,6 @@ def unit_slips(problem: ToleranceProblem) -> list[Fault]:
     return [Fault(place, text) for place, text in (*_parameters(problem), *_variables(problem))]
 
 
-def warnings_of(problem: ToleranceProblem) -> tuple[str, ...]:
-    """What the user should know before trusting a run: the problem's own warnings, and slips."""
-    return (*(str(slip) for slip in unit_slips(problem)), *problem.warnings())
-
-
 def slip(value: float, unit: str, low: float, high: float) -> str:
     """What is suspicious about a number where `low` to `high` is usual, empty where nothing is."""
     if low / FAR <= value <= high * FAR or low <= 0.0 or value <= 0.0:

@@ -13,15 +13,17 @@ import pandas as pd
 from numpy.typing import NDArray
 from pymoo.core.problem import Problem
 
-from ..declarations import Assumption, Output, Parameter, Variable, completed
+from ..declarations import Assumption, Output, Parameter, Value, Variable, completed
 from ..errors import Fault, ModelError
 from ..models.costs import CostCurve
 from ..section import Section
 from .assumptions import assumptions_of
 from .forms import Form
 from .limits import impossible, limits_of
+from .money import price_notes, with_currency
 from .settings import Bound, Settings, VariableSetting
 from .shown import Shown, effect_notes
+from .slips import unit_slips
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -60,6 +62,11 @@ class ToleranceProblem(Problem, Shown):
         given = settings or Settings()
         self.given = given
         self.settings = self._completed(given)
+        money = self.settings.money
+        if money.currency:
+            priced = tuple(name for name in money.assumed if name in self.settings.costs)
+            self.settings = replace(self.settings, money=replace(money, assumed=priced))
+            self.outputs = with_currency(self.outputs, self.settings.money)
         self.objectives = self.settings.objectives
         self.limits = limits_of(self.settings.limits, self.outputs, self.variables)
         set_to = self.settings.variables
@@ -117,6 +124,11 @@ class ToleranceProblem(Problem, Shown):
             column = self.names.index(output)
             return float(self._corner(tight=True)[column]), float(self._corner(False)[column])
         return -np.inf, np.inf
+
+    @classmethod
+    def unpriced(cls, parameters: Mapping[str, Value]) -> frozenset[str]:
+        """Variables that have no cost with these parameters, though there are curves for them."""
+        return frozenset()
 
     def box(self) -> tuple[Array, Array]:
         """Ideal and nadir of the normalised hypervolume, fixed by the problem."""
@@ -388,6 +400,12 @@ class ToleranceProblem(Problem, Shown):
     def cost_of(self, designs: Array) -> Array:
         """Sum of the cost curves (n,) at full designs."""
         return np.asarray(np.sum(list(self.costs_of(designs).values()), axis=0))
+
+    def cautions(self) -> tuple[str, ...]:
+        """How the configuration was understood, and what the user should know before a run."""
+        slips = map(str, unit_slips(self))
+        prices = price_notes(self.settings.costs)
+        return (*self.settings.notes, *slips, *prices, *self.warnings())
 
     def cost_slopes(self, designs: Array) -> Array:
         """Derivatives of the cost (n, all variables) at full designs."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from ..declarations import Variable
 from ..errors import nearest
-from ..models.costs import CostCurve
+from ..models.costs import CostCurve, Table
 from ..models.costs.reading import name_of, read_curve
 from ..problems.settings import VariableSetting
 from ..section import Section
@@ -21,9 +22,27 @@ def read_costs(section: Section, defaults: Mapping[str, CostCurve]) -> dict[str,
         for name, default in defaults.items()
         if name in section
     }
-    section.known(defaults)
+    section.known((*defaults, "scale_assumed", "assumed"))
     section.finish()
     return {name: curve for name, curve in found.items() if curve is not None}
+
+
+def narrowed(
+    variable: Variable, setting: VariableSetting | None, curve: CostCurve | None
+) -> tuple[VariableSetting | None, str]:
+    """The setting within the tolerances that a table of costs spans, and what to say of it."""
+    given = setting or VariableSetting()
+    if not isinstance(curve, Table) or given.value is not None:
+        return setting, ""
+    low = variable.low if given.low is None else given.low
+    high = variable.high if given.high is None else given.high
+    ends = max(low, curve.t[0]), min(high, curve.t[-1])
+    if ends == (low, high) or ends[0] >= ends[1]:
+        return setting, ""
+    unit = f" {variable.unit}".rstrip()
+    note = (f"costs of {variable.name} are given from {curve.t[0]:g} to {curve.t[-1]:g}{unit}: the "
+            f"search from {low:g} to {high:g} is narrowed to {ends[0]:g} to {ends[1]:g}")  # fmt: skip
+    return replace(given, low=ends[0], high=ends[1]), note
 
 
 def check_ends(

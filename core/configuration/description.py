@@ -9,8 +9,8 @@ from .. import registry
 from ..declarations import Assumption, Variable
 from ..models.effects.effect import Target
 from ..models.effects.readings import target_of
+from ..problems.money import unit_of_cost
 from ..problems.settings import VariableSetting
-from ..problems.slips import warnings_of
 from ..workflows.study.plan import StudyPlan
 from .configuration import Configuration
 from .table import TABLE, table_model
@@ -24,9 +24,10 @@ def describe(configuration: Configuration) -> str:
     settings = configuration.settings.variables
     lines = ["Model", f"  {problem.model_statement}", ""] if problem.model_statement else []
     lines += _effects(configuration)
+    lines += [f"Costs in {unit}", ""] if (unit := unit_of_cost(problem.settings.money)) else []
     lines += ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
     lines += ["", "Assumptions (no document prints them)", *_assumptions(problem.assumptions())]
-    if warnings := warnings_of(problem):
+    if warnings := problem.cautions():
         lines += ["", "Warnings", *(f"  {warning}" for warning in warnings)]
     return _commented(configuration.toml(), lines)
 

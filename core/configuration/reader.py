@@ -16,11 +16,13 @@ from ..workflows.choice.steps import rounding_faults
 from ..workflows.run.contradictions import contradictions
 from .choice import read_choice, resolved_choice
 from .configuration import Configuration
-from .costs import check_ends, read_costs
+from .cost_files import with_cost_files
+from .costs import check_ends, narrowed, read_costs
 from .effects import read_effects, resolved_effects
 from .goals import read_limits, read_objectives, read_propagation
 from .labels import read_labels, resolved_labels
 from .model_columns import read_design_columns, read_model_columns, resolved_columns
+from .money import read_money, resolved_money
 from .pairs import belongs, stranger
 from .parameters import read_parameters
 from .plugins import load_named
@@ -35,7 +37,7 @@ from .zero import read_zero, resolved_zero
 
 REFERENCES = ("documents", "none")
 PROBLEM_ONLY = ("references", "costs", "propagation", "objectives", "limits", "algorithm", "choice",
-                "rounding")  # fmt: skip
+                "rounding", "currency")  # fmt: skip
 
 
 def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
@@ -44,14 +46,23 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
     Raises InputError with every fault found.
     """
     faults: list[Fault] = []
-    return read_table(overridden(path, overrides, faults), faults)
+    return read_tables(overridden(path, overrides, faults), path.parent, faults)
 
 
-def read_table(table: Table, faults: list[Fault]) -> Configuration:
-    """The configuration in the tables of a file; raises InputError with `faults` and its own."""
+def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuration:
+    """`read_table` with the contents of the files that the tables name, as seen from `folder`."""
+    filled = with_cost_files(table, folder, faults)
+    return read_table(filled.table, faults, filled.notes)
+
+
+def read_table(table: Table, faults: list[Fault], notes: Sequence[str] = ()) -> Configuration:
+    """The configuration in the tables of a file; raises InputError with `faults` and its own.
+
+    `notes` are what its files came to.
+    """
     top = Section(table, "", faults)
     if "problem" in top or "model" not in top:
-        return _read_problem(top, faults)
+        return _read_problem(top, faults, notes)
     return _read_model(top, faults)
 
 
@@ -60,7 +71,7 @@ def _seed(top: Section) -> int:
     return 0 if seed is None else seed
 
 
-def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
+def _read_problem(top: Section, faults: list[Fault], notes: Sequence[str]) -> Configuration:
     """A configuration with a problem."""
     if "problem" not in top:
         top.fault("problem", 'is missing: name a problem (see `tolevo list`), or model = "..."')
@@ -81,7 +92,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         top.finish()
         raise InputError(faults)
     columns = read_design_columns(top, kind.variables)
-    settings = replace(_settings(top, kind, model), seed=seed, effects=effects, zero=zero,
+    settings = replace(_settings(top, kind, model, notes), seed=seed, effects=effects, zero=zero,
                        sense=sense, labels=labels, columns=columns)  # fmt: skip
     section = top.section("algorithm")
     objectives = settings.objectives or kind.default_objectives
@@ -105,7 +116,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
         **resolved_labels(labels),
         "seed": seed,
         "references": references,
-        **resolved_problem(problem),
+        **resolved_money(problem.settings.money, resolved_problem(problem)),
         "algorithm": resolved_algorithm(name, algorithm, budget, engine),
         **resolved_columns(columns),
         **resolved_zero(zero),
@@ -128,15 +139,23 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     )
 
 
-def _settings(top: Section, kind: Any, model: Any) -> Settings:
+def _settings(top: Section, kind: Any, model: Any, notes: Sequence[str]) -> Settings:
     """The settings of a problem; parameters that only its model knows are accepted as well."""
     declared = {p.name: p for p in (*(model.parameters if model else ()), *kind.parameters)}
     parameters = read_parameters(top.section("parameters"), declared.values())
     variables = _variables(top.section("variables"), kind, parameters)
     costs = read_costs(top.section("costs"), kind.default_costs)
+    unpriced = kind.unpriced(parameters) if hasattr(kind, "unpriced") else ()
+    defaults = {name: c for name, c in kind.default_costs.items() if name not in unpriced}
+    money, costs = read_money(top, costs, defaults)
     curves = dict(kind.default_costs) | costs
+    said = list(notes)
     for variable in kind.variables:
         section = top.section("variables").section(variable.name)
+        own, note = narrowed(variable, variables.get(variable.name), curves.get(variable.name))
+        if own is not None and note:
+            variables[variable.name] = own
+            said.append(note)
         check_ends(section, variable, variables.get(variable.name), curves.get(variable.name))
     return Settings(
         parameters=parameters,
@@ -145,6 +164,8 @@ def _settings(top: Section, kind: Any, model: Any) -> Settings:
         propagation=read_propagation(top.section("propagation")),
         objectives=read_objectives(top.section("objectives"), kind.outputs),
         limits=read_limits(top.section("limits"), kind.outputs, kind.variables),
+        money=money,
+        notes=tuple(said),
     )
 
 

@@ -19,6 +19,7 @@ from ..workflows.study.plan import StudyPlan
 from ..workflows.study.records import RESPONSES, Design, Factor, Reading, StudySettings
 from ..workflows.study.responses import unsuitable
 from .configuration import Configuration
+from .cost_files import with_cost_files
 from .reader import read_table
 from .readings import read_readings, written
 from .search import evaluations, settings_of
@@ -131,8 +132,10 @@ def _run_table(
     run = top.take(RUN)
     dotted = {key: table[key] for key in table if key.startswith(f"{RUN}.")}
     top.known(dotted)
+    folder = path.parent
     if isinstance(run, str):
-        run = load(Path(abspath(path.parent / run)), faults)
+        named = Path(abspath(path.parent / run))
+        folder, run = named.parent, load(named, faults)
     elif not isinstance(run, dict):
         text = "is missing: name a run configuration" if run is None else "must be a file name"
         top.fault(RUN, f'{text} (run = "x.toml"), or give a [run] table')
@@ -143,7 +146,9 @@ def _run_table(
              if one.strip().startswith(f"{RUN}.")]  # fmt: skip
     lines = [f"{key.removeprefix(f'{RUN}.')}={_toml(value)}" for key, value in dotted.items()]
     override(run, [*lines, *given], faults)
-    found: Table = run
+    own: list[Fault] = []
+    found: Table = with_cost_files(run, folder, own).table
+    faults += [Fault(f"{RUN}.{fault.place}", fault.message) for fault in own]
     return found
 
 

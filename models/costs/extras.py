@@ -68,3 +68,11 @@ def dearer(curve: CostCurve, more: float) -> CostCurve:
     if isinstance(curve, Table):
         return replace(curve, cost_at=tuple(cost + more for cost in curve.cost_at))
     return replace(curve, a=curve.a + more)  # type: ignore[type-var,attr-defined]
+
+
+def times(curve: CostCurve, factor: float) -> CostCurve:
+    """The curve in a unit of cost of which one is `factor`."""
+    if isinstance(curve, Table):
+        return replace(curve, cost_at=tuple(factor * cost for cost in curve.cost_at))
+    scaled = {key: factor * getattr(curve, key) for key in ("a", "b", "c") if hasattr(curve, key)}
+    return replace(curve, **scaled)  # type: ignore[type-var]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -14,7 +14,8 @@ from .curve import Array, CostCurve
 class Table(CostCurve):
     """Cost at listed tolerances (or grades), linear between them; not defined outside the list.
 
-    `t` rises strictly and `cost_at` falls or stays. At a listed tolerance the slope is that of the
+    `t` rises strictly. Where `cost_at` rises the lower cost of a tighter tolerance counts, which a
+    part may have all the same. At a listed tolerance the slope is that of the
     interval above it, at the last one that of the interval below. Outside the list C is infinite:
     nobody quoted that tolerance.
     """
@@ -22,17 +23,28 @@ class Table(CostCurve):
     t: tuple[float, ...]
     cost_at: tuple[float, ...]
 
+    @property
+    def least(self) -> tuple[float, ...]:
+        """Least cost of each listed tolerance or a tighter one."""
+        return tuple(accumulate(self.cost_at, min))
+
+    @property
+    def rising(self) -> tuple[float, ...]:
+        """Listed tolerances that cost more than a tighter one."""
+        return tuple(t for t, own, least in zip(self.t, self.cost_at, self.least, strict=True)
+                     if own > least)  # fmt: skip
+
     def cost(self, t: Array) -> Array:
-        return np.interp(t, self.t, self.cost_at, left=np.inf, right=np.inf)
+        return np.interp(t, self.t, self.least, left=np.inf, right=np.inf)
 
     def slope(self, t: Array) -> Array:
-        knots, slopes = np.array(self.t), np.diff(self.cost_at) / np.diff(self.t)
+        knots, slopes = np.array(self.t), np.diff(self.least) / np.diff(self.t)
         at = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(slopes) - 1)
         return np.where((t < knots[0]) | (t > knots[-1]), np.nan, slopes[at])
 
     @property
     def bends(self) -> tuple[float, ...]:
-        slopes = np.diff(self.cost_at) / np.diff(self.t)
+        slopes = np.diff(self.least) / np.diff(self.t)
         return tuple(t for t, bend in zip(self.t[1:-1], np.diff(slopes), strict=True) if bend < 0.0)
 
     @property
@@ -62,6 +74,4 @@ class Table(CostCurve):
         found = []
         if any(after <= before for before, after in pairwise(self.t)):
             found.append(("t", "must rise from entry to entry"))
-        if any(after > before for before, after in pairwise(self.cost_at)):
-            found.append(("cost_at", "must not rise with the tolerance"))
         return found

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...declarations import Variable, number
+from ...declarations import Value, Variable, number
 from ...errors import Fault
 from ...models.inputs import Uniform
 from ...models.rv_reducer import modification
@@ -109,6 +109,10 @@ class RvReducer(ToleranceProblem):
         if fixed is not None and given.value is None and given.low is None and given.high is None:
             given = replace(given, value=fixed)
         return super()._variable(variable, given)
+
+    @classmethod
+    def unpriced(cls, parameters: Mapping[str, Value]) -> frozenset[str]:
+        return frozenset() if parameters.get("involute_stage", True) else frozenset(["involute_grade"])
 
     # ---------------------------------------------------------------- populations
 

@@ -51,7 +51,8 @@ class Requirement:
 class Process:
     """One way of making a part: half-width t from `low` to `high` at a cost.
 
-    The scatter of good parts is in proportion to t, or that of a `machine`.
+    The scatter of good parts is in proportion to t, or that of a `machine`. `note` says how its range was
+    understood.
     """
 
     low: float
@@ -59,6 +60,7 @@ class Process:
     curve: CostCurve | None = None
     name: str = ""
     machine: Machine | None = None
+    note: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,9 +10,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...likely_units import unit_hint
-from ...units import family
-from .definition import Part
 from ...models.stack import Tolerances, between
+from ...units import family
+from ..money import rising
+from .definition import Part
 from .linearity import linearity_warnings
 from .measured import Measured
 from .standards import price_remark
@@ -37,6 +38,11 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
     each = [price_remark(part.name, part.processes, part.stated.get("price", {}))
             for part in stack.definition.parts]  # fmt: skip
     found += [remark for remark in each if remark]
+    for part in stack.definition.parts:
+        for process in part.processes:
+            name = f"{part.name} ({process.name})" if process.name else part.name
+            found += [f"part {name}: {process.note}"] if process.note else []
+            found += [note] if (note := rising(f"part {name}", process.curve)) else []
     for one in stack.measured:
         found += [_domain(one)] if one.partial else []
         if one.mechanism.formula is not None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...models.costs import CostCurve
+from ...models.costs import CostCurve, Table
 from ...models.costs.extras import dearer, read_extras
 from ...models.costs.reading import name_of, read_curve
 from ...models.inputs import Zone
@@ -100,9 +100,23 @@ def _process(section: Section, unit: str, name: str = "") -> Process | None:
     if low >= high:
         section.fault("t_min", f"must be below t_max ({high:g}), got {low:g}")
         return None
+    low, high, note = _narrowed(low, high, curve, unit)
     for key, end in (("t_min", low), ("t_max", high)):
         _check_cost(section, key, curve, end, unit)
-    return Process(low, high, curve, name)
+    return Process(low, high, curve, name, note=note)
+
+
+def _narrowed(
+    low: float, high: float, curve: CostCurve | None, unit: str
+) -> tuple[float, float, str]:
+    """A range within the tolerances that a table of costs spans, and what to say of it."""
+    if not isinstance(curve, Table):
+        return low, high, ""
+    ends = max(low, curve.t[0]), min(high, curve.t[-1])
+    if ends == (low, high) or ends[0] >= ends[1]:
+        return low, high, ""
+    return *ends, (f"costs are given from {curve.t[0]:g} to {curve.t[-1]:g} {unit}: the search from "
+                   f"{low:g} to {high:g} is narrowed to {ends[0]:g} to {ends[1]:g}")  # fmt: skip
 
 
 def _read_cost(section: Section) -> CostCurve | None:

@@ -230,8 +230,8 @@ FAULTS = {
                                     "zone [0, c]) has no mid-limit",
     "variables.grade.low = 4.5": "variables.grade.low: must be a whole number, got 4.5",
     "variables.grade.high = 13": "variables.grade.high: must lie in [1, 12], got 13",
-    "variables.grade.high = 9": "variables.grade.high: must have a finite cost, but 9  costs inf "
-                                "by its cost curve (table)",
+    "variables.grade.value = 9": "variables.grade.value: must have a finite cost, but 9  costs inf "
+                                 "by its cost curve (table)",
     'variables.grade.distribution = "normal"':
         "variables.grade.distribution: grade (tolerance grade) has no distribution to set",
     'costs.bore_um.model = "linear"': "costs.bore_um.model: must be one of reciprocal, "

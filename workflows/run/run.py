@@ -17,7 +17,6 @@ from ...algorithms.search import Progress, SearchResult, search
 from ...directory import Ownership, owned
 from ...errors import refuse
 from ...files import write_text
-from ...problems.slips import warnings_of
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ..choice import decide
@@ -103,7 +102,7 @@ def _run(
     for other in others.values():
         front = overlay.with_distance(front, other, names)
     beside = [n for label, one in others.items() for n in overlay.notes(front, label, one, names)]
-    told = (*plan.problem.effect_notes(), *warnings_of(plan.problem), *beside)
+    told = (*plan.problem.effect_notes(), *plan.problem.cautions(), *beside)
     notes = (*told, *plan.problem.remarks(front), *anew, *_notes(references, dropped, joined))
     proven = (*proof_notes(front, statement), *end_notes(plan.problem, front), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
@@ -173,8 +172,18 @@ def _summary(
         "notes": list(notes),
         "assumptions": [asdict(a) for a in plan.problem.assumptions()],
         **_model(plan.problem),
+        **_costs(plan.problem),
         **effects.summary(plan.problem),
     }
+
+
+def _costs(problem: ToleranceProblem) -> dict[str, object]:
+    """What costs are in, and which are assumed; nothing where they are relative."""
+    money = problem.settings.money
+    if not money.currency:
+        return {}
+    found = {"currency": money.currency, "assumed": list(money.assumed)}
+    return {"costs": found | ({"scale_assumed": money.scale} if money.scale else {})}
 
 
 def _model(problem: ToleranceProblem) -> dict[str, object]:
@@ -233,6 +242,11 @@ def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
     return found
 
 
+def _of_cost(axis: Axis) -> str:
+    """The unit of a cost."""
+    return f" {axis.unit}" if axis.name == "cost" and axis.unit else ""
+
+
 def _lines(result: RunResult, status: str, out: Path) -> tuple[str, ...]:
     """A short summary for the terminal."""
     lines = [f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
@@ -240,7 +254,8 @@ def _lines(result: RunResult, status: str, out: Path) -> tuple[str, ...]:
     lines += [*mechanism_lines(result.summary), *model_lines(result.summary)]
     for row in result.references.to_dict("records"):
         kept = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
-        values = ", ".join(f"{axis.name} {row[axis.name]:.4g}" for axis in result.objectives)
+        values = ", ".join(f"{axis.name} {row[axis.name]:.4g}" + _of_cost(axis)
+                           for axis in result.objectives)  # fmt: skip
         lines.append(f"reference {row['label']}: {values}; {kept}")
     lines += [f"note: {note}" for note in result.notes]
     if status == "no_feasible_point":

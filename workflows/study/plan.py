@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...algorithms.settings import AlgorithmSettings, Budget
-from ...problems.slips import warnings_of
 from ...problems.tolerance_problem import ToleranceProblem
 from .records import StudyData, StudySettings
 
@@ -52,7 +51,7 @@ class StudyPlan:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the user should know before trusting the study."""
-        found = [text for problem in self.problems for text in warnings_of(problem)]
+        found = [text for problem in self.problems for text in problem.cautions()]
         if any(point.budget.time_limit_s is not None for point in self.points):
             found.append("algorithm.time_limit_s ends a run by the clock: no two studies are equal")
         return tuple(dict.fromkeys(found))

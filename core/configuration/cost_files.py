@@ -1,0 +1,350 @@
+"""`[costs] file` and `[part.costs] file`: prices from a table, put where the configuration has them.
+
+The columns: `variable` or `part`, `process` (of a process or machine) where there are any, `t` or
+`grade`, and `cost`; units in the header, `t [um]`, `cost [EUR]`. What the file says takes its place
+in the tables of the configuration, which are then read as if it stood there.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from .. import tables
+from ..errors import Fault, InputError, nearest
+from ..models.iso286 import GRADES
+from ..units import converted, fits, split_unit
+
+COLUMNS = ("variable", "part", "process", "t", "grade", "cost")
+_HEADER = re.compile(r"^\s*(\w+?)\s*(?:\[([^\]]*)\]|\(([^)]*)\))?\s*$")
+Raw = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Prices:
+    """Rows of a cost file: names of columns as above, units of `t` and `cost`, place in a fault."""
+
+    rows: list[dict[str, Any]]
+    place: str
+    t_unit: str = ""
+    currency: str = ""
+
+
+@dataclass
+class Filled:
+    """Tables with the prices of their files in place, and what should be said of it."""
+
+    table: Raw
+    notes: list[str] = field(default_factory=list)
+
+
+def with_cost_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
+    """The tables with every cost file in its place; what is wrong is added to `faults`."""
+    filled = Filled(copy.deepcopy(table))
+    costs = filled.table.get("costs")
+    stack = filled.table.get("problem") == "stack"
+    if isinstance(costs, dict) and "file" in costs:
+        name = costs.pop("file")
+        if (prices := _read(name, folder, "costs.file", filled, faults)) is not None:
+            (_fill_parts if stack else _fill_variables)(filled, prices, faults)
+    for at, part in _tables(filled.table, "part"):
+        own = part.get("costs")
+        if not isinstance(own, dict):
+            continue
+        place = f"part[{at}].costs"
+        faults += [Fault(f"{place}.{key}", "is not a known key: costs of a part are a file")
+                   for key in own if key != "file"]  # fmt: skip
+        del part["costs"]
+        if "file" not in own:
+            faults.append(Fault(f"{place}.file", "is missing: name a table of costs"))
+            continue
+        if (prices := _read(own["file"], folder, f"{place}.file", filled, faults)) is not None:
+            mine = [row for row in prices.rows if row.get("part") in (None, part.get("name"))]
+            _fill_part(filled, part, at, Prices(mine, prices.place, prices.t_unit), faults)
+    if isinstance(costs, dict) and stack and not costs:
+        del filled.table["costs"]
+    return filled
+
+
+def _tables(table: Mapping[str, Any], key: str) -> Iterator[tuple[int, Raw]]:
+    value = table.get(key)
+    for at, one in enumerate(value if isinstance(value, list) else []):
+        if isinstance(one, dict):
+            yield at, one
+
+
+# ---------------------------------------------------------------- the file
+
+
+def _read(
+    name: Any, folder: Path, place: str, filled: Filled, faults: list[Fault]
+) -> Prices | None:
+    """The rows of a file, None and every fault where it cannot be used."""
+    if not isinstance(name, str):
+        faults.append(Fault(place, f"must be the name of a file, got {name}"))
+        return None
+    try:
+        found = tables.opened_whole(folder / name, name)
+    except InputError as error:
+        faults += [Fault(place, f"{one.place} {one.message}".strip()) for one in error.faults]
+        return None
+    columns, units, notes = _columns(found)
+    own = [Fault(place, f"{name}: column {c} is there twice") for c in COLUMNS
+           if list(columns.values()).count(c) > 1]  # fmt: skip
+    have = set(columns.values())
+    if "cost" not in have:
+        own.append(Fault(place, f"{name}: column cost is missing{_nearest('cost', found)}"))
+    if not have & {"t", "grade", "process"}:
+        own.append(Fault(place, f"{name}: column t or grade is missing: what the costs are for"))
+    if {"variable", "part"} <= have:
+        own.append(Fault(place, f"{name}: has a column variable and a column part: keep one"))
+    if own:
+        faults += own
+        return None
+    filled.notes += [f"{name}: {note}" for note in notes]
+    cells = found.cells[list(columns)].rename(columns=columns)
+    rows, wrong = _rows(cells, name)
+    faults += [Fault(place, text) for text in wrong]
+    currency = units.get("cost", "")
+    stated = filled.table.get("currency")
+    if currency and currency != stated:
+        says = f'the configuration "{stated}"' if isinstance(stated, str) else (
+            f'the configuration names no currency: write currency = "{currency}"')  # fmt: skip
+        faults.append(Fault("currency", f'contradicts {name}, whose costs are in "{currency}"; {says}'
+                            if isinstance(stated, str) else f"is missing: costs of {name} are in "
+                            f'"{currency}"; {says}'))  # fmt: skip
+    return None if wrong else Prices(rows, place, units.get("t", ""), currency)
+
+
+def _nearest(name: str, found: tables.Table) -> str:
+    return nearest(name, [str(column) for column in found.cells])
+
+
+def _columns(found: tables.Table) -> tuple[dict[str, str], dict[str, str], list[str]]:
+    """Columns of the file by what they are, units, notes on those that are not used."""
+    columns: dict[str, str] = {}
+    units: dict[str, str] = {}
+    unused = []
+    for name in map(str, found.cells):
+        spelt = str(found.headers.get(name, name))
+        match = _HEADER.match(spelt)
+        stem = (match[1] if match else spelt).casefold()
+        unit = (match[2] or match[3] or "") if match else ""
+        if stem not in COLUMNS and stem.rpartition("_")[0] in ("t", "cost"):
+            stem, _, unit = spelt.rpartition("_")
+            stem = stem.casefold()
+        if stem not in COLUMNS:
+            unused.append(spelt)
+            continue
+        columns[name] = stem
+        if unit or found.units.get(name):
+            units[stem] = unit or found.units[name]
+    return columns, units, [f"not used: {', '.join(unused)}"] if unused else []
+
+
+def _rows(cells: pd.DataFrame, name: str) -> tuple[list[dict[str, Any]], list[str]]:
+    """Rows with `t` and `cost` as numbers and empty cells left out; what is wrong with them."""
+    rows, wrong = [], []
+    for line, cell in zip(cells.index, cells.to_dict("records"), strict=True):
+        row: dict[str, Any] = {}
+        for column, value in cell.items():
+            text = "" if value is None or value != value else str(value).strip()
+            if column not in ("t", "cost"):
+                if text:
+                    row[str(column)] = text
+                continue
+            number = _number(text)
+            least = number > 0.0 if column == "t" else number >= 0.0
+            if text and not (math.isfinite(number) and least):
+                what = "above 0" if column == "t" else "at least 0"
+                wrong.append(f'{name}, line {line}: {column} must be a number {what}, got "{text}"')
+            elif text:
+                row[str(column)] = number
+        if "cost" not in row and not any(f"line {line}:" in one for one in wrong):
+            wrong.append(f"{name}, line {line}: cost is empty")
+        rows.append(row)
+    return rows, wrong
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+# ---------------------------------------------------------------- into the configuration
+
+
+def _fill_variables(filled: Filled, prices: Prices, faults: list[Fault]) -> None:
+    """`[costs.NAME]` of the variables of a file; prices of machines into their tables."""
+    costs, variables = filled.table.setdefault("costs", {}), filled.table.get("variables")
+    for name, rows in _by(prices, "variable", faults):
+        own = variables.get(name) if isinstance(variables, dict) else None
+        machines = {one.get("name"): one for _, one in _tables(own or {}, "machine")}
+        for process, some in _grouped(rows, "process").items():
+            if process is not None and process in machines:
+                _price(machines[process], process, some, prices.place, faults)
+            elif process is not None:
+                faults.append(Fault(prices.place, f'{name} has no machine "{process}"'
+                                    f"{nearest(process, [str(m) for m in machines])}"))  # fmt: skip
+            elif name in costs:
+                faults.append(Fault(f"costs.{name}", "is stated here and in the file: keep one"))
+            else:
+                unit = split_unit(name)[1]
+                if (curve := _curve(some, prices, unit, name, faults)) is not None:
+                    costs[name] = curve
+
+
+def _fill_parts(filled: Filled, prices: Prices, faults: list[Fault]) -> None:
+    """Costs of parts of a stack."""
+    parts = {part.get("name"): (at, part) for at, part in _tables(filled.table, "part")}
+    for name, rows in _by(prices, "part", faults):
+        if name not in parts:
+            text = f'"{name}" of the file is not a part{nearest(name, [str(one) for one in parts])}'
+            faults.append(Fault(prices.place, text))
+            continue
+        at, part = parts[name]
+        _fill_part(filled, part, at, Prices(rows, prices.place, prices.t_unit), faults)
+
+
+def _by(prices: Prices, key: str, faults: list[Fault]) -> Iterator[tuple[str, list[Raw]]]:
+    """Rows by variable or part."""
+    groups = _grouped(prices.rows, key)
+    if None in groups:
+        faults.append(Fault(prices.place, f"column {key} is missing or empty: it says what each "
+                            "cost is of"))  # fmt: skip
+    for name, rows in groups.items():
+        if name is not None:
+            yield name, rows
+
+
+def _grouped(rows: list[Raw], key: str) -> dict[str | None, list[Raw]]:
+    found: dict[str | None, list[Raw]] = {}
+    for row in rows:
+        found.setdefault(row.get(key), []).append(row)
+    return found
+
+
+def _fill_part(
+    filled: Filled, part: Raw, at: int, prices: Prices, faults: list[Fault]
+) -> None:
+    """Prices of one part: of its processes and machines, by grade, or as a table of t."""
+    owners = {one.get("name"): one for key in ("process", "machine") for _, one in _tables(part, key)}
+    machines = {one.get("name") for _, one in _tables(part, "machine")}
+    name = str(part.get("name", at))
+    for process, rows in _grouped(prices.rows, "process").items():
+        if process is None:
+            _fill_table(filled, part, f"part[{at}]", name, Prices(rows, prices.place, prices.t_unit),
+                        faults, _unit_of(filled.table, part))  # fmt: skip
+        elif process not in owners:
+            faults.append(Fault(prices.place, f'part {name} has no process or machine "{process}"'
+                                f"{nearest(process, [str(one) for one in owners])}"))  # fmt: skip
+        elif process in machines:
+            _price(owners[process], process, rows, prices.place, faults)
+        else:
+            _fill_table(filled, owners[process], f"part[{at}].process", f"{name}, {process}",
+                        Prices(rows, prices.place, prices.t_unit), faults,
+                        _unit_of(filled.table, part))  # fmt: skip
+
+
+def _unit_of(table: Raw, part: Raw) -> str:
+    unit = part.get("unit")
+    required = table.get("requirement")
+    if unit is None and isinstance(required, list):
+        required = required[0] if required else None
+    if unit is None and isinstance(required, dict):
+        unit = required.get("unit")
+    return unit if isinstance(unit, str) else ""
+
+
+def _fill_table(
+    filled: Filled, owner: Raw, place: str, name: str, prices: Prices, faults: list[Fault], unit: str
+) -> None:
+    """`cost` or `price` of a part or process."""
+    by_grade = [row for row in prices.rows if "grade" in row]
+    key = "price" if by_grade else "cost"
+    if key in owner:
+        faults.append(Fault(f"{place}.{key}", "is stated here and in the file: keep one"))
+        return
+    if by_grade and len(by_grade) < len(prices.rows):
+        faults.append(Fault(prices.place, f"{name} has rows with a grade and rows without one"))
+        return
+    if not by_grade:
+        if (curve := _curve(prices.rows, prices, unit, name, faults)) is not None:
+            owner[key] = curve
+        return
+    found: dict[str, float] = {}
+    for row in by_grade:
+        grade = row["grade"] if not row["grade"].isdigit() else f"IT{row['grade']}"
+        if grade in found:
+            faults.append(Fault(prices.place, f"{name}: {grade} has two prices"))
+        if grade not in GRADES:
+            faults.append(Fault(prices.place, f'{name}: "{grade}" is not a grade'
+                                f"{nearest(grade, GRADES)}"))  # fmt: skip
+        found[grade] = row["cost"]
+    _narrow_grades(filled, owner, name, found)
+    owner[key] = found
+
+
+def _narrow_grades(filled: Filled, owner: Raw, name: str, found: dict[str, float]) -> None:
+    """The range of grades, where the file prices only an inner one; prices beyond are left out."""
+    asked = owner.get("grade")
+    if not (isinstance(asked, list) and len(asked) == 2 and all(one in GRADES for one in asked)):
+        return
+    first, last = (GRADES.index(one) for one in asked)
+    priced = [at for at in range(first, last + 1) if GRADES[at] in found]
+    for grade in [grade for grade in found if grade in GRADES]:
+        if not first <= GRADES.index(grade) <= last:
+            del found[grade]
+    if len(priced) > 1 and (priced[0], priced[-1]) != (first, last):
+        ends = GRADES[priced[0]], GRADES[priced[-1]]
+        owner["grade"] = list(ends)
+        filled.notes.append(f"part {name}: prices are given from {ends[0]} to {ends[1]}; the search "
+                            f"from {asked[0]} to {asked[1]} is narrowed to them")  # fmt: skip
+
+
+def _price(machine: Raw, name: str, rows: list[Raw], place: str, faults: list[Fault]) -> None:
+    if len(rows) != 1 or rows[0].keys() & {"t", "grade"}:
+        faults.append(Fault(place, f"machine {name} has one price, without t or grade: its scatter "
+                            "does not follow t"))  # fmt: skip
+    elif "price" in machine:
+        faults.append(Fault(place, f"the price of machine {name} is stated in the configuration as "
+                            "well: keep one"))  # fmt: skip
+    else:
+        machine["price"] = rows[0]["cost"]
+
+
+def _curve(
+    rows: list[Raw], prices: Prices, unit: str, name: str, faults: list[Fault]
+) -> Raw | None:
+    """The table of costs that rows state, in order of t in `unit`."""
+    key = "t" if all("t" in row for row in rows) else "grade"
+    values = [row.get(key) for row in rows]
+    if key == "grade":
+        values = [_number(str(value).removeprefix("IT")) if value else math.nan for value in values]
+    if not all(isinstance(value, float) and math.isfinite(value) for value in values):
+        faults.append(Fault(prices.place, f"{name}: each row needs t (or grade) and cost"))
+        return None
+    if prices.t_unit and key == "t":
+        if not unit or not fits(prices.t_unit, unit):
+            faults.append(Fault(prices.place, f'{name}: t is in "{prices.t_unit}", which cannot be '
+                                f'stated in "{unit}"'))  # fmt: skip
+            return None
+        values = [float(converted(value, prices.t_unit, unit)) for value in values]
+    order = sorted(range(len(rows)), key=lambda at: values[at])
+    t = [float(values[at]) for at in order]
+    twice = sorted({one for one in t if t.count(one) > 1})
+    for one in twice:
+        faults.append(Fault(prices.place, f"{name}: t = {one:g} has two costs"))
+    if len(t) < 2 and not twice:
+        faults.append(Fault(prices.place, f"{name}: needs costs at two values of t at least"))
+        return None
+    return {"model": "table", "t": t, "cost_at": [rows[at]["cost"] for at in order]}

@@ -1,0 +1,71 @@
+"""`currency`, and what of the costs is assumed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from ..models.costs import CostCurve
+from ..models.costs.extras import times
+from ..problems.settings import Money
+from ..section import POSITIVE, Section
+
+_CURRENCY = re.compile(r"[^\W\d_]{1,8}|[€$£¥]")
+
+
+def read_currency(top: Section) -> str:
+    """`currency = "EUR"`, empty where costs are relative."""
+    found = top.text("currency")
+    if found is None:
+        return ""
+    if not _CURRENCY.fullmatch(found):
+        top.fault("currency", f'must be the name of a currency, like "EUR", got "{found}"')
+        return ""
+    return found
+
+
+def read_money(
+    top: Section, costs: Mapping[str, CostCurve], defaults: Mapping[str, CostCurve]
+) -> tuple[Money, dict[str, CostCurve]]:
+    """Currency and assumed curves, and all curves that the configuration comes to.
+
+    `defaults` are those that it does not state. With a currency they are worth nothing without
+    `[costs] scale_assumed`, which says what one assumed unit is worth.
+    """
+    section, currency = top.section("costs"), read_currency(top)
+    scale = section.number("scale_assumed", within=POSITIVE)
+    listed = _listed(section, costs)
+    found = dict(costs)
+    assumed = tuple(name for name in defaults if name not in costs)
+    if scale is not None and "currency" not in top:
+        section.fault("scale_assumed", 'needs currency = "EUR": without one all costs are relative')
+    if currency and assumed and scale is None and "scale_assumed" not in section:
+        stated = f"{len(costs)} of {len(costs) + len(assumed)} costs are stated"
+        top.fault("currency", f"{stated} in {currency}; assumed, in units of their own: "
+                  f"{', '.join(assumed)}; state them too, or what one assumed unit is worth, "
+                  "[costs] scale_assumed = ...")  # fmt: skip
+    if currency and scale is not None:
+        found |= {name: times(defaults[name], scale) for name in assumed}
+    assumed = assumed if currency else ()
+    return Money(currency, (*listed, *assumed), scale if currency else None), found
+
+
+def _listed(section: Section, costs: Mapping[str, CostCurve]) -> tuple[str, ...]:
+    """`assumed = ["pin_radius_um"]`: stated curves that are assumptions all the same."""
+    names = section.names("assumed") if section.take("assumed") != [] else []
+    unknown = [name for name in names or () if name not in costs]
+    for name in unknown:
+        section.fault("assumed", f'"{name}" has no cost here: state one in [costs.{name}]')
+    return tuple(name for name in names or () if name in costs)
+
+
+def resolved_money(money: Money, tables: dict[str, Any]) -> dict[str, Any]:
+    """The tables of a problem with the currency and the names of assumed curves."""
+    if not money.currency:
+        return tables
+    found = {"currency": money.currency} | tables
+    if money.assumed:
+        found["costs"] = {"assumed": list(money.assumed)} | dict(tables.get("costs", {}))
+    return found
+

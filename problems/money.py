@@ -1,0 +1,41 @@
+"""Costs with their currency, and what of them is assumed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from ..declarations import Output
+from ..models.costs import CostCurve, Table
+from .settings import Money
+
+
+def unit_of_cost(money: Money) -> str:
+    """What stands behind a cost: "EUR", or "EUR, partly assumed"."""
+    return f"{money.currency}, partly assumed" if money.assumed else money.currency
+
+
+def with_currency(outputs: Iterable[Output], money: Money) -> tuple[Output, ...]:
+    """The outputs with the unit of the cost, and which curves behind it are assumed."""
+    unit = unit_of_cost(money)
+    more = f"; assumed: {', '.join(money.assumed)}" if money.assumed else ""
+    return tuple(
+        replace(one, unit=unit, meaning=one.meaning.replace("relative ", "") + more)
+        if one.name == "cost"
+        else one
+        for one in outputs
+    )
+
+
+def price_notes(costs: Mapping[str, CostCurve]) -> tuple[str, ...]:
+    """Which prices rise with the tolerance."""
+    return tuple(text for name, curve in costs.items() if (text := rising(name, curve)))
+
+
+def rising(name: str, curve: CostCurve | None) -> str:
+    """That prices of a table rise with the tolerance, empty where none does."""
+    if not isinstance(curve, Table) or not curve.rising:
+        return ""
+    where = ", ".join(f"{t:g}" for t in curve.rising)
+    return (f"the prices of {name} do not fall with the tolerance (at t = {where}): the lower price "
+            "of a tighter one counts there")  # fmt: skip
