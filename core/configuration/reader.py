@@ -21,6 +21,7 @@ from .costs import check_ends, narrowed, read_costs
 from .effects import read_effects, resolved_effects
 from .goals import read_limits, read_objectives, read_propagation
 from .labels import read_labels, resolved_labels
+from .measured_files import with_measured_files
 from .model_columns import read_design_columns, read_model_columns, resolved_columns
 from .money import read_money, resolved_money
 from .pairs import belongs, stranger
@@ -51,7 +52,7 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
 
 def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuration:
     """`read_table` with the contents of the files that the tables name, as seen from `folder`."""
-    filled = with_cost_files(table, folder, faults)
+    filled = with_cost_files(with_measured_files(table, folder, faults), folder, faults)
     return read_table(filled.table, faults, filled.notes)
 
 

@@ -10,7 +10,6 @@ from scipy import stats
 
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95
-NORMAL = "normal"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +35,8 @@ def capability(values: Array, lower: float | None, upper: float | None) -> dict[
     found: dict[str, Index] = {}
     if lower is not None and upper is not None:
         cp = (upper - lower) / (6.0 * std)
-        ends = np.sqrt(stats.chi2.ppf([0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2], n - 1) / (n - 1))
+        shares = [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]
+        ends = np.sqrt(stats.chi2.ppf(shares, n - 1) / (n - 1))
         found["Cp"] = Index(cp, cp * float(ends[0]), cp * float(ends[1]))
     sides = [side for side in (
         None if upper is None else (upper - mean) / (3.0 * std),

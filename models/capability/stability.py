@@ -52,8 +52,8 @@ def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
 
 
 def distribution_type(found: Sequence[Finding]) -> str:
-    """The distribution model of ISO 22514-2: A1, A2 (stable), B (scatter moves), C1, C2, C3, C4 (the
-    mean moves) or D (both), as far as the tests tell.
+    """The distribution model of ISO 22514-2: A1, A2 (stable), B (scatter moves), C1, C3 (the mean
+    moves, by lots or along a trend) or D (both), as far as the tests tell.
 
     Reference: ISO 22514-2:2017, clause 5, table 1.
     """
@@ -102,6 +102,6 @@ def _outlier(values: Array) -> Finding:
 
 def _shape(values: Array) -> Finding:
     skew, excess = float(stats.skew(values)), float(stats.kurtosis(values))
-    words = "heavy tails" if excess > abs(skew) else "skew" if abs(skew) > 0.5 else "no normal shape"
-    text = f"is not normal: {words} (skewness {skew:.2f}, excess kurtosis {excess:.2f})"
+    words = "heavy tails, " if excess > abs(skew) else "skew, " if abs(skew) > 0.5 else ""
+    text = f"is not normal ({words}skewness {skew:.2f}, excess kurtosis {excess:.2f})"
     return Finding("shape", text, float(stats.shapiro(values).pvalue))

@@ -6,12 +6,17 @@ from ...declarations import Assumption
 from .build import nominal_sum
 from .definition import Definition
 
+PLUG_IN = "the standard deviation of the sample counts as that of all later parts"
+
 
 def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
     """Distributions and units that no table names, unverified grades, a summed nominal."""
     found = []
     for part in definition.parts:
         values = {"distribution": type(part.distribution).__name__, "unit": part.unit}
+        if part.sample is not None:
+            known = part.sample.statement(part.unit)
+            found.append(Assumption(f"part.{part.name}.measured", known, "", PLUG_IN))
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
             found.append(Assumption(f"part.{part.name}.{key}", value, "", why))

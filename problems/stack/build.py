@@ -90,7 +90,7 @@ def _with_sensitivities(
             faults.append(Fault(f"{requirement.place}.nominal", f"{text}{', '.join(missing)})"))
             return None
         nominal = nominal_sum(requirement, parts)
-    moved = float(sum(s * part.mid * part.count for s, part in zip(each, parts, strict=True)))
+    moved = float(sum(s * part.mean * part.count for s, part in zip(each, parts, strict=True)))
     return replace(bare, sensitivities=each[bare.owners], centre=nominal + moved)
 
 

@@ -14,6 +14,7 @@ from ...models.inputs import Distribution
 from ...models.machines import Machine
 from ...models.machines.reading import Offer
 from ...models.stack import Mechanism
+from .samples import PartSample
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
 """What `variation` can be."""
@@ -73,7 +74,7 @@ class Part:
     by the key of the requirement, those of formulas left out. `drawing` and `characteristic` are
     the numbers of its drawing and of the characteristic on it, `geometry` is the geometrical
     characteristic (ISO 1101) that its zone is of; empty where none is stated. `machines` are those
-    that some of its processes use.
+    that some of its processes use, `sample` is what measured parts tell of the only one it has.
     """
 
     name: str
@@ -92,6 +93,12 @@ class Part:
     characteristic: str = ""
     geometry: str = ""
     machines: tuple[Offer, ...] = ()
+    sample: PartSample | None = None
+
+    @property
+    def mean(self) -> float:
+        """What the mean deviates from the nominal where the distribution has no shift."""
+        return self.mid + (0.0 if self.sample is None else self.sample.offset)
 
     @property
     def by_machine(self) -> bool:

@@ -41,7 +41,7 @@ def with_formula(
     scales = np.ones(len(parts))
     scales[used] = scale
     nominals = scales * np.array([part.nominal or 0.0 for part in parts])
-    mids = nominals + scales * np.array([part.mid for part in parts])
+    mids = nominals + scales * np.array([part.mean for part in parts])
     found = replace(bare, formula=formula, mids=mids[bare.owners], scale=scales[bare.owners],
                     gain=gain)  # fmt: skip
     if why := _undefined(found, nominals[bare.owners], parts):

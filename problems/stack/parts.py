@@ -16,6 +16,7 @@ from ...section import Range, Section
 from ...units import family
 from .definition import Part, Requirement
 from .fits import read_fits
+from .samples import PartSample, read_sample
 from .sensitivities import read_sensitivities
 from .zones import KEYS, Tolerance, read_tolerance
 
@@ -89,10 +90,36 @@ def _read(
         section.fault("distribution", "must be normal and centred beside machines, whose good parts "
                       "count as normal with a mean of their own: state mean in [[part.machine]]")  # fmt: skip
         return None
-    if "distribution" not in section and not zone.machines:
+    sample = None
+    if "measured" in section:
+        sample = _sample(section, unit, nominal, zone)
+        if sample is None:
+            return None
+        distribution = sample.distribution
+        assumed |= sample.assumed
+    elif "distribution" not in section and not zone.machines:
         assumed["distribution"] = "normal; the configuration names none"
     part = _part(name, unit, distribution, zone, nominal, count, sensitivities, assumed)
-    return replace(part, geometry=labels[0], drawing=labels[1], characteristic=labels[2])
+    return replace(part, geometry=labels[0], drawing=labels[1], characteristic=labels[2],
+                   sample=sample)  # fmt: skip
+
+
+def _sample(
+    section: Section, unit: str, nominal: float | None, zone: Tolerance
+) -> PartSample | None:
+    """What measured parts tell of the process, None and faults where they cannot."""
+    stated = [key for key in ("distribution", "cp", "cpk", "shift") if key in section]
+    for key in stated:
+        section.fault(key, "is stated beside [part.measured], which tells it: keep one")
+    if zone.machines or len(zone.processes) != 1:
+        section.fault("measured", "is of one process: a part with several takes its scatter from "
+                      "its machines or distribution")  # fmt: skip
+        return None
+    (process,) = zone.processes
+    nominal = zone.nominal if nominal is None else nominal
+    found = read_sample(section, unit, nominal, zone.mid,
+                        process.high if zone.fixed else None)  # fmt: skip
+    return None if stated else found
 
 
 def _part(

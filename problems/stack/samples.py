@@ -21,6 +21,7 @@ from ...models.capability import (
     findings,
     knowledge_of,
 )
+from ...models.inputs import Normal
 from ...section import POSITIVE, Range, Section
 from ...units import converted, fits
 
@@ -50,6 +51,11 @@ class PartSample:
     assumed: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    def distribution(self) -> Normal:
+        """Of deviations over the half-width: what the sample's standard deviation comes to."""
+        return Normal(cp=self.made_to / (3.0 * self.knowledge.std))
+
+    @property
     def type(self) -> str:
         """The distribution model of ISO 22514-2."""
         return distribution_type(self.found)
@@ -76,14 +82,14 @@ def read_sample(
     own_unit = _unit(section, unit)
     numbers, lots = section.numbers("values"), section.take("lots") or []
     mean = section.text("mean", MEANS)
-    gauge, made_to = _gauge(section, own_unit), _made_to(section, own_unit, unit, t)
+    gauge = _gauge(section, own_unit, unit)
+    made_to = _made_to(section, own_unit, unit, t)
     of_file = section.number("nominal", own_unit)
     section.known(("characteristic",))
     prior = _prior(section, made_to or 0.0)
     if "values" not in section:
         section.fault("file", "is missing: name a table or Q-DAS file of measured parts, or give "
                       "values")  # fmt: skip
-    stated = {key: section.take(key) for key in section.given()}
     section.finish()
     if numbers is None or made_to is None or own_unit is None:
         return None
@@ -98,9 +104,8 @@ def read_sample(
     far = float(np.max(np.abs(deviations), initial=0.0))
     if far > BEYOND * made_to:
         hint = unit_hint(far, unit, 0.0, made_to)
-        section.fault("values", f"lie up to {far:.4g} {unit} off the mid-limit, {far / made_to:.3g} "
-                      f"times what they were made to ({made_to:g} {unit}){hint}: check their "
-                      "unit")  # fmt: skip
+        section.fault("values", f"lie up to {far:.4g} {unit} off the mid-limit, but were made to "
+                      f"{made_to:g} {unit}{hint}: check their unit and made_to")  # fmt: skip
         return None
     try:
         known = knowledge_of(deviations, prior, gauge)
@@ -116,7 +121,7 @@ def read_sample(
         offset=0.0 if mean == "corrected" else known.mean,
         found=tuple(findings(deviations, [str(lot) for lot in lots])),
         indices=capability(deviations, -made_to, made_to),
-        stated=stated,
+        stated=dict(part.take("measured")),
         assumed=assumed,
     )
 
@@ -146,8 +151,8 @@ def _made_to(section: Section, own: str | None, unit: str, t: float | None) -> f
     """Half-width that the measured parts were made to, in the unit of the part."""
     if section.take("made_to") == FIXED:
         if t is None:
-            section.fault("made_to", "of a searched tolerance cannot be fixed, as tighter limits "
-                          "would then change nothing: state a [[part.machine]] with its sigma")  # fmt: skip
+            section.fault("made_to", "cannot be fixed where the tolerance is searched, as tighter "
+                          "limits would change nothing: state a [[part.machine]]")  # fmt: skip
         return t
     given = section.number("made_to", own or unit, POSITIVE)
     if given is not None:
@@ -158,16 +163,18 @@ def _made_to(section: Section, own: str | None, unit: str, t: float | None) -> f
     return t if "made_to" not in section else None
 
 
-def _gauge(section: Section, unit: str | None) -> Gauge | None:
+def _gauge(section: Section, given: str | None, unit: str) -> Gauge | None:
     if "gauge" not in section:
         return None
     own = section.section("gauge")
-    sigma = own.number("sigma", unit or "", POSITIVE)
+    sigma = own.number("sigma", given or unit, POSITIVE)
     df = own.number("df", within=Range(low=1.0))
     if "sigma" not in own:
         own.fault("sigma", "is missing: the standard deviation of repeated readings of one part")
     own.finish()
-    return None if sigma is None else Gauge(sigma, np.inf if df is None else df)
+    if sigma is None:
+        return None
+    return Gauge(float(converted(sigma, given or unit, unit)), np.inf if df is None else df)
 
 
 def _prior(section: Section, made_to: float) -> Prior | None:

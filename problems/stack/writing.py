@@ -46,7 +46,8 @@ def _part(part: Part) -> dict[str, Any]:
         found["nominal"] = part.nominal
     if part.sensitivities:
         found["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
-    found |= written(part.distribution)
+    found |= written(part.distribution) if part.sample is None else {
+        "measured": dict(part.sample.stated)}  # fmt: skip
     labels = {"drawing": part.drawing, "characteristic": part.characteristic,
               "geometry": part.geometry}  # fmt: skip
     found |= {key: value for key, value in labels.items() if value}

@@ -1,0 +1,185 @@
+"""`[part.measured]`: scatter and mean of a part from parts that were measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import norm
+from typer.testing import CliRunner
+
+from tolevo.cli import app
+from tolevo.configuration import read
+from tolevo.errors import InputError
+
+VALUES = np.random.default_rng(12).normal(2.0, 3.0, 25).round(2)
+STACK = """
+problem = "stack"
+[objectives]
+minimise = ["cost"]
+[limits]
+yield_percent = 99.0
+[requirement]
+unit = "um"
+nominal = 0.0
+lower = -40.0
+upper = 40.0
+[[part]]
+name = "ring"
+unit = "um"
+sensitivity = 1.0
+t_min = 2.0
+t_max = 40.0
+cost = {{ model = "reciprocal", a = 1.0, b = 30.0 }}
+[part.measured]
+{measured}
+[[part]]
+name = "pin"
+unit = "um"
+sensitivity = -1.0
+t_min = 2.0
+t_max = 40.0
+cost = {{ model = "reciprocal", a = 1.0, b = 20.0 }}
+"""
+WHOLE = f"values = {VALUES.tolist()}\nmade_to = 12.0\n"
+
+
+def built(folder: Path, measured: str) -> Any:
+    (folder / "c.toml").write_text(STACK.format(measured=measured), encoding="utf-8")
+    return read(folder / "c.toml").problem
+
+
+def faults(folder: Path, measured: str) -> str:
+    with pytest.raises(InputError) as caught:
+        built(folder, measured)
+    return "\n".join(str(fault) for fault in caught.value.faults)
+
+
+@pytest.mark.parametrize("mean", ["as_found", "corrected"])
+def test_yield_follows_from_the_sample(mean: str, tmp_path: Path) -> None:
+    """sigma = s t/12 and the mean of the sample, in the closed form of two normal parts."""
+    problem = built(tmp_path, f'{WHOLE}mean = "{mean}"')
+    found = problem.frame(np.array([[20.0, 9.0]]))
+    sigma = np.hypot(VALUES.std(ddof=1) * 20.0 / 12.0, 9.0 / 3.0)
+    offset = VALUES.mean() if mean == "as_found" else 0.0
+    expected = norm.cdf(40.0, offset, sigma) - norm.cdf(-40.0, offset, sigma)
+    assert found["yield_percent"].iloc[0] == pytest.approx(100.0 * expected, abs=1e-9)
+
+
+def test_what_is_known_is_said(tmp_path: Path) -> None:
+    problem = built(tmp_path, WHOLE)
+    told = {one.name: one for one in problem.assumptions()}
+    known = str(told["part.ring.measured"].value)
+    assert known.startswith(f"25 parts: mean {VALUES.mean():+.4g} um from the mid-limit, s = ")
+    assert "Cpk " in known
+    assert "distribution A1 (ISO 22514-2)" in known
+    assert "does not say that it is corrected" in told["part.ring.measured.mean"].reason
+
+
+def test_the_optimum_is_proven_with_a_measured_part(tmp_path: Path) -> None:
+    built(tmp_path, f'{WHOLE}mean = "corrected"')
+    done = CliRunner().invoke(
+        app, ["run", str(tmp_path / "c.toml"), "--out", str(tmp_path / "o"),
+              "--set", 'algorithm.name="exact"'],
+    )  # fmt: skip
+    assert done.exit_code == 0, done.output
+    front = pd.read_csv(tmp_path / "o" / "front.csv")
+    assert front["gap_percent"].iloc[0] < 1e-4
+    # the same by hand: least a/t within sigma^2 = (40/z)^2, t in its range
+    z, r = norm.ppf(0.995), np.array([VALUES.std(ddof=1) / 12.0, 1.0 / 3.0])
+    t = np.linspace(2.0, 40.0, 40_001)
+    rest = (40.0 / z) ** 2 - (r[0] * t) ** 2
+    other = np.minimum(np.sqrt(np.maximum(rest, 0.0)) / r[1], 40.0)
+    with np.errstate(divide="ignore"):
+        least = np.min(np.where(other >= 2.0, 2.0 + 30.0 / t + 20.0 / other, np.inf))
+    assert front["cost"].iloc[0] == pytest.approx(least, rel=1e-5)
+
+
+def test_the_resolved_configuration_is_the_same_stack(tmp_path: Path) -> None:
+    (tmp_path / "ring.csv").write_text("Teil;Abweichung [mm]\n" + "".join(
+        f"{at};{value / 1000.0:.5f}\n".replace(".", ",") for at, value in enumerate(VALUES)
+    ), encoding="cp1252")  # fmt: skip
+    first = built(tmp_path, 'file = "ring.csv"\ncharacteristic = "Abweichung"\nmade_to = 0.012')
+    text = CliRunner().invoke(app, ["check", str(tmp_path / "c.toml")]).stdout
+    (tmp_path / "again").mkdir()
+    (tmp_path / "again" / "c.toml").write_text(text, encoding="utf-8")
+    again: Any = read(tmp_path / "again" / "c.toml").problem
+    designs = np.array([[20.0, 9.0], [5.0, 30.0]])
+    np.testing.assert_array_equal(first.frame(designs), again.frame(designs))
+    direct = built(tmp_path, WHOLE)
+    numbers = [one.frame(designs).select_dtypes("number") for one in (first, direct)]
+    np.testing.assert_allclose(numbers[0], numbers[1], rtol=1e-9)
+
+
+DFQ = """K0100 2
+K1001/1 4711
+K2001/1 10
+K2002/1 Bohrung
+K2101/1 25,000
+K2110/1 25,000
+K2111/1 25,021
+K2142/1 mm
+K2001/2 20
+K2002/2 Rundlauf
+K2142/2 mm
+"""
+
+
+def test_a_q_das_file_brings_its_limits_and_nominal(tmp_path: Path) -> None:
+    """25.000 to 25.021 mm: made to 10.5 um about a mid-limit of 25.0105 mm; 255 is not valid."""
+    sizes = [25.004, 25.0065, 25.011, 25.009, 25.0135, 25.0122]
+    rows = [f"K0001/1 {size}\nK0001/2 0.001" for size in sizes]
+    rows += ["K0001/1 30.0\nK0002/1 255\nK0001/2 0.001"]
+    (tmp_path / "a.dfq").write_text(DFQ + "\n".join(rows).replace(".", ","), encoding="cp1252")
+    ring = 'unit = "um"\nsensitivity = 1.0\nt_min = 2.0\nt_max = 40.0'
+    bore = 'unit = "mm"\nnominal = {}\nsensitivity = 1000.0\nlimits = "+0.021/0"'
+    text = STACK.format(measured='file = "a.dfq"\ncharacteristic = "Bohrung"')
+    text = text.replace("cost = {", "# cost = {", 1)
+    path = tmp_path / "c.toml"
+    path.write_text(text.replace(ring, bore.format(25.0)), encoding="utf-8")
+    problem: Any = read(path).problem
+    sample = problem.definition.parts[0].sample
+    assert sample.made_to == pytest.approx(0.0105)
+    assert sample.knowledge.mean == pytest.approx(np.mean(sizes) - 25.0105)
+    assert sample.knowledge.std == pytest.approx(np.std(sizes, ddof=1))
+    path.write_text(text.replace(ring, bore.format(26.0)), encoding="utf-8")
+    with pytest.raises(InputError, match="another revision of the drawing"):
+        read(path)
+    path.write_text(text.replace(ring, bore.format(25.0)).replace("Bohrung", "Bohrng"), "utf-8")
+    with pytest.raises(InputError, match="did you mean `Bohrung`"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("measured", "words"),
+    [
+        ("made_to = 12.0", "part[0].measured.file: is missing"),
+        (f"values = {VALUES.tolist()}", "part[0].measured.made_to: is missing"),
+        ("values = [1.0, 2.0]\nmade_to = 12.0", "has 2 values, 5 at least"),
+        ("values = [1.0, 1.0, 1.0, 1.0, 1.0]\nmade_to = 12.0", "equal values"),
+        (WHOLE.replace("12.0", '"12 um"') + 'unit = "mm"', "check their unit and made_to"),
+        (WHOLE + 'unit = "deg"', "cannot be stated in um"),
+        (WHOLE + "gauge = { sigma = 9.0 }", "the gauge is unfit"),
+        (WHOLE + "prior = { cp = 1.33 }", "measured.prior.parts: is missing"),
+        (WHOLE + 'mean = "mended"', "must be one of as_found, corrected"),
+        (WHOLE + "colour = 1", "part[0].measured.colour: is not a known key"),
+        (WHOLE.replace("12.0\n", '"fixed"\n'), "cannot be fixed where the tolerance is searched"),
+        (WHOLE + "nominal = 3.0", ""),
+        ('file = "none.csv"\nmade_to = 12.0', "part[0].measured.file: none.csv does not exist"),
+        (WHOLE + "[part.processes]", "part[0].processes"),
+    ],
+)
+def test_faults(measured: str, words: str, tmp_path: Path) -> None:
+    if not words:
+        assert built(tmp_path, measured) is not None  # without a nominal of its own nothing differs
+        return
+    assert words in faults(tmp_path, measured)
+
+
+def test_departures_of_the_sample_are_warned_of(tmp_path: Path) -> None:
+    drifting = (VALUES + np.linspace(0.0, 20.0, 25)).round(3).tolist()
+    problem = built(tmp_path, f"values = {drifting}\nmade_to = 25.0")
+    assert any("part ring, measured: drifts by" in text for text in problem.warnings())
