@@ -164,11 +164,12 @@ def _variables(
     section: Section, kind: Any, parameters: dict[str, Value]
 ) -> dict[str, VariableSetting]:
     """Settings of the variables; a mid-limit is put into `parameters` as well, if it is one."""
-    found = {
-        v.name: setting
-        for v in kind.variables
-        if (setting := read_variable(section.section(v.name), v, parameters)) is not None
-    }
+    found = {}
+    for v in kind.variables:
+        own = section.section(v.name)
+        own.known(("machine",) if v.name in getattr(kind, "machined", ()) else ())
+        if (setting := read_variable(own, v, parameters)) is not None:
+            found[v.name] = setting
     section.finish()
     names = {p.name for p in kind.parameters}
     for name, setting in found.items():
