@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from .forms import Form
+from .forms import Feature, Form
 from .spread import spread_of
 
 Array = NDArray[np.float64]
@@ -57,9 +57,14 @@ def least_value(form: Form, row: int, limits: Array) -> Least | None:
 def least_values(form: Form, rows: Sequence[int], limits: Array) -> list[Least | None]:
     """`least_value` of each of some requirements."""
     trading = _trading(form)
-    if form.correlation is not None or form.combinations > MOST or len(trading) > 1:
+    kept = [list(range(len(feature.ways))) for feature in form.features]
+    if form.combinations > MOST:
+        kept = [own if at in trading else _undominated(form.features[at], own)
+                for at, own in enumerate(kept)]  # fmt: skip
+    too_many = np.prod([float(len(own)) for own in kept]) > MOST
+    if form.correlation is not None or too_many or len(trading) > 1:
         return [None] * len(rows)
-    corner = _corner(form, trading)
+    corner = _corner(form, trading, kept)
     return [_least(corner, row, limits, trading) for row in rows]
 
 
@@ -86,8 +91,26 @@ def _course(corner: _Corner, limits: Array, others: NDArray[np.bool_]) -> tuple[
     return np.maximum(least, 0.0), np.minimum(most, corner.width)
 
 
-def _corner(form: Form, trading: list[int]) -> _Corner:
-    ways = np.array(list(product(*(range(len(feature.ways)) for feature in form.features))))
+def _undominated(feature: Feature, ways: list[int]) -> list[int]:
+    """The ways of a feature that have something less than any other at their tightest.
+
+    What another way has no more of in any requirement, mean and scatter, it lowers none with.
+    """
+    rows = len(feature.ways[0].linear)
+    least = np.array([
+        [*np.minimum(np.multiply(way.linear, way.low), np.multiply(way.linear, way.high))
+         + np.array(way.offset or (0.0,) * rows), *np.abs(np.multiply(way.spread, way.low))]
+        for way in (feature.ways[at] for at in ways)
+    ])  # fmt: skip
+    found: list[int] = []
+    for at in np.argsort(least.sum(axis=1), kind="stable").tolist():
+        if not any(np.all(least[other] <= least[at]) for other in found):
+            found.append(at)
+    return sorted(ways[at] for at in found)
+
+
+def _corner(form: Form, trading: list[int], kept: list[list[int]]) -> _Corner:
+    ways = np.array(list(product(*kept)))
     rows = len(form.outputs)
 
     def every(name: str) -> Array:

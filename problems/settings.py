@@ -12,6 +12,7 @@ from ..models.costs import CostCurve
 from ..models.effects.compose import Active
 from ..models.gear import Gear
 from ..models.inputs import Distribution
+from ..models.machines.reading import Offer
 from ..tables import ColumnUse
 
 METHODS = ("moments", "convolution", "monte_carlo")
@@ -74,7 +75,8 @@ class Settings:
     was read from; `effects` are active in the model; `zero` is what an instrument adds to outputs
     of the model, `sense` is -1 of those that read the other way round; `gear` is that of a table,
     `columns` says what the columns of a file are, `labels` what readers know the mechanism by; `money` is what the costs
-    are in, `notes` say how the configuration was understood.
+    are in, `notes` say how the configuration was understood; `machines` are
+    those that make tolerances of a problem that is not a stack.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -93,3 +95,4 @@ class Settings:
     labels: Labels = Labels()
     money: Money = Money()
     notes: tuple[str, ...] = ()
+    machines: Mapping[str, tuple[Offer, ...]] = field(default_factory=dict)

@@ -47,7 +47,7 @@ class Filled:
 
 def with_cost_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
     """The tables with every cost file in its place; what is wrong is added to `faults`."""
-    filled = Filled(copy.deepcopy(table))
+    filled, before = Filled(copy.deepcopy(table)), len(faults)
     costs = filled.table.get("costs")
     stack = filled.table.get("problem") == "stack"
     if isinstance(costs, dict) and "file" in costs:
@@ -70,7 +70,21 @@ def with_cost_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
             _fill_part(filled, part, at, Prices(mine, prices.place, prices.t_unit), faults)
     if isinstance(costs, dict) and stack and not costs:
         del filled.table["costs"]
+    if len(faults) > before:
+        _stand_in(filled.table)
     return filled
+
+
+def _stand_in(table: Raw) -> None:
+    """Costs of parts for those that a faulty file does not state: they are not missing as well."""
+    for _, part in _tables(table, "part"):
+        owners = [one for _, one in _tables(part, "process")]
+        for owner in [*owners, *([part] if "t_min" in part and "machine" not in part else [])]:
+            owner.setdefault("cost", {"model": "reciprocal", "a": 1.0, "b": 0.0})
+        for _, machine in _tables(part, "machine"):
+            machine.setdefault("price", 0.0)
+        if isinstance(part.get("grade"), list) and "price" not in part:
+            part.setdefault("cost", {"model": "reciprocal", "a": 1.0, "b": 0.0})
 
 
 def _tables(table: Mapping[str, Any], key: str) -> Iterator[tuple[int, Raw]]:

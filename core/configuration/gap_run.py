@@ -12,6 +12,7 @@ from ..directory import kind_of, standing
 from ..errors import Fault, InputError
 from ..section import Section
 from .configuration import Configuration
+from .files import with_files
 from .gap_contradictions import Run
 from .pairs import belongs, stranger
 from .reader import PROBLEM_ONLY, read_table
@@ -45,8 +46,10 @@ def _read(top: Section, model: str, path: Path) -> tuple[dict[str, Any], Configu
     if table is None:
         top.fault("run", "; ".join(f"{one.place} {one.message}" for one in faults))
         return {}, None
+    own: list[Fault] = []
+    filled = with_files(table, path.parent, own)
     try:
-        found = read_table(table, [])
+        found = read_table(filled.table, own, filled.notes)
     except InputError as error:
         for fault in error.faults:
             top.fault(f"run: {fault.place}", fault.message)
@@ -54,8 +57,8 @@ def _read(top: Section, model: str, path: Path) -> tuple[dict[str, Any], Configu
     if found.problem is None:
         top.fault("run", f"{path} names no problem: there is no allocation to repeat")
     elif _belongs(top, model, found):
-        return table, found
-    return table, None
+        return filled.table, found
+    return filled.table, None
 
 
 def mixed(path: Path) -> list[Fault]:

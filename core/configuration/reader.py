@@ -16,12 +16,11 @@ from ..workflows.choice.steps import rounding_faults
 from ..workflows.run.contradictions import contradictions
 from .choice import read_choice, resolved_choice
 from .configuration import Configuration
-from .cost_files import with_cost_files
 from .costs import check_ends, narrowed, read_costs
 from .effects import read_effects, resolved_effects
+from .files import with_files
 from .goals import read_limits, read_objectives, read_propagation
 from .labels import read_labels, resolved_labels
-from .measured_files import with_measured_files
 from .model_columns import read_design_columns, read_model_columns, resolved_columns
 from .money import read_money, resolved_money
 from .pairs import belongs, stranger
@@ -52,7 +51,7 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
 
 def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuration:
     """`read_table` with the contents of the files that the tables name, as seen from `folder`."""
-    filled = with_cost_files(with_measured_files(table, folder, faults), folder, faults)
+    filled = with_files(table, folder, faults)
     return read_table(filled.table, faults, filled.notes)
 
 
@@ -174,11 +173,12 @@ def _variables(
     section: Section, kind: Any, parameters: dict[str, Value]
 ) -> dict[str, VariableSetting]:
     """Settings of the variables; a mid-limit is put into `parameters` as well, if it is one."""
-    found = {
-        v.name: setting
-        for v in kind.variables
-        if (setting := read_variable(section.section(v.name), v, parameters)) is not None
-    }
+    found = {}
+    for v in kind.variables:
+        own = section.section(v.name)
+        own.known(("machine",) if v.name in getattr(kind, "machined", ()) else ())
+        if (setting := read_variable(own, v, parameters)) is not None:
+            found[v.name] = setting
     section.finish()
     names = {p.name for p in kind.parameters}
     for name, setting in found.items():

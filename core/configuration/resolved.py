@@ -31,10 +31,20 @@ def _tables(problem: ToleranceProblem) -> dict[str, Any]:
     settings = problem.settings
     return {
         "parameters": dict(settings.parameters),
-        "variables": resolved_variables(settings.variables, problem.variables),
+        "variables": _with_machines(problem),
         "costs": {name: curve_table(curve) for name, curve in settings.costs.items()},
         "propagation": asdict(settings.propagation),
     }
+
+
+def _with_machines(problem: ToleranceProblem) -> dict[str, Any]:
+    """The `[variables]` tables, machines included; what these fix is left out."""
+    settings = problem.settings
+    found = resolved_variables(settings.variables, problem.variables)
+    for name, offers in settings.machines.items():
+        mid = {"mid": found[name]["mid"]} if "mid" in found[name] else {}
+        found[name] = mid | {"machine": [one.table() for one in offers]}
+    return found
 
 
 def resolved_variables(

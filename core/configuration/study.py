@@ -19,7 +19,7 @@ from ..workflows.study.plan import StudyPlan
 from ..workflows.study.records import RESPONSES, Design, Factor, Reading, StudySettings
 from ..workflows.study.responses import unsuitable
 from .configuration import Configuration
-from .cost_files import with_cost_files
+from .files import with_files
 from .reader import read_table
 from .readings import read_readings, written
 from .search import evaluations, settings_of
@@ -147,7 +147,7 @@ def _run_table(
     lines = [f"{key.removeprefix(f'{RUN}.')}={_toml(value)}" for key, value in dotted.items()]
     override(run, [*lines, *given], faults)
     own: list[Fault] = []
-    found: Table = with_cost_files(run, folder, own).table
+    found: Table = with_files(run, folder, own).table
     faults += [Fault(f"{RUN}.{fault.place}", fault.message) for fault in own]
     return found
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -56,7 +56,7 @@ class Offer:
     high: float = 0.0
     setup: Setup | None = None
     required: bool = False
-    assumed: str = ""
+    assumed: str = field(default="", compare=False)
 
     def ways(self) -> tuple[Way, ...]:
         """With and without inspection, as far as the table allows it."""

@@ -9,6 +9,8 @@ the eccentricity, whose mean bends down and whose variance grows with t^4. Its r
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +22,7 @@ from ...models.propagation.sums import Term
 from ...units import ARCMIN, MM
 from ..forms import Feature, Form, Way
 from ..limits import Limit
+from .made import pieces_of
 from .shift import extreme_pair, play_slopes
 from .terms import ends, unit_terms
 
@@ -85,6 +88,8 @@ def _rows(mean: float, std: float, k: float) -> tuple[tuple[float, ...], tuple[f
 
 
 def _feature(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
+    if name in problem.made:
+        return _machines(problem, name, term, k)
     curve, (low, high) = problem.settings.costs[name], ends(problem, name)
     m1, m2 = term.distribution.raw_moments(2)[1:]
     linear = float(term.linear[0]) / ARCMIN
@@ -94,6 +99,24 @@ def _feature(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
         return Feature(name, tuple(_cell(term, curve, one, k) for one in cells))
     rows = _rows(linear * m1, abs(linear) * float(np.sqrt(m2 - m1**2)), k)
     return Feature(name, (Way(curve, low, high, *rows),))
+
+
+def _machines(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
+    """A tolerance that machines make, by the spread of its good parts."""
+    one, linear = problem.made[name], float(term.linear[0]) / ARCMIN
+    ways: list[Way] = []
+    for piece in pieces_of(one, ends(problem, name), linear):
+        if term.quadratic is not None:  # the eccentricity, whose machines are centred
+            edges = np.linspace(piece.low, piece.high, CELLS + 1 if piece.low < piece.high else 2)
+            ways += [replace(_cell(term, piece.curve, cell, k), choice=piece.choice)
+                     for cell in pairwise(edges.tolist())]  # fmt: skip
+            continue
+        m1, m2 = term.distribution.raw_moments(2)[1:]
+        slope, offset = piece.least
+        linears, spreads = _rows(slope + linear * m1, abs(linear) * float(np.sqrt(m2 - m1**2)), k)
+        ways.append(Way(piece.curve, piece.low, piece.high, linears, spreads,
+                        (offset, offset, 0.0), piece.choice))  # fmt: skip
+    return Feature(name, tuple(ways), one.choice)
 
 
 def _cell(term: Term, curve: CostCurve, ends: tuple[float, float], k: float) -> Way:

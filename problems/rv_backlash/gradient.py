@@ -29,7 +29,14 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     terms = dict(zip((f"{name}_um" for name in names), total.clipped, strict=True))
     mean, variance = np.zeros_like(designs), np.zeros_like(designs)
     phi_1, phi_3 = total.free
-    slopes = {name: _by_tolerance(t, problem.column(designs, name)) for name, t in terms.items()}
+    spread = problem.effective(designs)
+    slopes = {name: _by_tolerance(t, problem.column(spread, name)) for name, t in terms.items()}
+    for one in problem.made.values():
+        t, chosen = problem.column(designs, one.name), problem.chosen(designs, one)
+        rise, shift = one.slopes(t, chosen)
+        term, (by_mean, by_variance) = terms[one.name], slopes[one.name]
+        per_unit = term.linear / problem.column(spread, one.name)
+        slopes[one.name] = by_mean * rise + per_unit * shift, by_variance * rise
     slopes["crank_bearing_um"] = _scaled(phi_3, 1.0 / problem.column(designs, "crank_bearing_um"))
     slopes["involute_grade"] = _scaled(phi_1, 0.5 * np.log(2.0))
     for name, pair in slopes.items():
@@ -45,12 +52,12 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     for name, slope in fixed.items():
         mean[:, problem.names.index(name)] = slope
     std = np.sqrt(total_cumulants(total.clipped + total.free)[1])
-    spread = 0.5 * variance / std[:, None] * (1.0 + problem.change.growth)
+    deviation = 0.5 * variance / std[:, None] * (1.0 + problem.change.growth)
     return {
         "cost": problem.cost_slopes(designs),
-        "backlash_geometric_arcmin": (mean + deviations(problem) * spread) / ARCMIN,
+        "backlash_geometric_arcmin": (mean + deviations(problem) * deviation) / ARCMIN,
         "backlash_geometric_mean_arcmin": mean / ARCMIN,
-        "backlash_geometric_std_arcmin": spread / ARCMIN,
+        "backlash_geometric_std_arcmin": deviation / ARCMIN,
     }
 
 

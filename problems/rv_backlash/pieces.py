@@ -14,6 +14,7 @@ from ...models.propagation.even import UNIFORM, Even, even_law
 from ...models.propagation.sums import Term
 from ...units import ARCMIN
 from .bent import LEVELS, SAFE, Cell, quantiles_of, uniform_below
+from .made import pieces_of
 from .shift import Shift
 from .terms import ends, unit_terms
 
@@ -93,6 +94,8 @@ def sum_of(problem: RvBacklash, cut: float) -> Sum | str:
         return "an effect inflates the spread"
     parts: list[Part] = []
     cycloid = 0.0
+    if "eccentricity_um" in problem.made:
+        return "the eccentricity is made by machines, whose law is not bounded"
     for name, term in unit_terms(problem).items():
         cycloid += float(term.constant[0]) / ARCMIN
         part = _bent(problem, name, term) if term.quadratic is not None else _straight(
@@ -115,10 +118,23 @@ def _straight(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part
     if known is None:
         return f"the deviations of {name} are skewed or have poles"
     linear = float(term.linear[0]) / ARCMIN
+    if name in problem.made:
+        return _machines(problem, name, linear, known[1])
     slope = linear * known[0] + (0.0 if clipped else float(term.constant[0]) / ARCMIN)
     member = Member(problem.settings.costs[name], *ends(problem, name), abs(linear), known[1],
                     slope=slope, top_slope=slope)  # fmt: skip
     return Part(name, (member,), clipped)
+
+
+def _machines(problem: RvBacklash, name: str, linear: float, law: Even) -> Part:
+    """A tolerance that machines make, by the spread of its good parts."""
+    one = problem.made[name]
+    members = tuple(
+        Member(piece.curve, piece.low, piece.high, abs(linear), law, piece.least[1],
+               piece.least[0], piece.most[1], piece.most[0], choice=piece.choice)
+        for piece in pieces_of(one, ends(problem, name), linear)
+    )  # fmt: skip
+    return Part(name, members, clipped=True, choice=one.choice)
 
 
 def _bent(problem: RvBacklash, name: str, term: Term, cells: int = CELLS) -> Part:
@@ -142,7 +158,7 @@ def coarse(problem: RvBacklash, total: Sum) -> Sum:
     terms = unit_terms(problem)
 
     def coarser(part: Part) -> Part:
-        if part.choice:
+        if part.choice and not part.variable:
             return replace(part, members=(_best_of(part.members),))
         return _bent(problem, part.variable, terms[part.variable], COARSE) if part.bent else part
 

@@ -26,13 +26,15 @@ from ...models.rv_reducer.backlash import Allocation, stage_means
 from ...units import ARCMIN, MM
 from ..forms import Form
 from ..least import ends_of_front
+from ..machined import Machined
 from ..settings import Bound, Settings
-from ..tolerance_problem import Interval, ToleranceProblem
+from ..tolerance_problem import Interval
 from .by_contact import verdicts
 from .costs import DEFAULT_COSTS
 from .counterparts import changes_of, sentence
 from .form import deviations, form_of
 from .gradient import gradients
+from .made import MACHINABLE, moved
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
 from .quantile_form import quantile_form, shortfalls
 from .shift import SHIFT, Shift, columns_of, shift_of
@@ -45,7 +47,7 @@ STAGGER_OF_DOCUMENT = 0.2
 STAGGERED = "document B, staggered 0.2 arcmin (delta' = 0.1)"
 
 
-class RvBacklash(ToleranceProblem):
+class RvBacklash(Machined):
     """Backlash of an RV reducer against cost (default: RV-40E-121, document B).
 
     Variables, outputs and limits: docs/rv_backlash.md. Known answer: none (`exact_front` is None).
@@ -55,6 +57,8 @@ class RvBacklash(ToleranceProblem):
     variables = declared.VARIABLES
     outputs = OUTPUTS
     default_costs = DEFAULT_COSTS
+    machinable = frozenset(MACHINABLE)
+    centred_only = frozenset(["eccentricity_um"])
     default_limits = DEFAULT_LIMITS
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
@@ -109,7 +113,11 @@ class RvBacklash(ToleranceProblem):
 
     def total(self, designs: Array) -> ClippedSum:
         """The sum over units that is propagated [rad]."""
-        return self.change.opened(self.model.total(self.allocation(designs)))
+        return self.change.opened(moved(self, designs, self.plain_total(self.effective(designs))))
+
+    def plain_total(self, designs: Array) -> ClippedSum:
+        """The same of spreads of centred parts."""
+        return self.model.total(self.allocation(designs))
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         total = self.total(designs)
@@ -176,12 +184,16 @@ class RvBacklash(ToleranceProblem):
         return values
 
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
-        """Modification and stagger of the shift that a form has found."""
-        shift = self.shift
-        if SHIFT not in columns or shift is None:
-            return dict(columns)
-        s = np.asarray(columns[SHIFT]) + shift.low - 1.0
-        return {**columns, **columns_of(self, shift, s)}
+        """Modification and stagger of the shift that a form has found, limits of inspection."""
+        found, shift = dict(columns), self.shift
+        for one in self.made.values():
+            if one.name in found:
+                chosen = np.rint(found.get(one.choice, 0.0 * found[one.name])).astype(np.int64)
+                found[one.name] = one.limits(found[one.name], chosen)
+        if SHIFT not in found or shift is None:
+            return found
+        s = np.asarray(found[SHIFT]) + shift.low - 1.0
+        return {**found, **columns_of(self, shift, s)}
 
     def counterparts(self) -> tuple[str, ...]:
         return tuple(sentence(one, self.model) for one in self.settings.effects)
@@ -192,7 +204,12 @@ class RvBacklash(ToleranceProblem):
     # ---------------------------------------------------------------- what is known
 
     def references(self) -> dict[str, Array]:
-        """Document B's printed bands and modification, without and with its stagger."""
+        """Document B's printed bands and modification, without and with its stagger.
+
+        None where machines make a part: the bands would not be theirs.
+        """
+        if self.made:
+            return {}
         bands = np.array([float(v.document or 0.0) for v in self.variables])
         staggered = bands.copy()
         staggered[self.names.index("stagger_arcmin")] = STAGGER_OF_DOCUMENT
@@ -210,7 +227,7 @@ class RvBacklash(ToleranceProblem):
         return f"GA, least cost at {limit.high:g} arcmin", RvBacklash(given)
 
     def contact_verdict(self, designs: Array) -> tuple[str, ...]:
-        return verdicts(self, designs)
+        return () if self.made else verdicts(self, designs)
 
     def interval(self, output: str) -> Interval:
         """Proven bounds: by monotonicity in the tolerances, or by leaving the cycloid stage out.

@@ -1,0 +1,293 @@
+"""Problems whose tolerances may be made by machines with a scatter of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..declarations import Kind, Value, Variable
+from ..models.costs import CostCurve
+from ..models.inputs import Normal
+from ..models.inputs.reading import read_distribution
+from ..models.machines import GoodPartsBySpread
+from ..models.machines.reading import Offer, Way, read_offers
+from ..section import Section
+from .settings import Settings, VariableSetting
+from .tolerance_problem import Interval, ToleranceProblem
+
+Array = NDArray[np.float64]
+SCALE = 3.0
+"""Half-widths of a normal input with Cp = 1 per standard deviation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A tolerance that is made by machines: the ways to use them, and the variable that chooses."""
+
+    name: str
+    offers: tuple[Offer, ...]
+
+    @property
+    def choice(self) -> str:
+        """Name of the variable that chooses a way."""
+        return f"{self.name.removesuffix('_um').removesuffix('_mrad')}_process"
+
+    @cached_property
+    def ways(self) -> tuple[Way, ...]:
+        """Every machine with and without inspection."""
+        return tuple(way for offer in self.offers for way in offer.ways())
+
+    @property
+    def low(self) -> float:
+        """Tightest limit of any way."""
+        return min(way.low for way in self.ways)
+
+    @property
+    def high(self) -> float:
+        """Loosest limit of any way."""
+        return max(way.high for way in self.ways)
+
+    def by_spread(self, way: Way) -> GoodPartsBySpread:
+        """An inspected way by the spread of its good parts, in half-widths."""
+        return GoodPartsBySpread(way.machine, way.low, way.high, SCALE)
+
+    def clipped(self, t: Array, chosen: NDArray[np.int64]) -> Array:
+        """Limits (n,) moved to the nearest that the chosen way holds."""
+        low, high = (np.array([getattr(way, end) for way in self.ways]) for end in ("low", "high"))
+        return np.clip(t, low[chosen], high[chosen])
+
+    def spread_and_mean(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Half-width of a normal input with the scatter of good parts, and their mean (n,)."""
+        return self.each(t, chosen, lambda way, t: (
+            SCALE * way.machine.good_parts(t).std, way.machine.good_parts(t).mean))  # fmt: skip
+
+    def slopes(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Derivatives of the two by the limit (n,)."""
+        return self.each(t, chosen, lambda way, t: (
+            SCALE * way.machine.good_parts(t).std_slope, way.machine.good_parts(t).mean_slope,
+        ))  # fmt: skip
+
+    def cost(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Cost of a good part, and its derivative by the limit (n,)."""
+        return self.each(t, chosen, lambda way, t: (way.curve.cost(t), way.curve.slope(t)))
+
+    def each(self, t: Array, chosen: NDArray[np.int64], values: Any) -> tuple[Array, Array]:
+        """Two values (n,) of each design by its way."""
+        first, second = np.zeros_like(t), np.zeros_like(t)
+        for number, way in enumerate(self.ways):
+            rows = chosen == number
+            if np.any(rows):
+                first[rows], second[rows] = values(way, t[rows])
+        return first, second
+
+    def limits(self, spread: Array, chosen: NDArray[np.int64]) -> Array:
+        """Limits (n,) at spreads (n,) of good parts."""
+        t = np.zeros_like(spread)
+        for number, way in enumerate(self.ways):
+            rows = chosen == number
+            if np.any(rows):
+                fixed = way.low == way.high
+                t[rows] = way.low if fixed else self.by_spread(way).limit(spread[rows])
+        return t
+
+
+@dataclass(frozen=True)
+class MachinedKind:
+    """A problem with machines as its configuration has them; with settings it makes the problem."""
+
+    base: type[ToleranceProblem]
+    machines: Mapping[str, tuple[Offer, ...]]
+    machined: tuple[str, ...]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.base, name)
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """Those of the problem, and the choices of machines."""
+        return with_choices(self.base.variables, self.machines)
+
+    def unpriced(self, parameters: Mapping[str, Value]) -> frozenset[str]:
+        """Variables without a cost curve: their machines have prices."""
+        return self.base.unpriced(parameters) | set(self.machined)
+
+    def __call__(self, settings: Settings) -> ToleranceProblem:
+        return self.base(replace(settings, machines=self.machines))
+
+
+def with_choices(
+    variables: tuple[Variable, ...], machines: Mapping[str, tuple[Offer, ...]]
+) -> tuple[Variable, ...]:
+    """The variables, and at the end a choice of machine for each that is made by some."""
+    more = []
+    for name, offers in machines.items():
+        one = Made(name, offers)
+        labels = tuple(way.label for way in one.ways)
+        last = float(len(labels) - 1)
+        more.append(Variable(one.choice, "", Kind.CHOICE, 0.0, last, f"machine for {name}",
+                             document=0.0, integer=True, valid_low=0.0, valid_high=last,
+                             labels=labels))  # fmt: skip
+    return (*variables, *more)
+
+
+class Machined(ToleranceProblem):
+    """A problem with tolerances that machines may make: `[[variables.NAME.machine]]`.
+
+    Good parts count as normal with their own mean and standard deviation. `centred_only` names
+    variables of which the machines must be centred, `machinable` those that may have any.
+    """
+
+    machinable: frozenset[str] = frozenset()
+    centred_only: frozenset[str] = frozenset()
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        given = settings or Settings()
+        self.made = {name: Made(name, offers) for name, offers in given.machines.items()}
+        if self.made:
+            self.variables = with_choices(type(self).variables, given.machines)
+        super().__init__(settings)
+
+    @classmethod
+    def configured(cls, top: Section) -> Any:
+        section = top.section("variables")
+        stated = [name for name in (v.name for v in cls.variables) if name in section
+                  and "machine" in section.section(name)]  # fmt: skip
+        units = {v.name: v.unit for v in cls.variables}
+        machines = {}
+        for name in stated:
+            own = section.section(name)
+            if name not in cls.machinable:
+                own.fault("machine", f"{name} has no machines here; these may have some: "
+                          f"{', '.join(sorted(cls.machinable))}")  # fmt: skip
+                continue
+            ends = [own.number(key, units[name]) for key in ("low", "high")]
+            offers = read_offers(own, units[name], (ends[0], ends[1]))
+            cls._check(own, name, offers)
+            if name in top.section("costs"):
+                top.section("costs").fault(name, "is stated beside machines, which have prices: "
+                                           "leave it out")  # fmt: skip
+            if offers is not None:
+                machines[name] = offers
+        return MachinedKind(cls, machines, tuple(stated)) if stated else cls
+
+    @classmethod
+    def _check(cls, own: Section, name: str, offers: tuple[Offer, ...] | None) -> None:
+        """Faults of what stands beside the machines of a variable."""
+        if "value" in own:
+            own.fault("value", "is fixed beside machines: limits of inspection are low and high")
+        given = read_distribution(own) if "distribution" in own else Normal()
+        if given != Normal():
+            own.fault("distribution", "must be left out beside machines, whose good parts count as "
+                      "normal with a mean and scatter of their own")  # fmt: skip
+        for at, offer in enumerate(offers or ()):
+            if name in cls.centred_only and offer.machine.mean != 0.0:
+                own.fault(f"machine[{at}].mean", f"must be 0: machines for {name} are centred here; "
+                          "correct the mean, or state the mid-limit that it has (mid)")  # fmt: skip
+
+    def _completed(self, given: Settings) -> Settings:
+        variables = dict(given.variables)
+        for one in self.made.values():
+            fixed = one.low == one.high
+            own = given.variables.get(one.name, VariableSetting())
+            ends = {"value": one.low} if fixed else {"low": one.low, "high": one.high}
+            variables[one.name] = replace(own, **({"value": None, "low": None, "high": None} | ends),
+                                          distribution=Normal())  # fmt: skip
+            if len(one.ways) == 1:
+                variables[one.choice] = VariableSetting(value=0.0)
+        found = super()._completed(replace(given, variables=variables))
+        if not self.made:
+            return found
+        costs = {name: curve for name, curve in found.costs.items() if name not in self.made}
+        return replace(found, costs=costs)
+
+    # ---------------------------------------------------------------- designs
+
+    def chosen(self, designs: Array, one: Made) -> NDArray[np.int64]:
+        """Number of the way (n,) that a tolerance is made in."""
+        return np.rint(self.column(designs, one.choice)).astype(np.int64)
+
+    def complete(self, x: Array) -> Array:
+        designs = super().complete(x)
+        for one in self.made.values():
+            at = self.names.index(one.name)
+            designs[:, at] = one.clipped(designs[:, at], self.chosen(designs, one))
+        return designs
+
+    def misplaced(self, designs: Array) -> dict[str, dict[int, str]]:
+        found: dict[str, dict[int, str]] = {}
+        for one in self.made.values():
+            t, chosen = self.column(designs, one.name), self.chosen(designs, one)
+            for row in np.flatnonzero(np.abs(one.clipped(t, chosen) - t) > 1e-9 * t).tolist():
+                way = one.ways[chosen[row]]
+                found.setdefault(one.name, {})[row] = (
+                    f"{way.label} holds {way.low:g} to {way.high:g}, got {t[row]:g}")  # fmt: skip
+        return found
+
+    def effective(self, designs: Array) -> Array:
+        """Full designs with the spread of good parts in the place of limits."""
+        if not self.made:
+            return designs
+        found = np.array(designs, dtype=float)
+        for one in self.made.values():
+            at = self.names.index(one.name)
+            found[:, at] = one.spread_and_mean(found[:, at], self.chosen(designs, one))[0]
+        return found
+
+    def interval(self, output: str) -> Interval:
+        for one in self.made.values():
+            if output == one.choice:
+                return 0.0, float(len(one.ways) - 1)
+        return super().interval(output)
+
+    def room(self, name: str, design: Array) -> Interval:
+        low, high = super().room(name, design)
+        if name in self.made:
+            way = self.made[name].ways[int(self.chosen(design[None], self.made[name])[0])]
+            low, high = max(low, way.low), min(high, way.high)
+        return low, high
+
+    def _corner(self, tight: bool) -> Array:
+        found = super()._corner(tight)
+        for one in self.made.values():
+            ends = [way.low if tight else -way.high for way in one.ways]
+            found[self.names.index(one.name)] = abs(min(ends))
+            found[self.names.index(one.choice)] = float(np.argmin(ends))
+        return found
+
+    # ---------------------------------------------------------------- costs
+
+    def costs_of(self, designs: Array) -> dict[str, Array]:
+        found = super().costs_of(designs)
+        return found | {
+            one.name: one.cost(self.column(designs, one.name), self.chosen(designs, one))[0]
+            for one in self.made.values()
+        }
+
+    def cost_slopes(self, designs: Array) -> Array:
+        found = super().cost_slopes(designs)
+        for one in self.made.values():
+            t, chosen = self.column(designs, one.name), self.chosen(designs, one)
+            found[:, self.names.index(one.name)] = one.cost(t, chosen)[1]
+        return found
+
+    @cached_property
+    def cost_interval(self) -> Interval:
+        """Least and largest cost: of machines those of any way at either end."""
+        ends = np.stack([super()._corner(tight=False), super()._corner(tight=True)])
+        plain = ToleranceProblem.costs_of(self, ends)
+        low, high = (float(sum(cost[at] for cost in plain.values())) for at in (0, 1))
+        for one in self.made.values():
+            each = [way.curve.cost(np.linspace(way.low, way.high, 257)) for way in one.ways]
+            low += min(float(cost.min()) for cost in each)
+            high += max(float(cost.max()) for cost in each)
+        return low, high
+
+
+def curve_of(one: Made, way: Way, low: float, high: float) -> CostCurve:
+    """Cost of a way against the spread of its good parts."""
+    return way.curve if low == high else one.by_spread(way)
