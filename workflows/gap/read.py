@@ -23,7 +23,7 @@ from .data import GapData, assembled
 from .next.faults import range_faults
 from .plan import GapPlan, output_of
 from .plausible import implausible
-from .units import LEAST, one_per_unit, too_few
+from .units import LEAST, numbered, one_per_unit, too_few
 
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
 SAME = 1e-12
@@ -65,6 +65,9 @@ def checked_table(
     fitted = tables.fitted(table, place, _units(plan), plan.uses)
     given, faults = fitted.cells, [*faults, *fitted.faults]
     columns, outputs, predictions, stds = _layout(plan, given)
+    notes: list[str] = []
+    if plan.model is not None and plan.model.population:
+        given = numbered(given, columns, place, notes)
     faults += _missing_outputs(plan, given, outputs, place)
     wanted = [*(c.name for c in columns), *(o.name for o in outputs)]
     wanted += [*predictions.values(), *stds.values()]
@@ -78,7 +81,6 @@ def checked_table(
         optional=[*wanted, *extra, *spare],
         text={c.name for c in columns if c.text} | set(extra) | set(spare),
     )
-    notes: list[str] = []
     frame, found = _dropped(plan, frame, found, notes)
     faults += found + _block_faults(plan, given, frame, place)
     if not faults and plan.model is not None:

@@ -16,6 +16,26 @@ LEAST = 12
 """Rows, or units of a batch, below which nothing can be told from noise."""
 
 
+def numbered(cells: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]
+             ) -> pd.DataFrame:  # fmt: skip
+    """The cells with a number for each unit: labels such as RG20-1203 are numbered as they come,
+    and where no column tells the units apart every row is one.
+    """
+    name = next((c.name for c in columns if c.role is Role.UNIT and not c.text), None)
+    if name is None or not len(cells):
+        return cells
+    if name not in cells:
+        notes.append(f"{place}: no column {name}: each row is taken for a unit of its own")
+        return cells.assign(**{name: np.arange(1, len(cells) + 1)})
+    labels = cells[name].astype(object)
+    given = labels[labels.map(lambda one: one is not None and one == one and one != "")]
+    if pd.to_numeric(given, errors="coerce").notna().all():
+        return cells
+    number, each = pd.factorize(given)
+    notes.append(f"{place}: {len(each)} labels of units ({each[0]}, ...) are numbered as they come")
+    return cells.assign(**{name: pd.Series(number + 1, index=given.index).reindex(cells.index)})
+
+
 def one_per_unit(
     frame: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]
 ) -> tuple[pd.DataFrame, list[Fault]]:

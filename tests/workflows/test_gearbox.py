@@ -1,0 +1,68 @@
+"""The worked example of docs/gearbox.md: from files of a works to a drawing and a named effect."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+
+import pytest
+from openpyxl import load_workbook
+from typer.testing import CliRunner
+
+from tolevo.cli import app
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "gearbox.md"
+FEW = ("parameters.search_units=64", "parameters.report_units=256", 'algorithm.name="ga"',
+       "algorithm.population=16", "algorithm.generations=6", "references=none",
+       'objectives.minimise=["cost"]', "limits.backlash_max_arcmin=6.0")  # fmt: skip
+"""A search short enough for a test."""
+pytestmark = pytest.mark.source_tree
+
+
+def commands() -> list[list[str]]:
+    text = PAGE.read_text(encoding="utf-8")
+    return [shlex.split(line) for line in text.splitlines() if line.startswith("tolevo ")]
+
+
+@pytest.fixture(scope="module")
+def ended(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which the commands of the page ended, their results below runs/."""
+    place = tmp_path_factory.mktemp("works")
+    for words in commands():
+        moved = [str(ROOT / one) if one.startswith("docs/") else one for one in words[1:]]
+        moved = [str(place / one) if one.startswith("runs/") else one for one in moved]
+        few = [part for one in FEW for part in ("--set", one)] if moved[0] == "run" else []
+        done = CliRunner().invoke(app, [*moved, "--quiet", *few])
+        assert done.exit_code == 0, done.output
+    return place / "runs"
+
+
+def test_each_step_is_a_command_of_the_page() -> None:
+    assert [words[1] for words in commands()] == ["check", "run", "gap"]
+
+
+def test_the_spreadsheet_is_ready_for_the_drawing(ended: Path) -> None:
+    book = load_workbook(ended / "gearbox" / "allocation.xlsx")
+    heads, *rows = book["Allocation"].iter_rows(values_only=True)
+    pitch = [dict(zip(heads, row, strict=True)) for row in rows if "pitch_um" in row]
+    assert pitch
+    for one in pitch:
+        assert one["upper_deviation"] - one["lower_deviation"] == pytest.approx(
+            2.0 * one["rounded"]
+        )
+        assert one["unit"] == "um"
+    mechanism = [row[0] for row in book["Mechanism"].iter_rows(values_only=True)]
+    assert any("reducer RG-20 (drawing RG20-100-00)" in str(line) for line in mechanism)
+    told = json.loads((ended / "gearbox" / "summary.json").read_text(encoding="utf-8"))
+    assert "EUR" in json.dumps(told)
+
+
+def test_the_lot_that_is_off_is_named(ended: Path) -> None:
+    said = json.loads((ended / "gearbox_gap" / "gap.json").read_text(encoding="utf-8"))
+    (effect,) = said["effects"]
+    assert effect["name"] == "lot_offset"
+    low, high = effect["parameters"]["offset_C_arcmin"]["interval"]
+    assert low < 0.45 < high
+    assert said["verdict"] in ("named", "ambiguous")
