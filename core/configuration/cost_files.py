@@ -247,11 +247,11 @@ def _grouped(rows: list[Raw], key: str) -> dict[str | None, list[Raw]]:
     return found
 
 
-def _fill_part(
-    filled: Filled, part: Raw, at: int, prices: Prices, faults: list[Fault]
-) -> None:
+def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[Fault]) -> None:
     """Prices of one part: of its processes and machines, by grade, or as a table of t."""
-    owners = {one.get("name"): one for key in ("process", "machine") for _, one in _tables(part, key)}
+    owners = {
+        one.get("name"): one for key in ("process", "machine") for _, one in _tables(part, key)
+    }
     machines = {one.get("name") for _, one in _tables(part, "machine")}
     name = str(part.get("name", at))
     for process, rows in _grouped(prices.rows, "process").items():
@@ -280,7 +280,13 @@ def _unit_of(table: Raw, part: Raw) -> str:
 
 
 def _fill_table(
-    filled: Filled, owner: Raw, place: str, name: str, prices: Prices, faults: list[Fault], unit: str
+    filled: Filled,
+    owner: Raw,
+    place: str,
+    name: str,
+    prices: Prices,
+    faults: list[Fault],
+    unit: str,
 ) -> None:
     """`cost` or `price` of a part or process."""
     by_grade = [row for row in prices.rows if "grade" in row]
@@ -296,6 +302,7 @@ def _fill_table(
             owner[key] = curve
         return
     found: dict[str, float] = {}
+    before = len(faults)
     for row in by_grade:
         grade = row["grade"] if not row["grade"].isdigit() else f"IT{row['grade']}"
         if grade in found:
@@ -304,8 +311,9 @@ def _fill_table(
             faults.append(Fault(prices.place, f'{name}: "{grade}" is not a grade'
                                 f"{nearest(grade, GRADES)}"))  # fmt: skip
         found[grade] = row["cost"]
-    _narrow_grades(filled, owner, name, found)
-    owner[key] = found
+    if len(faults) == before:
+        _narrow_grades(filled, owner, name, found)
+        owner[key] = found
 
 
 def _narrow_grades(filled: Filled, owner: Raw, name: str, found: dict[str, float]) -> None:
@@ -360,5 +368,6 @@ def _curve(
         faults.append(Fault(prices.place, f"{name}: t = {one:g} has two costs"))
     if len(t) < 2 and not twice:
         faults.append(Fault(prices.place, f"{name}: needs costs at two values of t at least"))
+    if len(t) < 2 or twice:
         return None
     return {"model": "table", "t": t, "cost_at": [rows[at]["cost"] for at in order]}

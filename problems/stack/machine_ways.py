@@ -83,9 +83,7 @@ def _fixed(part: Part, number: int, rows: list[Row], at: int) -> Way:
 
 def _moved(row: Row, at: int, t: Array, mean: Array) -> Array:
     """What limits and means of a part add to a row beside its spread."""
-    return np.asarray(
-        row.linear[at] * t + row.bias_of(at) * mean + row.shift_of(at) * np.abs(mean)
-    )
+    return np.asarray(row.linear[at] * t + row.bias_of(at) * mean + row.shift_of(at) * np.abs(mean))
 
 
 def _moves(process: Process, rows: list[Row], at: int) -> bool:

@@ -81,7 +81,9 @@ def test_a_german_export_prices_parts_processes_machines_and_grades(tmp_path: Pa
     problem: Any = read(written(tmp_path, STACK)).problem
     pin, bore, cap = problem.definition.parts
     share = 120.0 / 50 + 0.4
-    assert pin.processes[0].curve == Table((0.005, 0.01, 0.02), (9.5 + share, 6 + share, 6.5 + share))
+    assert pin.processes[0].curve == Table(
+        (0.005, 0.01, 0.02), (9.5 + share, 6 + share, 6.5 + share)
+    )
     assert (pin.low, pin.high) == (0.005, 0.02)
     assert [one.name for one in bore.processes] == ["IT6", "IT7", "IT8"]
     assert [float(one.curve.cost(np.array([1.0]))[0]) for one in bore.processes] == [12.0, 8.5, 7.0]
@@ -192,7 +194,7 @@ def test_mixing_stated_and_assumed_costs_is_a_fault(tmp_path: Path, problem: str
     path.write_text(f'problem = "{problem}"\ncurrency = "EUR"\n', encoding="utf-8")
     found = faults(path)
     assert "scale_assumed" in found["currency"]
-    extra = 'costs.scale_assumed=10'
+    extra = "costs.scale_assumed=10"
     limit = "limits.interference_probability=0.1"
     kept: Any = read(path, [extra] + ([limit] if problem == "rv_reducer" else [])).problem
     assert next(one for one in kept.outputs if one.name == "cost").unit == "EUR, partly assumed"

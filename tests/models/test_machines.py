@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import norm, truncnorm
+
 from tolevo.models.machines import (
     GoodPartsBySpread,
     Inspection,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.stats import norm, truncnorm
+
 from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
@@ -27,9 +28,7 @@ def machine(part: int, at: int, **more: Any) -> dict[str, Any]:
             "price": PRICES[at] * (1.2 - 0.07 * part)} | more  # fmt: skip
 
 
-def table(
-    limit: float, inspected: bool = True, method: str = "rss", **more: Any
-) -> dict[str, Any]:
+def table(limit: float, inspected: bool = True, method: str = "rss", **more: Any) -> dict[str, Any]:
     """Five parts of three machines each."""
     given = {"inspection": {"price": 0.3}, "t_min": 1.0, "t_max": 16.0} if inspected else {}
     parts = [
@@ -88,7 +87,10 @@ def _at_prices(
             if not inspected:
                 continue
             kept = (tau * sigma >= 1.0) & (tau * sigma <= 16.0)
-            square, cost = (3.0 * slope * sigma * std[kept]) ** 2, (one["price"] + 0.3) / share[kept]
+            square, cost = (
+                (3.0 * slope * sigma * std[kept]) ** 2,
+                (one["price"] + 0.3) / share[kept],
+            )
             best = np.argmin(cost + price[:, None] * square, axis=1)
             own.append((square[best], cost[best]))
         ways.append(own)
