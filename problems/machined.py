@@ -186,17 +186,22 @@ class Machined(ToleranceProblem):
                       "normal with a mean and scatter of their own")  # fmt: skip
         for at, offer in enumerate(offers or ()):
             if name in cls.centred_only and offer.machine.mean != 0.0:
-                own.fault(f"machine[{at}].mean", f"must be 0: machines for {name} are centred here; "
-                          "correct the mean, or state the mid-limit that it has (mid)")  # fmt: skip
+                text = (f"must be 0: machines for {name} are centred here; correct the mean, or "
+                        "state the mid-limit that it has (mid)")  # fmt: skip
+                own.fault(f"machine[{at}].mean", text)
 
     def _completed(self, given: Settings) -> Settings:
         variables = dict(given.variables)
         for one in self.made.values():
-            fixed = one.low == one.high
             own = given.variables.get(one.name, VariableSetting())
-            ends = {"value": one.low} if fixed else {"low": one.low, "high": one.high}
-            variables[one.name] = replace(own, **({"value": None, "low": None, "high": None} | ends),
-                                          distribution=Normal())  # fmt: skip
+            fixed = one.low == one.high
+            variables[one.name] = VariableSetting(
+                value=one.low if fixed else None,
+                low=None if fixed else one.low,
+                high=None if fixed else one.high,
+                distribution=Normal(),
+                mid=own.mid,
+            )
             if len(one.ways) == 1:
                 variables[one.choice] = VariableSetting(value=0.0)
         found = super()._completed(replace(given, variables=variables))

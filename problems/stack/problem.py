@@ -131,7 +131,7 @@ class Stack(ToleranceProblem):
         return np.rint(self.column(designs, f"{part.name}_process")).astype(np.int64)
 
     def made(self, designs: Array) -> Tolerances:
-        """Parts of full designs as they come out: with the scatter of machines, where they have any."""
+        """Parts of full designs as they come out: with the scatter of their machines."""
         return as_made(self._parts, self.tolerances(designs), self._chosen_of_all(designs))
 
     def _chosen_of_all(self, designs: Array) -> NDArray[np.int64]:
@@ -258,7 +258,7 @@ class Stack(ToleranceProblem):
         return wide
 
     def _by_limit(self, designs: Array, slopes: dict[str, Array]) -> dict[str, Array]:
-        """Derivatives (n, parts) by the tolerances: by differences where a machine makes the part."""
+        """Derivatives (n, parts) by tolerances: by differences where a machine makes the part."""
         by_machine = [at for at, part in enumerate(self._parts) if part.by_machine]
         if not by_machine:
             return slopes

@@ -38,10 +38,10 @@ def test_good_parts_are_units_with_their_scatter() -> None:
     design[:, [at, way]] = 1.2, 1.0
     found = problem.needed(design)
     good = problem.made["pin_radius_um"].ways[1].machine.good_parts(np.array([1.2]))
-    own = {"value": float(3.0 * good.std[0]), "distribution": "normal"}
-    plain = reducer(table(pin_radius_um=own))
+    width = float(3.0 * good.std[0])
+    plain = reducer(table(pin_radius_um={"value": width, "distribution": "normal"}))
     same = np.delete(design, way, axis=1)
-    same[:, at] = own["value"]
+    same[:, at] = width
     expected = plain.needed(same)
     np.testing.assert_allclose(found["backlash_max_arcmin"], expected["backlash_max_arcmin"])
     curve = plain.settings.costs["pin_radius_um"].cost(same[:, at])
