@@ -249,6 +249,15 @@ class Machined(ToleranceProblem):
                 return 0.0, float(len(one.ways) - 1)
         return super().interval(output)
 
+    def by_limits(self, designs: Array, slopes: dict[str, Array]) -> dict[str, Array]:
+        """Derivatives (n, all variables) by limits from those by the spreads of good parts."""
+        for one in self.made.values():
+            at = self.names.index(one.name)
+            rise = one.slopes(self.column(designs, one.name), self.chosen(designs, one))[0]
+            for slope in slopes.values():
+                slope[:, at] *= rise
+        return slopes
+
     def room(self, name: str, design: Array) -> Interval:
         low, high = super().room(name, design)
         if name in self.made:

@@ -218,12 +218,7 @@ class RvReducer(Machined):
             for name in names:
                 slopes = evaluation.gradient(name)
                 found[name][at] = [slopes.get(v.name, 0.0) for v in self.variables]
-        for one in self.made.values():
-            column = self.names.index(one.name)
-            rise = one.slopes(self.column(designs, one.name), self.chosen(designs, one))[0]
-            for name in names:
-                found[name][:, column] *= rise
-        return found | self._plain_slopes(designs)
+        return self.by_limits(designs, found) | self._plain_slopes(designs)
 
     def _plain_slopes(self, designs: Array) -> dict[str, Array]:
         """Derivatives of cost and profile."""
