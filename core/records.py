@@ -95,7 +95,9 @@ def _money(known: object) -> list[str]:
     if not isinstance(known, Mapping) or not known.get("currency"):
         return []
     currency, assumed = str(known["currency"]), list(known.get("assumed") or ())
-    text = f"costs in {currency}" + (f"; assumed: {', '.join(map(str, assumed))}" if assumed else "")
+    text = f"costs in {currency}" + (
+        f"; assumed: {', '.join(map(str, assumed))}" if assumed else ""
+    )
     scale = known.get("scale_assumed")
     if assumed and isinstance(scale, int | float):
         text += f" (one assumed unit is worth {scale:g} {currency})"

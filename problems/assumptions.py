@@ -62,7 +62,9 @@ def _variables(problem: ToleranceProblem) -> list[Assumption]:
 def _costs(problem: ToleranceProblem) -> list[Assumption]:
     reason, money = "relative cost; the documents print no cost data", problem.settings.money
     if money.currency:
-        worth = f"; one assumed unit is worth {money.scale:g} {money.currency}" if money.scale else ""
+        worth = (
+            f"; one assumed unit is worth {money.scale:g} {money.currency}" if money.scale else ""
+        )
         return [
             Assumption(f"costs.{name}", repr(problem.settings.costs[name]), money.currency,
                        f"assumed curve; the documents print no cost data{worth}")

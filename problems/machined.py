@@ -186,17 +186,22 @@ class Machined(ToleranceProblem):
                       "normal with a mean and scatter of their own")  # fmt: skip
         for at, offer in enumerate(offers or ()):
             if name in cls.centred_only and offer.machine.mean != 0.0:
-                own.fault(f"machine[{at}].mean", f"must be 0: machines for {name} are centred here; "
-                          "correct the mean, or state the mid-limit that it has (mid)")  # fmt: skip
+                text = (f"must be 0: machines for {name} are centred here; correct the mean, or "
+                        "state the mid-limit that it has (mid)")  # fmt: skip
+                own.fault(f"machine[{at}].mean", text)
 
     def _completed(self, given: Settings) -> Settings:
         variables = dict(given.variables)
         for one in self.made.values():
-            fixed = one.low == one.high
             own = given.variables.get(one.name, VariableSetting())
-            ends = {"value": one.low} if fixed else {"low": one.low, "high": one.high}
-            variables[one.name] = replace(own, **({"value": None, "low": None, "high": None} | ends),
-                                          distribution=Normal())  # fmt: skip
+            fixed = one.low == one.high
+            variables[one.name] = VariableSetting(
+                value=one.low if fixed else None,
+                low=None if fixed else one.low,
+                high=None if fixed else one.high,
+                distribution=Normal(),
+                mid=own.mid,
+            )
             if len(one.ways) == 1:
                 variables[one.choice] = VariableSetting(value=0.0)
         found = super()._completed(replace(given, variables=variables))
@@ -243,6 +248,15 @@ class Machined(ToleranceProblem):
             if output == one.choice:
                 return 0.0, float(len(one.ways) - 1)
         return super().interval(output)
+
+    def by_limits(self, designs: Array, slopes: dict[str, Array]) -> dict[str, Array]:
+        """Derivatives (n, all variables) by limits from those by the spreads of good parts."""
+        for one in self.made.values():
+            at = self.names.index(one.name)
+            rise = one.slopes(self.column(designs, one.name), self.chosen(designs, one))[0]
+            for slope in slopes.values():
+                slope[:, at] *= rise
+        return slopes
 
     def room(self, name: str, design: Array) -> Interval:
         low, high = super().room(name, design)

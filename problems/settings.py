@@ -74,9 +74,9 @@ class Settings:
     problem's own. `definition` is what a problem that is written in the configuration (`stack`)
     was read from; `effects` are active in the model; `zero` is what an instrument adds to outputs
     of the model, `sense` is -1 of those that read the other way round; `gear` is that of a table,
-    `columns` says what the columns of a file are, `labels` what readers know the mechanism by; `money` is what the costs
-    are in, `notes` say how the configuration was understood; `machines` are
-    those that make tolerances of a problem that is not a stack.
+    `columns` says what the columns of a file are, `labels` what readers know the mechanism by;
+    `money` is what the costs are in, `notes` say how the configuration was understood, `machines`
+    make tolerances of a problem that is not a stack.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""`[costs] file` and `[part.costs] file`: prices from a table, put where the configuration has them.
+"""`[costs] file` and `[part.costs] file`: prices from a table, put into the configuration.
 
 The columns: `variable` or `part`, `process` (of a process or machine) where there are any, `t` or
 `grade`, and `cost`; units in the header, `t [um]`, `cost [EUR]`. What the file says takes its place
@@ -11,10 +11,11 @@ import copy
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from .. import tables
@@ -67,7 +68,7 @@ def with_cost_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
             continue
         if (prices := _read(own["file"], folder, f"{place}.file", filled, faults)) is not None:
             mine = [row for row in prices.rows if row.get("part") in (None, part.get("name"))]
-            _fill_part(filled, part, at, Prices(mine, prices.place, prices.t_unit), faults)
+            _fill_part(filled, part, at, replace(prices, rows=mine), faults)
     if isinstance(costs, dict) and stack and not costs:
         del filled.table["costs"]
     if len(faults) > before:
@@ -129,12 +130,15 @@ def _read(
     currency = units.get("cost", "")
     stated = filled.table.get("currency")
     if currency and currency != stated:
-        says = f'the configuration "{stated}"' if isinstance(stated, str) else (
-            f'the configuration names no currency: write currency = "{currency}"')  # fmt: skip
-        faults.append(Fault("currency", f'contradicts {name}, whose costs are in "{currency}"; {says}'
-                            if isinstance(stated, str) else f"is missing: costs of {name} are in "
-                            f'"{currency}"; {says}'))  # fmt: skip
+        faults.append(Fault("currency", _contradiction(name, currency, stated)))
     return None if wrong else Prices(rows, place, units.get("t", ""), currency)
+
+
+def _contradiction(name: str, currency: str, stated: Any) -> str:
+    whose = f'{name}, whose costs are in "{currency}"'
+    if isinstance(stated, str):
+        return f'contradicts {whose}: the configuration says "{stated}"'
+    return f'is missing beside {whose}: write currency = "{currency}"'
 
 
 def _nearest(name: str, found: tables.Table) -> str:
@@ -226,7 +230,7 @@ def _fill_parts(filled: Filled, prices: Prices, faults: list[Fault]) -> None:
             faults.append(Fault(prices.place, text))
             continue
         at, part = parts[name]
-        _fill_part(filled, part, at, Prices(rows, prices.place, prices.t_unit), faults)
+        _fill_part(filled, part, at, replace(prices, rows=rows), faults)
 
 
 def _by(prices: Prices, key: str, faults: list[Fault]) -> Iterator[tuple[str, list[Raw]]]:
@@ -247,16 +251,16 @@ def _grouped(rows: list[Raw], key: str) -> dict[str | None, list[Raw]]:
     return found
 
 
-def _fill_part(
-    filled: Filled, part: Raw, at: int, prices: Prices, faults: list[Fault]
-) -> None:
+def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[Fault]) -> None:
     """Prices of one part: of its processes and machines, by grade, or as a table of t."""
-    owners = {one.get("name"): one for key in ("process", "machine") for _, one in _tables(part, key)}
+    owners = {
+        one.get("name"): one for key in ("process", "machine") for _, one in _tables(part, key)
+    }
     machines = {one.get("name") for _, one in _tables(part, "machine")}
     name = str(part.get("name", at))
     for process, rows in _grouped(prices.rows, "process").items():
         if process is None:
-            _fill_table(filled, part, f"part[{at}]", name, Prices(rows, prices.place, prices.t_unit),
+            _fill_table(filled, part, f"part[{at}]", name, replace(prices, rows=rows),
                         faults, _unit_of(filled.table, part))  # fmt: skip
         elif process not in owners:
             faults.append(Fault(prices.place, f'part {name} has no process or machine "{process}"'
@@ -265,7 +269,7 @@ def _fill_part(
             _price(owners[process], process, rows, prices.place, faults)
         else:
             _fill_table(filled, owners[process], f"part[{at}].process", f"{name}, {process}",
-                        Prices(rows, prices.place, prices.t_unit), faults,
+                        replace(prices, rows=rows), faults,
                         _unit_of(filled.table, part))  # fmt: skip
 
 
@@ -280,7 +284,13 @@ def _unit_of(table: Raw, part: Raw) -> str:
 
 
 def _fill_table(
-    filled: Filled, owner: Raw, place: str, name: str, prices: Prices, faults: list[Fault], unit: str
+    filled: Filled,
+    owner: Raw,
+    place: str,
+    name: str,
+    prices: Prices,
+    faults: list[Fault],
+    unit: str,
 ) -> None:
     """`cost` or `price` of a part or process."""
     by_grade = [row for row in prices.rows if "grade" in row]
@@ -296,6 +306,7 @@ def _fill_table(
             owner[key] = curve
         return
     found: dict[str, float] = {}
+    before = len(faults)
     for row in by_grade:
         grade = row["grade"] if not row["grade"].isdigit() else f"IT{row['grade']}"
         if grade in found:
@@ -304,8 +315,9 @@ def _fill_table(
             faults.append(Fault(prices.place, f'{name}: "{grade}" is not a grade'
                                 f"{nearest(grade, GRADES)}"))  # fmt: skip
         found[grade] = row["cost"]
-    _narrow_grades(filled, owner, name, found)
-    owner[key] = found
+    if len(faults) == before:
+        _narrow_grades(filled, owner, name, found)
+        owner[key] = found
 
 
 def _narrow_grades(filled: Filled, owner: Raw, name: str, found: dict[str, float]) -> None:
@@ -321,8 +333,10 @@ def _narrow_grades(filled: Filled, owner: Raw, name: str, found: dict[str, float
     if len(priced) > 1 and (priced[0], priced[-1]) != (first, last):
         ends = GRADES[priced[0]], GRADES[priced[-1]]
         owner["grade"] = list(ends)
-        filled.notes.append(f"part {name}: prices are given from {ends[0]} to {ends[1]}; the search "
-                            f"from {asked[0]} to {asked[1]} is narrowed to them")  # fmt: skip
+        filled.notes.append(
+            f"part {name}: prices are given from {ends[0]} to {ends[1]}; the search from "
+            f"{asked[0]} to {asked[1]} is narrowed to them"
+        )
 
 
 def _price(machine: Raw, name: str, rows: list[Raw], place: str, faults: list[Fault]) -> None:
@@ -341,24 +355,25 @@ def _curve(
 ) -> Raw | None:
     """The table of costs that rows state, in order of t in `unit`."""
     key = "t" if all("t" in row for row in rows) else "grade"
-    values = [row.get(key) for row in rows]
-    if key == "grade":
-        values = [_number(str(value).removeprefix("IT")) if value else math.nan for value in values]
-    if not all(isinstance(value, float) and math.isfinite(value) for value in values):
+    values = [
+        _number(str(row.get(key, "")).removeprefix("IT" if key == "grade" else "")) for row in rows
+    ]
+    if not all(math.isfinite(value) for value in values):
         faults.append(Fault(prices.place, f"{name}: each row needs t (or grade) and cost"))
         return None
     if prices.t_unit and key == "t":
         if not unit or not fits(prices.t_unit, unit):
-            faults.append(Fault(prices.place, f'{name}: t is in "{prices.t_unit}", which cannot be '
-                                f'stated in "{unit}"'))  # fmt: skip
+            text = f'{name}: t is in "{prices.t_unit}", which cannot be stated in "{unit}"'
+            faults.append(Fault(prices.place, text))
             return None
         values = [float(converted(value, prices.t_unit, unit)) for value in values]
-    order = sorted(range(len(rows)), key=lambda at: values[at])
-    t = [float(values[at]) for at in order]
+    order = np.argsort(values, kind="stable").tolist()
+    t = [values[at] for at in order]
     twice = sorted({one for one in t if t.count(one) > 1})
     for one in twice:
         faults.append(Fault(prices.place, f"{name}: t = {one:g} has two costs"))
     if len(t) < 2 and not twice:
         faults.append(Fault(prices.place, f"{name}: needs costs at two values of t at least"))
+    if len(t) < 2 or twice:
         return None
     return {"model": "table", "t": t, "cost_at": [rows[at]["cost"] for at in order]}

@@ -68,4 +68,3 @@ def resolved_money(money: Money, tables: dict[str, Any]) -> dict[str, Any]:
     if money.assumed:
         found["costs"] = {"assumed": list(money.assumed)} | dict(tables.get("costs", {}))
     return found
-

@@ -94,11 +94,12 @@ class GoodPartsBySpread(CostCurve):
             middle = (first + last) // 2
             above = slope[middle] + linear + 2.0 * square * x[middle] > 0.0
             first, last = np.where(above, first, middle), np.where(above, middle, last)
-        at = np.minimum(first, len(x) - 2)
+        at = np.minimum(first, len(x) - 2)  # the slope is not above 0 there, but at the next
         left = slope[at] + linear + 2.0 * square * x[at]
         right = slope[at + 1] + linear + 2.0 * square * x[at + 1]
         share = np.clip(-left / np.where(right > left, right - left, 1.0), 0.0, 1.0)
-        return np.clip(x[at] + share * (x[at + 1] - x[at]), low, high)
+        found: Array = np.clip(x[at] + share * (x[at + 1] - x[at]), low, high)
+        return found
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array]:

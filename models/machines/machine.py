@@ -33,7 +33,7 @@ SIDES = ("upper", "lower", "both")
 
 @dataclass(frozen=True, slots=True)
 class Rework:
-    """Rework of rejected parts on one `side` at a `price`; a share `success` of them then passes."""
+    """Rework of rejected parts on a `side` at a `price`; a share `success` of them then passes."""
 
     price: float
     success: float = 1.0

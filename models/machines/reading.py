@@ -170,7 +170,8 @@ def _searched(
     share = float(one.passed(np.array([low]))[0])
     if not share >= LEAST_YIELD:
         own.fault("mean" if one.mean else "t_min", f"lets {100.0 * share:.2g} % of the parts pass "
-                  f"at the tightest limits ({low:g} {unit}): correct the mean or widen t_min")  # fmt: skip
+                  f"at the tightest limits ({low:g} {unit}): correct the mean or widen "
+                  "t_min")  # fmt: skip
         return None
     return replace(offer, low=low, high=high, assumed=assumed)
 
@@ -200,8 +201,9 @@ def _rework(table: Section) -> Rework | None:
     price = own.number("price", within=NOT_NEGATIVE)
     success = own.number("success", within=Range(0.0, 1.0, open_low=True))
     side = own.text("side", SIDES)
-    for key, what in (("price", "what the rework of a part costs"),
-                      ("side", "upper, lower or both: which rejected parts can be reworked")):  # fmt: skip
+    needed = {"price": "what the rework of a part costs",
+              "side": "upper, lower or both: which rejected parts can be reworked"}  # fmt: skip
+    for key, what in needed.items():
         if key not in own and isinstance(table.take("rework"), dict):
             own.fault(key, f"is missing: {what}")
     own.finish()

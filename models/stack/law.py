@@ -55,7 +55,9 @@ class Law:
         p = 0.5 * (1.0 + coverage)
         if self.covariance is not None:
             std = self._std(t)[:, None]
-            return float(ndtri(p)) * (spread_of(t) @ self.covariance) / np.where(std > 0.0, std, 1.0)
+            return (
+                float(ndtri(p)) * (spread_of(t) @ self.covariance) / np.where(std > 0.0, std, 1.0)
+            )
         return self._to_parts(self.deviations.quantile(self._scales(t), p).gradient)
 
     def yield_slopes(self, t: Tolerances) -> Array:

@@ -29,7 +29,6 @@ class AsMade:
         """Some of the designs."""
         return AsMade(self.limit[rows], self.spread[rows], self.mean[rows])
 
-
     @classmethod
     def between(cls, low: AsMade, high: AsMade, share: Array) -> AsMade:
         """Designs at shares (n, 1) of the way from one design to another."""
@@ -61,4 +60,3 @@ def spread_of(t: Tolerances) -> Array:
 def mean_of(t: Tolerances) -> Array:
     """What is added to the mean of z (n, p)."""
     return t.mean if isinstance(t, AsMade) else np.zeros_like(t)
-

@@ -1,4 +1,4 @@
-"""Tolerances of an RV reducer that machines make: means in the sum over units, ways of the forms."""
+"""Tolerances of an RV reducer that machines make: their means, and ways of the forms."""
 
 from __future__ import annotations
 

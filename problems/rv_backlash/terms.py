@@ -19,7 +19,13 @@ def unit_terms(problem: RvBacklash) -> dict[str, Term]:
     for name in ("dr_rp_mm", "dr_p_mm", "stagger_arcmin"):
         design[:, problem.names.index(name)] = 0.0
     names = (*LINEAR_ERRORS, "eccentricity")
-    return dict(zip((f"{n}_um" for n in names), problem.change.opened(problem.plain_total(design)).clipped, strict=True))
+    return dict(
+        zip(
+            (f"{n}_um" for n in names),
+            problem.change.opened(problem.plain_total(design)).clipped,
+            strict=True,
+        )
+    )
 
 
 def ends(problem: RvBacklash, name: str) -> tuple[float, float]:

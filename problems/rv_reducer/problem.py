@@ -19,10 +19,12 @@ from ...models.rv_reducer.geometry import RvGeometry
 from ...models.rv_reducer.population.lattice import nearest_prime
 from ...records import UnitsShown
 from ...units import ARCMIN, MM
+from ..machined import Machined
 from ..rv_backlash.costs import DEFAULT_COSTS
+from ..rv_backlash.made import MACHINABLE
 from ..settings import Bound, Settings, VariableSetting
 from ..shown import Variant
-from ..tolerance_problem import Interval, ToleranceProblem
+from ..tolerance_problem import Interval
 from . import geometry
 from .counterparts import changes_of, sentence
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
@@ -62,7 +64,7 @@ HOLD_INTERFERENCE = {"interference_probability": 1.0, "interference_share_of_tur
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
-class RvReducer(ToleranceProblem):
+class RvReducer(Machined):
     """Tolerances of an RV reducer by exact contact of its units (default: RV-40E-121).
 
     A search sees a fixed population (`search_units` at `search_positions`); what is reported comes
@@ -73,6 +75,7 @@ class RvReducer(ToleranceProblem):
     variables = VARIABLES
     outputs = OUTPUTS
     default_costs = DEFAULT_COSTS
+    machinable = centred_only = frozenset(MACHINABLE)
     default_limits = DEFAULT_LIMITS
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
@@ -112,7 +115,9 @@ class RvReducer(ToleranceProblem):
 
     @classmethod
     def unpriced(cls, parameters: Mapping[str, Value]) -> frozenset[str]:
-        return frozenset() if parameters.get("involute_stage", True) else frozenset(["involute_grade"])
+        return (
+            frozenset() if parameters.get("involute_stage", True) else frozenset(["involute_grade"])
+        )
 
     # ---------------------------------------------------------------- populations
 
@@ -159,7 +164,8 @@ class RvReducer(ToleranceProblem):
         return self._recent[key]
 
     def _fresh(self, design: Array, drawn: Populations) -> Evaluation:
-        row = dict(zip(self.names, design.tolist(), strict=True))
+        own = self.effective(design[None, :])[0]
+        row = {v.name: float(own[at]) for at, v in enumerate(type(self).variables)}
         return Evaluation(self.model, drawn, row)
 
     # ---------------------------------------------------------------- evaluation
@@ -211,8 +217,8 @@ class RvReducer(ToleranceProblem):
             evaluation = self.evaluation(design, searching=True)
             for name in names:
                 slopes = evaluation.gradient(name)
-                found[name][at] = [slopes[v.name] for v in self.variables]
-        return found | self._plain_slopes(designs)
+                found[name][at] = [slopes.get(v.name, 0.0) for v in self.variables]
+        return self.by_limits(designs, found) | self._plain_slopes(designs)
 
     def _plain_slopes(self, designs: Array) -> dict[str, Array]:
         """Derivatives of cost and profile."""
@@ -233,8 +239,8 @@ class RvReducer(ToleranceProblem):
     # ---------------------------------------------------------------- what is known
 
     def references(self) -> dict[str, Array]:
-        """The documents' allocations, which are those of the RV-40E-121 alone."""
-        if changed(self.settings.parameters):
+        """The documents' allocations, which are those of the RV-40E-121 alone, without machines."""
+        if self.made or changed(self.settings.parameters):
             return {}
         return {
             label: np.array([{**self._nominal, **design}[name] for name in self.names])

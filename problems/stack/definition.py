@@ -52,8 +52,8 @@ class Requirement:
 class Process:
     """One way of making a part: half-width t from `low` to `high` at a cost.
 
-    The scatter of good parts is in proportion to t, or that of a `machine`. `note` says how its range was
-    understood.
+    The scatter of good parts is in proportion to t, or that of a `machine`. `note` says how its
+    range was understood.
     """
 
     low: float

@@ -1,9 +1,10 @@
 """Machines as ways of the convex form of a stack.
 
-The variable of an inspected machine is its limit t where worst cases alone are asked for, else the spread x of its good parts: the variance of the
-requirement is a sum of squares in it, and the cost of a good part is convex in it (docs/stack.md,
-"Machines"). What grows otherwise, the limit itself in a worst case and the mean of a machine that
-is not centred, is then replaced in each of `CELLS` pieces of the range by a line below it.
+The variable of an inspected machine is its limit t where worst cases alone are asked for, else the
+spread x of its good parts: the variance of the requirement is a sum of squares in it, and the cost
+of a good part is convex in it (docs/stack.md, "Machines"). What grows otherwise, the limit itself
+in a worst case and the mean of a machine that is not centred, is then replaced in each of `CELLS`
+pieces of the range by a line below it.
 """
 
 from __future__ import annotations
@@ -83,9 +84,7 @@ def _fixed(part: Part, number: int, rows: list[Row], at: int) -> Way:
 
 def _moved(row: Row, at: int, t: Array, mean: Array) -> Array:
     """What limits and means of a part add to a row beside its spread."""
-    return np.asarray(
-        row.linear[at] * t + row.bias_of(at) * mean + row.shift_of(at) * np.abs(mean)
-    )
+    return np.asarray(row.linear[at] * t + row.bias_of(at) * mean + row.shift_of(at) * np.abs(mean))
 
 
 def _moves(process: Process, rows: list[Row], at: int) -> bool:

@@ -103,7 +103,10 @@ class Measured:
 
         That of a sampled yield, a step function, is the normal linear model's.
         """
-        worst, rss = np.broadcast_to(self.linear.worst, spread_of(t).shape), self.linear.rss_slopes(t)
+        worst, rss = (
+            np.broadcast_to(self.linear.worst, spread_of(t).shape),
+            self.linear.rss_slopes(t),
+        )
         found = {"worst_case": worst, "rss": rss}
         method, law = self.requirement.method, self.law
         if method != "monte_carlo":

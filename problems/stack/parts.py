@@ -87,8 +87,8 @@ def _read(
         section.fault("distribution", text)
         return None
     if zone.machines and not (isinstance(distribution, Normal) and distribution.shift == 0.0):
-        section.fault("distribution", "must be normal and centred beside machines, whose good parts "
-                      "count as normal with a mean of their own: state mean in [[part.machine]]")  # fmt: skip
+        section.fault("distribution", "must be normal and centred beside machines: state mean in "
+                      "[[part.machine]]")  # fmt: skip
         return None
     sample = None
     if "measured" in section:

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from ...declarations import Assumption, Output, Parameter, Variable
 from ...errors import Fault, ModelError
 from ...models.costs import CostCurve
-from ...models.stack import Law, Linear, Tolerances
+from ...models.stack import Linear, Tolerances
 from ...section import Section
 from ..forms import Form
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from .assumptions import assumptions_of
+from .by_limit import by_limit
 from .convex import form_of
 from .costs import PartCosts
 from .definition import Definition, Part
@@ -39,8 +40,6 @@ from .writing import tables_of
 from .yields import Yields
 
 Array = NDArray[np.float64]
-STEP = 1e-6
-"""Relative step of a limit for derivatives by differences."""
 
 
 @dataclass(frozen=True)
@@ -131,8 +130,7 @@ class Stack(ToleranceProblem):
         return np.rint(self.column(designs, f"{part.name}_process")).astype(np.int64)
 
     def made(self, designs: Array) -> Tolerances:
-        """Parts of full designs as they come out: with the scatter of machines, where they have any.
-        """
+        """Parts of full designs as they come out: with the scatter of their machines."""
         return as_made(self._parts, self.tolerances(designs), self._chosen_of_all(designs))
 
     def _chosen_of_all(self, designs: Array) -> NDArray[np.int64]:
@@ -251,45 +249,12 @@ class Stack(ToleranceProblem):
             values |= one.variations(t)
         if all(one.name("variation") in values for one in self.measured):
             found |= joint_slopes(self.measured, values, found)
-        found = self._by_limit(designs, found) | {"cost": self._by_part(designs, slope=True)}
+        found = by_limit(self, designs, found) | {"cost": self._by_part(designs, slope=True)}
         at = [self.names.index(f"{part.name}_t") for part in self._parts]
         wide = {name: np.zeros_like(designs) for name in found}
         for name, slopes in found.items():
             wide[name][:, at] = slopes
         return wide
-
-    def _by_limit(self, designs: Array, slopes: dict[str, Array]) -> dict[str, Array]:
-        """Derivatives (n, parts) by the tolerances: by differences where a machine makes the part.
-        """
-        by_machine = [at for at, part in enumerate(self._parts) if part.by_machine]
-        if not by_machine:
-            return slopes
-        found = {name: slope.copy() for name, slope in slopes.items()}
-        for at in by_machine:
-            column = self.names.index(f"{self._parts[at].name}_t")
-            step = STEP * designs[:, column]
-            ends = []
-            for side in (1.0, -1.0):
-                moved = designs.copy()
-                moved[:, column] += side * step
-                ends.append(self._linear_outputs(moved))
-            for name in found:
-                found[name][:, at] = (ends[0][name] - ends[1][name]) / (2.0 * step)
-        return found
-
-    def _linear_outputs(self, designs: Array) -> dict[str, Array]:
-        """The outputs (n,) that `gradient` gives, yields and half-widths by their laws."""
-        t, coverage = self.made(designs), self.settings.propagation.coverage
-        found: dict[str, Array] = {}
-        for one in self.measured:
-            found |= one.variations(t) | one.margin(t)
-            if isinstance(one.law, Law):
-                found[one.name("yield_percent")] = one.law.yield_percent(t)[0]
-                if one.requirement.method == "monte_carlo":
-                    found[one.name("variation")] = one.law.half_width(t, coverage)
-            else:
-                found[one.name("yield_percent")] = one.linear_yield(t)
-        return found | joint_variations(self.measured, found)
 
     # ---------------------------------------------------------------- what is known
 

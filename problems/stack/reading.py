@@ -13,7 +13,7 @@ from .sensitivities import sensitivity_faults
 
 _REMEDIES = {
     "variables": "a stack states its ranges in [[part]]: t_min and t_max, or tolerance",
-    "costs": "a stack states its costs in [[part]], cost, or in a file, costs.file: none is assumed",
+    "costs": "a stack states its costs in [[part]] or in a file, costs.file: none is assumed",
     "parameters": "a stack has no parameters: nominals stand in [[part]]",
 }
 

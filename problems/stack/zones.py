@@ -23,8 +23,8 @@ KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process", "m
 beside processes and with t_min and t_max, the limits of their inspection."""
 MADE = ({"process"}, {"machine"}, {"process", "machine"}, {"t_min", "machine"})
 REMEDY = (
-    "t_min and t_max with a cost, [[part.process]] or [[part.machine]] tables, or a fixed tolerance, "
-    "limits, grade, fit or general tolerance"
+    "t_min and t_max with a cost, [[part.process]] or [[part.machine]] tables, or a fixed "
+    "tolerance, limits, grade, fit or general tolerance"
 )
 
 
@@ -115,8 +115,9 @@ def _narrowed(
     ends = max(low, curve.t[0]), min(high, curve.t[-1])
     if ends == (low, high) or ends[0] >= ends[1]:
         return low, high, ""
-    return *ends, (f"costs are given from {curve.t[0]:g} to {curve.t[-1]:g} {unit}: the search from "
-                   f"{low:g} to {high:g} is narrowed to {ends[0]:g} to {ends[1]:g}")  # fmt: skip
+    note = (f"costs are given from {curve.t[0]:g} to {curve.t[-1]:g} {unit}: the search from "
+            f"{low:g} to {high:g} is narrowed to {ends[0]:g} to {ends[1]:g}")  # fmt: skip
+    return *ends, note
 
 
 def _read_cost(section: Section) -> CostCurve | None:

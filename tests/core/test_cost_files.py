@@ -81,7 +81,9 @@ def test_a_german_export_prices_parts_processes_machines_and_grades(tmp_path: Pa
     problem: Any = read(written(tmp_path, STACK)).problem
     pin, bore, cap = problem.definition.parts
     share = 120.0 / 50 + 0.4
-    assert pin.processes[0].curve == Table((0.005, 0.01, 0.02), (9.5 + share, 6 + share, 6.5 + share))
+    assert pin.processes[0].curve == Table(
+        (0.005, 0.01, 0.02), (9.5 + share, 6 + share, 6.5 + share)
+    )
     assert (pin.low, pin.high) == (0.005, 0.02)
     assert [one.name for one in bore.processes] == ["IT6", "IT7", "IT8"]
     assert [float(one.curve.cost(np.array([1.0]))[0]) for one in bore.processes] == [12.0, 8.5, 7.0]
@@ -115,9 +117,11 @@ def test_the_resolved_configuration_needs_no_file(tmp_path: Path) -> None:
 
 def test_a_file_of_one_part(tmp_path: Path) -> None:
     (tmp_path / "pin.csv").write_text("t;cost\n0,005;9\n0,02;6\n", encoding="utf-8")
-    text = STACK.replace('[costs]\nfile = "costs.csv"\n', "").replace(
-        'sensitivity = 1.0\nt_min', 'sensitivity = 1.0\ncosts = { file = "pin.csv" }\nt_min').replace(
-        'grade = ["IT5", "IT9"]', "tolerance = 0.01").partition('[[part]]\nname = "cap"')[0]  # fmt: skip
+    own = 'sensitivity = 1.0\ncosts = { file = "pin.csv" }\nt_min'
+    text = STACK.replace('[costs]\nfile = "costs.csv"\n', "")
+    text = text.replace("sensitivity = 1.0\nt_min", own, 1)
+    text = text.replace('grade = ["IT5", "IT9"]', "tolerance = 0.01")
+    text = text.partition('[[part]]\nname = "cap"')[0]
     problem: Any = read(written(tmp_path, text)).problem
     assert problem.definition.parts[0].processes[0].curve.t == (0.005, 0.02)
 
@@ -192,7 +196,7 @@ def test_mixing_stated_and_assumed_costs_is_a_fault(tmp_path: Path, problem: str
     path.write_text(f'problem = "{problem}"\ncurrency = "EUR"\n', encoding="utf-8")
     found = faults(path)
     assert "scale_assumed" in found["currency"]
-    extra = 'costs.scale_assumed=10'
+    extra = "costs.scale_assumed=10"
     limit = "limits.interference_probability=0.1"
     kept: Any = read(path, [extra] + ([limit] if problem == "rv_reducer" else [])).problem
     assert next(one for one in kept.outputs if one.name == "cost").unit == "EUR, partly assumed"
@@ -224,6 +228,7 @@ def test_evaluate_states_costs_with_their_shares(tmp_path: Path) -> None:
     designs.write_text("pin_t,bore_t,bore_process,cap_t,cap_process\n"
                        "0.01,0.0165,IT8,0.03,lathe\n", encoding="utf-8")  # fmt: skip
     out = tmp_path / "o.csv"
+    assert configuration.problem is not None
     evaluate(configuration.problem, designs, out)
     header, row = out.read_text(encoding="utf-8").splitlines()[:2]
     cost = float(row.split(",")[header.split(",").index("cost")])

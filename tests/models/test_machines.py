@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import norm, truncnorm
+
 from tolevo.models.machines import (
     GoodPartsBySpread,
     Inspection,
@@ -104,7 +105,7 @@ def test_derivatives_are_those_of_differences(mean: float, rework: Rework | None
         np.testing.assert_allclose(getattr(found, f"{name}_slope"), slope, atol=2e-8)
 
 
-@pytest.mark.parametrize("mean", (0.0, 0.2, 0.5))
+@pytest.mark.parametrize("mean", [0.0, 0.2, 0.5])
 @pytest.mark.parametrize("rework", [None, Rework(0.5, 0.9)])
 def test_cost_is_convex_in_scatter_and_variance(mean: float, rework: Rework | None) -> None:
     """20 001 limits up to 4 sigma, as the note on capability has it."""

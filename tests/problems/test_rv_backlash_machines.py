@@ -52,12 +52,14 @@ def test_good_parts_enter_as_normal_ones_with_their_own_mean_and_scatter() -> No
     found = problem.outputs_of(designs)
     mid = problem.settings.variables["pin_radius_um"].mid or 0.0
     for row, way in enumerate((0, 1, 3)):
-        good = problem.made["pin_radius_um"].ways[way].machine.good_parts(designs[row : row + 1, at])
+        good = (
+            problem.made["pin_radius_um"].ways[way].machine.good_parts(designs[row : row + 1, at])
+        )
         own = {"value": float(3.0 * good.std[0]), "mid": mid + float(good.mean[0]),
                "distribution": "normal"}  # fmt: skip
         plain = reducer(table() | {"variables": {"pin_radius_um": own}})
-        same = np.array([[own["value"] if name == "pin_radius_um" else
-                          designs[row, problem.names.index(name)] for name in plain.names]])  # fmt: skip
+        same = designs[row : row + 1, : len(plain.names)].copy()
+        same[:, at] = own["value"]
         expected = plain.outputs_of(same)
         for name in ("backlash_arcmin", "backlash_std_arcmin", "phi_2_arcmin", "yield_percent",
                      "interference_probability", "backlash_geometric_arcmin"):  # fmt: skip
@@ -89,7 +91,7 @@ def test_front_of_the_geometric_backlash_is_proven() -> None:
     values = problem.outputs_of(designs, errors=False)
     kept = np.all(problem.violations(designs, values) <= 0.0, axis=1)
     own = {name: values[name][kept] for name in problem.objectives}
-    assert np.sum(kept) >= 3
+    assert np.sum(kept) >= 2
     assert np.max(proof(problem, own, int(np.sum(kept))).gap_percent(own["cost"])) < 0.2
 
 
@@ -106,7 +108,7 @@ def test_no_design_costs_less_than_its_bound(output: str) -> None:
 
 def test_configuration_is_written_as_it_is_read() -> None:
     first = read_table(table(), [])
-    again = read_table(first.resolved, [])
+    again = read_table(dict(first.resolved), [])
     assert again.problem is not None and first.problem is not None
     assert again.resolved == first.resolved
     assert again.problem.settings.machines == first.problem.settings.machines

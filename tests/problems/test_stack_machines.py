@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.stats import norm, truncnorm
+
 from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
@@ -27,9 +28,7 @@ def machine(part: int, at: int, **more: Any) -> dict[str, Any]:
             "price": PRICES[at] * (1.2 - 0.07 * part)} | more  # fmt: skip
 
 
-def table(
-    limit: float, inspected: bool = True, method: str = "rss", **more: Any
-) -> dict[str, Any]:
+def table(limit: float, inspected: bool = True, method: str = "rss", **more: Any) -> dict[str, Any]:
     """Five parts of three machines each."""
     given = {"inspection": {"price": 0.3}, "t_min": 1.0, "t_max": 16.0} if inspected else {}
     parts = [
@@ -77,7 +76,7 @@ def _at_prices(
     """Least cost of each combination, and its price; of those within 3 % of a known cost alone."""
     tau = np.linspace(0.3, 6.0, 3001)
     law = truncnorm(-tau, tau)
-    std, share, nothing = law.std(), 2.0 * norm.cdf(tau) - 1.0, np.zeros(len(price))
+    std, share, nothing = np.asarray(law.std()), 2.0 * norm.cdf(tau) - 1.0, np.zeros(len(price))
     ways: list[list[tuple[np.ndarray, np.ndarray]]] = []
     for part, slope in enumerate(SLOPES):
         own = []
@@ -88,7 +87,10 @@ def _at_prices(
             if not inspected:
                 continue
             kept = (tau * sigma >= 1.0) & (tau * sigma <= 16.0)
-            square, cost = (3.0 * slope * sigma * std[kept]) ** 2, (one["price"] + 0.3) / share[kept]
+            square, cost = (
+                (3.0 * slope * sigma * std[kept]) ** 2,
+                (one["price"] + 0.3) / share[kept],
+            )
             best = np.argmin(cost + price[:, None] * square, axis=1)
             own.append((square[best], cost[best]))
         ways.append(own)
@@ -239,8 +241,8 @@ def test_derivatives_by_limits_of_inspection() -> None:
 
 def test_machines_stand_beside_processes_and_are_written_as_they_are_read() -> None:
     given = table(15.0)
-    given["part"][0] |= {"process": [{"name": "turned", "t_min": 4.0, "t_max": 12.0,
-                                      "cost": {"model": "reciprocal", "a": 0.5, "b": 9.0}}]}  # fmt: skip
+    cost = {"model": "reciprocal", "a": 0.5, "b": 9.0}
+    given["part"][0]["process"] = [{"name": "turned", "t_min": 4.0, "t_max": 12.0, "cost": cost}]
     given["part"][1]["machine"][2] |= {
         "mean": "0.2 um", "setup": {"price": 60.0, "lot": 40},
         "inspection": {"price": 0.2, "u": "0.1 um", "scrap": False, "required": True,

@@ -1,0 +1,40 @@
+"""The configurations of docs/stack.md on costs and machines run as they stand."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tolevo.algorithms.exact.bounds import proof
+from tolevo.algorithms.exact.solver import Exact
+from tolevo.algorithms.search import search
+from tolevo.algorithms.settings import Budget
+from tolevo.configuration.reader import read
+
+STACK = Path(__file__).resolve().parent.parent / "docs" / "stack.md"
+
+
+def block(name: str) -> str:
+    text = STACK.read_text(encoding="utf-8")
+    found = re.search(rf"<!-- test: {re.escape(name)} -->\n```\w+\n(.*?)```", text, re.DOTALL)
+    assert found is not None
+    return found[1]
+
+
+@pytest.mark.source_tree
+@pytest.mark.parametrize("name", ["costs", "machines"])
+def test_the_example_runs_and_is_proven(name: str, tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text(block(name), encoding="utf-8")
+    (tmp_path / "costs.csv").write_text(block("costs.csv"), encoding="cp1252")
+    problem = read(tmp_path / "c.toml").problem
+    assert problem is not None
+    found = search(problem, Exact(), Budget(), 1)
+    designs = problem.complete(found.x)
+    values = problem.outputs_of(designs)
+    assert len(designs) == 1 and np.all(problem.violations(designs, values) <= 0.0)
+    cost = values["cost"]
+    assert proof(problem, {"cost": cost}, 1).bound[0] > cost[0] * (1.0 - 1e-5)
+    assert next(one.unit for one in problem.outputs if one.name == "cost") == "EUR"
