@@ -38,6 +38,9 @@ SAME = 0.02
 """Change of the noise's level and autocorrelation below which it is as it was."""
 ROUNDS = 2
 """How often the noise is estimated again with what was named."""
+FAR_OUT = 4000.0
+"""Over the density of a unit that is far out, in standard deviations: one in 200, anywhere within
+10 of them."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,14 @@ class Analysis:
         """Of the ground that the loop ended on."""
         return self.ground.search
 
+    @property
+    def score(self) -> float:
+        """Of a batch: minus twice the log likelihood of its units, and the price of the names."""
+        batch = self.bare.batch
+        if not self.scatter:
+            return batch.plain(self.fit)
+        return self.scatter[0].score + batch.price(self.fit)
+
 
 def analysed(setup: Setup) -> Analysis:
     """The loop, with the noise estimated again beside what was named."""
@@ -137,7 +148,26 @@ def analysed(setup: Setup) -> Analysis:
             break
     if not setup.data.target.population:
         return _settled(setup, (found, noises, search, generic), (book, raw, which))
-    return concluded(setup, noises, search, generic, found)
+    return _of_batch(setup, (found, noises, search, generic), (book, raw, which))
+
+
+def _of_batch(
+    setup: Setup, now: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
+) -> Analysis:
+    """The final answer of a batch: units far out do not count, unless an effect on the scatter has
+    them, and the batch is likelier with all of them so than without them as it is.
+    """
+    found, noises, search, generic = now
+    first = concluded(setup, noises, search, generic, found)
+    out = noises[0].outliers
+    if not out or not setup.on_scatter:
+        return first
+    every = tuple(replace(one, good=None) for one in noises)
+    search, generic = searching(setup, every, *columns, search.thresholds)
+    again = concluded(setup, every, search, generic, select(search))
+    alone = 2.0 * np.log(FAR_OUT * first.bare.batch.law.std)
+    better = first.score + alone * out - again.score
+    return again if again.scatter and better > 0.0 else first
 
 
 def _settled(

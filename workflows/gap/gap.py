@@ -168,7 +168,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         gap_after=gap.after,
         residuals=table,
         spectrum=spectrum(data, which["before"], which["after"], noise, limit),
-        units=spread_of_units(plan, data, end),
+        units=spread_of_units(setup.plan, data, end),
         summary=_summary(plan, data, end, spread) | {"gap_is": gap.meaning},
         notes=_notes(analysis, data, end),
         population=population_of(end),

@@ -85,9 +85,12 @@ class Ending:
 
     @property
     def remains(self) -> bool:
-        """Whether rows show something that has no name beside what is named."""
+        """Whether rows show something that has no name beside what is named, or units scatter in a
+        way that has none.
+        """
         terms = len(self.named) < len(self.fit.members)
-        return terms or (self.rows and bool(self.analysis.judged.significant))
+        left = self.rows and bool(self.analysis.judged.significant)
+        return terms or left or self.analysis.misfit is not None
 
     @property
     def twin(self) -> bool:
@@ -246,7 +249,9 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         held_out_error=better.error,
         share=min(1.0, (less.rss - end.fit.rss) / total),
         frequency=float("nan") if spread is None else spread.frequency(member.name),
-        at_bound=tuple(o.name for o in numbers if _at_bound(values[o.name], o.low, o.high)),
+        at_bound=tuple(
+            o.name for o in numbers if not o.choices and _at_bound(values[o.name], o.low, o.high)
+        ),
     )
 
 
