@@ -111,6 +111,14 @@ class Analysis:
         """Of the ground that the loop ended on."""
         return self.ground.search
 
+    def nameless(self) -> Analysis:
+        """The analysis of a batch with nothing named."""
+        bare = self.bare
+        verdict = judged(bare.search, bare.empty, bare.generic, bare.empty)
+        odd = misfit(bare.batch, bare.empty, None)
+        selection = replace(self.selection, fit=bare.empty)
+        return Analysis(bare, bare, selection, verdict, (), self.significant, (), odd)
+
     @property
     def score(self) -> float:
         """Of a batch: minus twice the log likelihood of its units, and the price of the names."""

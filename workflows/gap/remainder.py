@@ -9,6 +9,7 @@ from ...models.effects.unresolved import Term, Unresolved
 from .analysis import Analysis
 from .fit import Member
 from .gaps import gaps
+from .generic import LEVELS
 from .result import Ending
 from .unresolved import is_term
 
@@ -98,6 +99,7 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
         ratio = float(np.sqrt(max(left.gains[at], 0.0) / end.analysis.search.fitter.space.readings))
         name = f"order {form.order:g}" if form.kind == "order" else form.kind
         text = f"a {name} of {form.variable}" + (f", {form.detail}" if form.detail else "")
+        text = f"a level of its own in each {form.variable}" if form.detail == LEVELS else text
         text += ", opposite in the two directions" if form.direction else ""
         found[key] = Remainder(
             one.name, (form.variable, *form.more), text, ratio * _level(end, output), one.unit,

@@ -29,7 +29,7 @@ from .close import Corrected, corrected
 from .data import GapData
 from .fit import Fit
 from .linear import beside
-from .misfit import misfit_of
+from .misfit import misfit_of, of_weights
 from .noise import outliers, whiteness
 from .population import Scatter
 from .scan import scan
@@ -124,7 +124,11 @@ def _ended(analysis: Analysis) -> Ending:
     model = corrected(analysis.setup, search.fitter.space, fit)
     bare = analysis.bare
     end = Ending(analysis, fit, model, bare.search.tested(bare.empty), search.tested(fit))
-    return replace(end, model=model.widened(misfit_of(analysis, fit)))
+    more = misfit_of(analysis, fit)
+    if end.named and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
+        weighed = of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
+        more = {key: more.get(key, 0.0) + weighed.get(key, 0.0) for key in {**more, **weighed}}
+    return replace(end, model=model.widened(more))
 
 
 def gate(end: Ending) -> Gate:
@@ -232,6 +236,7 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
     less = search.fitter.fit(end.fit.without(at))
     better = improvement(search.tested(less), end.after, search.labels)
     values = end.model.effect(member.name)
+    several = len(member.candidate.linear) > 1
     numbers = (*member.candidate.linear, *member.candidate.shape)
     ends = {one.name: _ends(end, member.name, one, values, spread) for one in numbers}
     total = max(end.analysis.ground.empty.rss - end.fit.rss, 1e-300)
@@ -250,16 +255,17 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         share=min(1.0, (less.rss - end.fit.rss) / total),
         frequency=float("nan") if spread is None else spread.frequency(member.name),
         at_bound=tuple(
-            o.name for o in numbers if not o.choices and _at_bound(values[o.name], o.low, o.high)
+            o.name
+            for o in numbers
+            if not o.choices and _at_bound(values[o.name], o.low, o.high, several)
         ),
     )
 
 
-def _at_bound(value: float, low: float, high: float) -> bool:
-    """Whether physics stopped a number, an amplitude of zero aside."""
-    width = abs(value) * 1e-6
-    return bool((np.isfinite(high) and value >= high - width) or
-                (np.isfinite(low) and low != 0.0 and value <= low + width))  # fmt: skip
+def _at_bound(value: float, low: float, high: float, several: bool = False) -> bool:
+    """Whether physics stopped a number; a zero is a bound beside other numbers of its effect."""
+    width, stops = abs(value) * 1e-6, np.isfinite(low) and (low != 0.0 or several)
+    return bool((np.isfinite(high) and value >= high - width) or (stops and value <= low + width))
 
 
 def _meaning(one: EffectParameter) -> str:
