@@ -38,6 +38,8 @@ SAME = 0.02
 """Change of the noise's level and autocorrelation below which it is as it was."""
 ROUNDS = 2
 """How often the noise is estimated again with what was named."""
+BETTER = 1.0
+"""By how much a rival must fit better than the answer to take its place."""
 FAR_OUT = 4000.0
 """Over the density of a unit that is far out, in standard deviations: one in 200, anywhere within
 10 of them."""
@@ -184,13 +186,11 @@ def _settled(
     """The final answer of rows, in the noise beside all that is in it."""
     found, noises, search, generic = now
     start = found.fit
-    empty = search.fitter.fit(())
-    done = Settling(search, generic, setup.data, empty, found.accepted).settled(start)
     for turn in range(SETTLED):
-        if turn:
-            empty = search.fitter.fit(())
-            done = Settling(search, generic, setup.data, empty, found.accepted).settled(start)
-        if not done.fit.members:  # what noise there is beside nothing is known
+        empty = search.fitter.fit(())
+        settling = Settling(search, generic, setup.data, empty, found.accepted)
+        done = settling.settled(start)
+        if turn == SETTLED - 1 or not done.fit.members:  # beside nothing the noise is known
             break
         anew = noise_of(setup, _contributions(setup, done.fit))
         if _alike(noises, anew):
@@ -200,7 +200,7 @@ def _settled(
         accepted = [search.fitter.fit(one.members) for one, _ in found.accepted]
         found = replace(found, accepted=tuple((one, search.tested(one)) for one in accepted))
         start = search.fitter.refined(done.fit.members)
-    return _answer(Ground(setup, tuple(noises), search, generic), found, done)
+    return _answer(Ground(setup, tuple(noises), search, generic), settling, found, done)
 
 
 def without(analysis: Analysis, name: str) -> Analysis:
@@ -212,7 +212,7 @@ def without(analysis: Analysis, name: str) -> Analysis:
     barred = frozenset({name, *analysis.barred})
     done = settling.again(analysis.fit, barred)
     done = replace(done, struck=(*analysis.struck, *({name} & {*found.named})))
-    return replace(_answer(ground, found, done), barred=barred)
+    return replace(_answer(ground, settling, found, done, barred), barred=barred)
 
 
 def _alike(one: Sequence[Noise], other: Sequence[Noise]) -> bool:
@@ -224,11 +224,19 @@ def _alike(one: Sequence[Noise], other: Sequence[Noise]) -> bool:
     )  # fmt: skip
 
 
-def _answer(ground: Ground, found: Selection, done: Settled) -> Analysis:
+def _answer(
+    ground: Ground, settling: Settling, found: Selection, done: Settled,
+    barred: frozenset[str] = frozenset(),
+) -> Analysis:  # fmt: skip
     """The analysis that ends with a settled fit; the instrument first among twins."""
     search, fit = ground.search, done.fit
     named = names_of(fit.members)
     others = rivals(search, fit, named)
+    if others and others[0].distance < -BETTER and not barred & {*others[0].names}:
+        other = search.fitter.refined(sorted(others[0].fit.members, key=is_term))
+        if settling.holds(other):
+            fit, named = other, names_of(other.members)
+            others = rivals(search, fit, named)
     if (first := first_of_twins(fit, others, False)) is not None:
         fit = search.fitter.fit(sorted(first.members, key=is_term))
         others = rivals(search, fit, named)
