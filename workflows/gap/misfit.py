@@ -5,7 +5,7 @@ effect does, all that they share is given to the name; of the form's squared siz
 dimensions has its part, and the shared one is taken to have had as much. With g the column of a
 number beside all others, E the squared norm of the term r in noise units and m its dimensions, the
 variance is then sigma^2 / |g|^2 (1 + E/m). A term that is fitted jointly may have taken g' r /
-|g|^2 from the number, at worst all of it or none: half of that is taken for the standard deviation.
+|g|^2 from the number, at worst all of it or none: 0.6 of that is taken for the standard deviation.
 """
 
 from __future__ import annotations
@@ -25,10 +25,9 @@ LITTLE = 0.01
 """Share of a number's column within a form below which they have nothing in common."""
 STEP = 1e-4
 """Relative step of a derivative."""
-HALF = 0.25
-"""Variance of what lies anywhere between two ends, over the square of their distance, about."""
 EITHER = 0.36
-"""The same, such that an interval of 90 % about one end holds the other."""
+"""Variance of what lies anywhere between two ends, over the square of their distance, such that an
+interval of 90 % about one end holds the other."""
 SURE = 2.0
 """Standard errors from which two fits differ by more than noise."""
 LEAST_CHANCE = 0.05
@@ -99,5 +98,5 @@ def _part(analysis: Analysis, fit: Fit, term: int, g: Array) -> float:
     if share < LITTLE:
         return 0.0
     if q.shape[1] == fitter.white(member).shape[1]:
-        return HALF * bias
-    return max(HALF * bias, float(added @ added) / len(fit.coefficients[term]) * share)
+        return EITHER * bias
+    return max(EITHER * bias, float(added @ added) / len(fit.coefficients[term]) * share)
