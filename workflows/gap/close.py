@@ -19,9 +19,9 @@ from .space import Space
 
 LEAST_ROWS = 10
 """Rows of a stretch of the record, at least."""
-CHOSEN = 1.1
-"""What an interval is widened by for names that were chosen by the same readings: measured on the
-benchmark, where 86 % of those of 90 % covered without it. Berk and others, Ann. Stat. 41, 2013."""
+CHOSEN, MOST_CHOSEN = 0.05, 1.25
+"""What an interval is widened by for each further name or term that was chosen by the same readings,
+and the most: measured on the benchmark. Berk and others, Ann. Stat. 41, 2013."""
 FEWEST = 12
 """Degrees of freedom of an interval from stretches, at least."""
 STRETCHES = 40
@@ -91,7 +91,8 @@ class Corrected:
 
     def interval(self, owner: str, name: str) -> tuple[float, float]:
         """Its linearised interval, within its bounds; nan where it was not fitted."""
-        half = float(stats.t.ppf(0.5 + 0.5 * self.plan.settings.interval, self.freedom)) * CHOSEN
+        half = float(stats.t.ppf(0.5 + 0.5 * self.plan.settings.interval, self.freedom))
+        half *= min(1.0 + CHOSEN * max(len(self.members) - 1, 0), MOST_CHOSEN)
         for one, value, error in zip(self.numbers, self.values, self.errors, strict=True):
             if (one.owner, one.name) == (owner, name):
                 ends = np.clip([value - half * error, value + half * error], one.low, one.high)
