@@ -20,7 +20,7 @@ from .space import Space
 LEAST_ROWS = 10
 """Rows of a stretch of the record, at least."""
 CHOSEN, MOST_CHOSEN = 0.05, 1.25
-"""What an interval is widened by for each further name or term that was chosen by the same readings,
+"""What an interval is widened by for each further name or term that the same readings chose,
 and the most: measured on the benchmark. Berk and others, Ann. Stat. 41, 2013."""
 FEWEST = 12
 """Degrees of freedom of an interval from stretches, at least."""
