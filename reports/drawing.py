@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from io import BytesIO
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import matplotlib as mpl
 import pandas as pd
@@ -22,6 +23,7 @@ COLOURS = ("#1f5fa8", "#c4501b", "#2b7a3d", "#7b3fa0", "#8a6d00", "#b0245f")
 """Colours of lines; what they mean is told by markers and dashes too."""
 FIXED: dict[Any, Any] = {"svg.hashsalt": "tolevo", "svg.fonttype": "path"}
 """The same identifiers in every process; letters as outlines, so that no font is needed."""
+_AS_SVG: WeakKeyDictionary[Figure, bytes] = WeakKeyDictionary()
 NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
 
@@ -65,8 +67,10 @@ def as_png(figure: Figure) -> bytes:
 
 
 def as_svg(figure: Figure) -> bytes:
-    """The figure as SVG, the same bytes every time."""
-    return _saved(figure, "svg", NO_METADATA)
+    """The figure as SVG, the same bytes every time; drawn once, for its file and for its page."""
+    if figure not in _AS_SVG:
+        _AS_SVG[figure] = _saved(figure, "svg", NO_METADATA)
+    return _AS_SVG[figure]
 
 
 def _saved(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:

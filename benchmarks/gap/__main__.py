@@ -33,7 +33,7 @@ from benchmarks.gap.trial import NAMERS, lines, namer_of, printed, scored
 SIZES = {"good": 150, "poor": 150, "pair": 80, "clean": 300, "size": 60, "delay": 60,
          "outside": 100, "dominant": 200,
          "manipulator good": 12, "manipulator poor": 12, "manipulator clean": 12,
-         "manipulator outside": 12}  # fmt: skip
+         "manipulator outside": 12, "uneven good": 100, "late good": 40}  # fmt: skip
 OF_MODELS = 20
 """Records of each group, and of one that is not listed; one of poses takes ten times as long."""
 FIRST = 10_000
@@ -53,6 +53,7 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--records", type=_count, help="of each group; otherwise as many as the page"
     )
+    parser.add_argument("--at-most", type=_count, help="of each group, fewer than the page has")
     parser.add_argument("--first", type=int, default=FIRST, help="number of the first one")
     parser.add_argument("--groups", nargs="*", default=list(GROUPS), choices=list(GROUPS))
     parser.add_argument("--namers", nargs="*", default=list(NAMERS),
@@ -74,6 +75,7 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
 def wanted(given: argparse.Namespace) -> list[Key]:
     """What is to be asked; the baselines read tables that hold their prediction."""
     sizes = {name: given.records or SIZES.get(name, OF_MODELS) for name in given.groups}
+    sizes = {name: min(size, given.at_most or size) for name, size in sizes.items()}
     return [
         (namer, group, given.first + k)
         for group, size in sizes.items() for k in range(size) for namer in given.namers

@@ -60,12 +60,14 @@ def cell(one: Figure) -> str:
 
 
 def figure_table(answers: Answers) -> str:
-    """Figures by namers."""
-    columns = {name: figures(found) for name, found in answers.items()}
+    """Figures by namers, or by families; some are of one family alone."""
+    columns = {name: {one.name: one for one in figures(found)} for name, found in answers.items()}
+    every = {name: one for column in columns.values() for name, one in column.items()}
     lines = [
-        [same[0].name, goal(same[0].must, same[0]), goal(same[0].aim, same[0]), *map(cell, same)]
-        for same in zip(*columns.values(), strict=True)
-    ]
+        [name, goal(one.must, one), goal(one.aim, one),
+         *(cell(column[name]) if name in column else "-" for column in columns.values())]
+        for name, one in every.items()
+    ]  # fmt: skip
     return table(["figure", "must", "aim", *columns], lines)
 
 

@@ -20,7 +20,7 @@ from .reader import read
 ALLOCATION, FRONT, CONFIG = "allocation.csv", "front.csv", "config.toml"
 CHOICE = ("choice", "point", "variable", "rounded")
 """Columns by which the allocation of a run is known."""
-FORMS = 'a run\'s allocation.csv, a table of designs, or { file = "RUN", point = "knee" }'
+FORMS = 'a run\'s allocation.csv, a table of designs, or { run = "runs/x", point = "knee" }'
 
 
 @dataclass(frozen=True)
@@ -38,13 +38,17 @@ def read_built(top: Section, folder: Path, variables: Iterable[Variable]) -> Bui
     if given is None:
         return None
     inner = top.of("built_to", given if isinstance(given, dict) else {"file": given})
-    name, point = inner.text("file"), inner.take("point")
+    key = "run" if "run" in inner else "file"
+    name, point = inner.text(key), inner.take("point")
+    if key == "run" and "file" in inner:
+        inner.fault("file", "is given beside run: leave one of them out")
+        inner.take("file")
     inner.finish()
     if name is None:
-        if not isinstance(given, str | dict) or "file" not in inner:
+        if not isinstance(given, str | dict) or key not in inner:
             top.fault("built_to", f"must name {FORMS}, got {shown(given)}")
         return None
-    place = inner.place("file") if isinstance(given, dict) else "built_to"
+    place = inner.place(key) if isinstance(given, dict) else "built_to"
     try:
         return _found(folder / name, name, point, {one.name: one for one in variables})
     except InputError as error:
@@ -92,7 +96,7 @@ def _of_choices(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, 
     if point is None and len(by) > 1:
         raise _wrong(
             f"{place} holds {len(by)} chosen points ({names}): say which, as "
-            f'built_to = {{ file = "...", point = "{next(iter(by))[0].split()[0]}" }}'
+            f'built_to = {{ run = "...", point = "{next(iter(by))[0].split()[0]}" }}'
         )
     mine = [
         one

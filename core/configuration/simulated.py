@@ -10,6 +10,7 @@ from .. import registry
 from ..errors import refuse
 from .configuration import Configuration
 from .table import TABLE, table_model
+from .variables import mid_parameter
 
 
 def build_model(configuration: Configuration) -> Any:
@@ -34,7 +35,7 @@ def arguments_of(configuration: Configuration) -> dict[str, Any]:
     known = {parameter.name for parameter in kind.parameters}
     parameters = {name: value for name, value in given.parameters.items() if name in known}
     for name, (_, setting) in settings.items():
-        mid = f"{name.removesuffix('_um')}_mid_um"
+        mid = mid_parameter(name)
         if setting.mid is not None and mid in known:
             parameters[mid] = setting.mid
     return {
@@ -45,8 +46,14 @@ def arguments_of(configuration: Configuration) -> dict[str, Any]:
 
 
 def rebuilt(configuration: Configuration, parameters: Mapping[str, Any]) -> Any:
-    """The model with some of its parameters changed; those of tables have dotted names."""
+    """The model with some of its parameters changed; those of tables have dotted names, and a
+    mid-limit is that of its variable as well.
+    """
     given = dict(configuration.settings.parameters)
+    variables = dict(configuration.settings.variables)
+    for name in variables:
+        if (mid := parameters.get(mid_parameter(name))) is not None:
+            variables[name] = replace(variables[name], mid=float(mid))
     for name, value in parameters.items():
         table, dot, key = name.partition(".")
         if dot:
@@ -54,5 +61,5 @@ def rebuilt(configuration: Configuration, parameters: Mapping[str, Any]) -> Any:
             given[table] = {**(known if isinstance(known, Mapping) else {}), key: value}
         else:
             given[name] = value
-    settings = replace(configuration.settings, parameters=given)
+    settings = replace(configuration.settings, parameters=given, variables=variables)
     return build_model(replace(configuration, settings=settings))

@@ -61,11 +61,7 @@ class RvBatch(MeasurableModel):
     made_to_a_drawing = True
     geometry = batch_declared.GEOMETRY
     of_the_bench = batch_declared.OF_THE_BENCH
-    free: ClassVar[Mapping[str, float]] = {
-        f"{v.name.removesuffix('_um')}_mid_um": float(v.document)
-        for v in declared.VARIABLES
-        if v.mid is not None and v.document is not None
-    }
+    free: ClassVar[Mapping[str, float]] = {}
 
     def __init__(
         self,

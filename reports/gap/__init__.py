@@ -1,5 +1,5 @@
 """The page and figures of a gap analysis, from its result record."""
 
-from .page import figures, gap_page
+from .page import drawings, figures, gap_page
 
-__all__ = ["figures", "gap_page"]
+__all__ = ["drawings", "figures", "gap_page"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
 import pandas as pd
@@ -52,14 +52,25 @@ CAPTIONS = {
 }
 
 
+Drawn = tuple[str, Figure, str]
+
+
 def figures(result: GapResult) -> dict[str, Figure]:
     """Every figure of the result by the name of its file."""
-    return {name: figure for name, figure, _ in _drawn(result)}
+    return {name: figure for name, figure, _ in drawings(result)}
 
 
-def gap_page(result: GapResult) -> str:
-    """The whole page; every text that comes from outside is escaped."""
-    pictures = {name: picture(name, figure, caption) for name, figure, caption in _drawn(result)}
+def drawings(result: GapResult) -> tuple[Drawn, ...]:
+    """Name, figure and caption of everything that this result has a figure of."""
+    return tuple(_drawn(result))
+
+
+def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
+    """The whole page, with the figures that were `drawn` already; every text that comes from
+    outside is escaped.
+    """
+    every = drawings(result) if drawn is None else drawn
+    pictures = {name: picture(name, figure, caption) for name, figure, caption in every}
     sections = {
         "What was simulated": drawing_section(result.drawing),
         "Verdict": _verdict(result),
@@ -85,8 +96,7 @@ def gap_page(result: GapResult) -> str:
     return document(result.title, "\n".join(told))
 
 
-def _drawn(result: GapResult) -> Iterator[tuple[str, Figure, str]]:
-    """Name, figure and caption of everything that this result has a figure of."""
+def _drawn(result: GapResult) -> Iterator[Drawn]:
     kinds = (("residuals", residuals_figure), ("spectrum", spectrum_figure),
              ("distribution", distribution_figure))  # fmt: skip
     for output in result.outputs:

@@ -17,6 +17,7 @@ from benchmarks.gap.generator.outside import OUTSIDE, SINCE_INSIDE
 from benchmarks.gap.generator.records import (
     BENCH_GROUPS,
     LEAST_LAMBDA,
+    TIMED,
     Truth,
     orthogonal,
     record,
@@ -90,7 +91,8 @@ def test_a_record_follows_from_its_group_and_number(group: str) -> None:
     assert one.configuration == again.configuration
     assert one.name != other.name
     assert np.isfinite(one.table.to_numpy()).all()
-    assert set(tomllib.loads(one.configuration)["columns"]) == set(one.table.columns)
+    there = set(one.table.columns) - {"session"}
+    assert set(tomllib.loads(one.configuration)["columns"]) == there
     assert not any(name in f"{one.name} {one.configuration}" for name in truth.names)
 
 
@@ -173,3 +175,32 @@ def test_waves_of_other_gears_are_those_of_their_wheels() -> None:
         expected = (*at.excitations, *multiples)
         assert min(abs(highest - order) for order in expected) <= 0.5, (number, highest, expected)
     assert kinds == {"own gear", "unknown gear"}
+
+
+def test_sessions_have_clocks_of_their_own() -> None:
+    """Each from 0 on, in records in which nothing follows the time; about half of those."""
+    cut = 0
+    for number in range(40):
+        found, truth = record("dominant", number)
+        if "session" not in found.table:
+            continue
+        cut += 1
+        assert not TIMED & set(truth.names)
+        by = found.table.groupby("session", sort=False)["time_s"]
+        assert 2 <= by.ngroups <= 4 and (by.min() == 0.0).all()
+        assert all((part.diff().dropna() > 0.0).all() for _, part in by)
+    assert 5 <= cut <= 25
+
+
+def test_a_late_channel_is_the_prediction_of_another_moment() -> None:
+    """Moved back by the delay that fits best, it is the prediction again."""
+    for number in range(3):
+        found, truth = record("late good", number)
+        at, (one,) = truth.points, truth.hidden
+        y = found.table["te_arcsec_predicted"].to_numpy()
+        late = np.arange(-9.0, 9.01, 0.05) * at.pace
+        left = [np.std(np.interp(at.time - by, at.time, y)[50:-50] - (y + one.added)[50:-50])
+                for by in late]  # fmt: skip
+        best = int(np.argmin(left))
+        assert abs(late[best]) >= 0.4 * at.pace
+        assert left[best] < 0.1 * np.std(one.added)

@@ -151,7 +151,7 @@ def test_a_chosen_point_of_a_run_directory(folder: Path) -> None:
     table = pd.read_csv(folder / "run" / "allocation.csv")
     label = table["choice"].iloc[0].split()[0]
     mine = table[table["point"] == table["point"].iloc[0]].set_index("variable")["rounded"]
-    plan = planned(folder, f'built_to = {{ file = "run", point = "{label}" }}')
+    plan = planned(folder, f'built_to = {{ run = "run", point = "{label}" }}')
     assert plan.drawing is not None and plan.drawing.geometry_from == "run"
     values = {one.variable: one.value for one in plan.drawing.zones}
     assert {name: values[name] for name in mine.index} == pytest.approx(dict(mine), rel=1e-12)
@@ -163,6 +163,8 @@ def test_a_chosen_point_of_a_run_directory(folder: Path) -> None:
     assert values["pitch_um"] == pytest.approx(front["pitch_um"].iloc[0], rel=1e-12)
     said = faults(folder, 'built_to = { file = "run", point = "kneee" }')
     assert "did you mean `knee`" in said["built_to.file"]
+    both = faults(folder, 'built_to = { run = "run", file = "run", point = "knee" }')
+    assert "leave one of them out" in both["built_to.file"]
 
 
 def test_terminal_and_file_begin_with_what_was_simulated(folder: Path) -> None:
@@ -203,3 +205,45 @@ def test_assemblies_take_the_process_of_the_run(folder: Path) -> None:
     (folder / "gap.toml").write_text(text + '[parameters]\ninsertion = "before"\n')
     (fault,) = gap_plan(folder / "gap.toml")[1]
     assert fault.place == "parameters.insertion"
+
+
+@pytest.mark.parametrize(
+    ("text", "table", "places"),
+    [
+        (
+            'model = "rv_batch"\nrun = "run.toml"\nbuilt_to = "other.csv"\n[parameters]\n'
+            'pins = 40\n[sense]\nbacklash_mm = -1\n[gear]\nkind = "rv"\npins = 40\n',
+            "unit,backlash_arcmin\n1,0.5\n",
+            ("gear.cycloid_teeth", "gear.sun_teeth", "sense.backlash_mm", "built_to:",
+             "parameters.pins"),
+        ),
+        (
+            'model = "table"\nrun = "run.toml"\nbuilt_to = "other.csv"\n[gear]\n'
+            'kind = "planetary"\nsun_teeth = 20\n[sense]\nnothing = -1\n[columns]\n'
+            't = { role = "time", unit = "s" }\ny = { role = "measured", unit = "N" }\n'
+            'p = { role = "predicted", unit = "N" }\n',
+            "session,t,y,p\n" + "".join(f"0,{k % 30},{k},1\n" for k in range(60)),
+            ("gear.ring_teeth", "gear.planets", "sense.nothing", "run:", "built_to:",
+             "data.csv: column t: is set back within session 0"),
+        ),
+        (
+            'model = "serial_arm"\n[sense]\nnothing = -1\n[[joint]]\nd_mm = 89.0\n'
+            'a_mm = "long"\n[[joint]]\nalpha_deg = 90.0\nlenght_mm = 3\n',
+            "q\n1\n",
+            ("sense.nothing", "joint[0].a_mm", "joint[0].alpha_deg", "joint[1].d_mm",
+             "joint[1].lenght_mm", "data.csv: holds none of the measured outputs"),
+        ),
+    ],
+    ids=["batch", "table", "arm"],
+)  # fmt: skip
+def test_every_fault_at_once_and_nothing_written(
+    folder: Path, text: str, table: str, places: tuple[str, ...]
+) -> None:
+    (folder / "gap.toml").write_text(text)
+    (folder / "data.csv").write_text(table)
+    (folder / "other.csv").write_text("dtheta_1_um,dtheta_2_um\n1,2\n")
+    command = ["gap", str(folder / "gap.toml"), str(folder / "data.csv"), "--out"]
+    done = CliRunner().invoke(app, [*command, str(folder / "out")])
+    assert done.exit_code == 2 and not (folder / "out").exists()
+    for place in places:
+        assert place in done.output, (place, done.output)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,9 @@ import pytest
 
 from tolevo import registry
 from tolevo.configuration.gap import read_gap
+from tolevo.configuration.reader import read_table
+from tolevo.configuration.simulated import build_model
+from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.read import read_data
 from tolevo.workflows.gap.recalibration import said
@@ -49,3 +53,22 @@ def test_a_unit_that_is_softer_than_its_model(tmp_path: Path, share: float) -> N
     result = gap.found(plan, read_data(plan, tmp_path / "data.csv"))
     noted = any(f"tolerance: {STIFFNESS};" in note for note in result.notes)
     assert noted is (share > 0.0)
+
+
+def test_a_mid_limit_of_a_batch_is_recalibrated_in_its_model(tmp_path: Path) -> None:
+    """Pins 2.5 um thicker than drawn: mean and scatter are those of such units, here and in the
+    corrected configuration, whose variable has that mid-limit as well.
+    """
+    made = RvBatch({"model": "document", "pin_radius_mid_um": 1.5})
+    units = {"unit": np.arange(400).astype(str)}
+    y = made.predict(units, np.random.default_rng(3))["backlash_arcmin"]
+    pd.DataFrame({**units, "backlash_arcmin": y}).to_csv(tmp_path / "data.csv", index=False)
+    text = 'model = "rv_batch"\n[parameters]\nmodel = "document"\n[free]\npin_radius_mid_um = 5.0\n'
+    (tmp_path / "gap.toml").write_text(text, encoding="utf-8")
+    plan = read_gap(tmp_path / "gap.toml")
+    result = gap.found(plan, read_data(plan, tmp_path / "data.csv"))
+    assert result.verdict == "no_gap"
+    (moved,) = result.gate.recalibrated
+    assert moved.after == pytest.approx(1.5, abs=0.3)
+    corrected = build_model(read_table(tomllib.loads(result.corrected), []))
+    assert corrected.means()["backlash_arcmin"] == pytest.approx(y.mean(), abs=0.03)

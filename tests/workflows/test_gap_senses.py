@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,9 @@ from tolevo.configuration.gap import read_gap
 from tolevo.errors import InputError
 from tolevo.gap_records import GapResult
 from tolevo.workflows.gap import gap
+from tolevo.workflows.gap.close import Corrected, Number
+from tolevo.workflows.gap.misfit import of_weights
+from tolevo.workflows.gap.plan import GapPlan
 from tolevo.workflows.gap.read import read_data
 
 HEAD = """
@@ -234,3 +238,35 @@ def test_a_clock_for_each_session_keeps_the_sessions_in_their_order(tmp_path: Pa
     data = read_data(read_gap(configuration), table)
     assert any("begins anew in each session" in note for note in data.notes)
     np.testing.assert_array_equal(data.measured["te"], frame["te"])
+
+
+def test_a_step_of_a_session_is_said_and_a_drag_that_is_none_is_at_its_bound(
+    tmp_path: Path,
+) -> None:
+    """Blocks are the sessions, whose column has the role `ignore`; load times speed with the load's
+    sign alone, so that the drag against the motion ends at 0, and its interval does not.
+    """
+    frame = rows().assign(session=np.repeat(["a", "b", "c", "d"], N // 4))
+    frame["te"] += 0.005 * frame["torque"] * frame["speed"] + 3.0 * (frame["session"] > "b")
+    text = head() + '"session" = { role = "ignore" }\n[validation]\nblocks = "session"\n'
+    said = found(tmp_path, frame, text)
+    assert said.verdict == "partial" and said.names == ("load_viscous",)
+    assert said.remainder[0].shape == "a level of its own in each session"
+    signed, drag = said.effects[0].parameters
+    assert signed.low < 0.005 < signed.high
+    if drag.value == 0.0:
+        assert said.effects[0].at_bound == (drag.name,)
+    assert drag.high > 0.0 and drag.low == 0.0
+
+
+def test_fits_that_weigh_readings_otherwise_widen_what_they_disagree_about() -> None:
+    """Beyond two standard errors of their difference the interval of the one holds the other."""
+    numbers = tuple(Number("effect", "e", name, -np.inf, np.inf, 1.0) for name in ("a", "b"))
+    plan = GapPlan("table", None)
+    own = Corrected(plan, (), numbers, np.array([1.0, 1.0]), np.full(2, 0.1), 39,
+                    np.diag([0.01, 0.01]))  # fmt: skip
+    plain = replace(own, values=np.array([1.2, 2.0]), covariance=np.diag([0.04, 0.04]))
+    more = of_weights(own, plain)
+    assert set(more) == {("e", "b")}  # 0.2 is 1.2 standard errors
+    low, high = own.widened(more).interval("e", "b")
+    assert low < 1.0 and high > 2.0

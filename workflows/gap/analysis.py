@@ -38,6 +38,11 @@ SAME = 0.02
 """Change of the noise's level and autocorrelation below which it is as it was."""
 ROUNDS = 2
 """How often the noise is estimated again with what was named."""
+BETTER = 1.0
+"""By how much a rival must fit better than the answer to take its place."""
+FAR_OUT = 4000.0
+"""Over the density of a unit that is far out, in standard deviations: one in 200, anywhere within
+10 of them."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +113,22 @@ class Analysis:
         """Of the ground that the loop ended on."""
         return self.ground.search
 
+    def nameless(self) -> Analysis:
+        """The analysis of a batch with nothing named."""
+        bare = self.bare
+        verdict = judged(bare.search, bare.empty, bare.generic, bare.empty)
+        odd = misfit(bare.batch, bare.empty, None)
+        selection = replace(self.selection, fit=bare.empty)
+        return Analysis(bare, bare, selection, verdict, (), self.significant, (), odd)
+
+    @property
+    def score(self) -> float:
+        """Of a batch: minus twice the log likelihood of its units, and the price of the names."""
+        batch = self.bare.batch
+        if not self.scatter:
+            return batch.plain(self.fit)
+        return self.scatter[0].score + batch.price(self.fit)
+
 
 def analysed(setup: Setup) -> Analysis:
     """The loop, with the noise estimated again beside what was named."""
@@ -137,7 +158,26 @@ def analysed(setup: Setup) -> Analysis:
             break
     if not setup.data.target.population:
         return _settled(setup, (found, noises, search, generic), (book, raw, which))
-    return concluded(setup, noises, search, generic, found)
+    return _of_batch(setup, (found, noises, search, generic), (book, raw, which))
+
+
+def _of_batch(
+    setup: Setup, now: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
+) -> Analysis:
+    """The final answer of a batch: units far out do not count, unless an effect on the scatter has
+    them, and the batch is likelier with all of them so than without them as it is.
+    """
+    found, noises, search, generic = now
+    first = concluded(setup, noises, search, generic, found)
+    out = noises[0].outliers
+    if not out or not setup.on_scatter:
+        return first
+    every = tuple(replace(one, good=None) for one in noises)
+    search, generic = searching(setup, every, *columns, search.thresholds)
+    again = concluded(setup, every, search, generic, select(search))
+    alone = 2.0 * np.log(FAR_OUT * first.bare.batch.law.std)
+    better = first.score + alone * out - again.score
+    return again if again.scatter and better > 0.0 else first
 
 
 def _settled(
@@ -146,13 +186,11 @@ def _settled(
     """The final answer of rows, in the noise beside all that is in it."""
     found, noises, search, generic = now
     start = found.fit
-    empty = search.fitter.fit(())
-    done = Settling(search, generic, setup.data, empty, found.accepted).settled(start)
     for turn in range(SETTLED):
-        if turn:
-            empty = search.fitter.fit(())
-            done = Settling(search, generic, setup.data, empty, found.accepted).settled(start)
-        if not done.fit.members:  # what noise there is beside nothing is known
+        empty = search.fitter.fit(())
+        settling = Settling(search, generic, setup.data, empty, found.accepted)
+        done = settling.settled(start)
+        if turn == SETTLED - 1 or not done.fit.members:  # beside nothing the noise is known
             break
         anew = noise_of(setup, _contributions(setup, done.fit))
         if _alike(noises, anew):
@@ -162,7 +200,7 @@ def _settled(
         accepted = [search.fitter.fit(one.members) for one, _ in found.accepted]
         found = replace(found, accepted=tuple((one, search.tested(one)) for one in accepted))
         start = search.fitter.refined(done.fit.members)
-    return _answer(Ground(setup, tuple(noises), search, generic), found, done)
+    return _answer(Ground(setup, tuple(noises), search, generic), settling, found, done)
 
 
 def without(analysis: Analysis, name: str) -> Analysis:
@@ -174,7 +212,7 @@ def without(analysis: Analysis, name: str) -> Analysis:
     barred = frozenset({name, *analysis.barred})
     done = settling.again(analysis.fit, barred)
     done = replace(done, struck=(*analysis.struck, *({name} & {*found.named})))
-    return replace(_answer(ground, found, done), barred=barred)
+    return replace(_answer(ground, settling, found, done, barred), barred=barred)
 
 
 def _alike(one: Sequence[Noise], other: Sequence[Noise]) -> bool:
@@ -186,11 +224,19 @@ def _alike(one: Sequence[Noise], other: Sequence[Noise]) -> bool:
     )  # fmt: skip
 
 
-def _answer(ground: Ground, found: Selection, done: Settled) -> Analysis:
+def _answer(
+    ground: Ground, settling: Settling, found: Selection, done: Settled,
+    barred: frozenset[str] = frozenset(),
+) -> Analysis:  # fmt: skip
     """The analysis that ends with a settled fit; the instrument first among twins."""
     search, fit = ground.search, done.fit
     named = names_of(fit.members)
     others = rivals(search, fit, named)
+    if others and others[0].distance < -BETTER and not barred & {*others[0].names}:
+        other = search.fitter.refined(sorted(others[0].fit.members, key=is_term))
+        if settling.holds(other):
+            fit, named = other, names_of(other.members)
+            others = rivals(search, fit, named)
     if (first := first_of_twins(fit, others, False)) is not None:
         fit = search.fitter.fit(sorted(first.members, key=is_term))
         others = rivals(search, fit, named)

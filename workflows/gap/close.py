@@ -19,10 +19,15 @@ from .space import Space
 
 LEAST_ROWS = 10
 """Rows of a stretch of the record, at least."""
+CHOSEN, MOST_CHOSEN = 0.05, 1.25
+"""What an interval is widened by for each further name or term that the same readings chose,
+and the most: measured on the benchmark. Berk and others, Ann. Stat. 41, 2013."""
 FEWEST = 12
 """Degrees of freedom of an interval from stretches, at least."""
 STRETCHES = 40
 """Stretches, at most."""
+NOTHING = 1e-6
+"""Share of its neighbours' size below which a number is none, or is at its bound."""
 STEPS, STEP, CONVERGED = 4, 1e-4, 1e-6
 """Gauss-Newton steps on all rows, relative step of a derivative, and change that ends them."""
 
@@ -87,6 +92,7 @@ class Corrected:
     def interval(self, owner: str, name: str) -> tuple[float, float]:
         """Its linearised interval, within its bounds; nan where it was not fitted."""
         half = float(stats.t.ppf(0.5 + 0.5 * self.plan.settings.interval, self.freedom))
+        half *= min(1.0 + CHOSEN * max(len(self.members) - 1, 0), MOST_CHOSEN)
         for one, value, error in zip(self.numbers, self.values, self.errors, strict=True):
             if (one.owner, one.name) == (owner, name):
                 ends = np.clip([value - half * error, value + half * error], one.low, one.high)
@@ -118,16 +124,17 @@ class Corrected:
         return self.plan.model.means() if self.plan.model and data.target.population else {}
 
 
-def corrected(setup: Setup, space: Space, fit: Fit) -> Corrected:
+def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corrected:
     """The joint fit carried into the full model: nonlinear least squares from the linear one.
 
-    Where the model itself is recalibrated, every reading counts the same: its own faults are no
-    noise, and weights made of them would pull. The errors are then those of the noise as it is.
+    Where the model itself is recalibrated, or `plain` is asked for, every reading counts the same:
+    the model's own faults are no noise, and weights made of them would pull. The errors are then
+    those of the noise as it is.
     """
     numbers, start = _numbers(setup, fit)
     found = Corrected(setup.plan, fit.members, numbers, start, np.full(len(start), np.nan), 1)
     scale = np.array([one.scale for one in numbers])
-    used = space.plain() if setup.free else space
+    used = space.plain() if setup.free or plain else space
     low = np.array([one.low for one in numbers]) / scale
     high = np.array([one.high for one in numbers]) / scale
     x = np.clip(start / scale, low + 1e-9 * (high > low), high - 1e-9 * (high > low))
@@ -135,11 +142,19 @@ def corrected(setup: Setup, space: Space, fit: Fit) -> Corrected:
     if len(x):
         again = optimize.least_squares(_residual(setup, used, found, scale), x, bounds=(low, high),
                                        max_nfev=12, diff_step=[1e-4])  # fmt: skip
-        x, jacobian = again.x, np.asarray(again.jac)
+        x, jacobian = _snapped(again.x, low, high), np.asarray(again.jac)
         left = np.asarray(again.fun)
+        if (np.abs(x) < STEP).any():  # steps of its own size say nothing of a number that is none
+            jacobian = _derivatives(_residual(setup, used, found, scale), x, left, high)
     else:
         left = np.zeros(len(jacobian))
     return _with_errors(found, (space, used), (x, scale), jacobian, left)
+
+
+def _snapped(x: Array, low: Array, high: Array) -> Array:
+    """Numbers at their bounds where they are next to them."""
+    x = np.where(np.isfinite(low) & (x - low < NOTHING), low, x)
+    return np.asarray(np.where(np.isfinite(high) & (high - x < NOTHING), high, x))
 
 
 def _with_errors(
@@ -206,19 +221,24 @@ def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Correcte
     left, jacobian = residual(x), np.empty((0, len(x)))
     for _ in range(STEPS):
         left = residual(x)
-        jacobian = np.empty((len(left), len(x)), order="F")
-        for k in range(len(x)):
-            step = (
-                STEP * max(abs(x[k]), 1.0) * (-1.0 if (x[k] + STEP) * scale[k] > high[k] else 1.0)
-            )
-            moved = x.copy()
-            moved[k] += step
-            jacobian[:, k] = (residual(moved) - left) / step
+        jacobian = _derivatives(residual, x, left, high / scale)
         away = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12) @ (jacobian.T @ left)
         x = np.clip((x - away) * scale, low, high) / scale
         if float(np.abs(away).max(initial=0.0)) < CONVERGED:
             break
     return _with_errors(found, (space, space), (x, scale), jacobian, left)
+
+
+def _derivatives(
+    residual: Callable[[Array], Array], x: Array, left: Array, high: Array
+) -> Array:  # fmt: skip
+    """Derivatives (N, k) of a residual that is `left` (N,) at numbers x (k,), below `high`."""
+    found = np.empty((len(left), len(x)), order="F")
+    for k in range(len(x)):
+        moved = x.copy()
+        moved[k] += STEP * max(abs(x[k]), 1.0) * (-1.0 if x[k] + STEP > high[k] else 1.0)
+        found[:, k] = (residual(moved) - left) / (moved[k] - x[k])
+    return found
 
 
 def _by_stretches(jacobian: Array, left: Array, space: Space) -> Array:
@@ -270,12 +290,13 @@ def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:
             if one.choices:
                 continue
             value = values[one.name]
-            size = abs(value) or _size(member, values) or 1.0
+            size = _size(member, values)
+            size = (abs(value) if abs(value) > NOTHING * size else size) or 1.0
             numbers.append(Number("effect", member.name, one.name, one.low, one.high, size))
             start.append(value)
     return tuple(numbers), np.array(start, dtype=float)
 
 
 def _size(member: Member, values: Mapping[str, float]) -> float:
-    """A scale for a coefficient that is zero: that of its largest neighbour."""
+    """The size of a coefficient's largest neighbour."""
     return max((abs(values[one.name]) for one in member.candidate.linear), default=0.0)

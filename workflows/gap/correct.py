@@ -12,6 +12,8 @@ import tomli_w
 from ...errors import InputError
 from ...gap_records import FoundEffect
 from ...models.effects.unresolved import Unresolved
+from ...models.inputs import Zone
+from ...units import split_unit
 from .close import Corrected
 from .fit import Member
 from .plan import GapPlan
@@ -37,6 +39,8 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
             parameters[name] = value
     if parameters:
         found["parameters"] = parameters
+    if "variables" in found:
+        found["variables"] = _at_mids(found["variables"], model.free())
     if turned := {name: one for name, one in plan.sense.items() if one < 0}:
         found["sense"] = turned
     if zero := _zero(plan, model):
@@ -55,6 +59,20 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
         found |= {"columns": {name: _column(one) for name, one in plan.columns.items()}}
     scalars = {k: v for k, v in found.items() if not isinstance(v, dict | list)}
     return tomli_w.dumps(_plain({**scalars, **found}))
+
+
+def _at_mids(variables: Mapping[str, Any], free: Mapping[str, float]) -> dict[str, Any]:
+    """The `[variables]` with the mid-limits that were recalibrated, where they state their own."""
+    found = dict(variables)
+    for name, one in variables.items():
+        mid = free.get("{}_mid_{}".format(*split_unit(name)))
+        if mid is not None and "limits" in one:
+            half = Zone.of_text(one["limits"]).half_width
+            kept = {key: value for key, value in one.items() if key != "limits"}
+            found[name] = {"value": half, "mid": mid, **kept}
+        elif mid is not None and "mid" in one:
+            found[name] = {**one, "mid": mid}
+    return found
 
 
 def in_problem(

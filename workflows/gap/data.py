@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...declarations import Output
 from ...models.effects import Readings, Target
-from ...models.effects.readings import readings_of, target_from
+from ...models.effects.readings import SESSION, readings_of, target_from
 from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
 from ...units import converted, dimension
@@ -27,8 +27,8 @@ class GapData:
     `measured` holds each output (n,) in its unit, `predicted` the prediction that the table itself
     carries, `std` the noise that it states; `rows` are the line numbers in the file, `blocks` the
     labels of the column that the configuration validates by, `repeats` the label of equal inputs,
-    `digest` the SHA-256 of the file, `understood` how it was read in
-    lines, `table` as a record.
+    `sessions` that of what was measured in one go, `digest` the SHA-256 of the file, `understood`
+    how it was read in lines, `table` as a record.
     """
 
     target: Target
@@ -39,6 +39,7 @@ class GapData:
     rows: NDArray[np.int64]
     blocks: NDArray[Any] | None = None
     repeats: NDArray[Any] | None = None
+    sessions: NDArray[Any] | None = None
     zeros: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     digest: str = ""
@@ -81,6 +82,7 @@ class GapData:
             rows=self.rows[rows],
             blocks=None if self.blocks is None else self.blocks[rows],
             repeats=None if self.repeats is None else self.repeats[rows],
+            sessions=None if self.sessions is None else self.sessions[rows],
         )
 
 
@@ -122,6 +124,7 @@ def assembled(
         rows=frame.index.to_numpy(),
         blocks=None if plan.blocks == "auto" else frame[plan.blocks].to_numpy(),
         repeats=_repeats(frame, columns),
+        sessions=frame[SESSION].astype(str).to_numpy() if SESSION in frame else None,
         zeros=_zeros(target),
         notes=tuple(notes),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import optimize
@@ -27,6 +27,14 @@ class Member:
     def name(self) -> str:
         """The effect's name."""
         return self.candidate.name
+
+    @property
+    def forms(self) -> tuple[Member, ...]:
+        """The same in each of its forms, where it has two."""
+        two = next((one for one in self.candidate.shape if len(one.choices) == 2), None)
+        if two is None:
+            return (self,)
+        return tuple(replace(self, shape={**self.shape, two.name: one}) for one in two.choices)
 
 
 @dataclass(frozen=True)
@@ -132,14 +140,23 @@ class Fitter:
         return self.fit(found)
 
     def shaped(self, members: Sequence[Member], at: int) -> Member:
-        """A member with its nonlinear parameters fitted, the others' held."""
+        """A member with its nonlinear parameters fitted, the others' held; of two forms the one
+        that then fits better.
+        """
         q = self.spanned([one for k, one in enumerate(members) if k != at])
         left = beside(self.y, q)
-        candidate = members[at].candidate
+        found = [self._shaped(one, q, left) for one in members[at].forms]
+        return max(found, key=lambda pair: pair[1])[0] if len(found) > 1 else found[0][0]
+
+    def _shaped(self, member: Member, q: Array, left: Array) -> tuple[Member, float]:
+        """A member with its nonlinear parameters fitted to what is `left` (N,) beside q (N, r), and
+        by how much its squares fall.
+        """
+        candidate = member.candidate
         free = [one for one in candidate.shape if not one.choices]
         if not free:
-            return members[at]
-        start = np.array([members[at].shape[one.name] for one in free])
+            return member, 0.0
+        start = np.array([member.shape[one.name] for one in free])
         scale = np.array([_width(one, value) for one, value in zip(free, start, strict=True)])
         low = np.array([one.low for one in free])
         high = np.array([one.high for one in free])
@@ -147,7 +164,7 @@ class Fitter:
         def shape(x: Array) -> dict[str, float]:
             values = np.clip(start + x * scale, low, high)
             named = {one.name: float(v) for one, v in zip(free, values, strict=True)}
-            return {**members[at].shape, **named}
+            return {**member.shape, **named}
 
         def loss(x: Array) -> float:
             columns = self.space.whiten(self.columns.of(candidate, shape(x)))
@@ -156,9 +173,10 @@ class Fitter:
         best = optimize.minimize(loss, np.zeros(len(free)), method="Nelder-Mead",
                                  options={"maxiter": 40 * len(free), "xatol": 0.01, "fatol": 0.01,
                                           "initial_simplex": _simplex(len(free))})  # fmt: skip
-        if best.fun >= loss(np.zeros(len(free))):
-            return members[at]
-        return Member(candidate, shape(best.x))
+        before = loss(np.zeros(len(free)))
+        if best.fun >= before:
+            return member, -before
+        return Member(candidate, shape(best.x)), -float(best.fun)
 
 
 def _simplex(dimensions: int) -> Array:

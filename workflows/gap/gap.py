@@ -17,7 +17,7 @@ from .all_rows import on_all_rows
 from .analysis import Analysis, analysed
 from .correct import corrected_toml, in_problem
 from .data import GapData
-from .gaps import OF_UNITS, gaps
+from .gaps import OF_UNITS, gaps, never_worse
 from .locate import regions
 from .next.measurement import next_measurement
 from .plan import GapPlan
@@ -126,7 +126,7 @@ def _found(
     setup = prepared(plan, data)
     mine.begin()
     tell(GapProgress("search"))
-    end = on_all_rows(ended(analysed(setup)), data)
+    end = on_all_rows(never_worse(ended(analysed(setup))), data)
     spread = None
     if plan.settings.bootstrap and end.fit.members:
         spread = bootstrap(end.analysis, end.fit, mine, workers, tell)
@@ -168,7 +168,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         gap_after=gap.after,
         residuals=table,
         spectrum=spectrum(data, which["before"], which["after"], noise, limit),
-        units=spread_of_units(plan, data, end),
+        units=spread_of_units(setup.plan, data, end),
         summary=_summary(plan, data, end, spread) | {"gap_is": gap.meaning},
         notes=_notes(analysis, data, end),
         population=population_of(end),

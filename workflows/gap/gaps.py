@@ -10,7 +10,7 @@ import numpy as np
 from ...models.inputs.distribution import Array
 from .distance import distance, floor
 from .population import held_out_units
-from .result import Ending, rmse
+from .result import Ending, ended, rmse
 
 OF_ROWS = "RMSE on rows that the fit never saw; the floor is the noise"
 OF_UNITS = (
@@ -46,6 +46,18 @@ def gaps(end: Ending) -> Gaps:
     )
 
 
+def never_worse(end: Ending) -> Ending:
+    """The same, without its names where these bring a batch no nearer to the population; of rows
+    the answer was chosen so.
+    """
+    if end.rows or not (end.named or end.analysis.scatter):
+        return end
+    found = gaps(end)
+    if all(found.after[name] <= found.before[name] for name in found.before):
+        return end
+    return ended(end.analysis.nameless())
+
+
 def _by_output(end: Ending, raw: Array) -> dict[str, float]:
     parts = np.split(raw, len(end.setup.data.outputs))
     every = zip(end.setup.data.outputs, parts, end.analysis.bare.noises, strict=True)
@@ -60,19 +72,25 @@ def _whole(end: Ending, found: dict[str, float]) -> dict[str, float]:
 
 
 def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
-    """Of a population; effects on the scatter act on its first output."""
+    """Of a population; effects on the scatter act on its first output, and no unit is too far out
+    for them.
+    """
     first: dict[str, float] = {}
     last: dict[str, float] = {}
     least: dict[str, float] = {}
     bare, outputs = end.analysis.bare, end.setup.data.outputs
     parts = (np.split(x, len(outputs)) for x in (before, after))
     for at, (output, x, y) in enumerate(zip(outputs, *parts, strict=True)):
-        good = slice(None) if bare.noises[at].good is None else bare.noises[at].good
+        good = bare.noises[at].good
+        kept = np.ones(len(x), dtype=bool) if good is None else good
         law = whole = bare.setup.laws[output.name]
-        x, y = x[good], y[good]
-        for one in end.analysis.scatter[:1] if at == 0 else ():
-            y = held_out_units(bare.batch.units(end.fit), one, y + one.moves)
+        wider = end.analysis.scatter[:1] if at == 0 else ()
+        for one in wider:
+            y = y + one.moves
+            y[kept] = held_out_units(bare.batch.units(end.fit), one, y[kept])
             whole = one.changed(law)
+        if not wider:
+            x, y = x[kept], y[kept]
         rng = np.random.default_rng([end.setup.plan.seed, 8, at])
         first[output.name] = distance(law, x)
         last[output.name] = distance(whole, y)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from ...models.effects.readings import unit_numbers
+from ...models.effects.readings import SESSION, unit_numbers
 from ...models.gear import SUN
 from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
@@ -29,6 +29,8 @@ BEYOND = 10.0
 MOST_ORDERS = 600.0
 OVER_A_WORKSPACE = 12.0
 """The same where the angle is that of a pose: no teeth pass by."""
+LEVELS = "levels"
+"""Detail of a form that has a level of its own for each label."""
 MEAN = "mean of the units"
 PREDICTED = "predicted "
 """Before the name of an output: the variable that its prediction is."""
@@ -232,15 +234,16 @@ def order_of_units(data: GapData) -> str:
 
 
 def _levels(data: GapData) -> list[tuple[Form, Array]]:
-    """A level of its own for each unit or lot."""
+    """A level of its own for each unit, lot or session."""
+    there = {str(role): data.readings[role].astype(str) for role in (Role.UNIT, Role.LOT)
+             if role in data.readings}  # fmt: skip
+    there |= {} if data.sessions is None else {SESSION: data.sessions}
     found = []
-    for role in (Role.UNIT, Role.LOT):
-        if role not in data.readings:
-            continue
-        labels, number = np.unique(data.readings[role].astype(str), return_inverse=True)
+    for name, of in there.items():
+        labels, number = np.unique(of, return_inverse=True)
         if 2 <= len(labels) <= max(2, len(data) // 8):
             columns = (number[:, None] == np.arange(1, len(labels))).astype(float)
-            found.append((Form("interval", str(role), detail="levels"), columns))
+            found.append((Form("interval", name, detail=LEVELS), columns))
     return found
 
 

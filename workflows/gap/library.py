@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
+from math import log
 
 import numpy as np
 
@@ -34,6 +35,8 @@ BEND = 2.5
 """What the first nonlinear parameter of an effect must gain."""
 FINEST = 0.01
 """Smallest delay that is tried, as a share of the longest."""
+BIT = 2.0 * log(2.0)
+"""What a choice of two forms must gain."""
 MOST = 400
 """Points of the grid of an effect's nonlinear parameters."""
 SMALL = 0.05
@@ -72,10 +75,12 @@ class Candidate:
     def price(self, penalty: float) -> float:
         """What its numbers must gain: `penalty` each, but little for one that only bends a form.
 
-        A bounded exponent or knee moves a column far less than a coefficient does.
+        A bounded exponent or knee moves a column far less than a coefficient does, and one of two
+        forms is one bit.
         """
-        bends = min(BEND, penalty) + penalty * (len(self.shape) - 1) if self.shape else 0.0
-        return penalty * len(self.linear) + bends
+        numbers = [one for one in self.shape if len(one.choices) != 2]
+        bends = min(BEND, penalty) + penalty * (len(numbers) - 1) if numbers else 0.0
+        return penalty * len(self.linear) + bends + BIT * (len(self.shape) - len(numbers))
 
     @property
     def one_sided(self) -> bool:

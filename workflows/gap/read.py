@@ -196,8 +196,9 @@ def _needed(
 
 
 def _ignored(plan: GapPlan, given: pd.DataFrame) -> list[str]:
-    """Columns of a table whose role is `ignore`."""
-    return [n for n, c in plan.columns.items() if c.role == "ignore" and n in given]
+    """Columns of a table whose role is `ignore`, but the one that it is validated by."""
+    return [n for n, c in plan.columns.items()
+            if c.role == "ignore" and n in given and n != plan.blocks]  # fmt: skip
 
 
 def _missing_outputs(

@@ -8,6 +8,8 @@ from ...gap_records import Remainder, UnresolvedTerm
 from ...models.effects.unresolved import Term, Unresolved
 from .analysis import Analysis
 from .fit import Member
+from .gaps import gaps
+from .generic import LEVELS
 from .result import Ending
 from .unresolved import is_term
 
@@ -39,8 +41,25 @@ def remainder_of(end: Ending) -> tuple[Remainder, ...]:
     """What stands out beside the named effects: the terms, and forms that are in none."""
     if not end.remains:
         return ()
+    if not end.rows:
+        return _of_scatter(end)
     terms = [one for one in end.fit.members if is_term(one)]
     return (*(_of_term(end, one) for one in terms), *_of_forms(end))
+
+
+def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
+    """Units that scatter about their mean in a way that nothing named has; the floor is what chance
+    reaches.
+    """
+    odd, output = end.analysis.misfit, end.setup.data.outputs[0]
+    if odd is None:
+        return ()
+    whole = gaps(end).before[output.name]
+    text = f"{odd.ratio:.2f} times the standard deviation of the population"
+    text = f"another shape than the population's, {text}" if odd.stretched else text
+    share = min(1.0, (odd.distance / max(whole, 1e-300)) ** 2)
+    return (Remainder(output.name, ("scatter of the units",), text, odd.distance, output.unit,
+                      odd.distance / odd.limit, share),)  # fmt: skip
 
 
 def _beyond(end: Ending) -> float:
@@ -80,6 +99,7 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
         ratio = float(np.sqrt(max(left.gains[at], 0.0) / end.analysis.search.fitter.space.readings))
         name = f"order {form.order:g}" if form.kind == "order" else form.kind
         text = f"a {name} of {form.variable}" + (f", {form.detail}" if form.detail else "")
+        text = f"a level of its own in each {form.variable}" if form.detail == LEVELS else text
         text += ", opposite in the two directions" if form.direction else ""
         found[key] = Remainder(
             one.name, (form.variable, *form.more), text, ratio * _level(end, output), one.unit,

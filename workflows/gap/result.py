@@ -29,7 +29,7 @@ from .close import Corrected, corrected
 from .data import GapData
 from .fit import Fit
 from .linear import beside
-from .misfit import misfit_of
+from .misfit import misfit_of, of_weights
 from .noise import outliers, whiteness
 from .population import Scatter
 from .scan import scan
@@ -85,9 +85,12 @@ class Ending:
 
     @property
     def remains(self) -> bool:
-        """Whether rows show something that has no name beside what is named."""
+        """Whether rows show something that has no name beside what is named, or units scatter in a
+        way that has none.
+        """
         terms = len(self.named) < len(self.fit.members)
-        return terms or (self.rows and bool(self.analysis.judged.significant))
+        left = self.rows and bool(self.analysis.judged.significant)
+        return terms or left or self.analysis.misfit is not None
 
     @property
     def twin(self) -> bool:
@@ -121,7 +124,11 @@ def _ended(analysis: Analysis) -> Ending:
     model = corrected(analysis.setup, search.fitter.space, fit)
     bare = analysis.bare
     end = Ending(analysis, fit, model, bare.search.tested(bare.empty), search.tested(fit))
-    return replace(end, model=model.widened(misfit_of(analysis, fit)))
+    more = misfit_of(analysis, fit)
+    if end.named and end.rows and not analysis.setup.free and not search.fitter.space.is_plain:
+        weighed = of_weights(model, corrected(analysis.setup, search.fitter.space, fit, plain=True))
+        more = {key: more.get(key, 0.0) + weighed.get(key, 0.0) for key in {**more, **weighed}}
+    return replace(end, model=model.widened(more))
 
 
 def gate(end: Ending) -> Gate:
@@ -229,6 +236,7 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
     less = search.fitter.fit(end.fit.without(at))
     better = improvement(search.tested(less), end.after, search.labels)
     values = end.model.effect(member.name)
+    several = len(member.candidate.linear) > 1
     numbers = (*member.candidate.linear, *member.candidate.shape)
     ends = {one.name: _ends(end, member.name, one, values, spread) for one in numbers}
     total = max(end.analysis.ground.empty.rss - end.fit.rss, 1e-300)
@@ -246,15 +254,18 @@ def _effect(end: Ending, at: int, spread: Spread | None) -> FoundEffect:
         held_out_error=better.error,
         share=min(1.0, (less.rss - end.fit.rss) / total),
         frequency=float("nan") if spread is None else spread.frequency(member.name),
-        at_bound=tuple(o.name for o in numbers if _at_bound(values[o.name], o.low, o.high)),
+        at_bound=tuple(
+            o.name
+            for o in numbers
+            if not o.choices and _at_bound(values[o.name], o.low, o.high, several)
+        ),
     )
 
 
-def _at_bound(value: float, low: float, high: float) -> bool:
-    """Whether physics stopped a number, an amplitude of zero aside."""
-    width = abs(value) * 1e-6
-    return bool((np.isfinite(high) and value >= high - width) or
-                (np.isfinite(low) and low != 0.0 and value <= low + width))  # fmt: skip
+def _at_bound(value: float, low: float, high: float, several: bool = False) -> bool:
+    """Whether physics stopped a number; a zero is a bound beside other numbers of its effect."""
+    width, stops = abs(value) * 1e-6, np.isfinite(low) and (low != 0.0 or several)
+    return bool((np.isfinite(high) and value >= high - width) or (stops and value <= low + width))
 
 
 def _meaning(one: EffectParameter) -> str:

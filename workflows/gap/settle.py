@@ -16,6 +16,7 @@ from .abstain import displaced, more_numbers, significant_forms
 from .blocks import HeldOut, improvement
 from .data import GapData
 from .fit import Fit, Member
+from .generic import LEVELS
 from .linear import basis, beside
 from .scan import Left, Remaining, left_over
 from .select import Search
@@ -207,6 +208,8 @@ class Settling:
         for k in sorted(at, key=lambda k: price[k] - left.gains[k]):
             term = term_of(self.generic.forms[k], self.data, outputs[self.generic.outputs[k]].name)
             if term is None:
+                if count == 0 and self.generic.forms[k].detail == LEVELS:
+                    return  # anything else would only imitate the sessions
                 continue
             one = member_of(term, self.data, self.search.fitter, named)
             if one is None or one.name in barred or one.name in fit.names:

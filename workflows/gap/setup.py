@@ -75,6 +75,8 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
     predicted = predictor(plan, data)({})
     raise_all(finite_faults({o.name: predicted[o.name] for o in data.outputs}, data.rows))
     at = recalibrated(plan, data, predicted)
+    if data.target.population and at and plan.rebuild is not None:
+        plan = replace(plan, model=plan.rebuild(at))  # its units scatter anew as well
     parts = _parts(plan, data, at)
     forms, columns = generic(data, parts["predicted"])
     library, few = with_lots(candidates(plan.library, data), data, parts["residual"])
@@ -165,8 +167,10 @@ def thinned(plan: GapPlan, full: GapData) -> tuple[GapData, tuple[str, ...]]:
 
 
 def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -> dict[str, float]:
-    """The free parameters, within their tolerances, at which the model alone fits best."""
-    if plan.rebuild is None or not plan.free or data.target.population:
+    """The free parameters, within their tolerances, at which the model alone fits best; of a batch
+    at which its mean is that of the units, as near to the nominal ones as may be.
+    """
+    if plan.rebuild is None or not plan.free:
         return {name: nominal(plan, name) for name in plan.free}
     names = list(plan.free)
     middle = np.array([nominal(plan, name) for name in names])
@@ -177,12 +181,17 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
                        for o in data.outputs], len(data))  # fmt: skip
     q = basis(zeros / scale[:, None])
 
+    population = data.target.population
+
     def left(x: Array) -> Array:
         moved = _moved(plan, data, dict(zip(names, (middle + x * half).tolist(), strict=True)))
+        if population:
+            return np.append(np.sqrt(len(data)) * np.mean((measured - moved) / scale), x)
         return beside((measured - moved) / scale, q)
 
     found = optimize.least_squares(left, np.zeros(len(names)), bounds=(-1.0, 1.0), max_nfev=25,
-                                   diff_step=[1e-3], loss="soft_l1")  # fmt: skip
+                                   diff_step=[1e-3],
+                                   loss="linear" if population else "soft_l1")  # fmt: skip
     return dict(zip(names, (middle + found.x * half).tolist(), strict=True))
 
 

@@ -31,6 +31,11 @@ class Space:
         """Readings that count."""
         return self.readings * len(self.noises) - sum(one.outliers for one in self.noises)
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether every reading of an output counts the same."""
+        return all(one.rho == 0.0 and float(np.ptp(one.sigma)) == 0.0 for one in self.noises)
+
     def plain(self) -> Space:
         """A space in which every reading of an output counts the same."""
         return Space(tuple(one.plain() for one in self.noises), self.prior)

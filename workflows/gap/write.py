@@ -11,7 +11,7 @@ from typing import Any
 from ...files import write_bytes, write_text
 from ...gap_records import FoundEffect, GapResult, Region, Rival
 from ...reports.drawing import as_png, as_svg
-from ...reports.gap.page import figures, gap_page
+from ...reports.gap.page import drawings, gap_page
 from .. import page_data
 from ..run.write import as_json
 
@@ -27,10 +27,11 @@ def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
     write_bytes(folder / "residuals.parquet", result.residuals.to_parquet(index=False))
     if result.next_points is not None:
         write_text(folder / POINTS, result.next_points.to_csv(index=False))
-    for name, figure in figures(result).items():
+    drawn = drawings(result)
+    for name, figure, _ in drawn:
         write_bytes(folder / f"{name}.png", as_png(figure))
         write_bytes(folder / f"{name}.svg", as_svg(figure))
-    write_text(folder / "report.html", gap_page(result))
+    write_text(folder / "report.html", gap_page(result, drawn))
     write_text(folder / SUMMARY, "".join(f"{line}\n" for line in lines))
     write_text(folder / page_data.NAME, page_data.dumped(result))
     write_text(folder / "gap.json", as_json(record(result)))

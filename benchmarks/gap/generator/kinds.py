@@ -83,6 +83,17 @@ def bench(at: Points, _: int, scale: float = 1.0) -> Array:
     return 60.0 * scale * (windup + ripple)
 
 
+def smooth(at: Points, _: int = 0) -> Array:
+    """The bench's simulation without its ripple."""
+    return 60.0 * (at.torque / 108.0 + 0.2 * np.tanh(at.torque / 30.0))
+
+
+def late(rng: np.random.Generator, at: tables.Moving) -> Injected:
+    """The channel of the output is recorded some steps after those of the inputs, or before."""
+    by = float(rng.choice([-1.0, 1.0])) * rng.uniform(0.5, 8.0) * at.pace
+    return Injected(smooth(at.sooner(by)) - smooth(at))
+
+
 def assembly(at: Builds, _: int) -> Array:
     return assembled(at, Faults()).T.ravel()
 
@@ -135,6 +146,8 @@ KINDS: dict[str, Kind] = {
                         mechanisms={name: ROTATING[name] for name in OF_TEETH}),
     "unknown gear": replace(ROTATING_TABLE, points=partial(tables.own_gear, declared=False),
                             mechanisms={"gear_order": any_order}),
+    "late": replace(ROTATING_TABLE, points=tables.in_motion, mechanisms={"delay": late},
+                    simulate=smooth, noises=("white",)),
     "lost_motion": LOCKED_TABLE,
     "rv_transmission": replace(ROTATING_TABLE, model="rv_transmission", simulate=None),
     "rv_lost_motion": replace(LOCKED_TABLE, model="rv_lost_motion", simulate=None),

@@ -22,6 +22,8 @@ from benchmarks.gap.generator.populations import Units
 from benchmarks.gap.generator.tables import Array, Points
 
 LEAST_LAMBDA = 50.0
+TIMED = frozenset(["drift", "creep", "wear", "step_in_time", "daily_swing", "stiffness_that_tires"])
+"""What follows the time from the first row on, whatever the clock of a session says."""
 NO_SIMULATORS: Mapping[str, Simulator] = {}
 
 
@@ -114,6 +116,8 @@ GROUPS: dict[str, Task] = {
     "manipulator outside": Task(POSE, outside=True, n=(300, 2400), snr=(0.5, 3.0)),
     "dominant": Task(("rotating",), n=(250, 2500), composed=True),
     "own gear": Task(("own gear", "unknown gear"), n=(300, 2400), snr=(0.5, 3.0)),
+    "uneven good": Task(BENCH, noises=("heteroscedastic",)),
+    "late good": Task(("late",), n=(300, 2400), snr=(0.5, 3.0)),
 }
 BENCH_GROUPS = tuple(name for name in GROUPS if " " not in name)
 """The groups that need no model: `model = "table"`."""
@@ -156,6 +160,8 @@ def record(
     turned = parts is not None and parts.turned
     sign = -1.0 if turned else 1.0
     table = _table(kind, at, sign * reading, sign * predicted)
+    if parts is not None and not TIMED & {one.name for one in hidden}:
+        table = in_sessions(np.random.default_rng([number, n]), table)
     good = np.abs(noise[:n]) < 5.0 * sigma
     size = kind.sizes[0] * float(np.sqrt(np.mean(noise[:n][good] ** 2)))
     outside = task.outside or (parts is not None and parts.outside)
@@ -163,6 +169,16 @@ def record(
                   kind.free(n), turned)  # fmt: skip
     blind = f"r{rng.integers(10**9):09d}"
     return Record(blind, configuration(kind, number, at), table), truth
+
+
+def in_sessions(rng: np.random.Generator, table: pd.DataFrame) -> pd.DataFrame:
+    """Half of the tables cut into two to four sessions, each with a clock that begins anew."""
+    if rng.random() < 0.5:
+        return table
+    count = int(rng.integers(2, 5))
+    session = np.minimum(np.arange(len(table)) * count // len(table), count - 1)
+    began = table["time_s"].groupby(session).transform("min")
+    return table.assign(time_s=table["time_s"] - began, session=session + 1)
 
 
 def _size(rng: np.random.Generator, task: Task, outputs: int) -> tuple[int, float]:

@@ -121,6 +121,51 @@ def points(rng: np.random.Generator, n: int, poor: str | None) -> Points:
     return _of(at)
 
 
+@dataclass(frozen=True)
+class Moving(Points):
+    """Rows of one record of a motion, at a steady pace [s]: the angle is a sum of sines of the time
+    (size [rad], turns per second, phase), the torque that of an unbalanced arm (largest, phase).
+    """
+
+    waves: tuple[tuple[float, float, float], ...] = ()
+    arm: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def pace(self) -> float:
+        return float(self.time[1] - self.time[0])
+
+    def sooner(self, by: float) -> Moving:
+        """What was there `by` seconds before each row."""
+        return moving_at(self, self.time - by)
+
+
+def moving_at(of: Moving, time: Array) -> Moving:
+    """The motion at other times."""
+    turned = [2.0 * np.pi * rate * time + phase for _, rate, phase in of.waves]
+    pairs = list(zip(of.waves, turned, strict=True))
+    angle = sum((size * np.sin(at) for (size, _, _), at in pairs), np.zeros(len(time)))
+    speed = sum((2.0 * np.pi * rate * size * np.cos(at) for (size, rate, _), at in pairs),
+                np.zeros(len(time)))  # fmt: skip
+    most, phase = of.arm
+    return replace(of, angle=angle, torque=most * np.sin(angle + phase),
+                   direction=np.where(speed < 0.0, -1.0, 1.0),
+                   speed=np.abs(speed) * 30.0 / np.pi)  # fmt: skip
+
+
+def in_motion(rng: np.random.Generator, n: int, _: str | None) -> Moving:
+    """A drive that goes to and fro while it is recorded."""
+    time = np.arange(n, dtype=np.float64) * rng.uniform(0.002, 0.01)
+    slow = rng.uniform(3.0, 8.0) / time[-1]
+    waves = tuple(
+        (rng.uniform(0.3, 1.0) / times, slow * times, rng.uniform(0.0, 2.0 * np.pi))
+        for times in (1.0, rng.uniform(1.7, 2.9))
+    )
+    tau = np.full(n, rng.uniform(0.0, 20.0)) + rng.uniform(0.0, 5.0) * time / time[-1]
+    arm = (RATED * rng.uniform(0.3, 1.0), rng.uniform(0.0, 2.0 * np.pi))
+    still = np.zeros(n)
+    return moving_at(Moving(still, still, still, still, tau, time, waves=waves, arm=arm), time)
+
+
 def own_gear(rng: np.random.Generator, n: int, poor: str | None, declared: bool = True) -> Points:
     """The same of a unit with other tooth numbers."""
     pins = int(rng.choice([k for k in range(24, 62) if k not in (39, 40, 41)]))

@@ -7,8 +7,10 @@ from math import isfinite
 
 from benchmarks.gap.scoring.scorer import Figure, Scored, coverage, covered, share
 from benchmarks.gap.scoring.told import UNTOLD
+from benchmarks.gap.scoring.true_names import true_error
 
 GROUP = "dominant"
+OF_ORDER_ONE = {"encoder_harmonics", "output_eccentricity"}
 SIGN = "sign"
 """What the first note speaks of where the sign of an output is turned."""
 
@@ -54,8 +56,10 @@ def rest_admitted(one: Scored) -> bool:
 
 
 def of_first(one: Scored) -> list[bool]:
-    """Whether the interval of the dominant effect's first number covers it."""
-    return covered(one, one.told[:1])
+    """Whether the interval of the dominant effect's first number covers it; none where another
+    hidden effect has the same wave, and only their sum can be known.
+    """
+    return [] if set(one.truth.names) >= OF_ORDER_ONE else covered(one, one.told[:1])
 
 
 def worse(one: Scored) -> bool:
@@ -97,6 +101,9 @@ def dominant_figures(
               0.95, False),
         share("held-out error within 1.02 of the best rival's", within(1.02), 0.0,
               0.95, False),
+        share("part outside: held-out error within 1.05 of the true names'",
+              [one.said.after <= 1.05 * min(true_error(GROUP, one.truth.number), one.said.before)
+               for one in outside], 0.95, 0.95, False),
         share("a turned sign is the first note", [one.said.sign for one in turned(records)], 0.0,
               0.95, False),
     ]  # fmt: skip

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import minimize, nnls
 
 from benchmarks.gap.generator.assemblies import Faults, departure
+from benchmarks.gap.generator.kinds import smooth
 from benchmarks.gap.generator.populations import Units
 from benchmarks.gap.generator.tables import Array, Points
 from benchmarks.gap.scoring.manipulator_rivals import MANIPULATOR_RIVALS
@@ -130,6 +131,13 @@ IN_MOTION = (
     Rival("load_viscous", products, linear=2),
     Rival("stribeck", falling, fixed((0.02, 0.05, 0.1, 0.2, 0.4, 0.7)), linear=2, positive=True),
 )
+LATE = Rival(
+    "delay",
+    lambda at, p: (smooth(at.sooner(p[0] * at.pace)) - smooth(at))[:, None],
+    fixed((-8.0, -4.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 4.0, 8.0)),
+    linear=0,
+)
+"""A channel that comes late: what it adds is no multiple of anything."""
 WITHOUT_GEAR = (*LOADED, *TIMED, *FLIPPED, EXPANSION, PRESSED, WARM_ZERO, *IN_MOTION, HYSTERESIS)
 ROTATING_RIVALS = (*WITHOUT_GEAR, *ANGLES, *RESONANT)
 UNKNOWN_RIVALS = (
@@ -195,13 +203,14 @@ def first_parameter(name: str, kind: str) -> str:
 
 
 KIND_TURNS: dict[str, bool] = dict.fromkeys(
-    ("rotating", "own gear", "unknown gear", "rv_transmission"), True
+    ("rotating", "own gear", "unknown gear", "late", "rv_transmission"), True
 )
 KIND_TURNS |= dict.fromkeys(("lost_motion", "rv_lost_motion"), False)
 RIVALS: dict[str, tuple[Rival, ...]] = {
     "rotating": ROTATING_RIVALS,
     "own gear": ROTATING_RIVALS,
     "unknown gear": UNKNOWN_RIVALS,
+    "late": (*WITHOUT_GEAR, LATE),
     "rv_transmission": ROTATING_RIVALS,
     "lost_motion": LOCKED_RIVALS,
     "rv_lost_motion": LOCKED_RIVALS,

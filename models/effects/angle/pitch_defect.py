@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import cos, inf, log, pi
+from math import cos, inf, log, pi, tau
 
 import numpy as np
 
@@ -13,20 +13,31 @@ from ...measurable import Role
 from ..effect import EffectParameter, Readings, Target, quantity
 from ..shapes import OneColumn, Weight, no_waves, turns
 
+BELL, ENDING = 1.0, 2.0
+"""Forms of the pulse: one that dies away, and one of a contact that begins and ends."""
+
 
 class PitchDefect(OneColumn):
-    """A pulse at every passing of the pins, 39 times per turn: one pin is bad."""
+    """A pulse at every passing of the pins, 39 times per turn: one pin is bad.
+
+    How a defect is rolled over is not known: the pulse dies away on both sides (von Mises, the
+    default), or begins and ends with the contact (a raised cosine, as of a cam). Beside a hundred
+    noise levels the wrong one of the two leaves harmonics that other names would take.
+    """
 
     name = "pitch_defect"
     family = "geometry by angle"
     cause = "One bad pin is scanned by each tooth of a disc (39 in the RV-40E)."
     formula = (
         "h exp(k (cos(n theta - p) - 1)), n the order in which pins pass (39), k from the pulse's "
-        "width at half its height"
+        "width at half its height; or, of the same width, a raised cosine that ends"
     )
     needs = (Role.ANGLE,)
     mistaken_for = ("pin_circle_runout", "two_disc_error", "load_sharing")
-    reference = "von Mises pulse: Mardia and Jupp, Directional Statistics, 2000"
+    reference = (
+        "von Mises pulse and raised cosine: Mardia and Jupp, Directional Statistics, 2000, section "
+        "3.5"
+    )
     weight = Weight("height", "h, height of the pulse", low=-inf)
 
     def own_applies(self, target: Target) -> bool:
@@ -42,10 +53,18 @@ class PitchDefect(OneColumn):
         return (
             quantity("position", "deg", middle, 0.0, 360.0, linear=False),
             quantity("width", "", width, 0.03, 0.25, linear=False),
-        )
+            quantity("form", "", "1: dies away, 2: ends at twice that width", BELL, ENDING,
+                     linear=False, choices=(BELL, ENDING)),
+        )  # fmt: skip
+
+    def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
+        return tuple(one for one in super().missing(values, target) if one != "form")
 
     def column(self, readings: Readings, values: Mapping[str, float], target: Target) -> Array:
-        sharpness = log(2.0) / (1.0 - cos(pi * values["width"]))
         scans = target.gear.orders[PINS] if target.gear else 0.0
         phase = scans * readings[Role.ANGLE] - np.radians(values["position_deg"])
+        if values.get("form", BELL) == ENDING:
+            away = np.abs((phase + pi) % tau - pi) / (tau * values["width"])
+            return np.asarray(np.cos(0.5 * pi * np.minimum(away, 1.0)) ** 2)
+        sharpness = log(2.0) / (1.0 - cos(pi * values["width"]))
         return np.asarray(np.exp(sharpness * (np.cos(phase) - 1.0)))

@@ -84,6 +84,18 @@ def pulse(row: Row) -> float:
     return -4.0 * math.exp(kappa * math.cos(x)) / math.exp(kappa)
 
 
+def test_the_ending_pulse_is_as_wide_and_ends() -> None:
+    """A raised cosine: half as high at 0.05 of a pitch, nothing from 0.1 of a pitch on."""
+    effect, _, target = bench("pitch_defect")
+    shares = np.array([0.0, 0.05, -0.05, 0.1, 0.3, 0.5])
+    table = {"output_angle_deg": (70.0 + 360.0 * shares) / 39.0}
+    readings = readings_of(COLUMNS[:1], table)
+    numbers = {"height_arcsec": 2.0, "position_deg": 70.0, "width": 0.1, "form": 2.0}
+    (found,) = effect.act(readings, numbers, target).output.values()
+    np.testing.assert_allclose(found, [2.0, 1.0, 1.0, 0.0, 0.0, 0.0], atol=1e-12)
+    assert "form" not in effect.missing({}, target)
+
+
 def tau(row: Row) -> float:
     return row["temperature_C"] - 20.0
 
@@ -110,7 +122,10 @@ CASES: dict[str, tuple[dict[str, float], Callable[[Row], float]]] = {
     "two_disc_error": orders(78, 80),
     "sun_runout": orders(120, 121),
     "encoder_harmonics": orders(1, 2, 4),
-    "pitch_defect": ({"height_arcsec": -4.0, "position_deg": 70.0, "width": 0.1}, pulse),
+    "pitch_defect": (
+        {"height_arcsec": -4.0, "position_deg": 70.0, "width": 0.1, "form": 1.0},
+        pulse,
+    ),
     "structural_resonance": (
         {
             "cos_arcsec": 1.5,
