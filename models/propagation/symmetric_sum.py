@@ -74,11 +74,9 @@ class SymmetricSum:
         if last is not None and np.array_equal(last[0], s) and np.array_equal(last[1], p):
             return last[2]
         kept, p, s = np.array(s, dtype=float), np.array(p), np.abs(np.array(s, dtype=float))
-        rows = max(1, BLOCK // (TERMS[0] * max(1, s.shape[1])))
         start = self._expected(s, p)
         found = Tangent(np.zeros(len(s)), np.zeros_like(s), np.zeros(len(s)), np.zeros_like(s))
-        for at in range(0, len(s), rows):
-            self._block(found, np.arange(at, min(at + rows, len(s))), s, p, start)
+        self._blocks(found, np.arange(len(s)), s, p, start, self._begin)
         self._alone(s, p, found)
         self._last = kept, p, found
         return found
@@ -125,25 +123,28 @@ class SymmetricSum:
             found = _Series.of(self, s, safe, terms)
         return found
 
-    def _block(self, found: Tangent, rows: NDArray[np.int64], s: Array, p: Array,
-               start: Array) -> None:  # fmt: skip
-        """Fill in some rows of `found`, each by as many terms as it needs."""
-        begin = self._begin
-        for at in range(begin, len(TERMS)):
-            std, end = self._size(s[rows])
+    def _blocks(self, found: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array,
+                at: int) -> None:  # fmt: skip
+        """Fill in some rows of `found` by `TERMS[at]` terms, those that need more by more."""
+        most = max(1, BLOCK // (TERMS[at] * max(1, s.shape[1])))
+        more = []
+        for begin in range(0, len(rows), most):
+            own = rows[begin : begin + most]
+            std, end = self._size(s[own])
             # a variable of this kind is strictly sub-Gaussian: P(X > y) <= exp(-y^2 / (2 std^2))
-            high = np.minimum(end, 1.1 * std * np.sqrt(-2.0 * np.log(1.0 - p[rows])) + 1e-300)
-            series = _Series.of(self, s[rows], np.where(end > 0.0, end + high, 1.0), TERMS[at])
+            high = np.minimum(end, 1.1 * std * np.sqrt(-2.0 * np.log(1.0 - p[own])) + 1e-300)
+            series = _Series.of(self, s[own], np.where(end > 0.0, end + high, 1.0), TERMS[at])
             done = (series.missing <= ENOUGH) | (end <= 0.0) | (at + 1 == len(TERMS))
             if np.any(done):
                 some = slice(None) if np.all(done) else done
-                self._fill(found, rows[some], series.of_rows(some), p[rows[some]], high[some],
-                           start[rows[some]], end[some])  # fmt: skip
-            elif at == self._begin < LARGE:
-                self._begin = at + 1
-            rows = rows[~done]
-            if not len(rows):
-                return
+                self._fill(found, own[some], series.of_rows(some), p[own[some]], high[some],
+                           start[own[some]], end[some])  # fmt: skip
+            more.append(own[~done])
+        rest = np.concatenate(more) if more else rows
+        if len(rest) == len(rows) > 0 and at == self._begin < LARGE:
+            self._begin = at + 1
+        if len(rest):
+            self._blocks(found, rest, s, p, start, at + 1)
 
     def _fill(self, found: Tangent, rows: NDArray[np.int64], series: _Series, p: Array, high: Array,
               start: Array, end: Array) -> None:  # fmt: skip
