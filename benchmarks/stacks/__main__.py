@@ -7,8 +7,13 @@ centred or one-sided the gap is to be 0.1 % at most.
 from __future__ import annotations
 
 import argparse
-import time
+import json
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import gettempdir
 
 import numpy as np
 
@@ -22,21 +27,34 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Draw stacks, solve them, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=0, help="seed of the first stack")
-    parser.add_argument("--count", type=int, default=300, help="stacks with a design that is found")
+    parser.add_argument("--count", type=int, default=300, help="number of stacks")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--kept", type=Path, default=Path(gettempdir(), "tolevo_stacks.jsonl"),
+                        help="file of results, by which an interrupted run goes on")  # fmt: skip
     given = parser.parse_args(arguments)
-    found: list[Drawn] = []
-    seed, start = given.seed, time.process_time()
-    while len(found) < given.count:
-        one = run(seed)
-        seed += 1
-        if one is not None:
-            found.append(one)
-        if len(found) % 10 == 0:
-            print(f"{len(found)} of {given.count}, {time.process_time() - start:.0f} s of CPU",
-                  flush=True)  # fmt: skip
-    print(f"\nSeeds {given.seed} to {seed - 1}; {seed - given.seed - len(found)} stacks whose "
-          f"limits no design was found to keep are left out; "
-          f"{time.process_time() - start:.0f} s of CPU.\n\n{table(found)}")  # fmt: skip
+    seeds = range(given.seed, given.seed + given.count)
+    known = {one.seed: one for one in read(given.kept)}
+    missing = [seed for seed in seeds if seed not in known]
+    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
+        for done, one in enumerate(pool.map(run, missing), 1):
+            known[one.seed] = one
+            with given.kept.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(asdict(one)) + "\n")
+            print(f"\r{done} of {len(missing)}", end="", flush=True)
+    found = [known[seed] for seed in seeds]
+    none = sum(not one.found for one in found)
+    seconds = sum(one.seconds for one in found)
+    print(f"\nSeeds {given.seed} to {seeds[-1]}; {none} stacks are left out, whose limits no design "
+          f"was found to keep; {seconds:.0f} s of CPU.\n\n"
+          f"{table([one for one in found if one.found])}")  # fmt: skip
+
+
+def read(path: Path) -> list[Drawn]:
+    """Results that are kept."""
+    if not path.exists():
+        return []
+    rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    return [Drawn(**row | {"limits": tuple(row["limits"])}) for row in rows]
 
 
 def table(found: Sequence[Drawn]) -> str:

@@ -6,6 +6,7 @@ themselves, from random designs, in every process next to the best. Nothing of a
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,7 +39,8 @@ ROUNDING = 1e-9
 class Drawn:
     """A stack: how its requirements are limited, whether the theorem's conditions hold, results.
 
-    `best` is the best known cost, `gap` what `exact` proves of its own design [percent].
+    `best` is the best known cost, inf where no design is found that keeps the limits; `gap` what
+    `exact` proves of its own design [percent].
     """
 
     seed: int
@@ -48,6 +50,12 @@ class Drawn:
     best: float
     bound: float
     gap: float
+    seconds: float
+
+    @property
+    def found(self) -> bool:
+        """Whether any design is known that keeps the limits."""
+        return bool(np.isfinite(self.best))
 
     @property
     def exact(self) -> bool:
@@ -140,18 +148,18 @@ def problem_of(table: dict[str, Any]) -> Stack:
     return problem
 
 
-def run(seed: int) -> Drawn | None:
-    """One stack; None where no design is found that keeps its limits."""
+def run(seed: int) -> Drawn:
+    """One stack."""
+    start = time.process_time()
     table, kinds, even, several = tables(np.random.default_rng(seed))
     problem = problem_of(table)
     own = _cheapest(problem, Budget(evaluations=EVALUATIONS), seed)
     other = _cheapest(Formless(problem.given), Budget(evaluations=EVALUATIONS), seed)
-    best = min(own, other)
-    if not np.isfinite(best):
-        return None
     found = proof(problem, {"cost": np.array([np.inf])}, 1)
     bound = float(found.bound[0])
-    return Drawn(seed, kinds, even, several, best, bound, 100.0 * (own - bound) / bound)
+    gap = 100.0 * (own - bound) / bound
+    seconds = time.process_time() - start
+    return Drawn(seed, kinds, even, several, min(own, other), bound, gap, seconds)
 
 
 def _cheapest(problem: ToleranceProblem, budget: Budget, seed: int) -> float:
