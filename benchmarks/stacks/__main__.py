@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from multiprocessing import get_context
@@ -35,18 +35,26 @@ def main(arguments: Sequence[str] | None = None) -> None:
     seeds = range(given.seed, given.seed + given.count)
     known = {one.seed: one for one in read(given.kept)}
     missing = [seed for seed in seeds if seed not in known]
-    with ProcessPoolExecutor(given.workers, mp_context=get_context("spawn")) as pool:
-        for done, one in enumerate(pool.map(run, missing), 1):
-            known[one.seed] = one
-            with given.kept.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(asdict(one)) + "\n")
-            print(f"\r{done} of {len(missing)}", end="", flush=True)
+    for done, one in enumerate(results(missing, given.workers), 1):
+        known[one.seed] = one
+        with given.kept.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(one)) + "\n")
+        print(f"\r{done} of {len(missing)}", end="", flush=True)
     found = [known[seed] for seed in seeds]
     none = sum(not one.found for one in found)
     seconds = sum(one.seconds for one in found)
     print(f"\nSeeds {given.seed} to {seeds[-1]}; {none} stacks are left out, whose limits no design "
           f"was found to keep; {seconds:.0f} s of CPU.\n\n"
           f"{table([one for one in found if one.found])}")  # fmt: skip
+
+
+def results(seeds: Sequence[int], workers: int) -> Iterator[Drawn]:
+    """The stacks of some seeds, one after the other."""
+    if workers == 1:
+        yield from map(run, seeds)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(run, seeds)
 
 
 def read(path: Path) -> list[Drawn]:
@@ -75,7 +83,9 @@ def table(found: Sequence[Drawn]) -> str:
                          f"| {np.median(gap):.2g} % | {gap.max():.2g} % |")  # fmt: skip
     worst = max((one.gap for one in found if one.exact), default=0.0)
     verdict = "met" if worst <= PROMISED and all(one.sound for one in found) else "MISSED"
-    return "\n".join([*lines, "", f"Promised: none above, {PROMISED} % in the first row: {verdict}."])
+    return "\n".join(
+        [*lines, "", f"Promised: none above, {PROMISED} % in the first row: {verdict}."]
+    )
 
 
 if __name__ == "__main__":

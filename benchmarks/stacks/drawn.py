@@ -95,7 +95,7 @@ def tables(rng: np.random.Generator) -> tuple[dict[str, Any], tuple[str, ...], b
     requirements = []
     for at, kind in enumerate(kinds):
         share = rng.uniform(0.15, 0.5)
-        wide = (np.abs(slopes[at]) * (tight + share * (loose - tight)))
+        wide = np.abs(slopes[at]) * (tight + share * (loose - tight))
         size = float(np.sum(wide) if kind == "worst case" else np.linalg.norm(wide))
         own, asked = _limited(kind, size, rng)
         requirements.append({"name": f"r{at}", "unit": "mm"} | own)
