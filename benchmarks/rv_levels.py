@@ -1,8 +1,8 @@
 """`python -m benchmarks.rv_levels`: `rv_backlash` at 20 levels of backlash, proven, and its peers.
 
-At most 5 % of the units interfere. A level is solved by itself: bound, allocation of the full model,
-and their gap. Then the fronts of `exact`, `hybrid` and of `nsga2` with 18,000 evaluations: the cheapest
-point that keeps each level, each in the run's own time.
+At most 5 % of the units interfere. A level is solved by itself: bound, allocation of the full
+model, and their gap. Then the fronts of `exact`, `hybrid` and of `nsga2` with 18,000 evaluations: the
+cheapest point that keeps each level, each in the run's own time.
 """
 
 from __future__ import annotations
@@ -130,8 +130,8 @@ def _fronts(asked: Array) -> None:
         "hybrid": front(Hybrid(), Budget()),
     }
     own = cheapest(fronts["nsga2"], asked)
-    print("\n| front | points | CPU s | least backlash over the proven one | cost below that of nsga2 "
-          "at equal backlash, median | least | |\n|---|---:|---:|---:|---:|---:|---|")  # fmt: skip
+    print("\n| front | points | CPU s | least backlash over the proven one | cost below that of "
+          "nsga2 at equal backlash, median | least | |\n|---|---:|---:|---:|---:|---:|---|")  # fmt: skip
     for name, found in fronts.items():
         cost = cheapest(found, asked)
         known = np.isfinite(own)
@@ -140,7 +140,8 @@ def _fronts(asked: Array) -> None:
         kept = bool(np.all(cost <= own)) and reach <= LEAST
         verdict = "" if name == "nsga2" else ("met" if kept else "MISSED")
         print(f"| `{name}` | {len(found[0])} | {found[2]:.0f} | {reach:.4f} "
-              f"| {np.median(saved):.2f} % | {saved.min():.2f} % | {verdict} |", flush=True)  # fmt: skip
+              f"| {np.median(saved):.2f} % | {saved.min():.2f} % | {verdict} |",
+              flush=True)  # fmt: skip
     backlash, cost, seconds = fronts["exact"]
     start = time.process_time()
     found_gap = proof(problem, {"cost": cost, "backlash_arcmin": backlash}, len(cost))

@@ -43,8 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     found = [known[seed] for seed in seeds]
     none = sum(not one.found for one in found)
     seconds = sum(one.seconds for one in found)
-    print(f"\nSeeds {given.seed} to {seeds[-1]}; {none} stacks are left out, whose limits no design "
-          f"was found to keep; {seconds:.0f} s of CPU.\n\n"
+    print(f"\nSeeds {given.seed} to {seeds[-1]}; {none} stacks are left out, whose limits no "
+          f"design was found to keep; {seconds:.0f} s of CPU.\n\n"
           f"{table([one for one in found if one.found])}")  # fmt: skip
 
 
@@ -74,8 +74,8 @@ def table(found: Sequence[Drawn]) -> str:
         "a skewed deviation": [one for one in found if not one.even],
         "all": list(found),
     }
-    lines = ["| stacks | number | bounds above the best known cost | gap of `exact`, median | largest |",
-             "|---|---:|---:|---:|---:|"]  # fmt: skip
+    lines = ["| stacks | number | bounds above the best known cost | gap of `exact`, median "
+             "| largest |\n|---|---:|---:|---:|---:|"]  # fmt: skip
     for name, own in kinds.items():
         if own:
             gap = np.array([one.gap for one in own])

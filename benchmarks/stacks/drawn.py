@@ -26,7 +26,7 @@ LIMITS = ("half-width", "root sum square", "worst case", "centred yield", "one-s
           "yield off the middle")  # fmt: skip
 SHARES = 90.0, 95.0, 99.0, 99.73, 99.9
 SIGMAS = 1.8
-"""Root sums of squares of half-widths that limits are chosen in: a limit of that many is moderate."""
+"""Limits of yields in root sums of squares of half-widths: so many are moderate."""
 SKEWED, WITH_WAYS = 0.15, 0.25
 """Shares of the stacks with a skewed part, and with parts made by one of two processes."""
 EVALUATIONS = 1500

@@ -152,7 +152,7 @@ def _toml(value: Any) -> str:
 
 
 def _base(run: Table, varied: Any, faults: list[Fault]) -> Configuration | None:
-    """The run as it is, by the algorithm whose settings are `varied`; its faults join the others."""
+    """The run as it is, by the algorithm whose settings are `varied`; with its faults."""
     try:
         found = read_table(run, [])
         if _named(run, varied, found):

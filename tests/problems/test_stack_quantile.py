@@ -103,7 +103,7 @@ def test_half_width_and_yield_are_those_of_a_sample() -> None:
 
 
 def test_bounds_between_solved_limits_are_near_their_own() -> None:
-    """60 levels of a half-width, of which 12 are solved first: below each's own, by 0.1 % at most."""
+    """60 levels of a half-width, 12 solved first: below each's own, by 0.1 % at most."""
     problem = stack(
         "variation = 0.35", method="monte_carlo", more="[propagation]\ncoverage = 0.99\n"
     )
