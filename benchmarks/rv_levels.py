@@ -1,7 +1,7 @@
 """`python -m benchmarks.rv_levels`: `rv_backlash` at 20 levels of backlash, proven, and its peers.
 
 At most 5 % of the units interfere. A level is solved by itself: bound, allocation of the full
-model, and their gap. Then the fronts of `exact`, `hybrid` and of `nsga2` with 18,000 evaluations: the
+model, and their gap. Then the fronts of `exact`, `hybrid` and `nsga2` (18,000 evaluations): the
 cheapest point that keeps each level, each in the run's own time.
 """
 
@@ -131,7 +131,8 @@ def _fronts(asked: Array) -> None:
     }
     own = cheapest(fronts["nsga2"], asked)
     print("\n| front | points | CPU s | least backlash over the proven one | cost below that of "
-          "nsga2 at equal backlash, median | least | |\n|---|---:|---:|---:|---:|---:|---|")  # fmt: skip
+          "nsga2 at equal backlash, median | least | |\n"
+          "|---|---:|---:|---:|---:|---:|---|")  # fmt: skip
     for name, found in fronts.items():
         cost = cheapest(found, asked)
         known = np.isfinite(own)
