@@ -80,7 +80,8 @@ class Formless(Stack):
 
 def tables(rng: np.random.Generator) -> tuple[dict[str, Any], tuple[str, ...], bool, bool]:
     """A configuration, the kinds of its limits, whether all deviations are even, and any ways."""
-    parts, count = int(rng.integers(2, 11)), int(rng.integers(1, 4))
+    parts = int(rng.integers(2, 11))
+    count = int(rng.integers(1, min(parts, 3) + 1))
     kinds = tuple(rng.choice(LIMITS, count).tolist())
     skewed, several = rng.random() < SKEWED, rng.random() < WITH_WAYS
     slopes = rng.uniform(0.3, 2.0, (count, parts)) * rng.choice([-1.0, 1.0], (count, parts))
