@@ -107,8 +107,7 @@ class Corrected:
             (at, step)
             for at in self._open
             for step in STEPS
-            if abs(step) == 1
-            or (len(self.form.features[at].ways) > MANY and self._apart is None)
+            if abs(step) == 1 or (len(self.form.features[at].ways) > MANY and self._apart is None)
         ]
 
     def point(

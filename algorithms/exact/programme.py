@@ -96,7 +96,7 @@ class Programme:
         return None if inner is None else self._solved(limit, first, inner, QUICK)[0]
 
     def _between(self, limit: Array, inner: Array) -> Array:
-        """The loosest tolerances (features,) on the way from `inner` to the loosest that keep limits.
+        """The loosest tolerances (features,) between `inner` and the loosest that keep limits.
 
         Where even `inner` breaks them it is that.
         """

@@ -7,8 +7,13 @@ centred or one-sided the gap is to be 0.1 % at most.
 from __future__ import annotations
 
 import argparse
-import time
-from collections.abc import Sequence
+import json
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import gettempdir
 
 import numpy as np
 
@@ -22,21 +27,42 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Draw stacks, solve them, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=0, help="seed of the first stack")
-    parser.add_argument("--count", type=int, default=300, help="stacks with a design that is found")
+    parser.add_argument("--count", type=int, default=300, help="number of stacks")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--kept", type=Path, default=Path(gettempdir(), "tolevo_stacks.jsonl"),
+                        help="file of results, by which an interrupted run goes on")  # fmt: skip
     given = parser.parse_args(arguments)
-    found: list[Drawn] = []
-    seed, start = given.seed, time.process_time()
-    while len(found) < given.count:
-        one = run(seed)
-        seed += 1
-        if one is not None:
-            found.append(one)
-        if len(found) % 10 == 0:
-            print(f"{len(found)} of {given.count}, {time.process_time() - start:.0f} s of CPU",
-                  flush=True)  # fmt: skip
-    print(f"\nSeeds {given.seed} to {seed - 1}; {seed - given.seed - len(found)} stacks whose "
-          f"limits no design was found to keep are left out; "
-          f"{time.process_time() - start:.0f} s of CPU.\n\n{table(found)}")  # fmt: skip
+    seeds = range(given.seed, given.seed + given.count)
+    known = {one.seed: one for one in read(given.kept)}
+    missing = [seed for seed in seeds if seed not in known]
+    for done, one in enumerate(results(missing, given.workers), 1):
+        known[one.seed] = one
+        with given.kept.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(one)) + "\n")
+        print(f"\r{done} of {len(missing)}", end="", flush=True)
+    found = [known[seed] for seed in seeds]
+    none = sum(not one.found for one in found)
+    seconds = sum(one.seconds for one in found)
+    print(f"\nSeeds {given.seed} to {seeds[-1]}; {none} stacks are left out, whose limits no "
+          f"design was found to keep; {seconds:.0f} s of CPU.\n\n"
+          f"{table([one for one in found if one.found])}")  # fmt: skip
+
+
+def results(seeds: Sequence[int], workers: int) -> Iterator[Drawn]:
+    """The stacks of some seeds, one after the other."""
+    if workers == 1:
+        yield from map(run, seeds)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(run, seeds)
+
+
+def read(path: Path) -> list[Drawn]:
+    """Results that are kept."""
+    if not path.exists():
+        return []
+    rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    return [Drawn(**row | {"limits": tuple(row["limits"])}) for row in rows]
 
 
 def table(found: Sequence[Drawn]) -> str:
@@ -48,8 +74,8 @@ def table(found: Sequence[Drawn]) -> str:
         "a skewed deviation": [one for one in found if not one.even],
         "all": list(found),
     }
-    lines = ["| stacks | number | bounds above the best known cost | gap of `exact`, median | largest |",
-             "|---|---:|---:|---:|---:|"]  # fmt: skip
+    lines = ["| stacks | number | bounds above the best known cost | gap of `exact`, median "
+             "| largest |\n|---|---:|---:|---:|---:|"]  # fmt: skip
     for name, own in kinds.items():
         if own:
             gap = np.array([one.gap for one in own])
@@ -57,7 +83,9 @@ def table(found: Sequence[Drawn]) -> str:
                          f"| {np.median(gap):.2g} % | {gap.max():.2g} % |")  # fmt: skip
     worst = max((one.gap for one in found if one.exact), default=0.0)
     verdict = "met" if worst <= PROMISED and all(one.sound for one in found) else "MISSED"
-    return "\n".join([*lines, "", f"Promised: none above, {PROMISED} % in the first row: {verdict}."])
+    return "\n".join(
+        [*lines, "", f"Promised: none above, {PROMISED} % in the first row: {verdict}."]
+    )
 
 
 if __name__ == "__main__":

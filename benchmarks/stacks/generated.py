@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-METHODS = ("rss", "shifted_rss", "worst_case")
+METHODS = ("rss", "shifted_rss", "worst_case", "monte_carlo")
+LAWS = ("uniform", "triangular", "trapezoid", "normal", "truncated_normal")
+"""Distributions of the parts where a requirement is a quantile (`monte_carlo`)."""
 PRICE = 1.0
 ROOM = 0.15, 0.45
 REACH = 0.35
@@ -42,6 +44,9 @@ def stack_table(
     for at, name in enumerate(names):
         low, high = (_variation(slopes[at] * t, kinds[at]) for t in wide.T)
         limits[name] = {"variation": float(low + rng.uniform(*ROOM) * (high - low))}
+    if "monte_carlo" in kinds:
+        for table in tables:
+            table["distribution"] = str(rng.choice(LAWS))
     return {
         "problem": "stack",
         "seed": seed,

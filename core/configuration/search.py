@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict, fields, is_dataclass
 from math import inf
 from typing import Any, get_type_hints
@@ -14,6 +15,8 @@ from ..counts import EVALUATIONS, GENERATIONS, PLAIN, POINTS, too_many
 from ..section import POSITIVE, Range, Section
 from .plugins import load_named
 
+MOST_BY_DEFAULT = 2
+"""Objectives up to which a problem's own algorithm is the default."""
 DEFAULT_GENERATIONS = 200
 """Budget of a run whose configuration names none."""
 
@@ -21,8 +24,8 @@ DEFAULT_GENERATIONS = 200
 def read_algorithm(
     section: Section, objectives: int, default: str = ""
 ) -> tuple[str, AlgorithmSettings | None]:
-    """Name and instance of the algorithm; by default the problem's own, NSGA-II, or the GA."""
-    name = default or ("ga" if objectives == 1 else "nsga2")
+    """Name and instance of the algorithm; by default see `by_default`."""
+    name = by_default(section.given(), objectives, default)
     kind = None if _refused(section) else load_named(section, "name", "algorithms", name)
     name = section.take("name") or name
     section.known(["engine"])
@@ -40,6 +43,24 @@ def read_algorithm(
     for fault in algorithm.faults(objectives):
         section.fault(fault.place, fault.message)
     return name, algorithm
+
+
+def by_default(given: Iterable[str], objectives: int, own: str) -> str:
+    """The problem's own algorithm, where it has one for so many objectives; else NSGA-II or the GA.
+
+    It is these, too, where the keys of `[algorithm]` that are `given` are theirs alone.
+    """
+    evolution = "ga" if objectives == 1 else "nsga2"
+    if not own or objectives > MOST_BY_DEFAULT:
+        return evolution
+    has, other = (_keys(name) for name in (own, evolution))
+    asked = set(given) & (other | {"generations", "engine"})
+    return own if asked <= has else evolution
+
+
+def _keys(name: str) -> set[str]:
+    """The settings of an algorithm."""
+    return {field.name for field in fields(registry.load("algorithms", name))}
 
 
 def _refused(section: Section) -> bool:

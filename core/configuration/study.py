@@ -13,7 +13,7 @@ import tomli_w
 
 from ..counts import EVALUATIONS, RUNS, SETTINGS, too_many
 from ..errors import Fault, InputError, nearest, raise_all
-from ..section import POSITIVE, Range, Section
+from ..section import POSITIVE, Range, Section, flat
 from ..workflows.study.designs import DESIGNS
 from ..workflows.study.plan import StudyPlan
 from ..workflows.study.records import RESPONSES, Design, Factor, Reading, StudySettings
@@ -22,7 +22,7 @@ from .configuration import Configuration
 from .files import with_files
 from .reader import read_table
 from .readings import read_readings, written
-from .search import evaluations, settings_of
+from .search import by_default, evaluations, settings_of
 from .settings_of_points import built_points, some
 from .source import Table, load, override
 from .varied import base_values, read_factors
@@ -51,7 +51,7 @@ def read_study(path: Path, overrides: Sequence[str] = (), most: int | None = Non
     override(table, own, faults)
     top = Section(table, "", faults)
     run = _run_table(top, table, path, overrides, faults)
-    base = None if run is None else _base(run, faults)
+    base = None if run is None else _base(run, top.take("vary"), faults)
     seed = top.integer("seed", Range(low=0), None)
     seeds = top.integer("seeds", Range(low=1), RUNS)
     limit = top.number("time_limit_s", within=POSITIVE)
@@ -156,10 +156,12 @@ def _toml(value: Any) -> str:
     return tomli_w.dumps({"x": value}).partition("=")[2].strip()
 
 
-def _base(run: Table, faults: list[Fault]) -> Configuration | None:
-    """The run as it is; its faults join the others."""
+def _base(run: Table, varied: Any, faults: list[Fault]) -> Configuration | None:
+    """The run as it is, by the algorithm whose settings are `varied`; with its faults."""
     try:
         found = read_table(run, [])
+        if _named(run, varied, found):
+            found = read_table(run, [])
     except InputError as error:
         faults += [Fault(f"{RUN}.{fault.place}", fault.message) for fault in error.faults]
         return None
@@ -171,6 +173,19 @@ def _base(run: Table, faults: list[Fault]) -> Configuration | None:
         faults.append(Fault(f"{RUN}.problem", text))
         return None
     return found
+
+
+def _named(run: Table, varied: Any, found: Configuration) -> bool:
+    """Whether the algorithm of a run that names none had to be named for what is varied of it."""
+    own = run.get("algorithm", {})
+    keys = [key.split(".") for key in flat(varied)] if isinstance(varied, dict) else []
+    asked = [key[1] for key in keys if key[0] == "algorithm" and len(key) > 1]
+    if "name" in [*own, *asked] or not asked or found.problem is None:
+        return False
+    problem = found.problem
+    name = by_default([*own, *asked], problem.n_obj, problem.default_algorithm)
+    run["algorithm"] = own | {"name": name}
+    return True
 
 
 def _responses(top: Section, base: Configuration | None) -> tuple[str, ...]:

@@ -35,6 +35,9 @@ ROUNDING = 4e-15
 """Rounding of a probability."""
 CLOSE, SQUARED = 1e-14, 1e-8
 """Relative step at which bisection has ended, and Newton's method, whose next one is its square."""
+SURE, STEP = 1e-7, (1e-6, 1e-2)
+"""Share of a quantile up to which doubts of its gradient are let be, and the shares of a scale by
+which it is moved to see its slope from values."""
 LARGE = 3
 """Number of terms up to which a sum remembers how many it needs."""
 STEPS = 60
@@ -74,12 +77,11 @@ class SymmetricSum:
         if last is not None and np.array_equal(last[0], s) and np.array_equal(last[1], p):
             return last[2]
         kept, p, s = np.array(s, dtype=float), np.array(p), np.abs(np.array(s, dtype=float))
-        rows = max(1, BLOCK // (TERMS[0] * max(1, s.shape[1])))
         start = self._expected(s, p)
         found = Tangent(np.zeros(len(s)), np.zeros_like(s), np.zeros(len(s)), np.zeros_like(s))
-        for at in range(0, len(s), rows):
-            self._block(found, np.arange(at, min(at + rows, len(s))), s, p, start)
+        self._blocks(found, np.arange(len(s)), s, p, start, self._begin)
         self._alone(s, p, found)
+        self._surer(found, s, p)
         self._last = kept, p, found
         return found
 
@@ -125,25 +127,57 @@ class SymmetricSum:
             found = _Series.of(self, s, safe, terms)
         return found
 
-    def _block(self, found: Tangent, rows: NDArray[np.int64], s: Array, p: Array,
-               start: Array) -> None:  # fmt: skip
-        """Fill in some rows of `found`, each by as many terms as it needs."""
-        begin = self._begin
-        for at in range(begin, len(TERMS)):
-            std, end = self._size(s[rows])
+    def _blocks(self, found: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array,
+                at: int) -> None:  # fmt: skip
+        """Fill in some rows of `found` by `TERMS[at]` terms, those that need more by more."""
+        most = max(1, BLOCK // (TERMS[at] * max(1, s.shape[1])))
+        more = []
+        for begin in range(0, len(rows), most):
+            own = rows[begin : begin + most]
+            std, end = self._size(s[own])
             # a variable of this kind is strictly sub-Gaussian: P(X > y) <= exp(-y^2 / (2 std^2))
-            high = np.minimum(end, 1.1 * std * np.sqrt(-2.0 * np.log(1.0 - p[rows])) + 1e-300)
-            series = _Series.of(self, s[rows], np.where(end > 0.0, end + high, 1.0), TERMS[at])
+            high = np.minimum(end, 1.1 * std * np.sqrt(-2.0 * np.log(1.0 - p[own])) + 1e-300)
+            series = _Series.of(self, s[own], np.where(end > 0.0, end + high, 1.0), TERMS[at])
             done = (series.missing <= ENOUGH) | (end <= 0.0) | (at + 1 == len(TERMS))
             if np.any(done):
                 some = slice(None) if np.all(done) else done
-                self._fill(found, rows[some], series.of_rows(some), p[rows[some]], high[some],
-                           start[rows[some]], end[some])  # fmt: skip
-            elif at == self._begin < LARGE:
-                self._begin = at + 1
-            rows = rows[~done]
-            if not len(rows):
-                return
+                self._fill(found, own[some], series.of_rows(some), p[own[some]], high[some],
+                           start[own[some]], end[some])  # fmt: skip
+            more.append(own[~done])
+        rest = np.concatenate(more) if more else rows
+        if len(rest) == len(rows) > 0 and at == self._begin < LARGE:
+            self._begin = at + 1
+        if len(rest):
+            self._blocks(found, rest, s, p, start, at + 1)
+
+    def _surer(self, found: Tangent, s: Array, p: Array) -> None:
+        """Gradients of sums whose series falls slowly, between the chords to either side.
+
+        The quantile is convex: its slope in s_j lies between those of the chords from s_j - h and
+        to s_j + h, of values that are known to their errors.
+        """
+        doubt = np.where(s > 0.0, found.gradient_error * s, 0.0).sum(axis=1)
+        rows = np.flatnonzero(doubt > SURE * np.abs(found.value))
+        if not len(rows):
+            return
+        m, value, error = s.shape[1], found.value[rows], found.value_error[rows]
+        share = np.clip(2.0 * np.sqrt(error / np.maximum(value, 1e-300)), *STEP)
+        h = share[:, None] * s[rows]
+        ends = []
+        for side in (1.0, -1.0):
+            moved = (s[rows][:, None, :] + side * h[:, :, None] * np.eye(m)).reshape(-1, m)
+            every = np.repeat(p[rows], m)
+            own = Tangent(np.zeros(len(moved)), np.zeros_like(moved), np.zeros(len(moved)),
+                          np.zeros_like(moved))  # fmt: skip
+            self._blocks(own, np.arange(len(moved)), moved, every, np.repeat(value, m), 0)
+            self._alone(moved, every, own)
+            rise = own.value - np.repeat(value, m)
+            ends.append((rise.reshape(-1, m), own.value_error.reshape(-1, m) + error[:, None]))
+        safe = np.where(h > 0.0, h, 1.0)
+        above = (ends[0][0] + ends[0][1]) / safe - found.gradient[rows]
+        below = found.gradient[rows] + (ends[1][0] + ends[1][1]) / safe
+        apart = np.where(h > 0.0, np.maximum(above, below), np.inf)
+        found.gradient_error[rows] = np.minimum(found.gradient_error[rows], apart)
 
     def _fill(self, found: Tangent, rows: NDArray[np.int64], series: _Series, p: Array, high: Array,
               start: Array, end: Array) -> None:  # fmt: skip

@@ -62,6 +62,7 @@ class RvBacklash(Machined):
     default_limits = DEFAULT_LIMITS
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
+    default_algorithm = "exact"
     model_name = "document"
     model_statement = "document B's closed form"
     explained: ClassVar[Mapping[str, str]] = {

@@ -154,6 +154,9 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
         "monte_carlo": "half the width that holds the coverage",
     }
     more = f"; limits left out: {', '.join(left_out)}" if left_out else ""
+    own = [row.output for row in rows if row.most < np.inf]
+    for name in dict.fromkeys(name for name in own if own.count(name) > 1):
+        more += f"; each limit of {name} kept at the whole yield, a bound of both"
     for one in stack.measured:
         if one.name(YIELD) in left_out and isinstance(one.law, str):
             more += f" ({one.law})"

@@ -10,6 +10,7 @@ import pytest
 
 from tolevo import registry
 from tolevo.configuration import Configuration, read
+from tolevo.configuration.reader import read_table
 from tolevo.declarations import Kind, Output, Parameter, Variable
 from tolevo.errors import InputError, refuse
 from tolevo.models.costs import CostCurve, Exponential, Reciprocal, Table
@@ -159,6 +160,33 @@ def test_what_is_set_arrives_in_the_unit_of_its_name(read_text: Read) -> None:
     algorithm: Any = found.algorithm
     assert (algorithm.population, algorithm.mutation.probability) == (40, 0.2)
     assert algorithm.crossover.probability == 0.9
+
+
+@pytest.mark.parametrize(
+    ("given", "name"),
+    [
+        ({}, "exact"),
+        ({"points": 12}, "exact"),
+        ({"evaluations": 500}, "exact"),
+        ({"population": 40}, "nsga2"),
+        ({"generations": 40}, "nsga2"),
+        ({"engine": "array"}, "nsga2"),
+        ({"polish": True}, "nsga2"),
+        ({"name": "hybrid", "population": 40}, "hybrid"),
+    ],
+)
+def test_default_algorithm_is_the_one_whose_keys_are_set(given: dict[str, Any], name: str) -> None:
+    """Of `rv_backlash` it is exact, unless a key of the evolutionary ones stands there."""
+    limits = {"interference_probability": 0.05}
+    table = {"problem": "rv_backlash", "limits": limits, "algorithm": given}
+    assert read_table(table, []).algorithm_name == name
+
+
+def test_default_algorithm_of_one_objective_with_a_population_is_the_ga() -> None:
+    limits = {"interference_probability": 0.05, "backlash_arcmin": 1.0}
+    table = {"problem": "rv_backlash", "limits": limits, "algorithm": {"population": 20},
+             "objectives": {"minimise": ["cost"]}}  # fmt: skip
+    assert read_table(table, []).algorithm_name == "ga"
 
 
 @pytest.mark.parametrize("text", [BASE, FULL, 'model = "bracket_batch"\n'])

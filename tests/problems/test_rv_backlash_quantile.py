@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from tolevo.algorithms.exact.bounds import proof, row_limits
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.solver import Exact
+from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.models.inputs import Beta, Uniform
@@ -149,6 +150,22 @@ def test_a_uniform_law_below_in_convex_order() -> None:
         assert slope * t + constant <= y.mean() + 1e-7 <= top * t + above + 2e-7
         assert cell.least <= y.min() and y.max() <= cell.least + cell.range
         assert cell.quantile_above(0.5) >= np.median(y)
+
+
+def test_polish_brings_a_front_of_nsga2_near_the_proof() -> None:
+    """Each point by gradients at its own backlash: from 50 % above the bound to 2 %."""
+    problem, gaps = problem_of(), []
+    for polish in (False, True):
+        settings = NSGA2(population=8, polish=polish)
+        found = search(problem, settings, Budget(generations=15), 1)
+        designs = problem.complete(found.chosen if polish else found.x)
+        out = problem.outputs_of(designs, errors=False)
+        kept = np.all(problem.violations(designs, out) <= 0.0, axis=1)
+        assert kept.sum() > 3
+        values = {name: out[name][kept] for name in problem.objectives}
+        gaps.append(proof(problem, values, int(kept.sum())).gap_percent(values["cost"]))
+    assert np.median(gaps[0]) > 10.0
+    assert np.median(gaps[1]) < 5.0
 
 
 def test_gap_at_half_the_law_of_the_eccentricity() -> None:
