@@ -59,8 +59,12 @@ def _texts(result: RunResult) -> dict[str, str]:
         "assumptions_cost.csv": result.assumptions_cost,
         "requirements.csv": result.requirements,
         "drivers.csv": result.drivers,
+        "prices.csv": result.prices,
+        "relaxed.csv": result.relaxed,
     }
     texts = {n: frame.to_csv(index=False) for n, frame in tables.items() if frame is not None}
+    if result.tolerances:
+        texts["tolerances.json"] = as_json(list(result.tolerances))
     return {"config.toml": result.configuration} | texts
 
 
