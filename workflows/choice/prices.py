@@ -31,8 +31,8 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     (Karush, Kuhn and Tucker); the prices, none below 0, fit that best, each tolerance weighted by
     its width. Limits that a point does not use up have the price 0. Columns: `point`, `output`,
     `price` (cost per unit of the output), `source`: `multiplier` where the point is proven optimal
-    (gap at most `PROVEN` %) and the conditions hold, `front` where it is the slope of the front of two objectives, else
-    `estimate`, with `spread_percent`, what the conditions leave.
+    (gap at most `PROVEN` %) and the conditions hold, `front` where it is the slope of the front of
+    two objectives, else `estimate`, with `spread_percent`, what the conditions leave.
     """
     names, rows = list(slopes.along), slopes.rows
     if front.empty or not names or not slopes.saved.size or COST not in front:

@@ -98,7 +98,7 @@ def _tolerances(stored: Stored) -> tuple[Mapping[str, Any], ...]:
         found = json.loads(stored.text(TOLERANCES) or "")
     except ValueError:
         found = None
-    if isinstance(found, list) and all(isinstance(one, dict) and NAMED <= one.keys()
+    if isinstance(found, list) and all(isinstance(one, dict) and one.keys() >= NAMED
                                        for one in found):  # fmt: skip
         return tuple(found)
     stored.remark(TOLERANCES, "is not what a run writes: was it edited by hand?")

@@ -65,11 +65,16 @@ class Words:
     def asked(self) -> str:
         largest = {o.name for o in self.problem.outputs if o.larger_is_better}
         each = [f"{'largest' if n in largest else 'least'} {words(n)}" for n in self.names]
-        goal = " against ".join(each)
-        limits = [self.limit(one) for one in self.problem.limits if one.count]
+        goal = " against ".join(each).capitalize()
+        given = set(self.problem.given.limits) | (set() if self.problem.given.limits else
+                                                  set(self.problem.default_limits))  # fmt: skip
+        limits = [self.limit(one) for one in self.problem.limits if one.count and one.name in given]
+        others = sum(one.count > 0 for one in self.problem.limits) - len(limits)
+        if others > 0:
+            limits.append(f"{others} limits that the problem sets itself")
         kept = f", with {', '.join(limits)}" if limits else ", without limits"
         tolerances = sum(v.tolerance for v in self.problem.free)
-        return (f"Asked: {goal}{kept}; {tolerances} tolerances searched"
+        return (f"{goal}{kept}; {tolerances} tolerances searched"
                 f"{self._more(len(self.problem.free) - tolerances)}.")  # fmt: skip
 
     @staticmethod
@@ -196,9 +201,10 @@ class Words:
             if np.any(good):
                 saved = float(row[COST]) - float(own.loc[good, COST].min())
                 text = self.limit(self._limit(name))
-                return (f"The limit of {text} costs {saved:.3g} "
-                        f"({100.0 * saved / float(row[COST]):.3g} %) here against one as loose as "
-                        f"that of {label} ({self.value(name, float(reference[name][label]))}).")  # fmt: skip
+                share = 100.0 * saved / float(row[COST])
+                loose = self.value(name, float(reference[name][label]))
+                return (f"The limit of {text} costs {saved:.3g} ({share:.3g} %) here against one "
+                        f"as loose as that of {label} ({loose}).")  # fmt: skip
         return ""
 
     def proof(self, statement: str) -> str:
@@ -206,14 +212,14 @@ class Words:
         if np.all(np.isnan(gap)):
             return f"How far the points are from the optimum is not proven ({reason(statement)})."
         if LEFT_OUT in statement and np.nanmedian(gap) > INFORMATIVE:
-            return (f"How far the points are from the optimum is not known: the proven bound is "
-                    f"not informative, for it leaves out what holds them back ({statement}).")  # fmt: skip
+            return ("How far the points are from the optimum is not known: the proven bound is not "
+                    f"informative, for it leaves out what holds them back ({statement}).")
         middle, most = float(np.nanmedian(gap)), float(np.nanmax(gap))
         if len(gap) == 1:
             return (f"Proven: no allocation within the limits costs less than {percent(most)} "
                     f"below this one ({statement}).")  # fmt: skip
-        return (f"Proven: at equal other objectives nothing costs more than {percent(most)} less "
-                f"than a point of the front, {percent(middle)} in the median ({statement}).")  # fmt: skip
+        return (f"Proven: no allocation of equal other objectives costs less than {percent(middle)} "
+                f"below a point of the front in the median, {percent(most)} at most ({statement}).")
 
 
 def reason(statement: str) -> str:
