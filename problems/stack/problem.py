@@ -210,7 +210,7 @@ class Stack(ToleranceProblem):
 
     def mechanism(self) -> dict[str, object]:
         return super().mechanism() | {"requirements": [
-            labels_of(one) for one in self.definition.requirements
+            labels_of(one.requirement) | {"centre": one.mechanism.centre} for one in self.measured
         ]}  # fmt: skip
 
     def drawn(self, name: str) -> Mapping[str, str]:

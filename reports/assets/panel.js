@@ -55,7 +55,7 @@ function firsts(found, model, at, needs) {
   const best = all.reduce((one, other) => (other.rate < one.rate ? other : one));
   const need = needs[0];
   return element("p", `Loosen first: ${best.tolerance.label}, to ${best.next[1] || withUnit(number(best.next[0]), best.tolerance.unit)}: saves `
-    + `${withUnit(number(-best.effect.cost, 3), found.unit)} for ${signed(best.effect.each[0], 2)} ${need.unit} of ${need.label}.`, { id: "first" });
+    + `${withUnit(number(-best.effect.cost, 3), found.unit)} ${best.effect.each[0] > 0 ? "for" : "and changes"} ${signed(best.effect.each[0], 2)} ${need.unit} ${best.effect.each[0] > 0 ? "of" : ""} ${need.label}.`, { id: "first" });
 }
 
 function mattering(found, model, at) {

@@ -218,8 +218,9 @@ class Words:
         if len(gap) == 1:
             return (f"Proven: no allocation within the limits costs less than {percent(most)} "
                     f"below this one ({statement}).")  # fmt: skip
-        return (f"Proven: no allocation of equal other objectives costs less than {percent(middle)} "
-                f"below a point of the front in the median, {percent(most)} at most ({statement}).")
+        return ("Proven: no allocation of equal other objectives costs less than "
+                f"{percent(middle)} below a point of the front in the median, {percent(most)} at "
+                f"most ({statement}).")
 
 
 def reason(statement: str) -> str:

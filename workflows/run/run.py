@@ -224,8 +224,10 @@ def _together(relaxed: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None
 
 def described(problem: ToleranceProblem) -> str:
     """What a problem calls itself: the first line of its description."""
+    if not type(problem).__module__.startswith("tolevo."):
+        return ""
     text = (type(problem).__doc__ or "").strip().split("\n")[0]
-    return text.rstrip(".").split(":")[0].split(" (default")[0] if type(problem).__module__.startswith("tolevo.") else ""
+    return text.rstrip(".").split(":")[0].split(" (default")[0]
 
 
 def _axes(problem: ToleranceProblem, names: tuple[str, ...]) -> tuple[Axis, ...]:

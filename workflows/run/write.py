@@ -15,6 +15,7 @@ from ...records import RunResult
 from ...reports.figure import png, svg
 from ...reports.page import page
 from ...reports.sheet import allocation_sheet
+from ...reports.sheets import drawing_page
 
 
 def write(result: RunResult, folder: Path) -> None:
@@ -31,6 +32,8 @@ def write(result: RunResult, folder: Path) -> None:
     write_bytes(folder / "front.png", png(result))
     write_bytes(folder / "front.svg", svg(result))
     write_text(folder / "report.html", page(result))
+    if (drawing := drawing_page(result)) is not None:
+        write_text(folder / "drawing.html", drawing)
     summary = dict(result.summary) | {"files": {n: digest(t) for n, t in texts.items()}}
     write_text(folder / "summary.json", as_json(summary))
 
