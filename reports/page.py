@@ -58,12 +58,15 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),
         section("References", _references(result)) if len(result.references) else "",
         section("Points of the front", folded("Table", _points(result)))
-        if len(result.front) else "",
+        if len(result.front)
+        else "",
         section("Convergence", folded("Figure", _convergence(result.convergence)))
-        if len(result.convergence) > 1 else "",
+        if len(result.convergence) > 1
+        else "",
         *(section("Sensitivity", _bars(result.bars)) for _ in result.bars[:1]),
         section("Assumptions", folded("Values in use", _assumptions(result.summary)))
-        if result.summary.get("assumptions") else "",
+        if result.summary.get("assumptions")
+        else "",
         section("Summary", folded("summary.json", summary_table(result.summary))),
         section("Configuration", folded("config.toml", _verbatim(result.configuration))),
     )

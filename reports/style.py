@@ -23,7 +23,8 @@ body { color: var(--ink); background: var(--paper); font: var(--text)/1.45 syste
 h1 { font-size: 1.4rem; margin: var(--s1) 0; }
 h2 { font-size: 1.15rem; margin: var(--s4) 0 var(--s2); border-bottom: 1px solid var(--line); }
 h3 { font-size: 1rem; margin: var(--s3) 0 var(--s1); }
-h1, h2, h3, p, li, summary, td, th, dd { overflow-wrap: anywhere; }
+h1, h2, h3, p, li, summary, dd { overflow-wrap: anywhere; }
+td, th { overflow-wrap: break-word; }
 p { margin: var(--s1) 0; }
 a { color: var(--link); }
 th a { color: inherit; text-decoration: underline dotted; }
@@ -116,7 +117,7 @@ details { margin: var(--s1) 0; }
     clip-path: inset(50%); }
   .cards, .cards tbody, .cards tr, .cards td, .cards th { display: block; width: 100%; }
   .cards tr { border-bottom: 2px solid var(--line); padding: var(--s1) 0; }
-  .cards th, .cards td { border: 0; padding: 1px var(--s2); }
+  .cards th, .cards td { border: 0; padding: 1px var(--s2); overflow-wrap: anywhere; }
   .cards tbody th { font-weight: 600; }
   .cards td { display: flex; justify-content: space-between; gap: var(--s3); text-align: right; }
   .cards td:empty { display: none; }

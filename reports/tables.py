@@ -56,7 +56,7 @@ def table(frame: pd.DataFrame, marked: Sequence[bool] = (), caption: str = "") -
     label = caption or "table of " + ", ".join(str(n).replace("_", " ") for n in frame.columns[:3])
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(label)}">'
+        f'<div class="scroll" tabindex="0" role="group" aria-label="{escape(label)}">'
         f"<table{' class=cards' if heads else ''}>{title}<thead><tr>{head}</tr></thead>\n"
         f"<tbody>\n{body}\n</tbody></table></div>"
     )

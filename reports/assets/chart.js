@@ -1,7 +1,7 @@
 "use strict";
 // A chart as SVG: axes, lines, thousands of points in one path, marks, and picking of the nearest.
 
-const NAMESPACE = "http://www.w3.org/2000/svg";
+const xmlns="http://www.w3.org/2000/svg";
 const SHAPES = {
   circle: "M-5 0a5 5 0 1 0 10 0a5 5 0 1 0-10 0", square: "M-5-5h10v10h-10z", triangle: "M0-6l6 11h-12z",
   diamond: "M0-7l6 7l-6 7l-6-7z", cross: "M-5-5l10 10M-5 5l10-10", down: "M0 6l6-11h-12z", plus: "M-6 0h12M0-6v12",
@@ -9,7 +9,7 @@ const SHAPES = {
 };
 
 function svg(tag, attributes = {}, text = "") {
-  const found = document.createElementNS(NAMESPACE, tag);
+  const found = document.createElementNS(xmlns, tag);
   for (const [name, value] of Object.entries(attributes)) if (value !== undefined) found.setAttribute(name, value);
   if (text) found.textContent = text;
   return found;

@@ -15,6 +15,8 @@ from .proofs import INFORMATIVE, LEFT_OUT
 from .references import gain_column
 
 COST = "cost"
+EXACT = 1e-3
+"""Gap [percent] that is none."""
 NEAR = 1e-3
 """Share of a limit within which a point uses it up."""
 
@@ -99,7 +101,7 @@ class Words:
                          f"{self.units.get(n, '')}".rstrip() for n in self.names)  # fmt: skip
         choices = self.result.choices
         rule = "" if choices is None or choices.empty else str(choices["choice"].iloc[0])
-        return (f"Found: {len(front)} allocations, {ends}; the {words(rule)} has {self.row(row)}.")
+        return f"Found: {len(front)} allocations, {ends}; the {words(rule)} has {self.row(row)}."
 
     def published(self) -> str:
         rows = self._printed()
@@ -124,7 +126,7 @@ class Words:
             gains = self._gains(row, "relaxed_")
             if not gains:
                 return f"{own}, but breaks the limits ({values}): it cannot be compared."
-            return (f"{own}, but breaks the limits ({values}): at the same looser limits {gains}.")
+            return f"{own}, but breaks the limits ({values}): at the same looser limits {gains}."
         gains = self._gains(row, "")
         return f"{own} and keeps all limits: {gains}." if gains else (
             f"{own} and keeps all limits; no point of the front is as good in every other "
@@ -212,15 +214,23 @@ class Words:
         if np.all(np.isnan(gap)):
             return f"How far the points are from the optimum is not proven ({reason(statement)})."
         if LEFT_OUT in statement and np.nanmedian(gap) > INFORMATIVE:
-            return ("How far the points are from the optimum is not known: the proven bound is not "
-                    f"informative, for it leaves out what holds them back ({statement}).")
+            return (
+                "How far the points are from the optimum is not known: the proven bound is not "
+                f"informative, for it leaves out what holds them back ({statement})."
+            )
         middle, most = float(np.nanmedian(gap)), float(np.nanmax(gap))
+        if len(gap) == 1 and most < EXACT:
+            return f"Proven: this is the least cost within the limits ({statement})."
         if len(gap) == 1:
             return (f"Proven: no allocation within the limits costs less than {percent(most)} "
                     f"below this one ({statement}).")  # fmt: skip
-        return ("Proven: no allocation of equal other objectives costs less than "
-                f"{percent(middle)} below a point of the front in the median, {percent(most)} at "
-                f"most ({statement}).")
+        if most < EXACT:
+            return f"Proven: every point of the front is optimal ({statement})."
+        return (
+            "Proven: no allocation of equal other objectives costs less than "
+            f"{percent(middle)} below a point of the front in the median, {percent(most)} at "
+            f"most ({statement})."
+        )
 
 
 def reason(statement: str) -> str:
@@ -230,10 +240,9 @@ def reason(statement: str) -> str:
 
 def percent(value: float) -> str:
     """A gap in words: what is rounding is not printed as 1e-09 %."""
-    return "0.001 %" if value < 1e-3 else f"{value:.2g} %"
+    return "0.001 %" if value < EXACT else f"{value:.2g} %"
 
 
 def words(name: str) -> str:
     """A column as words, without its unit."""
     return split_unit(name)[0].replace("_", " ").replace(".", " ")
-
