@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from html import escape
 from typing import Any
 
@@ -16,15 +15,14 @@ from .choices import choice_sections
 from .convergence import RATIO, convergence_figure, known
 from .document import bullets, document, folded, picture, remarked, section
 from .drawing import flags
-from .explorer import explorer, interactive, scripts, thinned
+from .explorer import explorer, interactive, scripts
 from .figure import front_figure
 from .requirements import requirement_sections
 from .summary import summary_table
 from .tables import chosen, table
 from .units import unit_sections
 
-DRAWN = 500
-"""Points of the front in its still picture at most; front.svg has all."""
+STILL = "This page needs its scripts to show the front; front.png and front.svg are still pictures."
 LISTED = 60
 """Points of the front in the table at most."""
 ASSUMPTION_COLUMNS = ("name", "value", "unit", "reason", "set_by")
@@ -105,14 +103,11 @@ def _verbatim(text: str) -> str:
 
 
 def _front(result: RunResult, scripted: bool) -> str:
-    names = [axis.name for axis in result.objectives]
-    some = result
-    if len(result.front):
-        some = replace(result, front=result.front.loc[thinned(result.front, names, [], DRAWN)])
-    still = picture("front", front_figure(some), _front_caption(result))
     if scripted:
-        return f"{explorer(result)}\n<noscript>{still}</noscript>"
-    return section("Front", still)
+        return f"{explorer(result)}\n<noscript><p>{STILL}</p></noscript>"
+    if not result.objectives:
+        return ""
+    return section("Front", picture("front", front_figure(result), _front_caption(result)))
 
 
 def _bars(bars: Sequence[Bars]) -> str:

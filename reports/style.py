@@ -92,6 +92,7 @@ button { padding: 2px 10px; }
 #controls [hidden] { display: none; }
 #slope p { font-size: .875rem; }
 #exports { display: flex; flex-wrap: wrap; gap: var(--s1); }
+[data-filter] .scroll { max-height: none; }
 #told { font-size: .875rem; font-weight: 600; }
 .unverified { color: var(--a); }
 .verified { color: var(--b); }
