@@ -13,6 +13,9 @@ from .glossary import terms
 from .scripts import Script
 from .style import STYLE
 
+RENEWED = 5
+"""Seconds after which a browser loads the page of a result that is being made again."""
+
 
 def document(title: str, body: str, scripts: Sequence[Script] = (), head: str = "") -> str:
     """The whole page of that title; `scripts` run at its end, and nothing else can.
@@ -32,6 +35,11 @@ def document(title: str, body: str, scripts: Sequence[Script] = (), head: str = 
         f"<main>\n{body}\n{explained}\n</main>\n"
         f"{''.join(one.html for one in scripts)}\n</body>\n</html>\n"
     )
+
+
+def renewed(text: str) -> str:
+    """A page that the browser loads again by itself, for its result is being made."""
+    return text.replace("<title>", f'<meta http-equiv="refresh" content="{RENEWED}">\n<title>', 1)
 
 
 def section(title: str, body: str) -> str:

@@ -63,7 +63,7 @@ def limits_of(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
     found = []
     for name, bound in table.items():
         if name in kept:
-            ends = bound if isinstance(bound, Mapping) else _ends(name, bound)
+            ends: Mapping[str, object] = bound if isinstance(bound, Mapping) else _ends(name, bound)
             found.append({"name": name, "label": words(name), "low": ends.get("min"),
                           "high": ends.get("max"), "values": kept[name].tolist()})  # fmt: skip
     return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
 
 import numpy as np
@@ -159,7 +159,8 @@ def _beside(codes: NDArray[np.intp]) -> NDArray[np.float64]:
 def _titles(row: Sequence[Axes], result: GapResult, output: Axis) -> None:
     """Each column's RMSE on rows that the fit never saw; of a population its distributions tell."""
     units = len(result.units) > 0
-    stages = (result.gap_before, result.gap_after, {})
+    nothing: Mapping[str, float] = {}
+    stages = (result.gap_before, result.gap_after, nothing)
     for axes, mark, gaps in zip(row, MARKS, stages, strict=True):
         error = None if units else gaps.get(output.name)
         text = "" if error is None else f": held-out {error:.3g} {output.unit}"

@@ -292,6 +292,7 @@ def real(problem: Any) -> RunResult:
     from tolevo.algorithms.exact.solver import closed_form, exact_vectors
 
     form = closed_form(problem)
+    assert form is not None
     designs = problem.complete(exact_vectors(problem, form, 80))
     front = problem.frame(designs).sort_values("cost").drop(columns="feasible")
     front = front.reset_index(drop=True).assign(knee=False)

@@ -15,6 +15,8 @@ from .proofs import INFORMATIVE, LEFT_OUT
 from .references import gain_column
 
 COST = "cost"
+ALIKE = 1e-9
+"""Relative difference of two values that is none."""
 EXACT = 1e-3
 """Gap [percent] that is none."""
 NEAR = 1e-3
@@ -114,7 +116,8 @@ class Words:
         printed = [str(label) for label in self.problem.references()]
         if found.empty:
             return []
-        return [row for row in found.to_dict("records") if row["label"] in printed]
+        rows = [{str(k): v for k, v in row.items()} for row in found.to_dict("records")]
+        return [row for row in rows if row["label"] in printed]
 
     def _worth(self, row: dict[str, Any]) -> str:
         label, broken = str(row["label"]), str(row["violated_limits"]).split()
@@ -199,7 +202,9 @@ class Words:
             if str(reference["violated_limits"].get(label, "")) != name:
                 continue
             others = [n for n in self.names if n != COST]
-            good = np.all([own[n] <= row[n] * (1 + 1e-9) for n in others], axis=0)
+            good = np.ones(len(own), dtype=bool)
+            for n in others:
+                good &= own[n].to_numpy(dtype=float) <= float(row[n]) + ALIKE * abs(float(row[n]))
             if np.any(good):
                 saved = float(row[COST]) - float(own.loc[good, COST].min())
                 text = self.limit(self._limit(name))
