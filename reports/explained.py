@@ -61,15 +61,17 @@ def limits_of(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
     if not isinstance(table, Mapping):
         return []
     found = []
-    for name, bound in table.items():
+    for key, bound in table.items():
+        name = str(key)
         if name in kept:
-            ends: Mapping[str, object] = bound if isinstance(bound, Mapping) else _ends(name, bound)
+            ends: dict[str, object] = dict(bound) if isinstance(bound, Mapping) else _end(
+                name, bound)  # fmt: skip
             found.append({"name": name, "label": words(name), "low": ends.get("min"),
                           "high": ends.get("max"), "values": kept[name].tolist()})  # fmt: skip
     return found
 
 
-def _ends(name: str, bound: object) -> dict[str, object]:
+def _end(name: str, bound: object) -> dict[str, object]:
     return {"min" if name.endswith("yield_percent") else "max": bound}
 
 

@@ -17,6 +17,8 @@ from .words import short
 
 KEYS, POINTS = 8, 300
 """Keys and settings on the page at most: medians.csv has all."""
+FAILED = 60
+"""Failed runs on the page at most."""
 SHOWN = "A test supports it."
 NOT_SHOWN = "No test supports it: the seeds are too few, or the settings too alike."
 TESTS = (
@@ -134,4 +136,7 @@ def _medians(result: StudyResult) -> str:
 
 
 def _failed(runs: pd.DataFrame) -> str:
-    return table(runs[runs["status"] == "failed"])
+    found = runs[runs["status"] == "failed"]
+    rest = len(found) - FAILED
+    more = f"<p>{rest} more failed runs are in study.csv.</p>" if rest > 0 else ""
+    return table(found.head(FAILED)) + more

@@ -15,10 +15,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.reports.test_claims_page import result as claims
+from tests.reports.test_gap_page import result as gap
+from tests.reports.test_study_page import result as study
 from tolevo.configuration import read
 from tolevo.records import Axis, Compared, Comparison, Response, RunResult, StudyResult, Varied
 from tolevo.reports import page
+from tolevo.reports.claims import claims_page
 from tolevo.reports.comparison import comparison_page
+from tolevo.reports.gap import gap_page
 from tolevo.reports.sheets import drawing_page
 from tolevo.reports.study import study_page
 from tolevo.workflows.choice import decide
@@ -31,6 +36,7 @@ pytestmark = pytest.mark.skipif(
     CHROMIUM is None and not os.environ.get("CI"),
     reason="no chromium here: apt-get install chromium",
 )
+__all__ = ["claims", "gap", "study"]
 EVIL = "<script>alert(1)</script>"
 MOST_BYTES = 1_500_000
 MOST_SECONDS = 1.0
@@ -436,6 +442,56 @@ def test_axe_finds_nothing_wrong(
         assert seen.wrong == []
 
 
+@pytest.fixture
+def pages(gap: Any, study: Any, claims: Any) -> dict[str, str]:
+    """Pages of the records that their own tests write by hand."""
+    return {"gap": gap_page(gap), "study": study_page(study), "claims": claims_page(claims)}
+
+
+@pytest.mark.parametrize("kind", ["gap", "study", "claims"])
+@pytest.mark.parametrize(("width", "dark"), [(390, True), (1400, False)])
+def test_axe_finds_nothing_wrong_on_other_pages(
+    browser: Browser, tmp_path: Path, pages: dict[str, str], kind: str, width: int, dark: bool
+) -> None:
+    path = tmp_path / "p.html"
+    path.write_text(pages[kind], encoding="utf-8")
+    seen = Watched(browser, path, width, dark)
+    assert seen.page.evaluate("document.documentElement.scrollWidth") == width
+    seen.page.evaluate("document.querySelectorAll('details').forEach((d) => d.open = true)")
+    assert _violations(seen.page) == []
+    assert seen.wrong == []
+
+
+def test_claims_are_filtered_by_their_verdict(
+    browser: Browser, tmp_path: Path, pages: dict[str, str]
+) -> None:
+    path = tmp_path / "p.html"
+    path.write_text(pages["claims"], encoding="utf-8")
+    seen = Watched(browser, path)
+    rows = seen.page.locator("#detail tbody tr:visible")
+    whole = rows.count()
+    seen.page.select_option("#filter", "not reproduced")
+    assert 0 < rows.count() < whole
+    assert all("not reproduced" in text for text in rows.all_inner_texts())
+    assert seen.wrong == []
+
+
+def test_settings_of_a_study_are_filtered_and_compared(
+    browser: Browser, tmp_path: Path, pages: dict[str, str]
+) -> None:
+    path = tmp_path / "p.html"
+    path.write_text(pages["study"], encoding="utf-8")
+    seen = Watched(browser, path)
+    rows = seen.page.locator("#settings .scroll tbody tr")
+    whole = rows.count()
+    select = seen.page.locator("#settings .asks select").first
+    select.select_option(index=1)
+    assert 0 < rows.count() < whole
+    seen.page.select_option("#second-setting", str(whole - 1))
+    assert "first setting" in seen.page.locator("#settings").inner_text().lower()
+    assert seen.wrong == []
+
+
 def test_a_study_of_two_thousand_runs_opens_in_time(browser: Browser, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     keys = ("algorithm.population", "algorithm.mutation.probability")
@@ -451,13 +507,13 @@ def test_a_study_of_two_thousand_runs_opens_in_time(browser: Browser, tmp_path: 
                             "generation": np.tile(range(400), 8), "median": rng.random(3200),
                             "low": 0.0, "high": 1.0, "optimum": 0.1, "level_of_interval": 0.95,
                             "n": 50})  # fmt: skip
-    study = StudyResult(
+    many = StudyResult(
         "t", "factorial", design, table, (Response("gap_percent", False, 0.0),),
         tuple(Varied(key, 20) for key in keys), medians, pd.DataFrame(), pd.DataFrame(),
         courses, "hypervolume", (), (), (EVIL,),
     )  # fmt: skip
     path = tmp_path / "s.html"
-    path.write_text(study_page(study), encoding="utf-8")
+    path.write_text(study_page(many), encoding="utf-8")
     assert path.stat().st_size < MOST_BYTES
     seen = Watched(browser, path, 390)
     assert 0.001 < seen.seconds < MOST_SECONDS

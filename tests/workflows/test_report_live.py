@@ -52,7 +52,7 @@ def test_a_page_is_renewed_until_its_watch_ends(
             raise KeyboardInterrupt
         ended(folder, (1, 2.0))
 
-    monkeypatch.setattr("tolevo.workflows.report.report.time.sleep", pause)
+    monkeypatch.setattr("time.sleep", pause)
     seen: list[str] = []
 
     def told(one: Report) -> None:
