@@ -334,10 +334,16 @@ def report(
     figures: Annotated[
         Path | None, typer.Option("--figures", help="A folder for figures, as PNG and SVG.")
     ] = None,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Renew the page until the result is complete.")
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Build the page of a result again, or compare several runs."""
     with exit_status():
+        if watch:
+            _watch(folders, out, figures, quiet)
+            return
         raise_all(page_faults(folders, out, figures))
         from .workflows.report import report as built
 
@@ -345,6 +351,30 @@ def report(
         for remark in () if quiet else found.remarks:
             typer.echo(f"warning: {remark}", err=True)
         typer.echo(f"page: {found.path}")
+
+
+def _watch(folders: list[Path], out: Path | None, figures: Path | None, quiet: bool) -> None:
+    """Renew the page of one directory, beside it where `out` says nothing else."""
+    from .workflows.report import Report, watch
+
+    faults = []
+    if len(folders) != 1:
+        faults.append(Fault("--watch", f"takes one directory, got {len(folders)}"))
+    if figures is not None:
+        faults.append(
+            Fault("--figures", "are drawn when the result is complete; leave out --watch")
+        )
+    page = out or folders[0].resolve().with_suffix(".html")
+    raise_all([*faults, *page_faults(folders[:1], page)])
+    shown = set[Path]()
+
+    def told(found: Report) -> None:
+        if not quiet and found.path not in shown:
+            typer.echo(f"page: {found.path}, renewed every 5 s; Ctrl-C ends it", err=True)
+        shown.add(found.path)
+
+    found = watch(folders[0], page, told)
+    typer.echo(f"page: {found.path}")
 
 
 @app.command()

@@ -55,7 +55,9 @@ class RunResult:
     of the files of these names, None where there is none. `overlays` are fronts of other algorithms
     by label (`overlays.csv`). `unit_turn`, `population` and `assumptions_cost` are the tables of
     the files of these names, of problems that know units; `requirements` and `drivers` of those
-    with several requirements.
+    with several requirements. `prices` and `relaxed` (the fronts whose limits are as loose as those
+    of a reference, under its `label`) are those of these names, and `tolerances` the records of
+    `tolerances.json`: what a drawing and a price need to know of each variable.
     """
 
     title: str
@@ -81,6 +83,22 @@ class RunResult:
     assumptions_cost: pd.DataFrame | None = None
     requirements: pd.DataFrame | None = None
     drivers: pd.DataFrame | None = None
+    prices: pd.DataFrame | None = None
+    relaxed: pd.DataFrame | None = None
+    tolerances: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def answers(self) -> Mapping[str, str]:
+        """What was asked and what was found, a sentence each: `asked`, `found`, `published`,
+        `limits` and `proof`, as far as the summary has them.
+        """
+        found = self.summary.get("answers")
+        return found if isinstance(found, Mapping) else {}
+
+
+def unit_of_cost(summary: Mapping[str, Any]) -> str:
+    """The unit that every cost of a run has; empty where costs are relative."""
+    return str(summary.get("currency") or "")
 
 
 def mechanism_lines(summary: Mapping[str, Any]) -> list[str]:

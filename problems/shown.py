@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from ..models.costs import CostCurve
     from .settings import Settings
     from .tolerance_problem import ToleranceProblem
 
@@ -93,6 +94,14 @@ class Shown:
         """
         labels = asdict(self.settings.labels) | {"name": self.title()}
         return {key: value for key, value in labels.items() if value}
+
+    def curves_of(self, name: str) -> tuple[tuple[CostCurve, float], ...]:
+        """The cost curve of a variable and how often it is paid, one for each way of making it.
+
+        Empty where nothing is paid, or where what is paid is no function of the variable alone.
+        """
+        curve = self.settings.costs.get(name)
+        return () if curve is None else ((curve, 1.0),)
 
     def validity(self) -> tuple[str, ...]:
         """Limits of validity of the model, a sentence each."""

@@ -8,6 +8,7 @@ import pandas as pd
 
 from ..records import RunResult
 from .document import folded, section
+from .orders import orders
 from .tables import chosen, table
 
 CHOICES = (
@@ -44,6 +45,8 @@ def choice_sections(result: RunResult) -> tuple[str, ...]:
     if result.allocation is not None:
         rules = pd.DataFrame(list(result.summary.get("rounding") or ()))
         text = f"<p>{escape(ROUNDED)}</p>\n{table(rules)}"
-        parts += [folded("Drawing-ready allocations", table(result.allocation)),
-                  folded("Rounding", text)]  # fmt: skip
+        parts += [folded(f"For the drawing: {order.title}",
+                         f"<p>{escape(order.note)}</p>\n{table(order.table)}")
+                  for order in orders(result)]  # fmt: skip
+        parts.append(folded("Rounding", text))
     return (section("Choices", "\n".join(parts)),)

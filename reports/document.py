@@ -9,13 +9,20 @@ from html import escape
 from matplotlib.figure import Figure
 
 from .drawing import as_svg
+from .glossary import terms
 from .scripts import Script
 from .style import STYLE
 
+RENEWED = 5
+"""Seconds after which a browser loads the page of a result that is being made again."""
 
-def document(title: str, body: str, scripts: Sequence[Script] = ()) -> str:
-    """The whole page of that title; `scripts` run at its end, and nothing else can."""
-    name = escape(title)
+
+def document(title: str, body: str, scripts: Sequence[Script] = (), head: str = "") -> str:
+    """The whole page of that title; `scripts` run at its end, and nothing else can.
+
+    `head` (HTML) stands below the title, before all sections; the terms are explained at the end.
+    """
+    name, explained = escape(title), terms(body)
     policy = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
     if scripts:
         policy += f"; img-src data:; script-src {' '.join(one.hash for one in scripts)}"
@@ -24,9 +31,15 @@ def document(title: str, body: str, scripts: Sequence[Script] = ()) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{name}</title>\n<style>{STYLE}</style>\n</head>\n"
-        f"<body>\n<h1>{name}</h1>\n{body}\n"
+        f"<body>\n<header>\n<h1>{name}</h1>\n{head}\n</header>\n"
+        f"<main>\n{body}\n{explained}\n</main>\n"
         f"{''.join(one.html for one in scripts)}\n</body>\n</html>\n"
     )
+
+
+def renewed(text: str) -> str:
+    """A page that the browser loads again by itself, for its result is being made."""
+    return text.replace("<title>", f'<meta http-equiv="refresh" content="{RENEWED}">\n<title>', 1)
 
 
 def section(title: str, body: str) -> str:

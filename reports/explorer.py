@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from html import escape
 from typing import Any
 
@@ -10,40 +11,59 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..records import Axis, RunResult
-from ..units import split_unit
-from .scripts import data, own, plotly, short
+from ..records import Axis, RunResult, unit_of_cost
+from .explained import (
+    CONTRIBUTED,
+    informative,
+    law_of,
+    limits_of,
+    tolerance_records,
+    unit_columns,
+    units_of,
+    words,
+)
+from .scripts import data, own, short
 
 MOST = 5000
 """Points on a page at most."""
-ROOM = 900_000
-"""Letters that the points may take: with Plotly's script a page stays below 6 MB."""
-FILES = ("common.js", "detail.js", "explorer.js")
-SKELETON = """<div id="explorer" class="explorer" hidden>
-<p class="hint">{rule} A click on a point selects it; so do the list and the sliders below.</p>
+OTHERS = 400
+"""Points of any other front on a page at most."""
+ROOM = 620_000
+"""Letters that the points may take: a page stays below 1.5 MB."""
+SHARED = 250
+"""Points with contributions and prices on a page at most: others take those of the nearest."""
+FILES = ("common.js", "chart.js", "parallel.js", "histogram.js", "model.js", "panel.js",
+         "explorer.js")  # fmt: skip
+SKELETON = """<section id="work" class="work" aria-label="Front and selected allocation" hidden>
+<div class="left">
+<form id="asks" class="asks"></form>
 <div id="plots"></div>
-<div class="panel">
-<div id="controls"></div>
-<fieldset id="worth"><legend>What is it worth?</legend></fieldset>
+<details id="parallel"><summary>All objectives and tolerances; drag along an axis to narrow it
+</summary><div></div></details>
+<p class="hint">{rule} Click or drag on the front, or use the slider, to select a point.</p>
 </div>
-<div id="detail"><h3 aria-live="polite"></h3><div id="allocation"></div></div>
-</div>"""
-WITHOUT = (
-    "The front cannot be looked into here: plotly is not installed "
-    "(pip install 'tolevo[report]', then tolevo report)."
-)
+<div class="right" id="detail">
+<h2 id="headline" aria-live="polite"></h2>
+<div id="slope"></div>
+<div id="controls"></div>
+<div id="views" role="tablist" aria-label="The selected allocation"></div>
+<div id="allocation" class="scroll" role="tabpanel" tabindex="0" aria-labelledby="view-matters">
+</div>
+<p id="exports"></p>
+<details id="units"><summary>Units at this point: histogram, yield, Cpk</summary>
+<div id="units-body"></div></details>
+</div>
+</section>"""
 
 
 def interactive(result: RunResult) -> bool:
-    """Whether there is a front to look into, and what it takes."""
-    return bool(len(result.front) and result.objectives and plotly() is not None)
+    """Whether there is a front to look into."""
+    return bool(len(result.front) and result.objectives)
 
 
 def scripts() -> tuple[Any, ...]:
     """The scripts of a page with a front on it."""
-    library = plotly()
-    assert library is not None
-    return (library, own(*FILES))
+    return (own(*FILES),)
 
 
 def explorer(result: RunResult) -> str:
@@ -51,7 +71,7 @@ def explorer(result: RunResult) -> str:
     content = content_of(result, MOST)
     size = len(json.dumps(short(content), separators=(",", ":")))
     if size > ROOM:
-        content = content_of(result, int(len(content["rows"]) * ROOM / size))
+        content = content_of(result, max(1, int(len(content["rows"]) * ROOM / size)))
     count, whole = len(content["rows"]), len(result.front)
     rule = f"All {whole} points." if count == whole else (
         f"{count} of {whole} points: every choice, and others evenly along the front "
@@ -68,7 +88,7 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
     kept = front.iloc[rows]
     variables = [axis for axis in result.variables if axis.name in front]
     return {
-        "objectives": [_axis(axis) for axis in result.objectives],
+        "objectives": [_axis(axis) | _unit(axis, result) for axis in result.objectives],
         "variables": [_axis(axis) for axis in variables],
         "rows": rows.tolist(),
         "aims": [kept[name].tolist() for name in names],
@@ -78,9 +98,17 @@ def content_of(result: RunResult, most: int) -> dict[str, Any]:
         "references": _references(result, names, variables),
         "choices": _choices(result),
         "rounded": _rounded(result),
-        "contributions": _contributions(result.contributions),
+        "unit": unit_of_cost(result.summary),
+        "informative": informative(result),
+        "tolerances": tolerance_records(result),
+        "limits": limits_of(result, kept),
+        "prices": _prices(result.prices),
+        "units": unit_columns(result, kept),
+        "law": law_of(result, kept),
+        "relaxed": _fronts_of(_relaxed(result), names, most),
+        "contributions": _contributions(result.contributions, result),
         "exact": _exact(result, names),
-        "overlays": _overlays(result, names, most),
+        "overlays": _fronts_of(result.overlays, names, most),
         "ideal": dict(result.summary.get("ideal") or {}),
     }
 
@@ -101,8 +129,13 @@ def thinned(
 
 
 def _axis(axis: Axis) -> dict[str, str]:
-    label = split_unit(axis.name)[0].replace("_", " ")
-    return {"name": axis.name, "label": label, "unit": axis.unit, "meaning": axis.meaning}
+    return {"name": axis.name, "label": words(axis.name), "unit": axis.unit,
+            "meaning": axis.meaning}  # fmt: skip
+
+
+def _unit(axis: Axis, result: RunResult) -> dict[str, str]:
+    """The unit of the cost, which a run states once."""
+    return {"unit": unit_of_cost(result.summary)} if axis.name == "cost" and not axis.unit else {}
 
 
 def _column(frame: pd.DataFrame, name: str) -> list[Any]:
@@ -146,20 +179,48 @@ def _references(result: RunResult, names: list[str], variables: list[Axis]) -> l
     ]
 
 
-def _contributions(found: pd.DataFrame | None) -> list[dict[str, Any]]:
-    if found is None or found.empty:
+def _some(found: pd.DataFrame) -> pd.DataFrame:
+    """At most `SHARED` rows of a table, evenly."""
+    return found.iloc[np.unique(np.linspace(0, len(found) - 1, SHARED).astype(int))]
+
+
+def _contributions(found: pd.DataFrame | None, result: RunResult) -> list[dict[str, Any]]:
+    if found is None or found.empty or "along" not in found:
         return []
-    names = [name for name in found.columns if name not in ("point", "output", "explained")]
+    names = [name for name in found.columns if name not in CONTRIBUTED]
+    units = units_of(result)
     return [
         {
             "output": output,
+            "label": words(str(output)),
+            "unit": units.get(str(output), ""),
             "explained": own["explained"].iloc[0],
             "names": names,
             "rows": own["point"].tolist(),
-            "shares": [own[name].round(1).tolist() for name in names],
+            "along": own["along"].tolist(),
+            "shares": [own[name].round(3).tolist() for name in names],
         }
-        for output, own in found.groupby("output", sort=False)
+        for output, every in found.groupby("output", sort=False)
+        for own in (_some(every),)
     ]
+
+
+def _prices(found: pd.DataFrame | None) -> list[dict[str, Any]]:
+    if found is None or found.empty:
+        return []
+    return [
+        {"output": output, "rows": own["point"].tolist(), "price": own["price"].tolist(),
+         "source": own["source"].tolist()}
+        for output, every in found.groupby("output", sort=False)
+        for own in (_some(every),)
+    ]  # fmt: skip
+
+
+def _relaxed(result: RunResult) -> dict[str, pd.DataFrame]:
+    """Fronts with relaxed limits by the label of the reference."""
+    if result.relaxed is None:
+        return {}
+    return {str(label): own for label, own in result.relaxed.groupby("label", sort=False)}
 
 
 def _exact(result: RunResult, names: list[str]) -> list[list[float]] | None:
@@ -169,14 +230,16 @@ def _exact(result: RunResult, names: list[str]) -> list[list[float]] | None:
     return [found[name].tolist() for name in names]
 
 
-def _overlays(result: RunResult, names: list[str], most: int) -> list[dict[str, Any]]:
-    """Fronts of other algorithms in the order of the first objective, at most `most` points."""
+def _fronts_of(
+    fronts: Mapping[str, pd.DataFrame], names: list[str], most: int
+) -> list[dict[str, Any]]:
+    """Other fronts in the order of the first objective, at most `most` points."""
     found = []
-    for label, front in result.overlays.items():
+    for label, front in fronts.items():
         if front.empty or any(name not in front for name in names):
             continue
         own = front.reset_index(drop=True)
-        kept = own.iloc[thinned(own, names, [], most)]
+        kept = own.iloc[thinned(own, names, [], min(most, OTHERS))]
         aims = [kept[name].tolist() for name in names]
         found.append({"label": f"{label}, {len(front)} points", "aims": aims})
     return found

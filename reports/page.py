@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from html import escape
 from typing import Any
 
@@ -16,16 +15,14 @@ from .choices import choice_sections
 from .convergence import RATIO, convergence_figure, known
 from .document import bullets, document, folded, picture, remarked, section
 from .drawing import flags
-from .explorer import WITHOUT, explorer, interactive, scripts, thinned
+from .explorer import explorer, interactive, scripts
 from .figure import front_figure
 from .requirements import requirement_sections
-from .scripts import plotly
 from .summary import summary_table
 from .tables import chosen, table
 from .units import unit_sections
 
-DRAWN = 500
-"""Points of the front in its still picture at most; front.svg has all."""
+STILL = "This page needs its scripts to show the front; front.png and front.svg are still pictures."
 LISTED = 60
 """Points of the front in the table at most."""
 ASSUMPTION_COLUMNS = ("name", "value", "unit", "reason", "set_by")
@@ -51,25 +48,44 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
     `remarks` are what was wrong with the files that it is built from.
     """
     scripted = interactive(result)
-    sections = (
-        *remarked(remarks),
-        "".join(f"<p>{escape(line)}</p>" for line in mechanism_lines(result.summary)),
-        _model(result.summary),
-        section("Front", _front(result, scripted)),
-        section("In words", bullets(result.notes)),
+    more = (
+        section("In words", bullets(result.notes)) if result.notes else "",
         *unit_sections(result),
         *requirement_sections(result),
         *choice_sections(result),
         *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),
-        section("References", _references(result)),
-        section("Points of the front", _points(result)),
-        section("Convergence", _convergence(result.convergence)),
+        section("References", _references(result)) if len(result.references) else "",
+        section("Points of the front", folded("Table", _points(result)))
+        if len(result.front)
+        else "",
+        section("Convergence", folded("Figure", _convergence(result.convergence)))
+        if len(result.convergence) > 1
+        else "",
         *(section("Sensitivity", _bars(result.bars)) for _ in result.bars[:1]),
-        section("Assumptions", _assumptions(result.summary)),
-        section("Summary", summary_table(result.summary)),
+        section("Assumptions", folded("Values in use", _assumptions(result.summary)))
+        if result.summary.get("assumptions")
+        else "",
+        section("Summary", folded("summary.json", summary_table(result.summary))),
         section("Configuration", folded("config.toml", _verbatim(result.configuration))),
     )
-    return document(result.title, "\n".join(sections), scripts() if scripted else ())
+    sections = (
+        *remarked(remarks),
+        _model(result.summary),
+        _front(result, scripted),
+        *more,
+    )
+    body = "\n".join(one for one in sections if one)
+    return document(result.title, body, scripts() if scripted else (), _head(result))
+
+
+def _head(result: RunResult) -> str:
+    """What was asked and what was found, in sentences."""
+    found = result.answers
+    asked = f'<p class="asked">{escape(str(found["asked"]))}</p>\n' if "asked" in found else ""
+    lines = "".join(f"<p>{escape(line)}</p>\n" for line in mechanism_lines(result.summary))
+    told = "".join(f'<li id="answer-{escape(name)}">{escape(str(text))}</li>'
+                   for name, text in found.items() if name != "asked")  # fmt: skip
+    return f'{lines}{asked}<ul class="answers">{told}</ul>' if told else f"{lines}{asked}"
 
 
 def _model(summary: Mapping[str, Any]) -> str:
@@ -78,7 +94,7 @@ def _model(summary: Mapping[str, Any]) -> str:
     if not lines:
         return ""
     first = escape(lines[0].removeprefix("model: "))
-    more = bullets(lines[1:]) if lines[1:] else ""
+    more = folded("What other models say of the choices", bullets(lines[1:])) if lines[1:] else ""
     return f'<p class="model"><strong>Every number here is of {first}.</strong></p>\n{more}'
 
 
@@ -87,14 +103,11 @@ def _verbatim(text: str) -> str:
 
 
 def _front(result: RunResult, scripted: bool) -> str:
-    names = [axis.name for axis in result.objectives]
-    some = result
-    if len(result.front):
-        some = replace(result, front=result.front.loc[thinned(result.front, names, [], DRAWN)])
-    still = picture("front", front_figure(some), _front_caption(result))
     if scripted:
-        return f"{explorer(result)}\n<noscript>{still}</noscript>"
-    return still if result.front.empty or plotly() else f"{still}\n<p>{escape(WITHOUT)}</p>"
+        return f"{explorer(result)}\n<noscript><p>{STILL}</p></noscript>"
+    if not result.objectives:
+        return ""
+    return section("Front", picture("front", front_figure(result), _front_caption(result)))
 
 
 def _bars(bars: Sequence[Bars]) -> str:

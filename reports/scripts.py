@@ -1,4 +1,4 @@
-"""The scripts of interactive pages: Plotly once, our own, and the data they show."""
+"""The scripts of interactive pages, and the data they show."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from importlib.resources import files
 from typing import Any
 
@@ -33,16 +32,6 @@ class Script:
     def html(self) -> str:
         """The element."""
         return f"<script>{self.text}</script>"
-
-
-@lru_cache(maxsize=1)
-def plotly() -> Script | None:
-    """Plotly's own script, None where the extra `report` is not installed."""
-    try:
-        from plotly.offline import get_plotlyjs
-    except ModuleNotFoundError:
-        return None
-    return Script(str(get_plotlyjs()))
 
 
 def own(*names: str) -> Script:

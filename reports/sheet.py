@@ -12,12 +12,15 @@ import numpy as np
 import pandas as pd
 
 from ..records import RunResult, mechanism_lines
+from .orders import comparison, orders
 
 if TYPE_CHECKING:
     from openpyxl.worksheet.worksheet import Worksheet
 
 ILLEGAL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 """Characters that XML cannot hold."""
+FORBIDDEN = re.compile(r"[\\/*?:\[\]]")
+"""Characters that the name of a sheet cannot have."""
 MODIFIED = re.compile(rb"(<dcterms:(created|modified)[^>]*>)[^<]*(<)")
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """The first moment that a ZIP file can name."""
@@ -26,8 +29,9 @@ WIDEST = 44
 
 
 def allocation_sheet(result: RunResult) -> bytes | None:
-    """`allocation.xlsx`: allocations, choices with their losses, the mechanism where the
-    configuration describes it, how each variable is rounded.
+    """`allocation.xlsx`: a summary that compares the allocations, a sheet for each (those that
+    round to the same are one) with deviations as numbers, all of them in one table, choices with
+    their losses, the mechanism where the configuration describes it, how each variable is rounded.
 
     None where nothing was chosen, or openpyxl (the extra `report`) is not installed.
     """
@@ -40,8 +44,13 @@ def allocation_sheet(result: RunResult) -> bytes | None:
     book = Workbook()
     first = book.active
     assert first is not None
-    first.title = "Allocation"
-    _fill(first, result.allocation)
+    found = orders(result)
+    first.title = "Summary"
+    together = comparison(result, found)
+    _fill(first, together)
+    for name, order in zip(_titles(together), found, strict=True):
+        _fill(book.create_sheet(name), order.table)
+    _fill(book.create_sheet("Allocation"), result.allocation)
     _fill(book.create_sheet("Choices"), result.choices)
     if lines := mechanism_lines(result.summary):
         _fill(book.create_sheet("Mechanism"), pd.DataFrame({"mechanism": lines}))
@@ -49,6 +58,13 @@ def allocation_sheet(result: RunResult) -> bytes | None:
     buffer = BytesIO()
     book.save(buffer)
     return _timeless(buffer.getvalue())
+
+
+def _titles(together: pd.DataFrame) -> list[str]:
+    """Names of sheets: without the letters that a spreadsheet refuses in them."""
+    if together.empty:
+        return []
+    return [FORBIDDEN.sub(" ", str(name)) for name in together["sheet"]]
 
 
 def _fill(sheet: Worksheet, frame: pd.DataFrame) -> None:

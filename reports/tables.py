@@ -11,6 +11,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..units import split_unit
+from .glossary import link
+
+CARDS, CELLS = 14, 1500
+"""Columns and cells up to which a table becomes cards on a narrow screen; others are scrolled."""
 WHOLE = 1e4
 """From here on a number is shown without decimals."""
 
@@ -40,14 +45,19 @@ def table(frame: pd.DataFrame, marked: Sequence[bool] = (), caption: str = "") -
     if frame.empty:
         return "<p>None.</p>"
     marks = marked or [False] * len(frame)
-    head = "".join(f'<th scope="col">{_heading(str(name))}</th>' for name in frame.columns)
+    head = "".join(f'<th scope="col" title="{escape(str(name))}">{heading(str(name))}</th>'
+                   for name in frame.columns)  # fmt: skip
+    heads = _heads(frame)
     columns = [frame[name].tolist() for name in frame.columns]
     body = "\n".join(
-        _row(cells, mark) for cells, mark in zip(zip(*columns, strict=True), marks, strict=True)
+        _row(cells, mark, heads)
+        for cells, mark in zip(zip(*columns, strict=True), marks, strict=True)
     )
+    label = caption or "table of " + ", ".join(str(n).replace("_", " ") for n in frame.columns[:3])
     title = f"<caption>{escape(caption)}</caption>" if caption else ""
     return (
-        f'<div class="scroll" tabindex="0"><table>{title}<thead><tr>{head}</tr></thead>\n'
+        f'<div class="scroll" tabindex="0" role="group" aria-label="{escape(label)}">'
+        f"<table{' class=cards' if heads else ''}>{title}<thead><tr>{head}</tr></thead>\n"
         f"<tbody>\n{body}\n</tbody></table></div>"
     )
 
@@ -57,14 +67,26 @@ def chosen(frame: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     return frame[[name for name in dict.fromkeys(names) if name in frame]]
 
 
-def _heading(name: str) -> str:
-    return escape(name).replace("_", "_<wbr>")
+def heading(name: str) -> str:
+    """A column in words with its unit, linked to the explanation of its term."""
+    stem, unit = split_unit(name)
+    stem, unit = (name.removesuffix("_percent"), "%") if name.endswith("_percent") else (stem, unit)
+    return link(stem.replace("_", " ") + (f" [{unit}]" if unit and unit != name else ""))
 
 
-def _row(cells: Sequence[Any], mark: bool) -> str:
-    return f"<tr{' class=mark' if mark else ''}>{''.join(map(_cell, cells))}</tr>"
+def _heads(frame: pd.DataFrame) -> list[str]:
+    """What each cell is called where a row becomes a card; none of a table that is too large."""
+    if len(frame.columns) > CARDS or frame.size > CELLS:
+        return []
+    return [str(name).replace("_", " ") for name in frame.columns]
 
 
-def _cell(value: Any) -> str:
+def _row(cells: Sequence[Any], mark: bool, heads: Sequence[str]) -> str:
+    body = "".join(map(_cell, cells, heads or [""] * len(cells)))
+    return f"<tr{' class=mark' if mark else ''}>{body}</tr>"
+
+
+def _cell(value: Any, head: str) -> str:
     number = isinstance(value, Real) and not isinstance(value, bool)
-    return f"<td{' class=n' if number else ''}>{escape(shown(value))}</td>"
+    kind, named = " class=n" if number else "", f' data-head="{escape(head)}"' if head else ""
+    return f"<td{kind}{named}>{escape(shown(value))}</td>"

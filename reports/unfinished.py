@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
+from types import MappingProxyType
+
+import pandas as pd
 
 from .document import bullets, document, remarked, section
+from .tables import table
 
 
 def unfinished_page(
-    title: str, command: str, facts: Sequence[str], remarks: Sequence[str] = ()
+    title: str,
+    command: str,
+    facts: Sequence[str],
+    remarks: Sequence[str] = (),
+    tables: Mapping[str, pd.DataFrame] = MappingProxyType({}),
 ) -> str:
-    """What a `tolevo <command>` has saved so far, in sentences."""
+    """What a `tolevo <command>` has saved so far: in sentences, and `tables` by title."""
     words = f"This result of `tolevo {command}` is unfinished."
     body = (
         *remarked(remarks),
         section("Unfinished", f"<p>{escape(words)}</p>\n{bullets(facts)}"),
+        *(section(name, table(found)) for name, found in tables.items()),
     )
     return document(title, "\n".join(body))

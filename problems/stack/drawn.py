@@ -13,6 +13,9 @@ def drawn(part: Part) -> dict[str, str]:
     found = {"class": _class(part), "drawing": part.drawing, "characteristic": part.characteristic}
     if part.geometry:
         found["symbol"] = f"{SYMBOLS[part.geometry]} {part.geometry.replace('_', ' ')}"
+    capability = part.stated.get("cpk") or getattr(part.distribution, "cp", None)
+    if isinstance(capability, int | float):
+        found["cpk"] = f"{capability:g}"
     return {key: value for key, value in found.items() if value}
 
 

@@ -221,11 +221,19 @@ class Stack(ToleranceProblem):
 
     def mechanism(self) -> dict[str, object]:
         return super().mechanism() | {"requirements": [
-            labels_of(one) for one in self.definition.requirements
+            labels_of(one.requirement) | {"centre": one.mechanism.centre} for one in self.measured
         ]}  # fmt: skip
 
     def drawn(self, name: str) -> Mapping[str, str]:
         return {f"{p.name}_t": drawn(p) for p in self._parts}.get(name, {})
+
+    def curves_of(self, name: str) -> tuple[tuple[CostCurve, float], ...]:
+        own = next((p for p in self._parts if name == f"{p.name}_t"), None)
+        curves = [one.curve for one in own.processes] if own else []
+        known = [curve for curve in curves if curve is not None]
+        if own is None or len(known) != len(curves):
+            return ()
+        return tuple((curve, float(own.count)) for curve in known)
 
     @cached_property
     def _costs(self) -> PartCosts:

@@ -1,302 +1,289 @@
 "use strict";
-// The front of a run: planes and parallel coordinates that share one selected point.
+// One screen to work on: the front, what is asked of a point, and the selected allocation.
 
 (function explorer() {
   const found = data();
   const count = found.rows.length;
-  const host = document.getElementById("explorer");
-  if (!count || typeof Plotly === "undefined") return;
+  const host = document.getElementById("work");
+  if (!count || !host) return;
   host.hidden = false;
-  const state = { at: place(found.choices.length ? found.choices[0].row : found.rows[0]), against: 0 };
-  const two = found.objectives.length === 2;
-  const MARKED = 1200; // markers in a plane at most
-  const LINES = 300; // parallel coordinates at most
-  const planes = pairs(found.objectives.length).map((pair) => ({ pair, div: element("div", "", { class: "plot" }) }));
-  const parallel = element("div", "", { class: "plot" });
+  const model = modelOf(found);
+  const cost = found.objectives.findIndex((axis) => axis.name === "cost");
+  const size = found.objectives.length;
+  const state = { at: place(found.choices.length ? found.choices[0].row : found.rows[0]), against: 0, view: "matters",
+                  most: {}, grade: null, ranges: {}, kept: null };
+  const byId = (id) => document.getElementById(id);
+  const charts = [];
+  let parallel = null;
 
-  function place(row) {
-    return Math.max(0, found.rows.indexOf(row));
-  }
+  function place(row) { return Math.max(0, found.rows.indexOf(row)); }
 
-  function pairs(size) {
-    const all = [];
-    for (let a = 0; a < size; a += 1) for (let b = a + 1; b < size; b += 1) all.push([a, b]);
-    return all;
-  }
+  // ---- what is drawn
 
-  // ---- traces
-
-  function hover(a, b) {
-    const [x, y] = [found.objectives[a], found.objectives[b]];
-    return `${plain(x.label)} %{x:.4g} ${plain(x.unit)}<br>${plain(y.label)} %{y:.4g} ${plain(y.unit)}`;
-  }
-
-  function marks(name, x, y, marker, more) {
-    return { type: "scatter", mode: "markers", name: entry(name), x, y, marker, ...more };
-  }
-
-  // Thousands of markers take seconds to draw: a long front is a line alone (its points can be
-  // clicked all the same), a cloud shows every so manieth point.
-  function frontTrace(a, b, end) {
-    const step = two ? 1 : Math.ceil(count / MARKED);
-    const shown = found.rows.map((_, at) => at).filter((at) => at % step === 0);
-    const lined = two && count > MARKED;
-    return { type: "scatter", mode: lined ? "lines" : two ? "lines+markers" : "markers",
-             x: shown.map((at) => found.aims[a][at]), y: shown.map((at) => found.aims[b][at]),
-             name: step > 1 ? `front, every ${step}. of ${count} points` : `front, ${count} points`,
-             marker: { size: 6, color: tone("--front") },
-             line: { width: lined ? 3 : 1, color: tone("--front") }, customdata: shown,
-             hovertemplate: hover(a, b) + end };
-  }
-
-  function lineTraces(a, b) {
-    const traces = [];
-    const line = (name, x, y, dash) => traces.push({ type: "scatter", mode: "lines", name, x, y,
-      hoverinfo: "skip", line: { dash, width: 1.5, color: tone("--ink") } });
-    if (found.exact && two) line("exact front", found.exact[a], found.exact[b], "dash");
-    const cost = found.objectives.findIndex((axis) => axis.name === "cost");
-    if (two && cost >= 0 && found.bound.some((value) => value !== null)) {
-      line("proven bound of the cost", a === cost ? found.bound : found.aims[a],
-           b === cost ? found.bound : found.aims[b], "dot");
+  function seriesOf(a, b) {
+    const two = size === 2;
+    const pick = (aims) => [aims[a], aims[b]];
+    const list = [];
+    const bounded = two && cost >= 0 && found.informative && found.bound.some((value) => value !== null);
+    if (bounded) {
+      const other = (axis) => (axis === cost ? found.bound : found.aims[axis]);
+      list.push({ kind: "area", name: "gap between points and bound", x: found.aims[a], y: found.aims[b], x2: other(a), y2: other(b), colour: "--b" },
+        { kind: "line", name: "proven bound of the cost", x: other(a), y: other(b), colour: "--b", dash: "2 3" });
     }
-    return traces;
-  }
-
-  function referenceTraces(a, b) {
-    return found.references.map((one, at) => marks(
-      one.feasible ? one.label : `${one.label} (breaks limits)`, [one.aims[a]], [one.aims[b]],
-      { symbol: SYMBOLS[at % SYMBOLS.length] + (one.feasible ? "" : "-open"), size: 11,
-        color: tone(HUES[at % HUES.length]), line: { width: one.feasible ? 0 : 2 } },
-      { hovertemplate: hover(a, b) }));
-  }
-
-  function overlayTraces(a, b) {
-    return found.overlays.map((one, at) => ({ type: "scatter", mode: two ? "lines+markers" : "markers",
-      name: entry(one.label), x: one.aims[a], y: one.aims[b],
-      marker: { symbol: "circle-open", size: 5, color: tone(HUES[at % HUES.length]) },
-      line: { dash: DASHES[1 + at % 5], width: 1, color: tone(HUES[at % HUES.length]) },
-      hovertemplate: hover(a, b) }));
-  }
-
-  function choiceTraces(a, b, end) {
-    const rows = [...new Set(found.choices.map((one) => one.row))];
-    return rows.filter((row) => found.rows.includes(row)).map((row, at) => {
-      const names = found.choices.filter((one) => one.row === row).map((one) => one.name.replace(/_/g, " "));
-      const told = names.length > 1 ? `${names[0]} (and ${names.length - 1} more)` : names[0];
-      return marks(told, [found.aims[a][place(row)]], [found.aims[b][place(row)]],
-        { symbol: MARKS[at % MARKS.length], size: 14, color: tone("--mark-ink"), line: { width: 1, color: tone("--paper") } },
-        { customdata: [place(row)], hovertemplate: hover(a, b) + end });
+    if (found.exact && two) list.push({ kind: "line", name: "exact front", x: found.exact[a], y: found.exact[b], colour: "--quiet", width: 3 });
+    found.relaxed.forEach((one, at) => {
+      const [x, y] = pick(one.aims);
+      list.push({ kind: two ? "line" : "dots", name: `limits as loose as ${one.label}`, x, y, colour: HUES[at % HUES.length], width: two ? 1 : 4, dash: two ? "8 3" : "" });
     });
-  }
-
-  function idealTrace(a, b) {
-    const x = found.ideal[found.objectives[a].name];
-    const y = found.ideal[found.objectives[b].name];
-    return typeof x === "number" && typeof y === "number"
-      ? [marks("ideal", [x], [y], { symbol: "asterisk-open", size: 11, color: tone("--ink"), line: { width: 1.5 } },
-               { hovertemplate: hover(a, b) })] : [];
-  }
-
-  function selected(a, b) {
-    return marks("selected", [found.aims[a][state.at]], [found.aims[b][state.at]],
-      { symbol: "circle-open", size: 20, color: tone("--ink"), line: { width: 3 } }, { hoverinfo: "skip" });
-  }
-
-  function scaledLine(values) {
-    return values.map((value, at) => {
-      const low = Math.min(...found.aims[at]);
-      const high = Math.max(...found.aims[at]);
-      return high > low ? (value - low) / (high - low) : 0;
+    found.overlays.forEach((one, at) => {
+      const [x, y] = pick(one.aims);
+      list.push({ kind: two ? "line" : "dots", name: one.label, x, y, colour: HUES[(at + 1) % HUES.length], width: two ? 1 : 3, dash: two ? DASHES[at % DASHES.length] : "" });
     });
+    const [x, y] = pick(found.aims);
+    if (two) list.push({ kind: "line", x, y, width: 1 });
+    list.push({ kind: "dots", name: `front, ${count} points`, x, y, width: 5 });
+    const rows = [...new Set(found.choices.map((one) => one.row))].filter((row) => found.rows.includes(row));
+    const stars = (some, name, colour) => some.length && list.push({ kind: "mark", symbol: "star", name, colour,
+      x: some.map((row) => found.aims[a][place(row)]), y: some.map((row) => found.aims[b][place(row)]) });
+    stars(rows.slice(1), "chosen by other rules", "--c");
+    stars(rows.slice(0, 1), rows.length ? found.choices[0].name.replace(/_/g, " ") : "", "--mark-ink");
+    found.references.forEach((one, at) => list.push({ kind: "mark", symbol: SYMBOLS[at % SYMBOLS.length], name: `${one.label}${one.feasible ? "" : " (breaks limits)"}`,
+      x: [one.aims[a]], y: [one.aims[b]], colour: HUES[at % HUES.length], hollow: !one.feasible }));
+    return list;
   }
 
-  function parallelTraces() {
-    const step = Math.max(1, Math.ceil(count / LINES));
-    const axes = found.objectives.map((_, at) => at);
-    const x = [];
-    const y = [];
-    const whose = [];
-    for (let at = 0; at < count; at += step) {
-      x.push(...axes, null);
-      y.push(...scaledLine(found.aims.map((column) => column[at])), null);
-      whose.push(...axes.map(() => at), null);
+  function plots() {
+    const box = byId("plots");
+    const one = size === 1;
+    if (one) { box.append(lineOf()); return; }
+    for (let a = 0; a < size; a += 1) {
+      for (let b = a + 1; b < size; b += 1) {
+        const [x, y] = size === 2 && cost === 0 ? [b, a] : [a, b];
+        const div = element("div");
+        box.append(div);
+        const series = seriesOf(x, y);
+        if (!charts.length) {
+          const key = element("details", "", { class: "key" });
+          key.open = window.innerWidth >= 1000 && series.filter((one) => one.name).length < 8;
+          key.append(element("summary", "Legend"), legend(series));
+          div.append(key);
+        }
+        charts.push({ x, y, view: chart(div, { x: found.objectives[x], y: found.objectives[y], series,
+          points: { x: found.aims[x], y: found.aims[y] }, pick: select, hint: (at) => headline(found, at) }) });
+      }
     }
-    const line = (name, values, dash, width, colour) => ({ type: "scatter", mode: "lines+markers", name: entry(name),
-      x: axes, y: scaledLine(values), line: { dash, width, color: colour }, marker: { size: 7 }, hoverinfo: "name" });
-    return [
-      { type: "scatter", mode: "lines+markers", name: `front, every ${step}. of ${count} points`, x, y, customdata: whose,
-        marker: { size: 4, color: tone("--front") }, line: { width: 0.6, color: tone("--front") }, opacity: 0.6, hoverinfo: "skip" },
-      ...found.references.map((one, at) => line(one.label, one.aims, DASHES[1 + at % 5], 2, tone(HUES[at % HUES.length]))),
-      line("selected", found.aims.map((column) => column[state.at]), "solid", 4, tone("--ink")),
-    ];
+    box.classList.toggle("many", charts.length > 1);
   }
 
-  // ---- drawing
-
-  function shaped(x, y, traces) {
-    return layout(x, y, traces.map((trace) => trace.name));
+  function lineOf() { // one objective: nothing to trade, so the values in words
+    const axis = found.objectives[0];
+    const rows = [["found optimum", withUnit(number(found.aims[0][state.at]), axis.unit), ""],
+      ...found.references.map((one) => [one.label, withUnit(number(one.aims[0]), axis.unit), one.feasible ? "keeps all limits" : "breaks limits"])];
+    return tableOf([["allocation", ""], [title(axis), ""], ["limits", ""]], rows, "One objective: there is one optimum and no front.");
   }
 
-  function draw() {
-    planes.forEach(({ pair: [a, b], div }, at) => {
-      const end = "<extra>click to see it</extra>";
-      const traces = [frontTrace(a, b, end), ...overlayTraces(a, b), ...lineTraces(a, b), ...choiceTraces(a, b, end), ...referenceTraces(a, b),
-                      ...idealTrace(a, b), selected(a, b)];
-      const shown = at ? [] : traces; // one legend for all planes
-      Plotly.react(div, traces, shaped(title(found.objectives[a]), title(found.objectives[b]), shown), CONFIG);
+  // ---- what is asked
+
+  function passes(at) {
+    const aims = Object.entries(state.most).every(([axis, most]) => found.aims[axis][at] <= most * (1 + 1e-12));
+    const ranges = Object.entries(state.ranges).every(([name, [low, high]]) => {
+      const column = columnOf(name);
+      return column[at] >= low && column[at] <= high;
     });
-    if (parallel.isConnected) {
-      const traces = parallelTraces();
-      const shape = shaped("", "share of the range on the front", traces);
-      shape.xaxis.tickvals = found.objectives.map((_, at) => at);
-      shape.xaxis.ticktext = found.objectives.map((axis) => plain(title(axis)).replace(/ /g, "<br>"));
-      shape.xaxis.range = [-0.3, found.objectives.length - 0.7];
-      Plotly.react(parallel, traces, shape, CONFIG);
+    return aims && ranges && (state.grade === null || found.tolerances.every((one) => keepsGrade(one, at)));
+  }
+
+  function columnOf(name) {
+    const aim = found.objectives.findIndex((axis) => axis.name === name);
+    return aim >= 0 ? found.aims[aim] : found.values[found.variables.findIndex((axis) => axis.name === name)];
+  }
+
+  function keepsGrade(tolerance, at) {
+    const own = model.value(at, tolerance.name);
+    if (own === null || !tolerance.free) return true;
+    if (tolerance.kind === "grade") return own >= state.grade;
+    const finest = tolerance.grades.find(([name]) => name === `IT${state.grade}`);
+    return !finest || own >= finest[1] * (1 - 1e-9);
+  }
+
+  function ask() {
+    const asked = Object.keys(state.most).length || Object.keys(state.ranges).length || state.grade !== null;
+    state.kept = asked ? found.rows.map((_, at) => passes(at)) : null;
+    charts.forEach((one) => one.view.shade(state.kept));
+    const kept = found.rows.map((_, at) => at).filter((at) => !state.kept || state.kept[at]);
+    const told = byId("told");
+    if (!asked) told.textContent = "";
+    else if (!kept.length) told.textContent = "No point of this front satisfies that. Widen it, or set it in the configuration ([limits], [variables]) and run again.";
+    else {
+      const others = found.objectives.map((_, axis) => axis).filter((axis) => axis !== cost);
+      const cheapest = cost >= 0 && !(String(cost) in state.most && !others.some((axis) => String(axis) in state.most));
+      const worth = (at) => (cheapest ? found.aims[cost][at] : others.reduce((sum, axis) => sum + found.aims[axis][at] / (Math.abs(found.aims[axis][0]) || 1), 0));
+      const best = kept.reduce((one, at) => (worth(at) < worth(one) ? at : one), kept[0]);
+      const free = found.rows.map((_, at) => at).reduce((one, at) => (worth(at) < worth(one) ? at : one), 0);
+      const beside = cheapest && cost >= 0 ? ` ${signed(100 * (found.aims[cost][best] / found.aims[cost][free] - 1))} % against the cheapest of the front.` : "";
+      told.textContent = `${kept.length} of ${count} points satisfy that; the ${cheapest ? "cheapest" : "best"} is selected.${beside}`;
+      state.at = best;
     }
     show();
   }
 
-  function move() {
-    planes.forEach(({ pair: [a, b], div }) => {
-      Plotly.restyle(div, { x: [[found.aims[a][state.at]]], y: [[found.aims[b][state.at]]] }, [div.data.length - 1]);
-    });
-    if (parallel.isConnected) {
-      Plotly.restyle(parallel, { y: [scaledLine(found.aims.map((column) => column[state.at]))] }, [parallel.data.length - 1]);
-    }
-    show();
-  }
-
-  function select(at) {
-    state.at = Math.max(0, Math.min(count - 1, at));
-    move();
-  }
-
-  // ---- controls
-
-  const detail = document.getElementById("detail");
-  const along = element("input", "", { type: "range", min: 0, max: count - 1, step: 1, id: "along" });
-  const named = element("select", "", { id: "named" });
-  const copy = element("button", "Copy this allocation as CSV", { type: "button", id: "copy" });
-  const said = element("span", "", { role: "status", id: "said" });
-
-  function show() {
-    const reference = found.references[state.against] || null;
-    const output = found.contributions.length ? found.contributions[0] : null;
-    const parts = [element("p", distance(found, state.at))];
-    if (output) {
-      parts.push(element("p", `Contribution: share of each free tolerance in ${output.output}`
-        + (output.explained === output.output ? "." : `, by ${output.explained}.`), { class: "hint" }));
-    }
-    const scroll = element("div", "", { class: "scroll", tabindex: "0", role: "region", "aria-label": "allocation" });
-    scroll.append(allocationTable(found, state.at, reference));
-    detail.querySelector("h3").textContent = headline(found, state.at);
-    detail.querySelector("div").replaceChildren(...parts, scroll);
-    along.value = String(state.at);
-    along.setAttribute("aria-valuetext", headline(found, state.at));
-    const own = found.choices.find((one) => one.row === found.rows[state.at]);
-    if (!own || !named.value.startsWith("choice") || found.choices[Number(named.value.slice(6))].row !== own.row) {
-      named.value = own ? `choice${found.choices.indexOf(own)}` : "";
-    }
-    said.textContent = "";
-  }
-
-  function labelled(text, control) {
-    const label = element("label", text);
-    label.append(control);
+  function field(text, unit, changed, attributes = {}) {
+    const input = element("input", "", { type: "number", step: "any", inputmode: "decimal", ...attributes });
+    input.addEventListener("input", () => { changed(input.value === "" ? null : Number(input.value)); ask(); });
+    const label = labelled(`${text} `, input);
+    if (unit) label.append(` ${unit}`);
     return label;
   }
 
-  function controls() {
-    const bar = document.getElementById("controls");
-    named.append(element("option", "a point of the front", { value: "" }));
-    found.choices.forEach((one, at) =>
-      named.append(element("option", `${one.name.replace(/_/g, " ")}: ${one.meaning}`, { value: `choice${at}` })));
-    named.addEventListener("change", () => {
-      if (named.value) select(place(found.choices[Number(named.value.slice(6))].row));
-    });
-    along.addEventListener("input", () => select(Number(along.value)));
-    bar.append(labelled("Choose by ", named), labelled("Along the front ", along));
-    if (found.references.length) {
-      const other = element("select", "", { id: "against" });
-      found.references.forEach((one, at) => other.append(element("option", one.label, { value: at })));
-      other.addEventListener("change", () => { state.against = Number(other.value); show(); });
-      bar.append(labelled("Compare with ", other));
+  function asks() {
+    const form = byId("asks");
+    form.addEventListener("submit", (event) => event.preventDefault());
+    const order = found.objectives.map((_, axis) => axis).sort((a, b) => (a === cost) - (b === cost));
+    order.forEach((axis) => form.append(field(`${found.objectives[axis].label} at most`, found.objectives[axis].unit, (value) => {
+      if (value === null) delete state.most[axis]; else state.most[axis] = value;
+    }, { "data-aim": found.objectives[axis].name })));
+    if (found.tolerances.some((one) => one.free && (one.kind === "grade" || one.grades.length))) {
+      form.append(field("no grade finer than IT", "", (value) => { state.grade = value; }, { "data-grade": "", step: "1", min: "1", max: "18" }));
     }
-    copy.addEventListener("click", async () => {
-      said.textContent = (await copied(asCSV(found, state.at))) ? " copied" : " not allowed here: see front.csv";
+    const fold = element("details", "", { class: "ranges" });
+    fold.append(element("summary", "Range of each tolerance"));
+    const list = element("div", "", { class: "fields" });
+    found.variables.forEach((variable, at) => {
+      if (found.values[at].some((value) => typeof value !== "number") || !found.tolerances.find((one) => one.name === variable.name)?.free) return;
+      const change = (end) => (value) => {
+        const now = state.ranges[variable.name] || [-Infinity, Infinity];
+        now[end] = value === null ? (end ? Infinity : -Infinity) : value;
+        if (now.every((one) => !Number.isFinite(one))) delete state.ranges[variable.name];
+        else state.ranges[variable.name] = now;
+      };
+      const group = element("div", "", { role: "group", "aria-label": variable.label });
+      group.append(element("span", title(variable)), field("from", "", change(0)), field("to", "", change(1)));
+      list.append(group);
     });
-    const line = element("p");
-    line.append(copy, said);
-    bar.append(line);
+    fold.append(list);
+    form.append(fold, element("p", "", { id: "told", role: "status" }));
+    form.hidden = size === 1 && count === 1;
   }
 
-  // The weight of an objective against the first: 50 is as much. The point whose pseudo-weights
-  // (gains over the worst of the front, scaled, adding up to one) are nearest is selected.
-  function sliders() {
-    const box = document.getElementById("worth");
-    const first = Math.max(0, found.objectives.findIndex((axis) => axis.name === "cost"));
-    const others = found.objectives.map((_, at) => at).filter((at) => at !== first);
-    if (!others.length) { box.hidden = true; return; }
-    const own = pseudoWeights();
-    const inputs = others.map((at) => {
-      const input = element("input", "", { type: "range", min: 0, max: 100, step: 1, value: 50, class: "worth" });
-      const shown = element("output", "50 : 50");
-      const label = labelled(`What ${found.objectives[at].label} is worth against ${found.objectives[first].label} `, input);
-      label.append(shown);
-      box.append(label);
-      input.addEventListener("input", () => { shown.textContent = `${input.value} : ${100 - input.value}`; weigh(); });
-      return input;
+  // ---- the selected point
+
+  const along = element("input", "", { type: "range", min: 0, max: count - 1, step: 1, id: "along" });
+  const named = element("select", "", { id: "named" });
+  const said = element("span", "", { role: "status", id: "said" });
+
+  function select(at) {
+    state.at = Math.max(0, Math.min(count - 1, at));
+    show();
+  }
+
+  function show() {
+    const needs = model.requirements(state.at);
+    charts.forEach((one) => {
+      const need = needs.find((other) => other.aim === (one.x === cost ? one.y : one.x));
+      const known = need && need.price && size === 2 && cost >= 0;
+      const slope = known ? (one.y === cost ? -need.price : -1 / need.price) : null;
+      one.view.select(state.at, known ? { x: found.aims[one.x][state.at], y: found.aims[one.y][state.at], slope } : null);
     });
-    function weigh() {
-      const weights = found.objectives.map(() => 0);
-      const odds = inputs.map((input) => Number(input.value) / 100);
-      // against the first objective each has v : 1 - v
-      const rest = odds.reduce((product, value) => product * (1 - value), 1);
-      weights[first] = rest;
-      others.forEach((at, place_) => {
-        weights[at] = odds.reduce((product, value, other) => product * (other === place_ ? value : 1 - value), 1);
+    if (parallel) parallel.show(state.at, state.kept, state.ranges);
+    byId("headline").textContent = headline(found, state.at);
+    byId("slope").replaceChildren(firsts(found, model, state.at, needs), ...slopes(found, needs).map((text) => element("p", text)), element("p", distance(found, state.at), { class: "hint" }));
+    const parts = state.view === "matters" ? [mattering(found, model, state.at), element("p", explained(found, model, state.at), { class: "hint" })]
+      : state.view === "drawing" ? ordered(found, model, state.at) : [beside(found, model, state.at, found.references[state.against])];
+    byId("allocation").replaceChildren(...parts);
+    along.value = String(state.at);
+    along.setAttribute("aria-valuetext", headline(found, state.at));
+    const own = found.choices.find((one) => one.row === found.rows[state.at]);
+    const was = named.value.startsWith("choice") ? found.choices[Number(named.value.slice(6))] : null;
+    if (!own || !was || was.row !== own.row) named.value = own ? `choice${found.choices.indexOf(own)}` : "";
+    said.textContent = "";
+    units();
+  }
+
+  function units() { // where the model states yield of the units, and their law, at every point
+    const box = byId("units");
+    if (!box) return;
+    const rows = found.units.map((one) => [one.label, withUnit(number(one.values[state.at], 5), one.unit)]);
+    if (!rows.length) { box.hidden = true; return; }
+    const parts = [tableOf([["units at this point", ""], ["value", ""]], rows)];
+    const law = histogram(found, state.at);
+    if (law) parts.unshift(law);
+    byId("units-body").replaceChildren(...parts);
+  }
+
+  function tabs() {
+    const bar = byId("views");
+    const views = [["matters", "Tolerances"], ["drawing", "For the drawing"], ["beside", "Compared"]];
+    const buttons = views.map(([name, text]) => {
+      const button = element("button", text, { type: "button", role: "tab", id: `view-${name}`, "aria-controls": "allocation", "aria-selected": String(name === state.view) });
+      button.tabIndex = name === state.view ? 0 : -1;
+      const choose = () => {
+        state.view = name;
+        buttons.forEach((one) => { one.setAttribute("aria-selected", String(one === button)); one.tabIndex = one === button ? 0 : -1; });
+        byId("allocation").setAttribute("aria-labelledby", button.id);
+        byId("against-line").hidden = name !== "beside" || !found.references.length;
+        show();
+      };
+      button.addEventListener("click", choose);
+      button.addEventListener("keydown", (event) => {
+        const move = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+        if (!move) return;
+        const next = buttons[(buttons.indexOf(button) + move + buttons.length) % buttons.length];
+        next.focus();
+        next.click();
       });
-      const sum = weights.reduce((a, b) => a + b, 0);
-      if (sum > 0) select(nearest(own, weights.map((value) => value / sum)));
-      else select(nearest(own, weights.map((_, at) => (at === first ? 0 : 1 / others.length))));
-    }
+      return button;
+    });
+    bar.append(...buttons);
   }
 
-  function pseudoWeights() {
-    const gains = found.aims.map((column) => {
-      const low = Math.min(...column);
-      const span = Math.max(...column) - low || 1;
-      return column.map((value) => 1 - (value - low) / span);
-    });
-    return found.rows.map((_, at) => {
-      const own = gains.map((column) => column[at]);
-      const sum = own.reduce((a, b) => a + b, 0) || 1;
-      return own.map((value) => value / sum);
-    });
+  function controls() {
+    const bar = byId("controls");
+    named.append(element("option", "a point of the front", { value: "" }));
+    found.choices.forEach((one, at) => named.append(element("option", `${one.name.replace(/_/g, " ")}: ${one.meaning}`, { value: `choice${at}` })));
+    named.addEventListener("change", () => { if (named.value) select(place(found.choices[Number(named.value.slice(6))].row)); });
+    along.addEventListener("input", () => select(Number(along.value)));
+    const other = element("select", "", { id: "against" });
+    found.references.forEach((one, at) => other.append(element("option", one.label, { value: at })));
+    other.addEventListener("change", () => { state.against = Number(other.value); show(); });
+    const line = labelled("Compare with ", other);
+    line.id = "against-line";
+    line.hidden = true;
+    if (count > 1) bar.append(labelled("Along the front ", along), labelled("Choose by ", named));
+    bar.append(line);
+    const save = (id, text, made) => {
+      const button = element("button", text, { type: "button", id });
+      button.addEventListener("click", async () => {
+        said.textContent = (await copied(made(found, model, state.at))) ? " copied" : " not allowed here: see front.csv";
+      });
+      return button;
+    };
+    const print = element("button", "Print this sheet", { type: "button", id: "print" });
+    print.addEventListener("click", () => { byId("view-drawing").click(); document.body.classList.add("sheet"); window.print(); document.body.classList.remove("sheet"); });
+    byId("exports").append(save("copy", "Copy as CSV", asCSV), save("designs", "Copy as designs.csv", asDesigns), print, said);
   }
 
-  function nearest(own, weights) {
-    let best = 0;
-    let least = Infinity;
-    own.forEach((row, at) => {
-      const away = row.reduce((sum, value, axis) => sum + Math.abs(value - weights[axis]), 0);
-      if (away < least) { least = away; best = at; }
-    });
-    return best;
+  function brushes() {
+    const fold = byId("parallel");
+    const inner = fold.querySelector("div");
+    if (count < 2) { fold.hidden = true; return; }
+    const begin = () => {
+      if (parallel || !fold.open) return;
+      parallel = parallelChart(inner, found, (name, range) => {
+        if (range) state.ranges[name] = range; else delete state.ranges[name];
+        ask();
+      });
+      parallel.show(state.at, state.kept, state.ranges);
+    };
+    fold.addEventListener("toggle", begin);
+    if (size > 2) { fold.open = true; begin(); }
   }
 
-  // ---- begin
-
-  const plots = document.getElementById("plots");
-  planes.forEach(({ div }) => plots.append(div));
-  if (found.objectives.length > 2) plots.append(parallel);
+  tabs();
   controls();
-  sliders();
-  drawn(draw);
-  [...planes.map((one) => one.div), parallel].filter((div) => div.on).forEach((div) => {
-    div.on("plotly_click", (event) => {
-      const at = event.points.map((point) => point.customdata).find((value) => typeof value === "number");
-      if (at !== undefined) select(at);
-    });
-  });
+  asks();
+  plots();
+  brushes();
+  show();
+  window.addEventListener("resize", () => { charts.forEach((one) => one.view.draw()); if (parallel) parallel.draw(); });
+  window.tolevo = { state, charts, model, found, get parallel() { return parallel; } }; // for tests and consoles
 })();

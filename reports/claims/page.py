@@ -9,6 +9,7 @@ import pandas as pd
 
 from ...claim_records import ClaimsResult, ComputedTable, Document
 from ..document import document, picture, section
+from ..scripts import own
 from ..tables import shown, table
 from .figures import figures
 
@@ -27,14 +28,17 @@ def claims_page(result: ClaimsResult) -> str:
              for one in figures(result)}  # fmt: skip
     parts = [section("Verdicts", f"<p>{escape(MEANING)}</p>\n{_counts(result)}")]
     # tables in `detail` have their whole height: their reasons are long
-    own = [section("Not reproduced", _failed(result.table))]
-    own += [_document(one, result.table) for one in result.documents]
-    parts.append('<div id="detail">\n' + "\n".join(own) + "\n</div>")
+    failed = _failed(result.table)
+    if not failed.startswith("<p>"):
+        parts.append(section("Not reproduced", failed))
+    documents = [_document(one, result.table) for one in result.documents]
+    parts.append('<div id="detail" data-filter="verdict">\n' + "\n".join(documents) + "\n</div>")
     parts += [
         section(name.replace("_", " "), _calculation(one, drawn.get(name, "")))
         for name, one in result.tables.items()
     ]
-    return document("Claims recomputed", "\n".join(parts))
+    scripts = (own("common.js", "filter.js"),)
+    return document("Claims recomputed", "\n".join(parts), scripts)
 
 
 def _counts(result: ClaimsResult) -> str:

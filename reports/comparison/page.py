@@ -10,7 +10,7 @@ from ...records import Axis, Comparison
 from ...units import split_unit
 from ..document import bullets, document, picture, remarked, section
 from ..explorer import MOST, thinned
-from ..scripts import data, own, plotly
+from ..scripts import data, own
 from ..tables import table
 from .figure import comparison_figure
 
@@ -25,23 +25,20 @@ def comparison_page(result: Comparison, remarks: Sequence[str] = ()) -> str:
 
     `remarks` are what was wrong with the files that it is built from.
     """
-    library = plotly()
     sections = (
         *remarked(remarks),
-        section("Fronts", _fronts(result, library is not None)),
+        section("Fronts", _fronts(result)),
         section("Hypervolume", table(result.table)),
         section("Cost at equal value", f"<p>{escape(EQUAL)}</p>\n{table(result.equal)}"),
         section("Notes", bullets(result.notes)),
     )
-    scripts = () if library is None else (library, own("common.js", "comparison.js"))
+    scripts = (own("common.js", "chart.js", "comparison.js"),)
     return document(result.title, "\n".join(sections), scripts)
 
 
-def _fronts(result: Comparison, scripted: bool) -> str:
+def _fronts(result: Comparison) -> str:
     caption = "The fronts in the plane of the first two objectives."
     still = picture("fronts", comparison_figure(result), caption)
-    if not scripted:
-        return still
     each = MOST // len(result.runs)
     rule = f'<p class="hint">At most {each} points of each run, evenly along its front.</p>'
     plots = f'<div id="plots"></div>\n{data(_content(result, each))}'

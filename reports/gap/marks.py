@@ -27,6 +27,8 @@ class Mark:
 
 BEFORE = Mark("before", "#c4501b", "o", "--", "none")
 AFTER = Mark("after", "#1f5fa8", "x", "-", "#1f5fa8")
+TAKEN = Mark("taken away", "#2b7a3d", "+", "-.", "#2b7a3d")
+"""What the correction does: before less after."""
 
 
 def words(name: str, unit: str = "") -> str:
@@ -49,7 +51,7 @@ def legend(figure: Figure, panels: Iterable[Axes]) -> None:
     for axes in panels:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             found.setdefault(label, handle)
-    states = [one.word for one in (BEFORE, AFTER)]
+    states = [one.word for one in (BEFORE, AFTER, TAKEN)]
     labels = sorted(found, key=lambda one: (one not in states, states.index(one) if one in states
                                             else 0))  # fmt: skip
     figure.legend([found[one] for one in labels], labels, loc="outside lower center",

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from html import escape
+from math import isfinite
 
 import pandas as pd
 from matplotlib.figure import Figure
 
 from ...gap_records import FoundEffect, GapResult, Rival
-from ..document import bullets, document, picture, section
+from ..document import bullets, document, folded, picture, section
 from ..summary import summary_table
 from ..tables import shown, table
 from .distribution import distribution_figure
@@ -21,8 +23,18 @@ from .populations import attribution_table, population_table
 from .residuals import residuals_figure
 from .spectrum import spectrum_figure
 
-NOTHING = ("", table(pd.DataFrame()))
+NONE = table(pd.DataFrame())
 """A section that holds nothing else is left out."""
+FOLDED = frozenset(
+    {
+        "Summary",
+        "Configuration",
+        "Corrected configuration",
+        "What would have been seen",
+        "What was simulated",
+    }
+)
+"""Sections that are opened when they are asked for."""
 VERDICTS = {
     "no_gap": "No gap: what is left between model and measurement is noise.",
     "named": "Named: the effect below closes the gap, and no other name fits these data as well.",
@@ -36,10 +48,10 @@ VERDICTS = {
 RMSE = "RMSE on rows that the fit never saw"
 UNSEEN = "Cannot be seen at all, because what is free does the same"
 CAPTIONS = {
-    "residuals": "{0}: measured less predicted against every input, before on the left (circles), "
-    "after on the right (crosses), both on one scale. Black line: the mean of neighbouring "
-    "readings; dotted: twice the noise. Hatched: where the gap was located. At most 600 readings "
-    "are drawn.",
+    "residuals": "{0}: measured less predicted against every input: before (circles), after "
+    "(crosses) and what the correction took away (pluses), all on one scale. Black line: the mean "
+    "of neighbouring readings; dotted: twice the noise. Hatched: where the gap was located. At "
+    "most 600 readings are drawn.",
     "spectrum": "{0}: amplitude of every order of the residual, before above and after below. "
     "Dotted: what noise alone reaches; peaks above it bear their order. Hatched: orders where the "
     "gap was located, waves that grow with the torque included, which hardly show here.",
@@ -72,10 +84,10 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
     every = drawings(result) if drawn is None else drawn
     pictures = {name: picture(name, figure, caption) for name, figure, caption in every}
     sections = {
-        "What was simulated": drawing_section(result.drawing),
+        "The gap before and after": _those(pictures, "distribution")
+        + _those(pictures, "residuals") + _gaps(result) + population_table(result),
         "Verdict": _verdict(result),
-        "The gap before and after": _those(pictures, "distribution") + _gaps(result)
-        + _those(pictures, "residuals") + population_table(result),
+        "What was simulated": drawing_section(result.drawing),
         "Where": _where(result),
         "Orders": _those(pictures, "spectrum"),
         "Steps": _those(pictures, "path") + _steps(result),
@@ -92,8 +104,32 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
         "Configuration": f"<pre>{escape(result.configuration)}</pre>",
         "Corrected configuration": f"<pre>{escape(result.corrected)}</pre>",
     }  # fmt: skip
-    told = [section(title, body) for title, body in sections.items() if body not in NOTHING]
-    return document(result.title, "\n".join(told))
+    told = [
+        section(title, folded("Show", body) if title in FOLDED else body)
+        for title, body in sections.items() if body.replace(NONE, "").strip()
+    ]  # fmt: skip
+    return document(result.title, "\n".join(told), head=_head(result))
+
+
+def _head(result: GapResult) -> str:
+    """The answer in sentences: the verdict, what was found, and the gap before and after."""
+    lines = [VERDICTS.get(result.verdict, result.verdict)]
+    lines += [f"{one.name.replace('_', ' ')}: {one.cause}" for one in result.effects]
+    lines += [line for line in map(partial(_before_after, result), result.gap_before) if line]
+    asked, rest = lines[0], "".join(f"<li>{escape(line)}</li>" for line in lines[1:])
+    return f'<p class="asked">{escape(asked)}</p>\n<ul class="answers">{rest}</ul>'
+
+
+def _before_after(result: GapResult, name: str) -> str:
+    before, after = result.gap_before.get(name), result.gap_after.get(name)
+    if before is None or after is None or not isfinite(before + after) or before <= 0.0:
+        return ""
+    unit = next((one.unit for one in result.outputs if one.name == name), "noise units")
+    floor = result.noise_floor.get(name)
+    noise = f"; noise alone leaves {shown(floor)}" if floor is not None else ""
+    measure = str(result.summary.get("gap_is", RMSE))
+    return (f"{name.replace('_', ' ')}: {shown(before)} before, {shown(after)} after [{unit}] "
+            f"({measure}{noise}).")  # fmt: skip
 
 
 def _drawn(result: GapResult) -> Iterator[Drawn]:
@@ -163,7 +199,9 @@ def _steps(result: GapResult) -> str:
          "why": one.reason}
         for one in result.steps
     ]  # fmt: skip
-    return table(pd.DataFrame(rows), [one.accepted for one in result.steps])
+    found = pd.DataFrame(rows)
+    found = found[[name for name in found if found[name].notna().any()]]
+    return table(found, [one.accepted for one in result.steps])
 
 
 def _effects(result: GapResult) -> str:

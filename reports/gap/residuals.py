@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...gap_records import GapResult, Region
 from ...records import Axis
 from ..drawing import flags, new_figure, plain
-from .marks import AFTER, BEFORE, Mark, legend, shade, words
+from .marks import AFTER, BEFORE, TAKEN, Mark, legend, shade, words
 
 DRAWN = 600
 """Readings drawn per panel: every k-th, so that a page of a million rows stays small."""
@@ -22,6 +22,8 @@ ROW, MARGIN = 1.75, 0.9
 """Height [inch] of a row of panels, and of what is above and below them."""
 MEANS, LEAST = 16, 4
 """Stretches of an input that means are drawn of, and readings in each of them at least."""
+MARKS = (BEFORE, AFTER, TAKEN)
+"""The columns of panels."""
 FEW = 3
 """Values up to which an input is drawn as labels."""
 MEAN = "mean of neighbours"
@@ -29,7 +31,7 @@ GOLDEN = 0.618033988749895
 
 
 def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
-    """One row per input, before on the left and after on the right, on the same scale.
+    """One row per input: before, after, and what the correction took away, on the same scale.
 
     None where the residuals are not row by row (a population).
     """
@@ -37,11 +39,14 @@ def residuals_figure(result: GapResult, output: Axis) -> Figure | None:
     if f"{output.name}_before" not in result.residuals or not inputs:
         return None
     frame = thinned(result.residuals)
+    ends = (f"{output.name}_{mark.word}" for mark in (BEFORE, AFTER))
+    before, after = (frame[name] for name in ends)
+    frame = frame.assign(**{f"{output.name}_{TAKEN.word}": before - after})
     figure = new_figure(height=MARGIN + ROW * len(inputs))
-    panels = figure.subplots(len(inputs), 2, sharey=True, sharex="row", squeeze=False)
+    panels = figure.subplots(len(inputs), len(MARKS), sharey=True, sharex="row", squeeze=False)
     for row, axis in zip(panels, inputs, strict=True):
         found = _regions(result.where, output.name, axis.name)
-        for axes, mark in zip(row, (BEFORE, AFTER), strict=True):
+        for axes, mark in zip(row, MARKS, strict=True):
             _panel(axes, frame, axis, output, mark, found)
         row[0].set_ylabel(f"residual [{output.unit}]" if output.unit else "residual")
     _frame(panels[0][0], frame, output)
@@ -99,7 +104,7 @@ def _outliers(frame: pd.DataFrame, output: Axis) -> NDArray[np.bool_]:
 def _limit(frame: pd.DataFrame, output: Axis) -> float:
     """How far the panels reach: every reading but the outliers."""
     good = frame[~_outliers(frame, output)]
-    both = good[[f"{output.name}_{mark.word}" for mark in (BEFORE, AFTER)]].to_numpy(dtype=float)
+    both = good[[f"{output.name}_{mark.word}" for mark in MARKS]].to_numpy(dtype=float)
     return 1.1 * float(np.nanmax(np.abs(both), initial=0.0)) or 1.0
 
 
@@ -154,8 +159,9 @@ def _beside(codes: NDArray[np.intp]) -> NDArray[np.float64]:
 def _titles(row: Sequence[Axes], result: GapResult, output: Axis) -> None:
     """Each column's RMSE on rows that the fit never saw; of a population its distributions tell."""
     units = len(result.units) > 0
-    for axes, mark, gaps in zip(row, (BEFORE, AFTER), (result.gap_before, result.gap_after),
-                                strict=True):  # fmt: skip
+    nothing: Mapping[str, float] = {}
+    stages = (result.gap_before, result.gap_after, nothing)
+    for axes, mark, gaps in zip(row, MARKS, stages, strict=True):
         error = None if units else gaps.get(output.name)
-        text = "" if error is None else f": held-out RMSE {error:.3g} {output.unit}"
+        text = "" if error is None else f": held-out {error:.3g} {output.unit}"
         axes.set_title(f"{mark.word}{text}", fontsize="small")

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from html import escape
+from typing import Any
 
 import pandas as pd
 
 from ...records import StudyResult
-from ..document import bullets, document, picture, section
+from ..document import bullets, document, folded, picture, section
+from ..scripts import data, own
 from ..tables import chosen, table
 from .figures import Named, figures
+from .words import short
 
+KEYS, POINTS = 8, 300
+"""Keys and settings on the page at most: medians.csv has all."""
+FAILED = 60
+"""Failed runs on the page at most."""
+SHOWN = "A test supports it."
+NOT_SHOWN = "No test supports it: the seeds are too few, or the settings too alike."
 TESTS = (
     "Tests on common seeds. wilcoxon: signed-rank test of two levels, effect is the rank-biserial "
     "correlation, difference the median of a - b; friedman: all levels of a key, effect is "
@@ -28,17 +38,61 @@ def study_page(result: StudyResult) -> str:
     """The whole page; every text that comes from outside is escaped."""
     drawn = figures(result)
     parts = [
-        section("Recommended settings", bullets([o.sentence for o in result.recommendations])),
-        section("In words", bullets(result.notes)),
+        section("In words", bullets(result.notes)) if result.notes else "",
+        _settings(result),
         *_courses(result, drawn),
         section("Responses", "\n".join(map(_drawing, _of(drawn, "response_")))),
-        section("Sensitivities", _sensitivities(result, drawn)),
+        section("Sensitivities", _sensitivities(result, drawn))
+        if len(result.sensitivity) else "",
         section("Tests", _tests(result.tests)),
-        section("Medians", _medians(result)),
-        section("Failed runs", _failed(result.table)),
-        section("Configuration", f"<pre>{escape(result.configuration)}</pre>"),
-    ]
-    return document(result.title, "\n".join(parts))
+        section("Medians", folded("Table", _medians(result))),
+        section("Failed runs", _failed(result.table))
+        if (result.table["status"] == "failed").any() else "",
+        section("Configuration", folded("study.toml",
+                                        f"<pre>{escape(result.configuration)}</pre>")),
+    ]  # fmt: skip
+    body = "\n".join(one for one in parts if one)
+    scripts = (own("common.js", "study.js"),) if len(result.medians) else ()
+    return document(result.title, body, scripts, _head(result))
+
+
+def _head(result: StudyResult) -> str:
+    """What is recommended, and how sure that is."""
+    if not result.recommendations:
+        return '<p class="asked">No setting is recommended.</p>'
+    lines = "".join(
+        f"<li>{escape(one.sentence)} {SHOWN if one.shown else NOT_SHOWN}</li>"
+        for one in result.recommendations
+    )
+    return f'<p class="asked">Recommended settings</p>\n<ul class="answers">{lines}</ul>'
+
+
+def _settings(result: StudyResult) -> str:
+    """Settings to filter and to compare, which the scripts fill."""
+    if result.medians.empty:
+        return ""
+    names = [one.name for one in result.responses]
+    keys = [str(name) for name in result.design.columns][:KEYS]
+    rows = {(str(row["response"]), int(row["point"])): row
+            for row in result.medians.to_dict("records")}  # fmt: skip
+    points = sorted({point for _, point in rows})[:POINTS]
+    content = {
+        "keys": [{"name": key, "label": short(key)} for key in keys],
+        "responses": [{"name": one.name, "label": one.name.replace("_", " "),
+                       "larger": one.larger_is_better} for one in result.responses],
+        "points": [
+            {"levels": [result.design[key].loc[point] for key in keys],
+             "medians": [_interval(rows.get((name, point))) for name in names]}
+            for point in points
+        ],
+    }  # fmt: skip
+    rest = len({point for _, point in rows}) - len(points)
+    more = f'<p class="hint">{rest} more settings are in medians.csv.</p>' if rest else ""
+    return section("Settings", f'<div id="settings"></div>{more}\n{data(content)}')
+
+
+def _interval(row: dict[Hashable, Any] | None) -> dict[str, Any] | None:
+    return None if row is None else {name: row[name] for name in ("median", "low", "high")}
 
 
 def _of(drawn: list[Named], start: str) -> list[Named]:
@@ -82,4 +136,7 @@ def _medians(result: StudyResult) -> str:
 
 
 def _failed(runs: pd.DataFrame) -> str:
-    return table(runs[runs["status"] == "failed"])
+    found = runs[runs["status"] == "failed"]
+    rest = len(found) - FAILED
+    more = f"<p>{rest} more failed runs are in study.csv.</p>" if rest > 0 else ""
+    return table(found.head(FAILED)) + more

@@ -25,7 +25,7 @@ from tolevo.problems.pose_accuracy.grouping import NINE, SOURCES
 from tolevo.problems.pose_accuracy.outputs import OVER_MACHINES
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 from tolevo.testing import ProblemContract
-from tolevo.workflows.choice.rounding import Judge
+from tolevo.workflows.choice.judge import Judge
 
 OPTIMUM = np.array([[5.73, 5.73, 10.87, 12.3, 12.3, 80.0, 0.057, 0.057, 0.086]])
 """physics/manipulator.md, section 6, as printed: cost 12.590, limits 0.2 mrad on the standard

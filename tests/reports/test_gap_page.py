@@ -152,19 +152,19 @@ def test_figures_show_before_and_after(result: GapResult) -> None:
     drawn = figures(result)
     assert set(drawn) == {"residuals_te_arcsec", "spectrum_te_arcsec", "path"}
     panels = drawn["residuals_te_arcsec"].axes
-    assert len(panels) == 8
+    assert len(panels) == 12  # before, after, and what was taken away
     sizes = [np.std(np.asarray(axes.lines[1].get_ydata(), dtype=float)) for axes in panels[:2]]
     assert sizes[0] > 3.0 * sizes[1]
     assert "4.1" in panels[0].get_title() and "1.01" in panels[1].get_title()
     located = [axes for axes in panels if axes.patches]
-    assert located == panels[:2]
+    assert located == panels[:3]
     left, right = np.asarray(located[0].patches[0].get_window_extent().intervalx)
     edges = located[0].transData.transform([(-60.0, 0.0), (60.0, 0.0)])[:, 0]
     np.testing.assert_allclose([left, right], edges, atol=0.5)
 
 
 def test_labels_of_the_user_are_no_formulas(result: GapResult) -> None:
-    by_lot = figures(result)["residuals_te_arcsec"].axes[6]
+    by_lot = figures(result)["residuals_te_arcsec"].axes[9]
     ticks = by_lot.get_xticklabels()
     assert {text.get_text() for text in ticks} == {"A", "$B$"}
     assert not any(text.get_parse_math() for text in ticks)

@@ -1,6 +1,5 @@
 import json
 import re
-import sys
 from base64 import b64encode
 from dataclasses import replace
 from hashlib import sha256
@@ -14,7 +13,6 @@ from tolevo.records import Axis, RunResult
 from tolevo.reports import page
 from tolevo.reports.explorer import thinned
 from tolevo.reports.figure import front_figure
-from tolevo.reports.scripts import plotly
 from tolevo.reports.tables import shown, table
 from tolevo.reports.units import population_figure, turn_figure
 
@@ -78,7 +76,7 @@ def test_every_text_is_escaped(result: RunResult) -> None:
     )
     tags = [tag for tag, _ in parsed(page(evil)).seen]
     assert "img" not in tags
-    assert tags.count("script") == 3  # the data, plotly and our own
+    assert tags.count("script") == 2  # the data and our own
     assert EVIL not in page(evil)
 
 
@@ -103,19 +101,6 @@ def test_the_data_end_in_no_text(result: RunResult) -> None:
     assert labels == ["</script>", "<!--"]
 
 
-def test_without_plotly_the_front_is_a_picture(
-    result: RunResult, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    plotly.cache_clear()
-    with monkeypatch.context() as without:
-        without.setitem(sys.modules, "plotly.offline", None)
-        text = page(result)
-    plotly.cache_clear()
-    assert "<script" not in text
-    assert "pip install &#x27;tolevo[report]&#x27;" in text
-    assert "<svg" in text
-
-
 def test_points_are_thinned_by_the_stated_rule() -> None:
     front = pd.DataFrame({"cost": np.arange(1000.0)[::-1], "error": np.arange(1000.0)})
     rows = thinned(front, ["cost", "error"], [3, 500], 100)
@@ -127,9 +112,6 @@ def test_points_are_thinned_by_the_stated_rule() -> None:
 
 def test_no_network(result: RunResult) -> None:
     text = page(result)
-    library = plotly()
-    assert library is not None
-    text = text.replace(library.html, "")  # what it requests is seen in the browser
     for tag, attributes in parsed(text).seen:
         assert tag not in {"link", "iframe", "img"}
         assert "src" not in attributes

@@ -26,7 +26,8 @@ FILES = {
     "front.csv", "front.parquet", "front.json", "references.csv", "convergence.csv",
     "summary.json", "config.toml", "report.html", "front.png", "front.svg",
     "checkpoint.npz", "choices.csv", "choice_sensitivity.csv", "allocation.csv", "allocation.xlsx",
-    "contributions.csv", "manifest.json", "requirements.csv", "drivers.csv",
+    "contributions.csv", "manifest.json", "requirements.csv", "drivers.csv", "prices.csv",
+    "relaxed.csv", "tolerances.json", "drawing.html",
 }  # fmt: skip
 NEAR = {
     "dr_rp_mm": VariableSetting(low=-0.05, high=-0.03),

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from ...declarations import Kind, Variable
 from ...problems.tolerance_problem import ToleranceProblem
+from .notation import inspection, notation, process_of
 
 Array = NDArray[np.float64]
 COLUMNS = ("choice", "point", "variable", "meaning", "kind", "unit", "nominal", "mid", "unrounded",
            "rounded", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation", "grade",
-           "symbol", "drawing", "characteristic", "rounding")  # fmt: skip
+           "symbol", "drawing", "characteristic", "rounding", "notation", "process",
+           "cpk_wanted", "inspection")  # fmt: skip
 
 
 def allocation(
@@ -31,8 +33,10 @@ def allocation(
     full design, `grades` what a value of a variable is called, and `said` how it is rounded.
     Limits are those of the zone around nominal and mid, deviations where no nominal is known; the
     deviations of a zone are from the nominal. `grade` is the tolerance class where one is stated,
-    `symbol` that of a geometrical characteristic. Where a problem is one of several models, the
-    last column says which.
+    `symbol` that of a geometrical characteristic. `notation` is what to write on the drawing,
+    `process` how the part is made where that is chosen, `cpk_wanted` the capability that the model
+    counts on, and `inspection` what an inspector needs to know of it. Where a problem is one of
+    several models, the last column says which.
     """
     rows = []
     models = _models(problem, {point: both[1] for point, both in designs.items()})
@@ -43,6 +47,7 @@ def allocation(
             rows.append(
                 {"choice": label, "point": point, "rounding": said.get(variable.name, "fixed")}
                 | _row(problem, variable, own, new, name)
+                | _written(problem, variable, designs[point][1], new, name)
                 | models[point]
             )
     columns = [*COLUMNS, *(["model"] if problem.model_statement else [])]
@@ -85,6 +90,29 @@ def _row(
         "drawing": drawn.get("drawing", ""),
         "characteristic": drawn.get("characteristic", ""),
     }
+
+
+def _written(
+    problem: ToleranceProblem, variable: Variable, design: Array, new: float, grade: str
+) -> dict[str, Any]:
+    """What to write on the drawing, and what whoever makes and inspects the part needs to know."""
+    drawn = problem.drawn(variable.name)
+    nominal, mid = problem.zone(variable.name)
+    given = problem.settings.variables[variable.name].distribution
+    stated = drawn.get("cpk")
+    cpk = float(stated) if stated else _capability(given)
+    return {
+        "notation": notation(variable, nominal, mid, new, drawn.get("class", grade)),
+        "process": process_of(problem, variable, design),
+        "cpk_wanted": cpk,
+        "inspection": inspection(variable, new, cpk),
+    }
+
+
+def _capability(given: object) -> float | None:
+    """Cp of a normal law; None where none is stated, or the law fills the zone."""
+    found = getattr(given, "cp", None)
+    return float(found) if isinstance(found, int | float) else None
 
 
 def _limits(

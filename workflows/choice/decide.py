@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,19 +14,22 @@ from ...problems.settings import Bound
 from ...problems.tolerance_problem import ToleranceProblem
 from .allocation import allocation
 from .contributions import contributions
+from .prices import prices
 from .rounding import rounded
 from .rules import COST, MEANINGS, Points, chosen
 from .sensitivity import sensitivity
 from .settings import ChoiceSettings
+from .slopes import slopes_of
 from .steps import said, step_of, values_of
+from .tolerances import tolerances
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decisions:
-    """The tables `choices`, `sensitivity`, `allocation` and `contributions`, and `rounding`:
-    by variable how it is rounded.
+    """The tables `choices`, `sensitivity`, `allocation`, `contributions` and `prices`; `rounding`:
+    by variable how it is rounded; `tolerances`: what a drawing and a price need to know of each.
     """
 
     choices: pd.DataFrame = field(default_factory=pd.DataFrame)
@@ -33,6 +37,8 @@ class Decisions:
     allocation: pd.DataFrame = field(default_factory=pd.DataFrame)
     contributions: pd.DataFrame = field(default_factory=pd.DataFrame)
     rounding: dict[str, str] = field(default_factory=dict)
+    prices: pd.DataFrame = field(default_factory=pd.DataFrame)
+    tolerances: tuple[dict[str, Any], ...] = ()
 
 
 def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSettings) -> Decisions:
@@ -44,6 +50,7 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     found = chosen(points)
     spread = sensitivity(points, problem.costs_of(designs))
     rows = list(dict.fromkeys(found.values()))
+    slopes = slopes_of(problem, designs)
     steps = {v.name: step_of(problem, v, settings) for v in problem.free}
     grades = {
         v.name: values_of(problem, v, step)
@@ -59,8 +66,10 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
         _table(problem, front, found, new, spread),
         spread,
         allocation(problem, by_point, both, grades, rules),
-        contributions(problem, designs),
+        contributions(problem, slopes),
         rules,
+        prices(problem, front, slopes),
+        tolerances(problem, rules, grades),
     )
 
 

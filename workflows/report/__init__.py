@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from .report import Report, report
+from .report import Report, report, watch
 
-__all__ = ["Report", "report"]
+__all__ = ["Report", "report", "watch"]

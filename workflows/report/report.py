@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,14 +11,15 @@ from typing import Any, NamedTuple
 from matplotlib.figure import Figure
 
 from ...claim_records import ClaimsResult
-from ...directory import BUSY, seal_of
+from ...directory import BUSY, seal_of, standing
 from ...directory.lock import Held, acquire
-from ...errors import Fault, raise_all, refuse
+from ...errors import Fault, InputError, raise_all, refuse
 from ...files import write_bytes, write_text
 from ...gap_records import GapResult
 from ...records import RunResult, StudyResult
 from ...reports.comparison import comparison_page
 from ...reports.comparison.figure import comparison_figure
+from ...reports.document import renewed
 from ...reports.drawing import as_png, as_svg
 from ...reports.figures import figures as run_figures
 from ...reports.page import page
@@ -26,10 +28,12 @@ from .. import page_data
 from .comparison import compared
 from .stored import Stored
 from .stored_run import stored_run
-from .unfinished import facts
+from .unfinished import facts, tables
 
 PAGE = "report.html"
 COMPARISON = "comparison.html"
+RENEWED = 5.0
+"""Seconds between two pages of a result that is being made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +42,7 @@ class Report:
 
     path: Path
     remarks: tuple[str, ...]
+    unfinished: bool = False
 
 
 def report(folders: Sequence[Path], out: Path | None = None, figures: Path | None = None) -> Report:
@@ -63,7 +68,7 @@ def _draw(drawn: Mapping[str, Figure], folder: Path | None) -> None:
             write_bytes(folder / f"{name}.svg", as_svg(figure))
 
 
-def _single(folder: Path, out: Path | None, figures: Path | None) -> Report:
+def _single(folder: Path, out: Path | None, figures: Path | None, renew: bool = False) -> Report:
     stored = Stored(folder)
     raise_all(stored.standing.faults)
     kind = stored.standing.command
@@ -73,13 +78,39 @@ def _single(folder: Path, out: Path | None, figures: Path | None) -> Report:
     stored.missing()
     remarks = tuple(stored.remarks)
     if result is None:
-        said = facts(folder, stored.standing)
-        _write(stored, out, unfinished_page(folder.resolve().name, kind, said, remarks))
-        return Report(out or folder / PAGE, remarks)
+        said, found = facts(folder, stored.standing), tables(folder, stored.standing)
+        text = unfinished_page(folder.resolve().name, kind, said, remarks, found)
+        _write(stored, out, renewed(text) if renew else text)
+        return Report(out or folder / PAGE, remarks, unfinished=True)
     _, build, draw = _pages()[kind]
-    _write(stored, out, build(result, remarks))
+    text, going = build(result, remarks), stored.unfinished
+    _write(stored, out, renewed(text) if renew and going else text)
     _draw(draw(result), figures)
-    return Report(out or folder / PAGE, remarks)
+    return Report(out or folder / PAGE, remarks, going)
+
+
+def watch(
+    folder: Path, out: Path | None = None, told: Callable[[Report], None] | None = None
+) -> Report:
+    """Build the page of a directory again every `RENEWED` seconds until its result is complete.
+
+    The page lies beside the directory where `out` does not say otherwise, for another process works
+    in that; a browser loads it anew by itself. `told` is called with every page. An interrupt ends
+    it. Raises InputError as `report` does, but for what is written while it is read.
+    """
+    page_at = out or folder.resolve().with_suffix(".html")
+    while True:
+        try:
+            found = _single(folder, page_at, None, renew=True)
+        except InputError:
+            if not standing(folder).holders:
+                raise
+        else:
+            if told is not None:
+                told(found)
+            if not found.unfinished:
+                return found
+        time.sleep(RENEWED)
 
 
 def _result(stored: Stored, kind: str) -> Any:

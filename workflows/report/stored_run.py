@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Mapping
 from typing import Any
@@ -29,7 +30,12 @@ OPTIONAL = {
     "assumptions_cost": "assumptions_cost.csv",
     "requirements": "requirements.csv",
     "drivers": "drivers.csv",
+    "prices": "prices.csv",
+    "relaxed": "relaxed.csv",
 }
+TOLERANCES = "tolerances.json"
+NAMED = {"name", "unit", "kind", "low", "high", "free", "orderable", "grades", "costs"}
+"""What a record of it must have."""
 NEEDED = {
     "choices": ("choice", "meaning", "point"),
     "choice_sensitivity": ("choice", "same"),
@@ -40,6 +46,8 @@ NEEDED = {
     "assumptions_cost": ("assumption", "value", "cost"),
     "requirements": ("requirement", "multiplier_cost_per_unit"),
     "drivers": ("part", "driven_by"),
+    "prices": ("point", "output", "price", "source"),
+    "relaxed": ("label",),
 }
 """Columns that the page reads of them."""
 
@@ -76,9 +84,25 @@ def stored_run(stored: Stored) -> RunResult | None:
         notes=tuple(map(str, summary.get("notes") or ())),
         bars=_bars(summary),
         configuration=configuration,
+        tolerances=_tolerances(stored),
         overlays=_overlays(stored, [axis.name for axis in objectives]),
         **_optional(stored, len(front)),
     )  # fmt: skip
+
+
+def _tolerances(stored: Stored) -> tuple[Mapping[str, Any], ...]:
+    """The records of `tolerances.json`, none where it is missing or not what a run writes."""
+    if not (stored.folder / TOLERANCES).is_file():
+        return ()
+    try:
+        found = json.loads(stored.text(TOLERANCES) or "")
+    except ValueError:
+        found = None
+    if isinstance(found, list) and all(isinstance(one, dict) and one.keys() >= NAMED
+                                       for one in found):  # fmt: skip
+        return tuple(found)
+    stored.remark(TOLERANCES, "is not what a run writes: was it edited by hand?")
+    return ()
 
 
 def _convergence(stored: Stored) -> pd.DataFrame | None:
@@ -155,7 +179,7 @@ def _typed(summary: dict[str, Any], stored: Stored) -> dict[str, Any]:
         "versions": dict, "ideal": dict, "nadir": dict, "axes": dict, "files": dict,
         "choices": dict, "notes": list, "assumptions": list, "bars": list, "rounding": list,
         "validity": list, "units": dict, "assumptions_at": dict,
-        "title": str, "format": int, "mechanism": dict,
+        "title": str, "answers": dict, "format": int, "mechanism": dict,
     }  # fmt: skip
     for name, kind in kinds.items():
         if name in summary and not isinstance(summary[name], kind):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pandas as pd
@@ -11,7 +12,9 @@ from ...algorithms.checkpoint import Checkpoint
 from ...directory import KINDS, Standing
 from ...directory.names import present
 from ...errors import InputError
+from ...sealed import read_record
 from ..run.resume import CHECKPOINT
+from ..study.records import RESPONSES
 from ..study.storage import DATABASE
 
 COLUMNS = ["generation", "evaluations", "seconds", "hypervolume", "feasible_fraction"]
@@ -55,6 +58,47 @@ def facts(folder: Path, here: Standing) -> tuple[str, ...]:
     if here.command == "reproduce":
         return (f"{len(state)} claims have been checked.",)
     return ("No generation has been saved.",)
+
+
+def tables(folder: Path, here: Standing) -> dict[str, pd.DataFrame]:
+    """What has been found so far, by title: responses of a study by setting, claims by verdict."""
+    if here.unfinished is not None and here.unfinished.retiring:
+        return {}
+    if here.command == "study":
+        return _responses(folder)
+    if here.command == "reproduce":
+        return _checked(folder)
+    return {}
+
+
+def _responses(folder: Path) -> dict[str, pd.DataFrame]:
+    """Median of every response over the runs that have ended, by point of the design."""
+    try:
+        with closing(sqlite3.connect(f"file:{folder / DATABASE}?mode=ro", uri=True)) as database:
+            runs = pd.read_sql_query("SELECT * FROM runs", database)
+    except (sqlite3.Error, pd.errors.DatabaseError):
+        return {}
+    names = [name for name in RESPONSES if name in runs and runs[name].notna().any()]
+    if runs.empty or not names or "point" not in runs:
+        return {}
+    found = runs.groupby("point")[names].median()
+    found.insert(0, "runs ended", runs.groupby("point").size())
+    return {"Medians so far, by point of the design": found.reset_index()}
+
+
+def _checked(folder: Path) -> dict[str, pd.DataFrame]:
+    """Claims that have been checked, with their verdicts."""
+    rows = []
+    for name in present(folder, KINDS["reproduce"].state):
+        try:
+            found = read_record(folder / name)
+        except ValueError:
+            continue
+        verdict = found.get("verdict") if isinstance(found, dict) else None
+        if isinstance(verdict, dict):
+            rows.append({"claim": Path(name).stem, "verdict": str(verdict.get("word", "")),
+                         "reason": str(verdict.get("reason", ""))})  # fmt: skip
+    return {"Claims checked so far": pd.DataFrame(rows)} if rows else {}
 
 
 def _runs(path: Path) -> str:

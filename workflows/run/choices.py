@@ -36,6 +36,8 @@ def with_choices(
         choice_sensitivity=_none_if_empty(decisions.sensitivity),
         allocation=_none_if_empty(decisions.allocation),
         contributions=_none_if_empty(decisions.contributions),
+        prices=_none_if_empty(decisions.prices),
+        tolerances=decisions.tolerances,
         exact_front=exact_table(plan.problem, exact),
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -21,6 +21,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ..choice import decide
 from . import effects, overlay
+from .answers import answers
 from .assumptions import with_assumptions
 from .choices import with_choices
 from .front import inside, nearest_miss, reported_front, with_references
@@ -102,14 +103,17 @@ def _run(
     for other in others.values():
         front = overlay.with_distance(front, other, names)
     beside = [n for label, one in others.items() for n in overlay.notes(front, label, one, names)]
-    told = (*plan.problem.effect_notes(), *plan.problem.cautions(), *beside)
-    notes = (*told, *plan.problem.remarks(front), *anew, *_notes(references, dropped, joined))
+    warned = (*plan.problem.effect_notes(), *plan.problem.cautions(), *beside)
+    notes = (*warned, *plan.problem.remarks(front), *anew, *_notes(references, dropped, joined))
     proven = (*proof_notes(front, statement), *end_notes(plan.problem, front), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
     summary |= measures(found, front, statement, exact)
     decisions = decide(plan.problem, front, plan.choice)
     result = _result(plan, found, front, references, summary, proven, exact)
-    result = replace(with_choices(result, decisions, plan, exact), overlays=others)
+    result = replace(with_choices(result, decisions, plan, exact), overlays=others,
+                     relaxed=_together(relaxed))  # fmt: skip
+    told = {"answers": answers(result, plan.problem, statement)}
+    result = replace(result, summary=dict(result.summary) | told)
     result = with_units(result, plan.problem)
     if not (stopped and takes_long(plan.problem)):
         result = with_requirements(result, plan.problem)
@@ -207,7 +211,7 @@ def _result(
     whole = exact.hypervolume if exact is not None else float("nan")
     convergence.insert(4, "hypervolume_ratio", convergence["hypervolume"] / whole)
     return RunResult(
-        plan.problem.title() or plan.title,
+        plan.problem.title() or described(plan.problem) or plan.title,
         front,
         references,
         convergence,
@@ -218,6 +222,21 @@ def _result(
         bars=plan.problem.bars(),
         configuration=plan.configuration,
     )
+
+
+def _together(relaxed: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
+    """The fronts with relaxed limits, one below the other, each under its label."""
+    frames = [one.assign(label=label) for label, one in relaxed.items() if one is not None]
+    found = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+    return found[["label", *(n for n in found if n != "label")]] if len(found) else None
+
+
+def described(problem: ToleranceProblem) -> str:
+    """What a problem calls itself: the first line of its description."""
+    if not type(problem).__module__.startswith("tolevo."):
+        return ""
+    text = (type(problem).__doc__ or "").strip().split("\n")[0]
+    return text.rstrip(".").split(":")[0].split(" (default")[0]
 
 
 def _axes(problem: ToleranceProblem, names: tuple[str, ...]) -> tuple[Axis, ...]:
@@ -252,6 +271,7 @@ def _lines(result: RunResult, status: str, out: Path) -> tuple[str, ...]:
     lines = [f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
              f"evaluations, {float(str(result.summary['seconds'])):.1f} s"]  # fmt: skip
     lines += [*mechanism_lines(result.summary), *model_lines(result.summary)]
+    lines += result.answers.values()
     for row in result.references.to_dict("records"):
         kept = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
         values = ", ".join(f"{axis.name} {row[axis.name]:.4g}" + _of_cost(axis)

@@ -15,6 +15,7 @@ from ...records import RunResult
 from ...reports.figure import png, svg
 from ...reports.page import page
 from ...reports.sheet import allocation_sheet
+from ...reports.sheets import drawing_page
 
 
 def write(result: RunResult, folder: Path) -> None:
@@ -31,6 +32,8 @@ def write(result: RunResult, folder: Path) -> None:
     write_bytes(folder / "front.png", png(result))
     write_bytes(folder / "front.svg", svg(result))
     write_text(folder / "report.html", page(result))
+    if (drawing := drawing_page(result)) is not None:
+        write_text(folder / "drawing.html", drawing)
     summary = dict(result.summary) | {"files": {n: digest(t) for n, t in texts.items()}}
     write_text(folder / "summary.json", as_json(summary))
 
@@ -59,8 +62,12 @@ def _texts(result: RunResult) -> dict[str, str]:
         "assumptions_cost.csv": result.assumptions_cost,
         "requirements.csv": result.requirements,
         "drivers.csv": result.drivers,
+        "prices.csv": result.prices,
+        "relaxed.csv": result.relaxed,
     }
     texts = {n: frame.to_csv(index=False) for n, frame in tables.items() if frame is not None}
+    if result.tolerances:
+        texts["tolerances.json"] = as_json(list(result.tolerances))
     return {"config.toml": result.configuration} | texts
 
 

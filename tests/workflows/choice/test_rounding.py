@@ -19,6 +19,7 @@ from tolevo.problems.tolerance_problem import ToleranceProblem
 from tolevo.workflows.choice import ChoiceSettings, decide
 from tolevo.workflows.choice.contributions import contributions
 from tolevo.workflows.choice.rounding import rounded
+from tolevo.workflows.choice.slopes import slopes_of
 from tolevo.workflows.choice.steps import R20, step_of, values_of
 
 STACK = """
@@ -164,10 +165,14 @@ def test_limits_on_the_drawing_enclose_nominal_and_mid(parsed: Read) -> None:
 def test_contributions_of_a_root_sum_of_squares_are_shares_of_the_variance(parsed: Read) -> None:
     problem = parsed("").problem
     designs = np.array([[0.05, 0.06, 0.02], [0.1, 0.02, 0.02]])
-    found = contributions(problem, designs)
-    squares = (designs[:, :2] * [1.0, 2.0]) ** 2
+    found = contributions(problem, slopes_of(problem, designs))
+    squares = (designs * [1.0, 2.0, 1.0]) ** 2  # the fixed part is one of them
     expected = 100.0 * squares / squares.sum(axis=1, keepdims=True)
-    np.testing.assert_allclose(found[["a_t", "b_t"]], expected, rtol=1e-9)
+    np.testing.assert_allclose(found[["a_t", "b_t", "c_t"]], expected, rtol=1e-9)
+    np.testing.assert_allclose(found[["a_t", "b_t", "c_t"]].sum(axis=1), 100.0, rtol=1e-12)
+    own = problem.outputs_of(designs)
+    stated = np.stack([own[f"contribution_{part}_percent"] for part in "abc"], axis=1)
+    np.testing.assert_allclose(found[["a_t", "b_t", "c_t"]], stated, rtol=1e-9)
 
 
 def test_contributions_without_derivatives_are_the_same() -> None:
@@ -177,7 +182,8 @@ def test_contributions_without_derivatives_are_the_same() -> None:
 
     designs = np.full((1, 9), 20.0)
     names = PoseAccuracy().names
-    found, known = (contributions(p, designs)[names] for p in (Blind(), PoseAccuracy()))
+    found, known = (contributions(p, slopes_of(p, designs)).set_index("output").loc[
+        "squareness_mrad", names] for p in (Blind(), PoseAccuracy()))  # fmt: skip
     np.testing.assert_allclose(found, known, rtol=2e-3, atol=1e-9)
 
 

@@ -1,0 +1,59 @@
+"""One sentence for every term that the pages use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+
+TERMS: Mapping[str, str] = {
+    "front": "The allocations that none of the others beats in every objective at once.",
+    "bound": "A cost that no allocation of equal or better other objectives can be below: proven, "
+    "not searched.",
+    "gap": "By how much the cost of a point lies above its proven bound.",
+    "knee": "The point of the front that lies farthest from the line between its ends.",
+    "share": "t dy/dt of a tolerance t in a requirement y, over its sum for all tolerances; of a "
+    "root sum of squares that is the share of the variance.",
+    "price": "What one unit less of a requirement adds to the least cost; of a tolerance, what "
+    "changing it costs where all requirements are kept by changing the others.",
+    "multiplier": "The price of a requirement at a proven optimum (Karush, Kuhn and Tucker).",
+    "relaxed": "Compared with a front whose broken limits are as loose as the reference's own.",
+    "hypervolume": "The share of the problem's box, from ideal to nadir, that the front dominates.",
+    "rounding loss": "What changes where every value is rounded to what can be ordered.",
+    "feasible": "Whether all limits of the run are kept.",
+    "margin": "The distance of a value from its nearest limit, negative where it is broken.",
+    "yield": "The share of units that keep the limits of the requirement.",
+    "Cpk": "The distance of the mean from the nearer limit, in three standard deviations.",
+    "coverage": "The share of units that a quantile is stated for.",
+    "reference": "An allocation that a document prints or another method found, by the same model.",
+    "half-width": "A tolerance t of the zone from mid - t to mid + t.",
+    "held-out": "Of readings that the fit never saw.",
+    "verdict": "What the comparison of model and measurement comes to, or of a claim and its "
+    "recomputation.",
+    "interaction": "How much the effect of one setting depends on another.",
+}
+"""By term, in the order in which the list shows them."""
+
+
+def link(text: str) -> str:
+    """A heading in words, linked to the explanation of the first term that it has."""
+    lowered = text.lower()
+    for term in TERMS:
+        if term.lower() in lowered:
+            return f'<a href="#{anchor(term)}">{escape(text)}</a>'
+    return escape(text)
+
+
+def anchor(term: str) -> str:
+    """The identifier of an explanation."""
+    return "term-" + term.lower().replace(" ", "-")
+
+
+def terms(body: str) -> str:
+    """The explanations of the terms that a page links to, or names in its texts."""
+    used: Sequence[str] = [term for term in TERMS
+                           if f'"#{anchor(term)}"' in body or f" {term}" in body]  # fmt: skip
+    if not used:
+        return ""
+    rows = "\n".join(f'<dt id="{anchor(term)}">{escape(term)}</dt><dd>{escape(TERMS[term])}</dd>'
+                     for term in used)  # fmt: skip
+    return f'<section>\n<h2>Terms</h2>\n<dl class="terms">\n{rows}\n</dl>\n</section>'

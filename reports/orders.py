@@ -1,0 +1,90 @@
+"""The allocations to order: chosen points that round to the same are one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pandas as pd
+
+from ..records import RunResult
+
+COLUMNS = {
+    "variable": "tolerance", "meaning": "meaning", "notation": "on the drawing",
+    "nominal": "nominal", "upper_deviation": "upper deviation",
+    "lower_deviation": "lower deviation", "upper_limit": "upper limit",
+    "lower_limit": "lower limit", "unit": "unit", "grade": "grade, class", "symbol": "symbol",
+    "process": "process", "cpk_wanted": "Cpk wanted", "inspection": "inspection",
+    "unrounded": "before rounding", "rounded": "value", "drawing": "drawing",
+    "characteristic": "characteristic",
+}  # fmt: skip
+"""Columns of an order by those of `allocation.csv`."""
+NUMBERS = ("nominal", "upper deviation", "lower deviation", "upper limit", "lower limit",
+           "Cpk wanted", "before rounding", "value")  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Order:
+    """One rounded allocation: the rules that choose it, the points of the front that round to it,
+    a row per tolerance, and what it comes to (a row of `choices.csv`).
+    """
+
+    rules: tuple[str, ...]
+    points: tuple[int, ...]
+    table: pd.DataFrame
+    outcome: dict[str, object]
+
+    @property
+    def title(self) -> str:
+        """The first rule in words, and how many more."""
+        first = self.rules[0].replace("_", " ")
+        more = len(self.rules) - 1
+        return f"{first} and {more} more rules" if more > 1 else ", ".join(self.rules).replace(
+            "_", " ")  # fmt: skip
+
+    @property
+    def note(self) -> str:
+        """All rules that come to it."""
+        rules = ", ".join(rule.replace("_", " ") for rule in self.rules)
+        if len(self.points) == 1:
+            return f"Chosen by: {rules} (point {self.points[0]} of front.csv)."
+        points = ", ".join(map(str, self.points))
+        return (f"Chosen by: {rules}; points {points} of front.csv round to the same allocation, "
+                "which is listed once.")  # fmt: skip
+
+
+def orders(result: RunResult) -> list[Order]:
+    """The orders of a run, in the order of its choices."""
+    found, choices = result.allocation, result.choices
+    if found is None or choices is None or not {"point", "variable", "rounded"} <= set(found):
+        return []
+    merged: dict[tuple[str, ...], list[int]] = {}
+    for point, own in found.groupby("point", sort=False):
+        merged.setdefault(tuple(map(str, own["rounded"])), []).append(int(str(point)))
+    return [_order(points, found, choices) for points in merged.values()]
+
+
+def _order(points: list[int], found: pd.DataFrame, choices: pd.DataFrame) -> Order:
+    own = found[found["point"] == points[0]]
+    kept = [name for name in COLUMNS if name in own and own[name].notna().any()
+            and not (own[name].astype(str) == "").all()]  # fmt: skip
+    table = own[kept].rename(columns=COLUMNS).reset_index(drop=True)
+    rows = choices[choices["point"].isin(points)]
+    outcome = {str(k): v for k, v in rows.iloc[0].items()} if len(rows) else {}
+    rules = tuple(map(str, rows["choice"])) or (f"point {points[0]}",)
+    return Order(rules, tuple(points), table, outcome)
+
+
+def comparison(result: RunResult, found: list[Order]) -> pd.DataFrame:
+    """The orders side by side: what each comes to, before and after rounding."""
+    rows = []
+    for at, order in enumerate(found, start=1):
+        row: dict[str, object] = {"sheet": f"{at} {order.title}"[:31], "chosen by":
+                                  ", ".join(order.rules), "points":
+                                  ", ".join(map(str, order.points))}  # fmt: skip
+        for axis in result.objectives:
+            row[f"{axis.name} before"] = order.outcome.get(axis.name)
+            row[f"{axis.name} rounded"] = order.outcome.get(f"rounded_{axis.name}")
+        row["keeps all limits"] = order.outcome.get("rounded_feasible")
+        row["breaks"] = order.outcome.get("rounded_violated_limits")
+        rows.append(row)
+    return pd.DataFrame(rows)

@@ -1,0 +1,38 @@
+"""`drawing.html`: one page to print per chosen allocation, for the drawing office."""
+
+from __future__ import annotations
+
+from html import escape
+
+from ..records import RunResult, mechanism_lines, unit_of_cost
+from .document import document
+from .orders import Order, orders
+from .tables import chosen, shown, table
+
+COLUMNS = ("tolerance", "on the drawing", "upper deviation", "lower deviation", "nominal", "unit",
+           "grade, class", "symbol", "process", "Cpk wanted", "inspection")  # fmt: skip
+
+
+def drawing_page(result: RunResult) -> str | None:
+    """The pages, None where nothing was chosen."""
+    found = orders(result)
+    if not found:
+        return None
+    lines = "".join(f"<p>{escape(line)}</p>" for line in mechanism_lines(result.summary))
+    body = "\n".join(_sheet(result, order) for order in found)
+    return document(f"{result.title}: for the drawing", body, head=lines)
+
+
+def _sheet(result: RunResult, order: Order) -> str:
+    cost = unit_of_cost(result.summary)
+    values = ", ".join(
+        f"{axis.name.replace('_', ' ')} {shown(order.outcome.get(f'rounded_{axis.name}'))} "
+        f"{cost if axis.name == 'cost' else ''}".strip() for axis in result.objectives
+    )  # fmt: skip
+    kept = order.outcome.get("rounded_feasible")
+    broken = shown(order.outcome.get("rounded_violated_limits"))
+    verdict = "keeps all limits" if kept else f"breaks {broken}" if broken else ""
+    told = f"Verified by the full model: {values}{f'; {verdict}' if verdict else ''}."
+    shown_table = table(chosen(order.table, COLUMNS))
+    return (f'<section class="sheet">\n<h2>{escape(order.title)}</h2>\n<p>{escape(order.note)}</p>'
+            f"\n<p>{escape(told)}</p>\n{shown_table}\n</section>")  # fmt: skip

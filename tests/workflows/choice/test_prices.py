@@ -1,0 +1,103 @@
+"""Prices of requirements against closed forms, and rounding of many parts."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tolevo.configuration import read
+from tolevo.workflows.choice.prices import front_slopes, prices
+from tolevo.workflows.choice.rounding import rounded
+from tolevo.workflows.choice.slopes import slopes_of
+from tolevo.workflows.choice.steps import values_of
+from tolevo.workflows.choice.tolerances import tolerances
+
+HEAD = """
+problem = "stack"
+[requirement]
+name = "gap"
+unit = "mm"
+method = "{0}"
+"""
+PART = """
+[[part]]
+name = "p{0}"
+nominal = {1}
+unit = "mm"
+sensitivity = {2}
+t_min = 0.003
+t_max = 0.5
+cost = {{ model = "reciprocal", a = 1.0, b = {3} }}
+"""
+
+
+def stack(folder: Path, count: int, method: str = "worst_case") -> Any:
+    rng = np.random.default_rng(0)
+    parts = [PART.format(at, round(rng.uniform(5.0, 120.0), 2), rng.choice([1.0, -1.0, 0.5]),
+                         round(rng.uniform(0.02, 0.3), 3)) for at in range(count)]  # fmt: skip
+    path = folder / "c.toml"
+    path.write_text(HEAD.format(method) + "".join(parts), encoding="utf-8")
+    return read(path).problem
+
+
+def known(problem: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Cost coefficients b of a + b/t, and sensitivities without their signs."""
+    b = np.array([part.processes[0].curve.b for part in problem.definition.parts])
+    return b, np.abs(problem.definition.mechanism.sensitivities)
+
+
+def test_the_price_of_a_worst_case_by_its_closed_form(tmp_path: Path) -> None:
+    """Least sum b_j/t_j at sum |s_j| t_j = V: t_j = V sqrt(b_j/s_j)/sum sqrt(b_k s_k), cost
+    (sum sqrt(b_k s_k))^2/V; its slope is -(...)^2/V^2.
+    """
+    problem = stack(tmp_path, 4)
+    b, s = known(problem)
+    whole = np.sum(np.sqrt(b * s))
+    value = np.array([0.2, 0.25, 0.3])
+    designs = value[:, None] * np.sqrt(b / s) / whole
+    front = problem.frame(designs).assign(gap_percent=0.0)
+    np.testing.assert_allclose(front["variation"], value, rtol=1e-12)
+    found = prices(problem, front, slopes_of(problem, designs))
+    np.testing.assert_allclose(found["price"], whole**2 / value**2, rtol=1e-9)
+    assert set(found["source"]) == {"multiplier"}
+    assert found["spread_percent"].max() < 1e-6
+    unproven = prices(problem, front.assign(gap_percent=5.0), slopes_of(problem, designs))
+    assert set(unproven["source"]) == {"front"}
+    slopes = front_slopes(front, "variation")
+    assert slopes is not None
+    np.testing.assert_allclose(slopes[1], whole**2 / (0.2 * 0.3), rtol=1e-9)
+
+
+def test_no_price_where_every_tolerance_is_at_its_bound(tmp_path: Path) -> None:
+    problem = stack(tmp_path, 3)
+    designs = np.full((1, 3), 0.5)
+    front = problem.frame(designs).assign(gap_percent=0.0)
+    found = prices(problem, front, slopes_of(problem, designs))
+    assert found["price"].isna().all()
+
+
+def test_the_costs_of_the_records_are_those_of_the_model(tmp_path: Path) -> None:
+    problem = stack(tmp_path, 3)
+    design = np.array([0.05, 0.07, 0.11])
+    curves = [one["costs"][0] for one in tolerances(problem, {}, {})]
+    own = sum(c["count"] * (c["a"] + c["b"] / t) for c, t in zip(curves, design, strict=True))
+    assert own == pytest.approx(problem.cost_of(design[None])[0])
+
+
+def test_rounding_of_two_hundred_parts_takes_seconds_and_loses_little(tmp_path: Path) -> None:
+    """Of neighbours that are IT grades, within 3 % of the cost; the variation is never worse."""
+    problem = stack(tmp_path, 200, "rss")
+    b, s = known(problem)
+    design = np.clip(0.05 * np.cbrt(b / s**2), 0.003, 0.5)  # -C' = price s^2 t / V
+    values = {v.name: np.array(sorted(values_of(problem, v, "IT"))) for v in problem.free}
+    begun = time.process_time()
+    found = rounded(problem, design, values)
+    assert time.process_time() - begun < 5.0
+    before, after = (problem.outputs_of(one[None]) for one in (design, found))
+    assert after["variation"][0] <= before["variation"][0] * (1.0 + 1e-9)
+    assert after["variation"][0] >= before["variation"][0] * 0.995  # what was left is used
+    assert after["cost"][0] <= 1.03 * before["cost"][0]

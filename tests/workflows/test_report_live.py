@@ -1,0 +1,73 @@
+"""Pages of results that are being made: what there is, renewed until it is complete."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tolevo.cli import app
+from tolevo.directory.unfinished import write_unfinished
+from tolevo.workflows.report import Report, report, watch
+
+RENEWS = 'http-equiv="refresh" content="5"'
+
+
+def ended(folder: Path, *gaps: tuple[int, float]) -> None:
+    """Runs of a study that have ended: point of the design and gap."""
+    with closing(sqlite3.connect(folder / "study.sqlite")) as database, database:
+        database.execute("CREATE TABLE IF NOT EXISTS runs (point INTEGER, gap_percent REAL)")
+        database.executemany("INSERT INTO runs VALUES (?, ?)", gaps)
+
+
+def test_an_unfinished_study_shows_its_medians(tmp_path: Path) -> None:
+    ended(tmp_path, (0, 1.0), (0, 3.0), (0, 40.0), (1, 0.25))
+    write_unfinished(tmp_path, "study", "token")
+    found = report([tmp_path])
+    page = found.path.read_text(encoding="utf-8")
+    assert found.unfinished
+    assert "4 runs have ended." in page
+    rows = page[page.index("Medians so far") :]
+    assert rows.count("<tr>") == 3  # the heading and two points
+    assert ">3</td>" in rows and ">0.25</td>" in rows
+    assert RENEWS not in page
+
+
+def test_a_page_is_renewed_until_its_watch_ends(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "s"
+    folder.mkdir()
+    ended(folder, (0, 1.0))
+    write_unfinished(folder, "study", "token")
+    waited: list[float] = []
+
+    def pause(seconds: float) -> None:
+        """In the meantime a run ends; then somebody ends the watch."""
+        waited.append(seconds)
+        if len(waited) == 2:
+            raise KeyboardInterrupt
+        ended(folder, (1, 2.0))
+
+    monkeypatch.setattr("time.sleep", pause)
+    seen: list[str] = []
+
+    def told(one: Report) -> None:
+        seen.append(one.path.read_text(encoding="utf-8"))
+
+    with pytest.raises(KeyboardInterrupt):
+        watch(folder, tmp_path / "s.html", told)
+    assert waited == [5.0, 5.0]
+    assert "1 runs have ended." in seen[0] and "2 runs have ended." in seen[1]
+    assert all(RENEWS in page for page in seen)
+
+
+def test_faults_of_a_watch_are_named_at_once(tmp_path: Path) -> None:
+    told = CliRunner().invoke(app, ["report", str(tmp_path), str(tmp_path / "b"), "--watch",
+                                    "--figures", str(tmp_path / "f")])  # fmt: skip
+    assert told.exit_code == 2
+    assert "--watch: takes one directory, got 2" in told.stderr
+    assert "--figures: are drawn when the result is complete" in told.stderr

@@ -1,0 +1,87 @@
+"""Which of several designs is the better one to order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.limits import limits_of
+from ...problems.settings import Bound
+from ...problems.tolerance_problem import ToleranceProblem
+from .neighbours import SLACK
+from .rules import COST
+
+Array = NDArray[np.float64]
+BATCH = 64
+"""Designs that are evaluated at once: every output of each is held meanwhile."""
+
+
+class Judge:
+    """Ranks designs: limits first, then the objectives but the cost, then the cost.
+
+    An output that nothing but a bound of `kept` asks for may be left out by the problem otherwise.
+    """
+
+    def __init__(
+        self,
+        problem: ToleranceProblem,
+        design: Array,
+        searching: bool,
+        kept: Mapping[str, Bound],
+    ) -> None:
+        self.problem = problem
+        known = {COST, *problem.names, *problem.objectives, *(one.name for one in problem.limits)}
+        more = {name: bound for name, bound in kept.items() if name not in known}
+        self.asked = problem.relaxed(more) if more else problem
+        self.searching = searching
+        self.limits = limits_of(kept, problem.outputs, problem.variables)
+        self.own = self._outputs(design[None])
+
+    def _outputs(self, designs: Array) -> dict[str, Array]:
+        if self.searching:
+            return self.asked.outputs_of(designs, searching=True)
+        return self.asked.needed(designs)
+
+    def use(self, designs: Array) -> tuple[Array, Array]:
+        """What limits and other objectives are used up by (n, columns), and the cost (n,).
+
+        Above 0 a limit is broken, or an objective worse than that of the design; the first columns
+        are those of limits, the last ones those of objectives.
+        """
+        parts = [designs[at : at + BATCH] for at in range(0, max(len(designs), 1), BATCH)]
+        use, cost = zip(*map(self._use, parts), strict=True)
+        return np.concatenate(use), np.concatenate(cost)
+
+    def _use(self, designs: Array) -> tuple[Array, Array]:
+        found = self._outputs(designs)
+        columns = [self.problem.violations(designs, found)]
+        for limit in self.limits:
+            value = self.problem.values(designs, found, limit.name)
+            columns += [column[:, None] for column in limit.violations(value)]
+        for name in self._others:
+            own = self.own[name][0]
+            columns.append(((found[name] - own) / (abs(own) or 1.0))[:, None])
+        cost = found.get(COST, np.zeros(len(designs)))
+        return np.concatenate(columns, axis=1), cost
+
+    def keys(self, designs: Array) -> Array:
+        """Violation, worsening of the other objectives and cost, shape (n, 3); less is better."""
+        return self.ranked(*self.use(designs))
+
+    def ranked(self, use: Array, cost: Array) -> Array:
+        """The keys (n, 3) of what `use` gives, or predicts."""
+        limits = use.shape[1] - len(self._others)
+        violation = np.maximum(use[:, :limits], 0.0).sum(axis=1)
+        worse = np.max(use[:, limits:], axis=1, initial=0.0)
+        return np.stack([violation, np.where(worse > SLACK, worse, 0.0), cost], axis=1)
+
+    @property
+    def _others(self) -> list[str]:
+        return [name for name in self.problem.objectives if name != COST]
+
+
+def best(keys: Array) -> NDArray[np.int64]:
+    """Rows from the best to the worst."""
+    return np.lexsort(keys.T[::-1])

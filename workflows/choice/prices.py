@@ -1,0 +1,122 @@
+"""What a requirement costs at each point: the slope of the least cost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from ...problems.tolerance_problem import ToleranceProblem
+from .rules import COST
+from .slopes import Slopes, tolerances_of
+
+Array = NDArray[np.float64]
+PROVEN = 0.01
+"""Gap [percent] up to which a point counts as optimal, so that multipliers hold there."""
+FITS = 1.0
+"""What the conditions may leave [percent] there."""
+EDGE = 1e-6
+"""Share of its range by which a tolerance is inside of its bounds."""
+BINDING = 1e-3
+"""Share of a limit within which a point uses it up."""
+NEIGHBOURS = 2
+"""Points on either side by which the slope of a front is taken."""
+
+
+def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd.DataFrame:
+    """What one unit less of each requirement costs at points of a front.
+
+    At the least cost -dC/dt_j = sum_i price_i dy_i/dt_j for every tolerance inside of its bounds
+    (Karush, Kuhn and Tucker); the prices, none below 0, fit that best, each tolerance weighted by
+    its width. Limits that a point does not use up have the price 0. Columns: `point`, `output`,
+    `price` (cost per unit of the output), `source`: `multiplier` where the point is proven optimal
+    (gap at most `PROVEN` %) and the conditions hold, `front` where it is the slope of the front of
+    two objectives, else `estimate`, with `spread_percent`, what the conditions leave.
+    """
+    names, rows = list(slopes.along), slopes.rows
+    if front.empty or not names or not slopes.saved.size or COST not in front:
+        return pd.DataFrame()
+    binding = _binding(problem, front.iloc[rows], names)
+    found, left = _fitted(problem, slopes, binding)
+    sure = _proven(front)[rows] & (left <= FITS)
+    sources = np.where(sure, "multiplier", "estimate").astype(object)
+    frames = []
+    for at, name in enumerate(names):
+        price, source = found[:, at], sources.copy()
+        own = front_slopes(front, name) if name in problem.objectives else None
+        if own is not None:
+            known = np.isfinite(own[rows]) & (source == "estimate")
+            price, source = np.where(known, own[rows], price), np.where(known, "front", source)
+        frames.append(pd.DataFrame({"point": rows, "output": name, "price": price,
+                                    "source": source, "spread_percent": left}))  # fmt: skip
+    return pd.concat(frames, ignore_index=True)
+
+
+def _fitted(
+    problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Prices (n, requirements) by the conditions of an optimum, and what these leave [%] (n,)."""
+    free = {v.name: at for at, v in enumerate(problem.free)}
+    every = tolerances_of(problem)
+    designs, save = slopes.designs, slopes.saved
+    each = np.stack(list(slopes.along.values()), axis=2)
+    inside = np.zeros_like(save, dtype=bool)
+    for at, v in enumerate(every):
+        if v.name in free and not v.integer:
+            ends = np.array([problem.room(v.name, design) for design in designs])
+            edge = EDGE * (ends[:, 1] - ends[:, 0])
+            own = problem.column(designs, v.name)
+            inside[:, at] = (own > ends[:, 0] + edge) & (own < ends[:, 1] - edge)
+    inside &= np.isfinite(save)
+    found = np.where(binding, np.nan, 0.0)
+    left = np.full(len(designs), np.nan)
+    for row in range(len(designs)):
+        kept, used = inside[row], np.flatnonzero(binding[row])
+        right = save[row, kept]
+        if not len(used) or not np.any(kept) or not np.any(right):
+            continue
+        matrix = each[row][kept][:, used]
+        size = np.linalg.norm(matrix, axis=0)
+        scaled = matrix / np.where(size > 0.0, size, 1.0)
+        solution, rest = nnls(scaled, right)
+        found[row, used] = np.divide(solution, size, out=np.zeros_like(size), where=size > 0.0)
+        left[row] = 100.0 * rest / np.linalg.norm(right)
+    return found, left
+
+
+def _binding(problem: ToleranceProblem, front: pd.DataFrame, names: list[str]) -> NDArray[np.bool_]:
+    """Which requirements (n, requirements) are used up: objectives always are."""
+    found = np.ones((len(front), len(names)), dtype=bool)
+    limits = {limit.name: limit for limit in problem.limits}
+    for at, name in enumerate(names):
+        if name not in problem.objectives:
+            scale = max(abs(b) for b in (limits[name].low, limits[name].high) if np.isfinite(b))
+            margin = front[f"margin_{name}"].to_numpy(dtype=float)
+            found[:, at] = margin <= BINDING * (scale or limits[name].scale)
+    return found
+
+
+def _proven(front: pd.DataFrame) -> NDArray[np.bool_]:
+    if "gap_percent" not in front:
+        return np.zeros(len(front), dtype=bool)
+    return np.asarray(front["gap_percent"].to_numpy(dtype=float) <= PROVEN)
+
+
+def front_slopes(front: pd.DataFrame, name: str) -> Array | None:
+    """-d cost/d`name` (n,) of a front of two objectives by its points on either side; else None.
+
+    NaN where the points are too few.
+    """
+    values, cost = front[name].to_numpy(dtype=float), front[COST].to_numpy(dtype=float)
+    order = np.argsort(values, kind="stable")
+    if len(order) < 3 or np.any(np.diff(cost[order]) > 0.0):
+        return None
+    places = np.arange(len(order))
+    low = order[np.maximum(places - NEIGHBOURS, 0)]
+    high = order[np.minimum(places + NEIGHBOURS, len(order) - 1)]
+    run = values[high] - values[low]
+    found = np.full(len(order), np.nan)
+    found[order] = np.divide(cost[low] - cost[high], run, out=np.full_like(run, np.nan),
+                             where=run > 0.0)  # fmt: skip
+    return found

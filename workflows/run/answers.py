@@ -1,0 +1,253 @@
+"""What was asked of a run and what it found, in sentences with numbers and conditions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from ...problems.limits import Limit
+from ...problems.tolerance_problem import ToleranceProblem
+from ...records import RunResult, unit_of_cost
+from ...units import split_unit
+from .proofs import INFORMATIVE, LEFT_OUT
+from .references import gain_column
+
+COST = "cost"
+ALIKE = 1e-9
+"""Relative difference of two values that is none."""
+EXACT = 1e-3
+"""Gap [percent] that is none."""
+NEAR = 1e-3
+"""Share of a limit within which a point uses it up."""
+
+
+def answers(result: RunResult, problem: ToleranceProblem, statement: str) -> dict[str, str]:
+    """`asked`, `found`, `published`, `limits` and `proof`: a sentence or two each.
+
+    `statement` says what the bounds of the front are proven for. Only `asked` where nothing was
+    found.
+    """
+    told = Words(result, problem)
+    asked = {"asked": told.asked()}
+    if result.front.empty:
+        return asked
+    return asked | {
+        "found": told.found(),
+        "published": told.published(),
+        "limits": told.of_limits(),
+        "proof": told.proof(statement),
+    }
+
+
+class Words:
+    """The sentences of one run."""
+
+    def __init__(self, result: RunResult, problem: ToleranceProblem) -> None:
+        self.result, self.problem = result, problem
+        self.units = {o.name: o.unit for o in problem.outputs}
+        self.units |= {v.name: v.unit for v in problem.variables}
+        self.units[COST] = unit_of_cost(result.summary)
+        self.names = list(problem.objectives)
+        self.point = self._point()
+
+    def _point(self) -> int:
+        """The knee, or the one point."""
+        choices = self.result.choices
+        return 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
+
+    def value(self, name: str, value: float) -> str:
+        """Like "backlash 1.04 arcmin"."""
+        return f"{words(name)} {value:.4g} {self.units.get(name, '')}".rstrip()
+
+    def row(self, row: Any, names: list[str] | None = None) -> str:
+        return ", ".join(self.value(name, float(row[name])) for name in names or self.names)
+
+    # ------------------------------------------------------------------ sentences
+
+    def asked(self) -> str:
+        largest = {o.name for o in self.problem.outputs if o.larger_is_better}
+        each = [f"{'largest' if n in largest else 'least'} {words(n)}" for n in self.names]
+        goal = " against ".join(each).capitalize()
+        given = set(self.problem.given.limits) | (set() if self.problem.given.limits else
+                                                  set(self.problem.default_limits))  # fmt: skip
+        limits = [self.limit(one) for one in self.problem.limits if one.count and one.name in given]
+        others = sum(one.count > 0 for one in self.problem.limits) - len(limits)
+        if others > 0:
+            limits.append(f"{others} limits that the problem sets itself")
+        kept = f", with {', '.join(limits)}" if limits else ", without limits"
+        tolerances = sum(v.tolerance for v in self.problem.free)
+        return (f"{goal}{kept}; {tolerances} tolerances searched"
+                f"{self._more(len(self.problem.free) - tolerances)}.")  # fmt: skip
+
+    @staticmethod
+    def _more(count: int) -> str:
+        return f" and {count} other variables" if count else ""
+
+    def limit(self, limit: Limit) -> str:
+        unit = f" {limit.unit}".rstrip()
+        ends = [f"at least {limit.low:.4g}{unit}"] if np.isfinite(limit.low) else []
+        ends += [f"at most {limit.high:.4g}{unit}"] if np.isfinite(limit.high) else []
+        return f"{words(limit.name)} {' and '.join(ends)}"
+
+    def found(self) -> str:
+        front = self.result.front
+        row = front.iloc[self.point]
+        if len(front) == 1:
+            limited = [o.name for o in self.problem.limits if o.name in front
+                       and o.name not in self.names]  # fmt: skip
+            more = f" (with {self.row(row, limited)})" if limited else ""
+            return f"Found: {self.row(row)}{more}."
+        ends = ", ".join(f"{words(n)} {front[n].min():.4g} to {front[n].max():.4g} "
+                         f"{self.units.get(n, '')}".rstrip() for n in self.names)  # fmt: skip
+        choices = self.result.choices
+        rule = "" if choices is None or choices.empty else str(choices["choice"].iloc[0])
+        return f"Found: {len(front)} allocations, {ends}; the {words(rule)} has {self.row(row)}."
+
+    def published(self) -> str:
+        rows = self._printed()
+        if not rows:
+            return "No published allocation of this problem is known: there is none to compare."
+        return " ".join(self._worth(row) for row in rows[:1])
+
+    def _printed(self) -> list[dict[str, Any]]:
+        found = self.result.references
+        printed = [str(label) for label in self.problem.references()]
+        if found.empty:
+            return []
+        rows = [{str(k): v for k, v in row.items()} for row in found.to_dict("records")]
+        return [row for row in rows if row["label"] in printed]
+
+    def _worth(self, row: dict[str, Any]) -> str:
+        label, broken = str(row["label"]), str(row["violated_limits"]).split()
+        own = f"The published allocation ({label}) has {self.row(row)}"
+        if broken:
+            values = ", ".join(f"{self.value(n, float(row[n]))} instead of "
+                               f"{self.limit(self._limit(n)).removeprefix(words(n)).strip()}"
+                               for n in broken)  # fmt: skip
+            gains = self._gains(row, "relaxed_")
+            if not gains:
+                return f"{own}, but breaks the limits ({values}): it cannot be compared."
+            return f"{own}, but breaks the limits ({values}): at the same looser limits {gains}."
+        gains = self._gains(row, "")
+        return f"{own} and keeps all limits: {gains}." if gains else (
+            f"{own} and keeps all limits; no point of the front is as good in every other "
+            "objective.")  # fmt: skip
+
+    def _limit(self, name: str) -> Limit:
+        return next(one for one in self.problem.limits if one.name == name)
+
+    def _gains(self, row: dict[str, Any], prefix: str) -> str:
+        parts = []
+        for name in self.names:
+            value = float(row.get(prefix + gain_column(name), np.nan))
+            if np.isfinite(value):
+                side = "less" if value >= 0.0 else "more"
+                at = "the same cost" if name != COST else (
+                    "equal " + " and ".join(words(n) for n in self.names if n != COST)
+                    if len(self.names) > 1 else "least")  # fmt: skip
+                what = "an allocation that costs" if name == COST else f"a {words(name)} that is"
+                parts.append(f"{what} {abs(value):.3g} % {side} at {at}")
+        return "there is " + ", or ".join(parts) if parts else ""
+
+    def of_limits(self) -> str:
+        limits = [o for o in self.problem.limits if o.count and o.name != COST]
+        if not limits:
+            return "No limit is set beside the objectives: none costs anything."
+        row = self.result.front.iloc[self.point]
+        held = [o for o in limits if self._used(o, row)]
+        where = "At the one point" if len(self.result.front) == 1 else "At this point"
+        if not held:
+            return f"{where} every limit is kept with room to spare: none costs anything there."
+        return " ".join(self._cost_of(one, where) for one in held)
+
+    def _used(self, limit: Limit, row: pd.Series) -> bool:
+        scale = max(abs(b) for b in (limit.low, limit.high) if np.isfinite(b)) or limit.scale
+        return float(row[f"margin_{limit.name}"]) <= NEAR * scale
+
+    def _cost_of(self, limit: Limit, where: str) -> str:
+        text = self.limit(limit)
+        priced = self._price(limit.name)
+        if priced is not None:
+            price, proven = priced
+            how = ("by the multiplier of the proven optimum" if proven else
+                   "estimated by the conditions of an optimum")  # fmt: skip
+            step = abs(limit.high if np.isfinite(limit.high) else limit.low) * 0.1 or 1.0
+            unit = f" {limit.unit}".rstrip()
+            cost = f" {self.units[COST]}".rstrip()
+            return (f"{where} the limit of {text} binds: loosening it by {step:.3g}{unit} would "
+                    f"save about {price * step:.3g}{cost} ({how}).")  # fmt: skip
+        relaxed = self._relaxed(limit.name)
+        return relaxed or (f"{where} the limit of {text} binds; what it costs is not known, for "
+                           "the model gives no derivative of it.")  # fmt: skip
+
+    def _price(self, name: str) -> tuple[float, bool] | None:
+        found = self.result.prices
+        if found is None:
+            return None
+        own = found[(found["output"] == name) & np.isfinite(found["price"])]
+        if own.empty or own["price"].max() <= 0.0:
+            return None
+        row = own.iloc[int((own["point"] - self.point).abs().to_numpy().argmin())]
+        return float(row["price"]), row["source"] == "multiplier"
+
+    def _relaxed(self, name: str) -> str:
+        """What a front with a looser limit saves at the other objectives of the point."""
+        found, row = self.result.relaxed, self.result.front.iloc[self.point]
+        if found is None or COST not in self.names:
+            return ""
+        for label, own in found.groupby("label", sort=False):
+            reference = self.result.references.set_index("label")
+            if str(reference["violated_limits"].get(label, "")) != name:
+                continue
+            others = [n for n in self.names if n != COST]
+            good = np.ones(len(own), dtype=bool)
+            for n in others:
+                good &= own[n].to_numpy(dtype=float) <= float(row[n]) + ALIKE * abs(float(row[n]))
+            if np.any(good):
+                saved = float(row[COST]) - float(own.loc[good, COST].min())
+                text = self.limit(self._limit(name))
+                share = 100.0 * saved / float(row[COST])
+                loose = self.value(name, float(reference[name][label]))
+                return (f"The limit of {text} costs {saved:.3g} ({share:.3g} %) here against one "
+                        f"as loose as that of {label} ({loose}).")  # fmt: skip
+        return ""
+
+    def proof(self, statement: str) -> str:
+        gap = self.result.front["gap_percent"].to_numpy(dtype=float)
+        if np.all(np.isnan(gap)):
+            return f"How far the points are from the optimum is not proven ({reason(statement)})."
+        if LEFT_OUT in statement and np.nanmedian(gap) > INFORMATIVE:
+            return (
+                "How far the points are from the optimum is not known: the proven bound is not "
+                f"informative, for it leaves out what holds them back ({statement})."
+            )
+        middle, most = float(np.nanmedian(gap)), float(np.nanmax(gap))
+        if len(gap) == 1 and most < EXACT:
+            return f"Proven: this is the least cost within the limits ({statement})."
+        if len(gap) == 1:
+            return (f"Proven: no allocation within the limits costs less than {percent(most)} "
+                    f"below this one ({statement}).")  # fmt: skip
+        if most < EXACT:
+            return f"Proven: every point of the front is optimal ({statement})."
+        return (
+            "Proven: no allocation of equal other objectives costs less than "
+            f"{percent(middle)} below a point of the front in the median, {percent(most)} at "
+            f"most ({statement})."
+        )
+
+
+def reason(statement: str) -> str:
+    """Why nothing is proven, without saying again that nothing is."""
+    return statement.removeprefix("nothing is proven: ") or "there is no bound of the cost"
+
+
+def percent(value: float) -> str:
+    """A gap in words: what is rounding is not printed as 1e-09 %."""
+    return "0.001 %" if value < EXACT else f"{value:.2g} %"
+
+
+def words(name: str) -> str:
+    """A column as words, without its unit."""
+    return split_unit(name)[0].replace("_", " ").replace(".", " ")
