@@ -134,11 +134,17 @@ class Form:
     most: tuple[float, ...] = ()
     also: tuple[Form, ...] = ()
     tested: tuple[str, ...] = ()
+    stands: Mapping[str, str] = field(default_factory=dict)
+    """By requirement, an output that it stands for: what is proven holds at equal requirements."""
 
     @property
     def rows(self) -> tuple[Quantile | None, ...]:
         """What S of each requirement is: a quantile, or None for a root."""
         return self.quantiles or (None,) * len(self.outputs)
+
+    def asked(self, row: str) -> tuple[str, str]:
+        """Outputs that ask for a requirement: itself and what it stands for."""
+        return row, self.stands.get(row, row)
 
     @property
     def own_limits(self) -> Array:

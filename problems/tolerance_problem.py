@@ -179,6 +179,10 @@ class ToleranceProblem(Problem, Shown):
                          for name, most in zip(form.outputs, form.own_limits, strict=True)],
                         axis=1)  # fmt: skip
 
+    def stand_in_limit(self, name: str, high: float) -> float:
+        """The upper limit of the requirement of the form that stands for a limit on an output."""
+        return high
+
     def unproven(self) -> str:
         """Why an objective that might have a convex form has none here; empty where not known."""
         return ""
