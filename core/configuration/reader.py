@@ -23,6 +23,7 @@ from .model_columns import read_model_columns, resolved_columns
 from .pairs import belongs, stranger
 from .parameters import read_parameters
 from .plugins import load_named
+from .reducers import with_reducers
 from .resolved import resolved_problem, resolved_variables
 from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
 from .sense import read_sense, resolved_sense
@@ -43,14 +44,17 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
     Raises InputError with every fault found.
     """
     faults: list[Fault] = []
-    return read_table(overridden(path, overrides, faults), faults)
+    return read_table(overridden(path, overrides, faults), faults, path.parent)
 
 
-def read_table(table: Table, faults: list[Fault]) -> Configuration:
-    """The configuration in the tables of a file; raises InputError with `faults` and its own."""
+def read_table(table: Table, faults: list[Fault], folder: Path = Path()) -> Configuration:
+    """The configuration in the tables of a file; raises InputError with `faults` and its own.
+
+    Files that it names are looked for in `folder`.
+    """
     top = Section(table, "", faults)
     if "problem" in top or "model" not in top:
-        return _read_problem(top, faults)
+        return _read_problem(top, faults, folder)
     return _read_model(top, faults)
 
 
@@ -59,11 +63,12 @@ def _seed(top: Section) -> int:
     return 0 if seed is None else seed
 
 
-def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
+def _read_problem(top: Section, faults: list[Fault], folder: Path) -> Configuration:
     """A configuration with a problem."""
     if "problem" not in top:
         top.fault("problem", 'is missing: name a problem (see `tolevo list`), or model = "..."')
     named = load_named(top, "problem", "problems")
+    top = with_reducers(top, named, folder)
     kind = named.configured(top) if named else None
     model = load_named(top, "model", "models", kind.default_model if kind else "")
     model_name = top.take("model") or (kind.default_model if kind else "")
@@ -76,7 +81,7 @@ def _read_problem(top: Section, faults: list[Fault]) -> Configuration:
     if named and model and not belongs(top.take("problem"), named, model_name, model):
         top.fault("model", stranger(top.take("problem"), model_name, model))
     if kind is None:  # its sections cannot be judged
-        top.known(("parameters", "variables", *PROBLEM_ONLY))
+        top.known(("parameters", "variables", *getattr(named, "tables_of", ()), *PROBLEM_ONLY))
         top.finish()
         raise InputError(faults)
     settings = replace(_settings(top, kind, model), seed=seed, effects=effects,

@@ -12,6 +12,10 @@ from scipy.interpolate import CubicHermiteSpline
 from ...models.costs import CostCurve
 
 Array = NDArray[np.float64]
+NODES = 6000
+"""Prices at which a curve in closed form is tabulated."""
+LITTLE = 1e-6
+"""Gain, relative to the largest, below which an error does not count."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +58,17 @@ class PricedCurve(CostCurve):
         return self._spline.derivative()
 
     @cached_property
+    def _bend(self) -> CubicHermiteSpline:
+        return self._slope.derivative()
+
+    @cached_property
     def _inverse(self) -> tuple[Array, Array]:
         """ln kappa, rising, and ln t there; the last of those at one bound."""
         return np.log(self.kappa[::-1]), np.log(self.t[::-1])
+
+    @property
+    def priced(self) -> bool:
+        return True
 
     def _inside(self, t: Array) -> Array:
         return np.clip(np.asarray(t, dtype=float), self.t[0], self.t[-1])
@@ -74,17 +86,13 @@ class PricedCurve(CostCurve):
     def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
         if np.any(linear):
             return super().best(linear, square, low, high)
+        own = np.asarray(square) / self.price
         with np.errstate(divide="ignore"):
-            wanted = np.log(np.maximum(square, 0.0) / self.price)
-        ln_kappa, ln_t = self._inverse
-        found = np.exp(np.interp(wanted, ln_kappa, ln_t))
-        for _ in range(3):  # secant steps on the spline itself: what is left is rounding
-            x = np.log(self._inside(found))
-            excess = self._slope(x) + 2.0 * square / self.price * np.exp(2.0 * x)
-            rise = self._slope.derivative()(x) + 4.0 * square / self.price * np.exp(2.0 * x)
-            step = np.where(rise > 0.0, excess / np.where(rise > 0.0, rise, 1.0), 0.0)
-            found = self._inside(np.exp(x - np.clip(step, -0.02, 0.02)))
-        return np.clip(found, low, high)
+            x = np.interp(np.log(np.maximum(own, 0.0)), *self._inverse)
+        rise = 2.0 * own * np.exp(2.0 * x)  # a secant step on the spline: what is left is rounding
+        bend = self._bend(x) + 2.0 * rise
+        step = np.where(bend > 0.0, (self._slope(x) + rise) / np.where(bend > 0.0, bend, 1.0), 0.0)
+        return np.clip(np.exp(x - np.clip(step, -0.02, 0.02)), low, high)
 
     def price_at(self, t: Array) -> Array:
         """kappa (n,), without the factor, at an rms t (n,)."""
@@ -93,7 +101,7 @@ class PricedCurve(CostCurve):
 
 
 @dataclass(frozen=True, eq=False)
-class Clipped(CostCurve):
+class Clipped:
     """Least cost of a root mean square t of independent errors, each with its reciprocal cost.
 
     t^2 = sum (gain_i h_i)^2 with half-widths h_i in [low, high] and costs b_i/h_i; at a price kappa
@@ -104,7 +112,6 @@ class Clipped(CostCurve):
     b: Array
     low: float
     high: float
-    price: float = 1.0
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -112,46 +119,39 @@ class Clipped(CostCurve):
         size = float(np.linalg.norm(self.gain))
         return size * self.low, size * self.high
 
+    @cached_property
+    def _prices(self) -> Array:
+        """Prices at which any error that counts is between its ends, falling."""
+        counts = self.gain > LITTLE * self.gain.max()
+        inner = self.b[counts] / (2.0 * self.gain[counts] ** 2)
+        return np.geomspace((inner / self.low**3).max(), (inner / self.high**3).min(), NODES)
+
     def half_widths(self, kappa: Array) -> Array:
         """h (n, errors) at prices kappa (n,) of t^2."""
         with np.errstate(divide="ignore", over="ignore"):
             free = np.cbrt(self.b / (2.0 * np.asarray(kappa)[:, None] * self.gain**2))
         return np.clip(free, self.low, self.high)
 
+    @cached_property
+    def curve(self) -> PricedCurve:
+        """The least cost over t."""
+        h, kappa = self.half_widths(self._prices), self._prices
+        t, cost = self.rms(h), np.sum(self.b / h, axis=1)
+        apart = np.append(True, np.diff(t) > 1e-12 * t[1:])
+        t, cost, kappa = t[apart], cost[apart], kappa[apart]
+        return PricedCurve.of(t, cost, kappa, cost + kappa * t**2)
+
     def allocation(self, t: Array) -> Array:
         """h (n, errors) of least cost at root mean squares t (n,), by bisection on the price."""
         t = np.asarray(t, dtype=float)
-        size = self.gain[self.gain > 1e-9 * self.gain.max()]
-        ends = self.b.max() / (2.0 * size.min() ** 2 * self.low**3), self.b.min() / (
-            2.0 * self.gain.max() ** 2 * self.high**3)  # fmt: skip
-        low, high = np.full(len(t), np.log(ends[1]) - 1.0), np.full(len(t), np.log(ends[0]) + 1.0)
-        for _ in range(80):
+        low = np.full(len(t), np.log(self._prices[-1]) - 1.0)
+        high = np.full(len(t), np.log(self._prices[0]) + 1.0)
+        for _ in range(70):
             middle = 0.5 * (low + high)
-            tight = self._rms(self.half_widths(np.exp(middle))) < t
+            tight = self.rms(self.half_widths(np.exp(middle))) < t
             low, high = np.where(tight, low, middle), np.where(tight, middle, high)
         return self.half_widths(np.exp(0.5 * (low + high)))
 
-    def _rms(self, h: Array) -> Array:
+    def rms(self, h: Array) -> Array:
+        """t (n,) of half-widths (n, errors)."""
         return np.asarray(np.sqrt(h**2 @ self.gain**2))
-
-    def _flat(self, t: Array) -> tuple[Array, Array]:
-        t = np.asarray(t, dtype=float)
-        return t, self.allocation(np.clip(t.ravel(), *self.ends))
-
-    def cost(self, t: Array) -> Array:
-        t, h = self._flat(t)
-        found = self.price * np.sum(self.b / h, axis=1).reshape(t.shape)
-        return np.where(t < self.ends[0] * (1.0 - 1e-12), np.inf, found)
-
-    def slope(self, t: Array) -> Array:
-        """-2 kappa t, with the price of the errors that are not at a bound."""
-        t, h = self._flat(t)
-        free = (h > self.low * (1.0 + 1e-12)) & (h < self.high * (1.0 - 1e-12))
-        kappa = np.where(free, self.b / (2.0 * self.gain**2 * h**3), 0.0).max(axis=1)
-        return np.asarray(-2.0 * self.price * kappa.reshape(t.shape) * t)
-
-    def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
-        if np.any(linear):
-            return super().best(linear, square, low, high)
-        found = self._rms(self.half_widths(np.asarray(square) / self.price))
-        return np.clip(found, low, high)

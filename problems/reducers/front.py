@@ -59,6 +59,14 @@ class ReducerFront:
         return np.asarray(np.log(least(self.block, np.exp(x), grade).square / wanted))
 
 
+def ends_of(block: Block) -> tuple[float, float]:
+    """Least and largest rms [arcmin] of the front of a block, over all grades."""
+    count = len(block.grades)
+    prices, grade = np.repeat(PRICES[[0, -1]], count), np.tile(np.arange(count), 2)
+    square = least(block, prices, grade).square
+    return float(np.sqrt(square.min())), float(np.sqrt(square.max()))
+
+
 def _curve(block: Block, at: int) -> PricedCurve:
     grade = np.full(len(PRICES), at)
     found = least(block, PRICES, grade)

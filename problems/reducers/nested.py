@@ -16,7 +16,7 @@ from ...models.propagation.monte_carlo import units_of
 from ..rv_backlash import RvBacklash
 from .block import Block, block_of
 from .curve import PricedCurve
-from .front import ReducerFront
+from .front import ReducerFront, ends_of
 
 Array = NDArray[np.float64]
 SCATTER = 0.4
@@ -87,8 +87,15 @@ class Nested:
         return self.block.grades if self.block is not None else np.zeros(1)
 
     @property
+    def front_known(self) -> ReducerFront | None:
+        """The front if it has been computed."""
+        return self.known or self.__dict__.get("front")
+
+    @cached_property
     def range(self) -> tuple[float, float]:
-        """Least and largest rms."""
+        """Least and largest rms; of a proven front by its first and last price alone."""
+        if self.front_known is None and self.block is not None:
+            return ends_of(self.block)
         return (min(float(one.t[0]) for one in self.curves),
                 max(float(one.t[-1]) for one in self.curves))  # fmt: skip
 

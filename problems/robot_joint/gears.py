@@ -34,7 +34,7 @@ def gear_variables(gears: tuple[Nested, ...], nested: bool) -> tuple[Variable, .
 
 def _nested(at: int, one: Nested) -> list[Variable]:
     low, high = one.range
-    te = Wave().curve.ends
+    te = Wave().angles.ends
     return [
         Variable(f"reducer_{at}_{RMS}", "arcmin", Kind.STANDARD_DEVIATION, low, high,
                  f"root mean square of the backlash of reducer {at}, hysteresis included",
@@ -128,7 +128,7 @@ class Gears:
         """Half-widths (n, 12) [mrad] of the angles of a reducer."""
         begin = self._begin(gear)
         if self.small:
-            return self.wave.curve.allocation(columns[:, begin + 1])
+            return self.wave.angles.allocation(columns[:, begin + 1])
         begin += len(self._free(gear))
         return columns[:, begin : begin + len(ANGLES)]
 
@@ -141,7 +141,7 @@ class Gears:
         one, begin = self.nested[gear], self._begin(gear)
         if self.small:
             rms, te = columns[:, begin], columns[:, begin + 1]
-            return one.cost(rms) + self.wave.curve.cost(te), rms**2, te * SECONDS
+            return one.cost(rms) + self.wave.cost(te), rms**2, te * SECONDS
         assert one.problem is not None and one.block is not None
         designs, angles = self._designs(columns, gear), self._half_widths(columns, gear)
         cost = one.problem.cost_of(designs) + np.sum(COST / angles, axis=1)
@@ -250,7 +250,7 @@ class Gears:
                 (0, len(one.problem.names)))  # fmt: skip
             for name, column in zip(one.problem.names, designs.T, strict=True):
                 found[f"reducer_{gear}_{name}"] = column
-            for name, column in zip(ANGLES, self.wave.curve.allocation(te).T, strict=True):
+            for name, column in zip(ANGLES, self.wave.angles.allocation(te).T, strict=True):
                 found[f"reducer_{gear}_{name}"] = column
         return found
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...models.assembly.coverage import radius_quantile
 from ...models.costs import Reciprocal
 from ...units import ARCMIN, ARCSEC
-from ..reducers.curve import Clipped
+from ..reducers.curve import Clipped, PricedCurve
 from ..rv_transmission_error import RvTransmissionError
 from ..rv_transmission_error.declared import COSTS, DOCUMENT_MRAD, PRECISION, VARIABLES
 from ..rv_transmission_error.form import least_ratio
@@ -44,16 +44,25 @@ class Wave:
         return problem.influence.order_40 @ spread / ARCMIN, float(base)
 
     @cached_property
-    def curve(self) -> Clipped:
+    def angles(self) -> Clipped:
         """Cost over the rms of the wave [arcsec] over units and phases: W = sum s_i^2 t_i^2 / 2."""
         variable = VARIABLES[0]
         gain = 60.0 * np.sqrt(np.sum(self._plane[0] ** 2, axis=0) / 2.0)
         b = np.full(len(ANGLES), COST)
-        return Clipped(gain, b, variable.low, variable.high, self.price)
+        return Clipped(gain, b, variable.low, variable.high)
+
+    @cached_property
+    def curve(self) -> PricedCurve:
+        """The same with the factor of the reducers' cost."""
+        return replace(self.angles.curve, price=self.price)
+
+    def cost(self, rms: Array) -> Array:
+        """Least cost (n,) at an rms of the wave (n,) [arcsec]."""
+        return self.curve.cost(rms) + self.price * self.curve.margin
 
     def rms(self, half_widths: Array) -> Array:
         """Root of W (n,) [arcsec] of half-widths (n, 12) [mrad]."""
-        return np.asarray(np.sqrt(half_widths**2 @ self.curve.gain**2))
+        return np.asarray(np.sqrt(half_widths**2 @ self.angles.gain**2))
 
     def covariance(self, half_widths: Array) -> Array:
         """Covariance (n, 2, 2) [arcmin^2] of the wave's components."""
