@@ -105,15 +105,15 @@ def _by_squares(form: Form, limits: Array) -> Optimum:
         if np.isfinite(best.cost):
             known = best
         found.append((best, bound))
-    lam = np.array([2.0 * leaf.mu * np.sqrt(np.maximum(squares.room(limit), 0.0)) if np.any(leaf.mu)
-                    else leaf.mu for (leaf, _), limit in zip(found, limits, strict=True)])  # fmt: skip
+    lam = np.array([leaf.mu * squares.worth(limit)
+                    for (leaf, _), limit in zip(found, limits, strict=True)])  # fmt: skip
     bounds = [max(bound, cost_range(form)[0]) for _, bound in found]
     return Optimum(
         np.array([leaf.ways for leaf, _ in found], dtype=np.int64).reshape(len(found), -1),
         np.array([leaf.t for leaf, _ in found]).reshape(len(found), -1),
         np.array([leaf.cost for leaf, _ in found]),
         np.minimum(bounds, [leaf.cost for leaf, _ in found]),
-        np.nan_to_num(lam, posinf=0.0).reshape(len(found), -1),
+        lam.reshape(len(found), -1),
     )
 
 

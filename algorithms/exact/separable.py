@@ -76,6 +76,11 @@ class Squares:
         room = np.maximum(limit - self.form.offset, 0.0) ** 2 - self.form.constant
         return np.where(np.isfinite(limit), room, np.inf)
 
+    def worth(self, limit: Array) -> Array:
+        """Fall of the room's square (r,) per unit of each limit; 0 without one."""
+        room = limit - self.form.offset
+        return np.where(np.isfinite(limit), 2.0 * np.where(np.isfinite(room), room, 0.0), 0.0)
+
     def solve(self, ways: tuple[int, ...], room: Array, first: Array | None) -> Leaf:
         """The least cost of one choice of ways."""
         return _Choice(self, ways).solve(room, first)

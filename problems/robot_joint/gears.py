@@ -73,6 +73,16 @@ class At:
     wave: Array
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Built:
+    """Reducers of one design: full designs of their problems, or the rms of a front of points, and
+    roots (gears, 2, 2) of the covariance of their waves [arcmin].
+    """
+
+    designs: tuple[Array, ...]
+    roots: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Gears:
     """The reducers that have columns of their own."""
@@ -181,21 +191,30 @@ class Gears:
 
     # ---------------------------------------------------------------- Monte Carlo
 
+    def built(self, columns: Array) -> list[Built]:
+        """What units of the reducers are made to, of columns (n, all of the reducers')."""
+        parts = []
+        for gear, one in enumerate(self.nested):
+            begin = self._begin(gear)
+            whole = columns[:, begin : begin + 1] if one.problem is None else self._designs(
+                columns, gear)  # fmt: skip
+            parts.append((whole, root(self.wave.covariance(self._half_widths(columns, gear)))))
+        return [Built(tuple(whole[at] for whole, _ in parts), np.stack([r[at] for _, r in parts]))
+                for at in range(len(columns))]  # fmt: skip
+
     def units(
-        self, columns: Array, points: Array, gear_of: tuple[int, ...]
+        self, built: Built, points: Array, gear_of: tuple[int, ...]
     ) -> tuple[Array, float, Array]:
         """Backlash with hysteresis (units, drives) [arcmin], the hysteresis, and roots (drives, 2,
         2) of the waves' covariance [arcmin], of one design.
         """
-        row, width = columns[None, :], points.shape[1] // len(gear_of)
-        play, waves = [], []
+        width = points.shape[1] // len(gear_of)
+        play = []
         for drive, gear in enumerate(gear_of):
             one = self.nested[gear]
-            design = row[0, self._begin(gear)] if one.problem is None else self._designs(row, gear)
             own = points[:, drive * width : drive * width + one.dimensions]
-            play.append(one.backlashes(design, own))
-            waves.append(root(self.wave.covariance(self._half_widths(row, gear)))[0])
-        return np.stack(play, axis=1), self.hysteresis, np.stack(waves)
+            play.append(one.backlashes(built.designs[gear], own))
+        return np.stack(play, axis=1), self.hysteresis, built.roots[list(gear_of)]
 
     # ---------------------------------------------------------------- derivatives
 

@@ -24,7 +24,7 @@ from ..reducers.nested import Nested
 from ..settings import Bound, Settings
 from ..tolerance_problem import Interval, ToleranceProblem
 from .form import form_of
-from .gears import Gears, gear_variables
+from .gears import Built, Gears, gear_variables
 from .links import TWENTY_ONE, costs_of, unit_of, variables_of
 from .machine import Machine, Sampled
 from .outputs import LIMITS, OBJECTIVES, PARAMETERS, outputs_of, share_name
@@ -213,7 +213,10 @@ class RobotJoint(ToleranceProblem):
         return more | self._prices(designs, rms) | self._by_monte_carlo(designs, rms)
 
     def _by_monte_carlo(self, designs: Array, rms: Array) -> dict[str, Array]:
-        c = np.array([self._ratio(one) for one in designs])
+        built = self.gears.built(self._of_gears(designs))
+        coverage = self.settings.propagation.coverage
+        c = np.array([ratio(self._errors(sigma, one), coverage)
+                      for sigma, one in zip(self.sigma(designs), built, strict=True)])  # fmt: skip
         return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
 
     def _of_gears(self, designs: Array) -> Array:
@@ -229,12 +232,13 @@ class RobotJoint(ToleranceProblem):
 
     def position_errors(self, design: Array) -> Array:
         """Position errors (units, 3) [mm] of a full design, by the first-order maps."""
-        joint = self._sampled.joint_errors(*self.gears.units(
-            self._of_gears(design[None, :])[0], self._sampled.sample.unit, self.gear_of))  # fmt: skip
-        return self._sampled.errors(self.sigma(design[None, :])[0], joint)
+        row = design[None, :]
+        return self._errors(self.sigma(row)[0], self.gears.built(self._of_gears(row))[0])
 
-    def _ratio(self, design: Array) -> float:
-        return ratio(self.position_errors(design), self.settings.propagation.coverage)
+    def _errors(self, sigma: Array, built: Built) -> Array:
+        some = self._sampled
+        units = self.gears.units(built, some.sample.unit, self.gear_of)
+        return some.errors(sigma, some.joint_errors(*units))
 
     @cached_property
     def _ratios(self) -> Array:
@@ -242,7 +246,7 @@ class RobotJoint(ToleranceProblem):
         rng = np.random.default_rng(self.settings.seed)
         some = self.machine.sampled(UNITS, self.gears.dimensions, rng)
         middle = np.sqrt(self._corner(tight=True) * np.maximum(self._corner(tight=False), 1e-12))
-        own = self._of_gears(middle[None, :])[0]
+        own = self.gears.built(self._of_gears(middle[None, :]))[0]
         units = self.gears.units(own, some.sample.unit, self.gear_of)
         nothing = np.zeros_like(units[2])
         play = some.errors(0.0 * self.sigma(middle[None, :])[0],
