@@ -195,6 +195,14 @@ class ToleranceProblem(Problem, Shown):
         """A convex form close to the problem, to begin a search from; it proves nothing."""
         return self.form()
 
+    def kept(self) -> dict[str, Array]:
+        """What took long to work out and depends on the configuration alone, by name."""
+        return {}
+
+    def adopt(self, arrays: Mapping[str, Array]) -> bool:
+        """Take what another process has `kept`; whether it belongs to this configuration."""
+        return False
+
     def starts(self) -> Array:
         """Full designs (k, all variables) that a search by gradients does well to begin from."""
         return np.empty((0, len(self.variables)))

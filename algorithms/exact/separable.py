@@ -218,15 +218,18 @@ class _Choice:
         return np.where(asked, np.exp(found.x), 0.0)
 
     def _kept(self, t: Array, room: Array) -> Array:
-        """Tolerances just within the room, on the way to the tightest ones."""
-        if np.all(self.square @ t**2 <= room):
+        """Tolerances just within the room: those that matter on the way to the tightest ones."""
+        broken = self.square @ t**2 > room
+        if not np.any(broken):
             return t
         low, high = 0.0, 1.0
+        matters = np.any(self.square[broken] > 0.0, axis=0)
         for _ in range(60):
             middle = 0.5 * (low + high)
-            kept = np.all(self.square @ (self.low + middle * (t - self.low)) ** 2 <= room)
+            tried = np.where(matters, self.low + middle * (t - self.low), t)
+            kept = np.all(self.square @ tried**2 <= room)
             low, high = (middle, high) if kept else (low, middle)
-        return np.asarray(self.low + low * (t - self.low))
+        return np.where(matters, self.low + low * (t - self.low), t)
 
 
 def least_leaf(squares: Squares, limit: Array, known: Leaf | None) -> tuple[Leaf, float]:

@@ -63,6 +63,7 @@ KINDS: Mapping[str, Kind] = {
                "allocation_moved.csv", "choices.csv", "choice_sensitivity.csv", "allocation.csv",
                "contributions.csv", "exact_front.csv", "overlays.csv", "unit_turn.csv",
                "population.csv", "assumptions_cost.csv", "requirements.csv", "drivers.csv",
+               "reducers.npz",
                "allocation.xlsx", "nearest_miss.csv",
                "summary.json"),
         pages=(PAGE, *_drawn("front")),

@@ -12,7 +12,7 @@ from .curve import PricedCurve
 from .least import Least, least, lower_bound
 
 Array = NDArray[np.float64]
-PRICES = np.geomspace(1e-2, 3e3, 1500)
+PRICES = np.geomspace(1e-2, 3e3, 2000)
 """Prices of an arcmin^2, in units of the cost of one."""
 STEPS = 5
 """Secant steps to a mean square: the curve knows the price to four digits already."""

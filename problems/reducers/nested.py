@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -98,6 +100,35 @@ class Nested:
             return ends_of(self.block)
         return (min(float(one.t[0]) for one in self.curves),
                 max(float(one.t[-1]) for one in self.curves))  # fmt: skip
+
+    @property
+    def key(self) -> str:
+        """What its front depends on, as a digest."""
+        text = json.dumps([self.tables, self.hysteresis], sort_keys=True, default=str)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def kept(self) -> dict[str, Array]:
+        """The proven front as arrays by name; empty of a front of points."""
+        if self.front is None:
+            return {}
+        return {
+            f"{self.key}.{at}.{name}": np.asarray(getattr(curve, name))
+            for at, curve in enumerate(self.front.curves)
+            for name in ("t", "cost_at", "kappa", "margin")
+        }
+
+    def adopt(self, arrays: Mapping[str, Array]) -> bool:
+        """Take a front from arrays; whether they are of this reducer."""
+        if self.block is None or self.front_known is not None:
+            return True
+        names = ("t", "cost_at", "kappa", "margin")
+        count = len(self.block.grades)
+        if any(f"{self.key}.{at}.{name}" not in arrays for at in range(count) for name in names):
+            return False
+        parts = [[arrays[f"{self.key}.{at}.{name}"] for name in names] for at in range(count)]
+        curves = tuple(PricedCurve(t, c, k, float(m)) for t, c, k, m in parts)
+        object.__setattr__(self, "known", ReducerFront(self.block, curves))
+        return True
 
     def _costs(self, rms: Array) -> Array:
         return np.stack([one.cost(rms) + one.price * one.margin for one in self.curves])

@@ -311,6 +311,12 @@ class RobotJoint(ToleranceProblem):
             return self.gears.rms_of_quantile(high)
         return high
 
+    def kept(self) -> dict[str, Array]:
+        return {name: each for one in self.gears.nested for name, each in one.kept().items()}
+
+    def adopt(self, arrays: Mapping[str, Array]) -> bool:
+        return all([one.adopt(arrays) for one in self.gears.nested])
+
     def references(self) -> dict[str, Array]:
         """The documents' reducers on links at their references; all variables must be there."""
         if self.definition.nested:
