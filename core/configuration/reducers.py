@@ -47,7 +47,8 @@ def read_reducers(top: Section, keys: Sequence[str], folder: Path) -> tuple[Nest
             continue
         found.append(read_reducer(section, key, folder))
     section.finish()
-    known = tuple(one for one in found if one is not None)
+    alike = {one.key: one for one in found[::-1] if one is not None}
+    known = tuple(alike[one.key] for one in found if one is not None)
     return known if len(known) == len(keys) else None
 
 

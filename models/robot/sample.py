@@ -73,10 +73,16 @@ class AccuracySample:
 
         `covariance` (poses, 3, 3) [m^2] of the links' position error, `joint` (n, joints) [rad].
         """
-        values, vectors = np.linalg.eigh(covariance)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-        moved = np.einsum("nij,nj->ni", root[self.pose], self.link)
+        moved = np.einsum("nij,nj->ni", smooth_root(covariance)[self.pose], self.link)
         return np.asarray(moved + np.einsum("nij,nj->ni", drives.move[self.pose], joint))
+
+
+def smooth_root(covariance: Array) -> Array:
+    """A with A A' = covariance (..., k, k), lower triangular: it follows its covariance smoothly,
+    so that designs nearly alike have samples nearly alike. Singular ones are widened by 1e-12.
+    """
+    size = np.trace(covariance, axis1=-2, axis2=-1)[..., None, None] * 1e-12 + 1e-60
+    return np.linalg.cholesky(covariance + size * np.eye(covariance.shape[-1]))
 
 
 def ratio(errors: Array, coverage: float = COVERAGE) -> float:

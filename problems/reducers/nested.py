@@ -47,13 +47,24 @@ class Nested:
     """Lost motion of friction [arcmin] that adds to the backlash."""
     price: float = 1.0
     known: ReducerFront | None = field(default=None, repr=False)
+    of: Nested | None = field(default=None, repr=False)
+    """The same reducer at another price, whose front this one has."""
 
     def with_(self, hysteresis: float, price: float) -> Nested:
         """The same reducer with a hysteresis [arcmin] and a factor of its cost."""
         if (hysteresis, price) == (self.hysteresis, self.price):
             return self
-        known = self.known if hysteresis == self.hysteresis else None
-        return replace(self, hysteresis=hysteresis, price=price, known=known)
+        variants = self._variants
+        if (hysteresis, price) not in variants:
+            of = self if hysteresis == self.hysteresis else None
+            own = replace(self, hysteresis=hysteresis, price=price, known=None, of=of)
+            variants[hysteresis, price] = own
+        return variants[hysteresis, price]
+
+    @cached_property
+    def _variants(self) -> dict[tuple[float, float], Nested]:
+        """Those that were asked for: fronts are worked out once."""
+        return {}
 
     @property
     def proven(self) -> bool:
@@ -72,6 +83,8 @@ class Nested:
     @cached_property
     def front(self) -> ReducerFront | None:
         """The proven front; computed once."""
+        if self.of is not None:
+            return self.of.front
         if self.known is not None or self.block is None:
             return self.known
         return ReducerFront.of(self.block)
@@ -91,6 +104,8 @@ class Nested:
     @property
     def front_known(self) -> ReducerFront | None:
         """The front if it has been computed."""
+        if self.of is not None:
+            return self.of.front_known
         return self.known or self.__dict__.get("front")
 
     @cached_property
@@ -127,7 +142,8 @@ class Nested:
             return False
         parts = [[arrays[f"{self.key}.{at}.{name}"] for name in names] for at in range(count)]
         curves = tuple(PricedCurve(t, c, k, float(m)) for t, c, k, m in parts)
-        object.__setattr__(self, "known", ReducerFront(self.block, curves))
+        whole = self if self.of is None else self.of
+        object.__setattr__(whole, "known", ReducerFront(self.block, curves))
         return True
 
     def _costs(self, rms: Array) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from ...declarations import Kind, Value, Variable, number
-from ...models.assembly.coverage import root
+from ...models.robot.sample import smooth_root
 from ..reducers.block import GRADE
 from ..reducers.nested import Nested
 from ..rv_transmission_error.declared import DOCUMENT_MRAD
@@ -198,7 +198,7 @@ class Gears:
             begin = self._begin(gear)
             whole = columns[:, begin : begin + 1] if one.problem is None else self._designs(
                 columns, gear)  # fmt: skip
-            parts.append((whole, root(self.wave.covariance(self._half_widths(columns, gear)))))
+            parts.append((whole, smooth_root(self.wave.covariance(self._half_widths(columns, gear)))))
         return [Built(tuple(whole[at] for whole, _ in parts), np.stack([r[at] for _, r in parts]))
                 for at in range(len(columns))]  # fmt: skip
 

