@@ -57,7 +57,9 @@ def read_reducer(section: Section, key: str, folder: Path) -> Nested | None:
     value = section.take(key)
     if isinstance(value, Mapping):
         if "problem" in value:
-            return _of_tables(section, key, dict(value), f"{value['problem']} of this configuration")
+            return _of_tables(
+                section, key, dict(value), f"{value['problem']} of this configuration"
+            )
         return _of_points(section.section(key))
     if not isinstance(value, str):
         section.fault(key, f"must be a string or a table: {EXPECTED}")
@@ -134,7 +136,9 @@ def _of_file(section: Section, key: str, path: Path, source: str) -> Nested | No
         frame = pd.read_csv(path)
         columns = [frame[name].to_numpy(dtype=float).tolist() for name in POINTS]
     except (KeyError, ValueError) as error:
-        section.fault(key, f"{source} must have numbers in the columns rms_arcmin and cost: {error}")
+        section.fault(
+            key, f"{source} must have numbers in the columns rms_arcmin and cost: {error}"
+        )
         return None
     return _pointed(section, key, *columns, source)
 
@@ -158,7 +162,9 @@ def _pointed(
     """Checked points of cost over rms backlash."""
     text = ""
     if len(rms) != len(cost) or len(rms) < 3:
-        text = f"needs at least three points, as many rms_arcmin as cost, got {len(rms)}, {len(cost)}"
+        text = (
+            f"needs at least three points, as many rms_arcmin as cost, got {len(rms)}, {len(cost)}"
+        )
     elif any(POSITIVE.complaint(one) for one in rms):
         text = "rms_arcmin must be above 0"
     elif any(one < 0.0 for one in cost):
@@ -172,4 +178,3 @@ def _pointed(
         return None
     tables = {"rms_arcmin": rms, "cost": cost, "source": source}
     return Nested(source, tables, None, (tuple(rms), tuple(cost)))
-

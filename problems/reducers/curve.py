@@ -37,7 +37,12 @@ class PricedCurve(CostCurve):
 
     @classmethod
     def of(
-        cls, t: Array, cost_at: Array, kappa: Array, proven: Array, price: float = 1.0,
+        cls,
+        t: Array,
+        cost_at: Array,
+        kappa: Array,
+        proven: Array,
+        price: float = 1.0,
         label: str = "",
     ) -> PricedCurve:
         """The curve of allocations, t rising, with proven lower bounds (n,) of cost + kappa t^2."""

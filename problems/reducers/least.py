@@ -55,8 +55,13 @@ def least(block: Block, kappa: Array, grade: NDArray[np.int64]) -> Least:
                 block.curves[:-2], block.square[:-1], block.low, block.high, strict=False
             )
         ]
-        t = np.stack([*columns, _eccentricity(
-            block, price, by_mean, HALVINGS if done + 4 > PASSES else ROUGH)], axis=1)
+        t = np.stack(
+            [
+                *columns,
+                _eccentricity(block, price, by_mean, HALVINGS if done + 4 > PASSES else ROUGH),
+            ],
+            axis=1,
+        )
         bearing = block.curves[-1].best(
             by_free * block.bearing_mean, kappa * block.bearing_variance,
             float(block.low[-1]), float(block.high[-1]),

@@ -221,4 +221,3 @@ def _above(x: Array, y: Array, first: int, middle: int, last: int) -> bool:
     """Whether the middle point lies on or above the chord of the other two."""
     chord = y[first] + (y[last] - y[first]) * (x[middle] - x[first]) / (x[last] - x[first])
     return bool(y[middle] >= chord)
-

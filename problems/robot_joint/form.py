@@ -85,9 +85,18 @@ def _of_gears(problem: RobotJoint, rows: int) -> list[Feature]:
             for curve, grade in zip(one.curves, one.grades, strict=True)
             if max(low, float(curve.t[0])) < min(high, float(curve.t[-1]))
         )  # fmt: skip
-        ends = _range(problem, f"reducer_{gear + 1}_{TE}", (float(gears.wave.curve.t[0]), float(gears.wave.curve.t[-1])))
-        way = Way(gears.wave.curve, max(ends[0], float(gears.wave.curve.t[0])),
-                  min(ends[1], float(gears.wave.curve.t[-1])), nothing, tuple(spread[1].tolist()))
+        ends = _range(
+            problem,
+            f"reducer_{gear + 1}_{TE}",
+            (float(gears.wave.curve.t[0]), float(gears.wave.curve.t[-1])),
+        )
+        way = Way(
+            gears.wave.curve,
+            max(ends[0], float(gears.wave.curve.t[0])),
+            min(ends[1], float(gears.wave.curve.t[-1])),
+            nothing,
+            tuple(spread[1].tolist()),
+        )
         times = int(gears.counts[gear])
         choice = f"reducer_{gear + 1}_grade_of_form"
         play.append(Feature(f"reducer_{gear + 1}_{RMS}", ways, choice, times))
@@ -107,9 +116,7 @@ def _of_links(problem: RobotJoint, rows: int) -> list[Feature]:
     return found
 
 
-def _range(
-    problem: RobotJoint, name: str, usual: tuple[float, float]
-) -> tuple[float, float]:
+def _range(problem: RobotJoint, name: str, usual: tuple[float, float]) -> tuple[float, float]:
     """Range of a variable, limits on it included."""
     low, high = problem.interval(name) if name in problem.names else usual
     for limit in problem.limits:

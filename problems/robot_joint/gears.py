@@ -198,7 +198,9 @@ class Gears:
             begin = self._begin(gear)
             whole = columns[:, begin : begin + 1] if one.problem is None else self._designs(
                 columns, gear)  # fmt: skip
-            parts.append((whole, smooth_root(self.wave.covariance(self._half_widths(columns, gear)))))
+            parts.append(
+                (whole, smooth_root(self.wave.covariance(self._half_widths(columns, gear))))
+            )
         return [Built(tuple(whole[at] for whole, _ in parts), np.stack([r[at] for _, r in parts]))
                 for at in range(len(columns))]  # fmt: skip
 

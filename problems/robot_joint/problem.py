@@ -357,9 +357,11 @@ class RobotJoint(ToleranceProblem):
             low, high = self.interval(name)
             if np.isfinite(low) and np.isfinite(high) and high <= low + 1e-15:
                 left = "transmission errors and links" if name == "reversal_mm" else "nothing"
-                text = (f"{name} is {low:.4g} for every design: calibration and held flanks "
-                        f"(calibrated, flanks) remove what tolerances change of it; what is left "
-                        f"is due to {left}: minimise another output, or set flanks = \"free\"")
+                text = (
+                    f"{name} is {low:.4g} for every design: calibration and held flanks "
+                    f"(calibrated, flanks) remove what tolerances change of it; what is left "
+                    f'is due to {left}: minimise another output, or set flanks = "free"'
+                )
                 found.append(Fault(f"objectives.minimise[{at}]", text))
         return found
 

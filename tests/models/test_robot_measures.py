@@ -77,7 +77,9 @@ class TestPerArcminMaps:
     def test_yaw(self, machine: Drives) -> None:
         yaw = 1e3 * ARCMIN * np.sqrt(machine.mean(machine.turn[:, 2] ** 2))
         np.testing.assert_allclose(yaw, [0.1454, 0.1454, 0.0], atol=6e-5)
-        assert rms(machine, machine.turn[:, 2, :2].sum(axis=1) ** 2) == pytest.approx(0.2909, abs=5e-5)
+        assert rms(machine, machine.turn[:, 2, :2].sum(axis=1) ** 2) == pytest.approx(
+            0.2909, abs=5e-5
+        )
         assert np.abs(machine.turn[:, :2]).max() < 1e-12
 
     def test_iso_variation(self, machine: Drives, over: Drives) -> None:
@@ -153,7 +155,9 @@ class TestMeasuresOfIso9283:
 
     rng = np.random.default_rng(3)
 
-    def attained(self, joint: GearedJoint, side: float, torque: float, repeats: int = 30) -> np.ndarray:
+    def attained(
+        self, joint: GearedJoint, side: float, torque: float, repeats: int = 30
+    ) -> np.ndarray:
         angle = joint.displacement(np.full(repeats, side), torque)
         return np.column_stack([angle, 0.0 * angle, 0.0 * angle])
 

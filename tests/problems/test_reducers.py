@@ -111,7 +111,9 @@ class TestLeastCost:
         for _ in range(300):
             t = limited.low * (limited.high / limited.low) ** rng.uniform(size=(40, 10))
             near = rng.uniform(size=(40, 1)) ** 2  # also close to the best
-            t = np.exp((1 - near) * np.log(np.column_stack([own.t, own.bearing])) + near * np.log(t))
+            t = np.exp(
+                (1 - near) * np.log(np.column_stack([own.t, own.bearing])) + near * np.log(t)
+            )
             s = limited.least_shift(*limited.of_phi_2(t[:, :-1]))
             value = limited.cost(t[:, :-1], t[:, -1], grade)
             value += kappa * limited.backlash(t[:, :-1], t[:, -1], grade, s).value

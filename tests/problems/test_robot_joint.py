@@ -13,9 +13,9 @@ from scipy import optimize
 
 from tolevo.algorithms.exact.bounds import proof, restricted
 from tolevo.algorithms.exact.choices import Optimum, least_cost
+from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.designs import search_vectors
 from tolevo.algorithms.exact.programme import Programme
-from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.solver import closed_form, exact_vectors
 from tolevo.algorithms.nsga3 import NSGA3
 from tolevo.algorithms.search import search
@@ -40,8 +40,12 @@ def machine(objectives: tuple[str, ...] = FOUR, **parameters: object) -> RobotJo
 
 @lru_cache(maxsize=32)
 def optimum(
-    rms: float, calibrated: str = "none", flanks: str = "free", hysteresis: float = 0.0,
-    nested: bool = True, price: float = 1.0,
+    rms: float,
+    calibrated: str = "none",
+    flanks: str = "free",
+    hysteresis: float = 0.0,
+    nested: bool = True,
+    price: float = 1.0,
 ) -> tuple[RobotJoint, np.ndarray, float]:
     """Least cost at a rms position error [mm], squareness and yaw 0.2 mrad: problem, design, bound."""
     problem = machine(calibrated=calibrated, flanks=flanks, hysteresis_arcmin=hysteresis,
@@ -358,7 +362,10 @@ class TestMonteCarloOfTheExactPose:
         wave = problem.gears.wave.covariance(angles)[0]
         for drive in (1, 2):
             play = nested.backlashes(made, rng.uniform(size=(n, nested.dimensions)))
-            parts, phase = rng.multivariate_normal(np.zeros(2), wave, n), rng.uniform(0, 2 * np.pi, n)
+            parts, phase = (
+                rng.multivariate_normal(np.zeros(2), wave, n),
+                rng.uniform(0, 2 * np.pi, n),
+            )
             te = parts[:, 0] * np.cos(phase) + parts[:, 1] * np.sin(phase)
             arcmin = 0.5 * rng.choice([-1.0, 1.0], n) * play + te
             errors[:, NAMES.index(f"drive_zero_{drive}_mrad")] = arcmin * np.pi / 10800.0
