@@ -20,6 +20,7 @@ from ..section import Section
 from .assumptions import assumptions_of
 from .forms import Form
 from .limits import impossible, limits_of
+from .nesting import Nesting
 from .settings import Bound, Settings, VariableSetting
 from .shown import Shown, effect_notes
 
@@ -28,7 +29,7 @@ Interval = tuple[float, float]
 """Proven lower and upper bound of an output over the search space; infinite where not known."""
 
 
-class ToleranceProblem(Problem, Shown):
+class ToleranceProblem(Problem, Shown, Nesting):
     """A tolerance allocation problem: some variables are searched, the others fixed.
 
     A subclass declares `parameters`, `variables`, `outputs` and defaults, and gives `_outputs`.
@@ -179,10 +180,6 @@ class ToleranceProblem(Problem, Shown):
                          for name, most in zip(form.outputs, form.own_limits, strict=True)],
                         axis=1)  # fmt: skip
 
-    def stand_in_limit(self, name: str, high: float) -> float:
-        """The upper limit of the requirement of the form that stands for a limit on an output."""
-        return high
-
     def unproven(self) -> str:
         """Why an objective that might have a convex form has none here; empty where not known."""
         return ""
@@ -194,14 +191,6 @@ class ToleranceProblem(Problem, Shown):
     def guide(self) -> Form | None:
         """A convex form close to the problem, to begin a search from; it proves nothing."""
         return self.form()
-
-    def kept(self) -> dict[str, Array]:
-        """What took long to work out and depends on the configuration alone, by name."""
-        return {}
-
-    def adopt(self, arrays: Mapping[str, Array]) -> bool:
-        """Take what another process has `kept`; whether it belongs to this configuration."""
-        return False
 
     def starts(self) -> Array:
         """Full designs (k, all variables) that a search by gradients does well to begin from."""

@@ -3,7 +3,8 @@
 Cost and squares are sums over the features, so that at prices mu_i of the squares every tolerance
 is the best on its own, and the dual
 
-    g(mu) = sum_j min_t [C_j(t) + q_j t^2] - sum_i mu_i (L_i^2 - constant_i),  q_j = sum_i mu_i a_ij^2
+    g(mu) = sum_j min_t [C_j(t) + q_j t^2] - sum_i mu_i (L_i^2 - constant_i)
+    q_j   = sum_i mu_i a_ij^2
 
 has the slope sum_j a_ij^2 t_j^2 + constant_i - L_i^2. With one way per feature its maximum is the
 least cost, found by Newton's method in ln mu. Its prices bound all other choices of ways at once:

@@ -134,13 +134,13 @@ def _of_file(section: Section, key: str, path: Path, source: str) -> Nested | No
         return None
     try:
         frame = pd.read_csv(path)
-        columns = [frame[name].to_numpy(dtype=float).tolist() for name in POINTS]
+        rms, cost = (frame[name].to_numpy(dtype=float).tolist() for name in POINTS)
     except (KeyError, ValueError) as error:
         section.fault(
             key, f"{source} must have numbers in the columns rms_arcmin and cost: {error}"
         )
         return None
-    return _pointed(section, key, *columns, source)
+    return _pointed(section, key, rms, cost, source)
 
 
 def _of_points(section: Section) -> Nested | None:

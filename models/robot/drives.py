@@ -25,7 +25,7 @@ class Drives:
 
     def mean(self, values: Array) -> Array:
         """Weighted mean over the poses (first axis)."""
-        return np.tensordot(self.weight, values, axes=(0, 0))
+        return np.asarray(np.tensordot(self.weight, values, axes=(0, 0)))
 
     @property
     def squares(self) -> Array:
@@ -34,13 +34,14 @@ class Drives:
 
     def moved(self, angles: Array) -> Array:
         """Displacement (n, 3) [m] of joint angles (joints,) or (n, joints) [rad]."""
-        return np.einsum("nij,...nj->ni", self.move, np.broadcast_to(
-            angles, (len(self.move), self.move.shape[2])))  # fmt: skip
+        each = np.broadcast_to(angles, (len(self.move), self.move.shape[2]))
+        return np.asarray(np.einsum("nij,nj->ni", self.move, each))
 
     def worst_of_two(self, first: int = 0, second: int = 1) -> Array:
         """Squared displacement (n,) of two joints at 1 rad each, in the worse relative sense."""
         one, other = self.move[:, :, first], self.move[:, :, second]
-        return np.maximum(np.sum((one + other) ** 2, axis=1), np.sum((one - other) ** 2, axis=1))
+        together, against = (np.sum((one + s * other) ** 2, axis=1) for s in (1.0, -1.0))
+        return np.asarray(np.maximum(together, against))
 
     def approach_sides(self, directions: Array) -> Array:
         """Signs (approaches, n, joints) of the joints' motion towards `directions` (k, 3).
@@ -49,7 +50,7 @@ class Drives:
         motion of them all.
         """
         inverse = np.linalg.pinv(self.move)
-        return np.sign(np.einsum("nji,ki->knj", inverse, directions))
+        return np.asarray(np.sign(np.einsum("nji,ki->knj", inverse, directions)))
 
     def variation(
         self, reversing: Array, directions: Array | None = None, free: Array | None = None

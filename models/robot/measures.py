@@ -50,7 +50,7 @@ def path_accuracy(attained: Array, command: Array) -> Array:
 
 def path_repeatability(attained: Array) -> Array:
     """RT (...) of `attained` (..., repeats, points, 3): the largest RP of a point of the path."""
-    return repeatability(np.swapaxes(attained, -3, -2)).max(axis=-1)
+    return np.asarray(repeatability(np.swapaxes(attained, -3, -2)).max(axis=-1))
 
 
 def bidirectional(errors: Array, coverage: float = COVERAGE) -> tuple[float, float]:

@@ -76,7 +76,7 @@ class PricedCurve(CostCurve):
         return True
 
     def _inside(self, t: Array) -> Array:
-        return np.clip(np.asarray(t, dtype=float), self.t[0], self.t[-1])
+        return np.asarray(np.clip(np.asarray(t, dtype=float), self.t[0], self.t[-1]))
 
     def cost(self, t: Array) -> Array:
         """Beyond the last t the cost stays; below the first it is infinite."""
@@ -97,7 +97,7 @@ class PricedCurve(CostCurve):
         rise = 2.0 * own * np.exp(2.0 * x)  # a secant step on the spline: what is left is rounding
         bend = self._bend(x) + 2.0 * rise
         step = np.where(bend > 0.0, (self._slope(x) + rise) / np.where(bend > 0.0, bend, 1.0), 0.0)
-        return np.clip(np.exp(x - np.clip(step, -0.02, 0.02)), low, high)
+        return np.asarray(np.clip(np.exp(x - np.clip(step, -0.02, 0.02)), low, high))
 
     def price_at(self, t: Array) -> Array:
         """kappa (n,), without the factor, at an rms t (n,)."""

@@ -13,6 +13,7 @@ the iteration did.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -112,7 +113,7 @@ def lower_bound(block: Block, kappa: Array, grade: NDArray[np.int64], near: Leas
     offsets = np.concatenate([[low - high], -away[::-1], away, [high - low]])
     edges = np.clip(near.t[:, -1] + offsets[:, None], low, high)
     found = np.full(len(kappa), np.inf)
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in pairwise(edges):
         real = np.flatnonzero(last > first)
         if len(real):
             own = _in_cell(block, kappa, grade, near, first, last, real)

@@ -156,11 +156,11 @@ class Nested:
     def slope(self, rms: Array) -> Array:
         """Its derivative (n,), in the cheapest grade."""
         each = np.stack([one.slope(rms) for one in self.curves])
-        return np.take_along_axis(each, self.grade_at(rms)[None, :], axis=0)[0]
+        return np.asarray(np.take_along_axis(each, self.grade_at(rms)[None, :], axis=0)[0])
 
     def grade_at(self, rms: Array) -> NDArray[np.int64]:
         """The cheapest grade (n,), as a place among `grades`."""
-        return np.argmin(self._costs(rms), axis=0)
+        return np.asarray(np.argmin(self._costs(rms), axis=0))
 
     def designs(self, rms: Array) -> Array:
         """Full designs (n, all variables of its problem) of least cost at an rms (n,)."""

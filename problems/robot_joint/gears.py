@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -57,9 +57,14 @@ def _whole(at: int, one: Nested) -> list[Variable]:
                               f"reducer {at}: {v.meaning}", v.document, integer=v.integer,
                               valid_low=v.valid_low, valid_high=v.valid_high))  # fmt: skip
     for v in WAVES[: len(ANGLES)]:
-        found.append(Variable(f"reducer_{at}_{v.name}", v.unit, v.kind, v.low, v.high,
-                              f"reducer {at}: {v.meaning}", v.document, valid_low=v.valid_low))  # fmt: skip
+        found.append(replace(v, name=f"reducer_{at}_{v.name}", meaning=f"reducer {at}: {v.meaning}",
+                             random=False))  # fmt: skip
     return found
+
+
+def _excess(rms: float, one: Nested, most: float) -> float:
+    """Quantile of the backlash [arcmin] at an rms, less the most that it may be."""
+    return float(one.quantile(np.array([rms]))[0]) - most
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,8 +190,7 @@ class Gears:
             if ends[0] >= 0.0 or ends[1] <= 0.0:
                 found.append(low if ends[0] >= 0.0 else high)
                 continue
-            found.append(float(brentq(
-                lambda t, one=one: float(one.quantile(np.array([t]))[0]) - most, low, high)))  # fmt: skip
+            found.append(float(brentq(_excess, low, high, args=(one, most))))
         return min(found)
 
     # ---------------------------------------------------------------- Monte Carlo

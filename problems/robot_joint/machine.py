@@ -60,7 +60,7 @@ class Machine:
         ])  # fmt: skip
 
     def free(self, machine: Drives) -> Array:
-        """1 where no flank of a drive (n, 2) is held, 0 where gravity holds one against friction."""
+        """1 where no flank of a drive (n, 2) is held, 0 where gravity holds one."""
         shape = (len(machine.move), JOINTS)
         match self.parameters["flanks"]:
             case "free":

@@ -40,7 +40,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     _assumed("payload_kg", 10.0, "kg", "mass at the platform, the platform's own included", 1e5),
     _assumed("friction_torque_Nm", 12.4, "Nm", "friction of a reducer at its output: gravity holds "
              "a flank beyond it (3 % of 412 N m)", 1e6),
-    _assumed("stiffness_Nm_per_arcmin", 108.0, "Nm/arcmin", "torsional stiffness of a reducer", 1e9),
+    _assumed("stiffness_Nm_per_arcmin", 108.0, "Nm/arcmin", "stiffness of a reducer", 1e9),
     _assumed("hysteresis_arcmin", 0.0, "arcmin", "lost motion of friction, 2 friction torques over "
              "the stiffness; it adds to the backlash", 60.0),
     _assumed("precision_weight", 5.0, "", "Q of the reducers' adjusted assembly (document A)", 1e6),
@@ -67,8 +67,8 @@ FIXED_OUTPUTS: tuple[Output, ...] = (
            "included; of the worse drive", low=0.0),
     Output("te_amplitude_arcsec", "arcsec", "quantile of the amplitude of a reducer's transmission "
            "error at the coverage; of the worse drive", low=0.0),
-    Output("reversal_mm", "mm", "rms distance of two attained positions, all drives approached from "
-           "opposite sides", low=0.0),
+    Output("reversal_mm", "mm", "rms distance of two attained positions, all drives approached "
+           "from opposite sides", low=0.0),
     Output("iso_vap_mm", "mm", "multi-directional variation vAP of ISO 9283: largest distance of "
            "the means of approaches along r, t, z; rms over units and poses", low=0.0),
     Output("path_te_mm", "mm", "rms amplitude of the transmission errors along a path", low=0.0),

@@ -32,6 +32,10 @@ from .outputs import LIMITS, OBJECTIVES, PARAMETERS, outputs_of, share_name
 Array = NDArray[np.float64]
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Shares of backlash in R^2 at which the ratio A/R of a search is known."""
+SAFE = 1.01
+"""Factor of that ratio, so that what a search finds keeps its limits when it is sampled."""
+SAMPLED = 200
+"""Designs that are sampled at once; of more, those that are reported."""
 UNITS = 16_384
 """Units of the ratio that a search uses."""
 ROWS = ("pose_rms_mm", "squareness_mrad", "yaw_mrad")
@@ -119,8 +123,8 @@ class RobotJoint(ToleranceProblem):
         found = reducers or (documents_reducer(),) * 2
         definition = Definition(grouping, found, nested is not False, per_drive is not False)
         if not definition.nested and not all(one.proven for one in found):
-            top.fault("reducers", "nested = false needs reducers with tolerances of their own: name "
-                      "configurations of rv_backlash")  # fmt: skip
+            top.fault("reducers", "nested = false needs reducers with tolerances of their own: "
+                      "name configurations of rv_backlash")  # fmt: skip
             return None
         return RobotKind(definition)
 
@@ -180,12 +184,15 @@ class RobotJoint(ToleranceProblem):
         found |= {f"share_joint_{at + 1}_percent": by_joint[:, at] * shares for at in range(2)}
         found |= {share_name(n): by_link[:, k] * shares for k, n in enumerate(self.link_names)}
         backlash = by_joint @ np.ones(2) - wave @ mean["wave"]
-        found |= self._accuracy(rms, np.where(total > 0.0, backlash * shares / 100.0, 0.0))
+        if searching or len(designs) > SAMPLED:
+            found |= self._accuracy(rms, np.where(total > 0.0, backlash * shares / 100.0, 0.0))
+        else:
+            found |= self._by_monte_carlo(designs, rms)
         return found | self._asked(designs, searching, np.sqrt(square))
 
     def _accuracy(self, rms: Array, share: Array) -> dict[str, Array]:
         """A by the ratio that a search uses: interpolated over the share of backlash in R^2."""
-        c = np.interp(share, SHARES, self._ratios)
+        c = SAFE * np.interp(share, SHARES, self._ratios)
         return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
 
     def _asked(self, designs: Array, searching: bool, rms: Array) -> dict[str, Array]:
@@ -210,7 +217,8 @@ class RobotJoint(ToleranceProblem):
             "backlash_arcmin": self.gears.quantiles(own),
             "iso_vap_mm": self.machine.variation(square),
         }
-        return more | self._prices(designs, rms) | self._by_monte_carlo(designs, rms)
+        accuracy = self._by_monte_carlo(designs, rms) if len(designs) > SAMPLED else {}
+        return more | self._prices(designs, rms) | accuracy
 
     def _by_monte_carlo(self, designs: Array, rms: Array) -> dict[str, Array]:
         built = self.gears.built(self._of_gears(designs))
@@ -328,7 +336,7 @@ class RobotJoint(ToleranceProblem):
         return {name: each for one in self.gears.nested for name, each in one.kept().items()}
 
     def adopt(self, arrays: Mapping[str, Array]) -> bool:
-        return all([one.adopt(arrays) for one in self.gears.nested])
+        return not [one for one in self.gears.nested if not one.adopt(arrays)]
 
     def references(self) -> dict[str, Array]:
         """The documents' reducers on links at their references; all variables must be there."""

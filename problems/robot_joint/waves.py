@@ -67,7 +67,7 @@ class Wave:
     def covariance(self, half_widths: Array) -> Array:
         """Covariance (n, 2, 2) [arcmin^2] of the wave's components."""
         plane = self._plane[0]
-        return np.einsum("ai,ni,bi->nab", plane, half_widths**2, plane)
+        return np.asarray(np.einsum("ai,ni,bi->nab", plane, half_widths**2, plane))
 
     def amplitude(self, half_widths: Array) -> Array:
         """Quantile (n,) [arcsec] of the amplitude at the coverage."""

@@ -1,4 +1,4 @@
-"""`[reducers]`: by configuration, by a finished run, by a table of prices; faults at their place."""
+"""`[reducers]`: by configuration, by a finished run, by a table; faults at their place."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,13 +15,15 @@ from scipy.stats import norm
 from tolevo.configuration.reader import read_table
 from tolevo.models.rv_reducer.mean_square import mean_square
 from tolevo.problems.reducers.block import Block, block_of
-from tolevo.problems.reducers.curve import Clipped, PricedCurve
+from tolevo.problems.reducers.curve import Clipped
 from tolevo.problems.reducers.documents import documents_reducer
 from tolevo.problems.reducers.front import PRICES, ReducerFront
 from tolevo.problems.reducers.least import least, lower_bound
 from tolevo.problems.reducers.nested import curve_of_points
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, Settings, VariableSetting
+
+minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +98,7 @@ class TestLeastCost:
             return float(cost[0] + kappa * block.backlash(t[:, :-1], t[:, -1], place, s).value[0])
 
         start = 0.5 * (np.log(block.low) + np.log(block.high))
-        found = optimize.minimize(objective, start, bounds=ends, method="SLSQP",
+        found = minimize(objective, start, bounds=ends, method="SLSQP",
                                   options={"ftol": 1e-14, "maxiter": 500})  # fmt: skip
         own = least(block, np.array([kappa]), np.array([grade]))
         assert own.cost[0] + kappa * own.square[0] == pytest.approx(found.fun, rel=1e-9)
@@ -192,15 +195,15 @@ class TestFront:
             s = np.array([block.shift.low])
             return float(block.backlash(t[:, :-1], t[:, -1], grade, s).value[0])
 
-        def at(level: float) -> optimize.OptimizeResult:
+        def at(level: float) -> Any:
             rule = {"type": "ineq", "fun": lambda y: level - quantile(y)}
             start = np.log(np.column_stack([target.t, target.bearing]))[0]
-            return optimize.minimize(cost, start, bounds=ends, constraints=[rule], method="SLSQP",
+            return minimize(cost, start, bounds=ends, constraints=[rule], method="SLSQP",
                                      options={"maxiter": 200})  # fmt: skip
 
         start = np.log(np.column_stack([target.t, target.bearing]))[0]
-        level = optimize.brentq(lambda q: square(at(q).x) - target.square[0],
-                                0.8 * quantile(start), 1.1 * quantile(start), xtol=1e-4)  # fmt: skip
+        ends_ = 0.8 * quantile(start), 1.1 * quantile(start)
+        level = optimize.brentq(lambda q: square(at(q).x) - target.square[0], *ends_, xtol=1e-4)
         dearer = cost(at(level).x) / target.cost[0] - 1.0
         assert 0.005 < dearer < 0.06
 
@@ -209,7 +212,7 @@ def test_clipped_errors() -> None:
     """Costs of independent errors in closed form: against SLSQP, and at both ends."""
     own = Clipped(np.array([3.0, 1.0, 0.2]), np.full(3, 2.0), 0.2, 6.0)
     t = 4.0
-    found = optimize.minimize(
+    found = minimize(
         lambda h: float(np.sum(2.0 / h)), np.full(3, 1.0), bounds=[(0.2, 6.0)] * 3, method="SLSQP",
         constraints=[{"type": "ineq", "fun": lambda h: t**2 - np.sum((own.gain * h) ** 2)}],
         options={"ftol": 1e-15, "maxiter": 500},
@@ -225,7 +228,7 @@ def test_curve_of_points_is_their_lower_hull() -> None:
     np.testing.assert_allclose(found.t, [0.5, 0.7, 1.0, 2.0])
     np.testing.assert_allclose(found.cost(np.array([0.5, 0.7, 2.0, 3.0])), [12.0, 8.0, 4.0, 4.0])
     assert np.isinf(found.cost(np.array([0.4]))[0])
-    assert isinstance(found, PricedCurve) and found.priced
+    assert found.priced
 
 
 def test_errors_of_a_skew_law_are_not_nested() -> None:

@@ -14,6 +14,7 @@ from tolevo.cli import app
 from tolevo.configuration import read
 from tolevo.problems.reducers.documents import documents_reducer
 from tolevo.problems.reducers.nested import Nested
+from tolevo.problems.robot_joint import RobotJoint
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "configs" / "robot_manipulator.toml"
@@ -43,7 +44,7 @@ def test_front_with_bounds(folder: Path) -> None:
     np.testing.assert_allclose(
         front["pose_accuracy_mm"], front["accuracy_ratio"] * front["pose_rms_mm"]
     )
-    shares = [name for name in front if name.startswith("share_")]
+    shares = [name for name in front.columns if str(name).startswith("share_")]
     np.testing.assert_allclose(front[shares].sum(axis=1), 100.0)
 
 
@@ -67,8 +68,10 @@ def test_fronts_of_reducers_are_kept(folder: Path, monkeypatch: pytest.MonkeyPat
         arrays = {name: stored[name] for name in stored.files}
     assert len({name.split(".")[0] for name in arrays}) == 1
     problem = documents_reducer().problem
+    robot = read(CONFIG).problem
+    assert isinstance(robot, RobotJoint)
     documents_reducer().cost(np.array([0.5]))  # its own front
-    own = Nested("robot_reducer.toml", read(CONFIG).problem.definition.reducers[0].tables, problem)
+    own = Nested("robot_reducer.toml", robot.definition.reducers[0].tables, problem)
     other = Nested("another", {"problem": "rv_backlash"}, problem)
     monkeypatch.setattr("tolevo.problems.reducers.front._curve", None)  # nothing is worked out
     assert not other.adopt(arrays)
