@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ...declarations import Assumption, Output, Parameter, Value, Variable, completed, number
@@ -28,6 +29,7 @@ from .gears import Built, Gears, gear_variables
 from .links import TWENTY_ONE, costs_of, unit_of, variables_of
 from .machine import Machine, Sampled
 from .outputs import LIMITS, OBJECTIVES, PARAMETERS, outputs_of, share_name
+from .remarks import remarks_of
 
 Array = NDArray[np.float64]
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -377,6 +379,9 @@ class RobotJoint(ToleranceProblem):
         own = [Assumption(f"reducers.{key}", one.source, "", "whose costs they are")
                for key, one in zip(self.nests, self.definition.reducers, strict=True)]  # fmt: skip
         return (*super().assumptions(), *own)
+
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        return remarks_of(front)
 
     def warnings(self) -> tuple[str, ...]:
         unproven = [key for key, one in zip(self.nests, self.definition.reducers, strict=True)

@@ -54,6 +54,8 @@ def test_summary_names_what_is_assumed(folder: Path) -> None:
     assert {"reducers.1", "parameters.payload_kg", "parameters.friction_torque_Nm",
             "parameters.precision_weight", "costs.origin_1_um"} <= named  # fmt: skip
     assert "proven fronts of the reducers" in summary["bound_form"]
+    (note,) = [one for one in summary["notes"] if "one more unit of cost" in one]
+    assert "joint_1" in note  # the largest share
 
 
 def test_resolved_configuration_gives_the_same_front(folder: Path) -> None:
