@@ -155,6 +155,8 @@ class Form:
     most: tuple[float, ...] = ()
     also: tuple[Form, ...] = ()
     tested: tuple[str, ...] = ()
+    stands: Mapping[str, str] = field(default_factory=dict)
+    """By requirement, an output that it stands for: what is proven holds at equal requirements."""
 
     @property
     def rows(self) -> tuple[Quantile | None, ...]:
@@ -165,6 +167,10 @@ class Form:
     def joint(self) -> Quantiles | None:
         """All quantiles of the form, None where there is none."""
         return Quantiles(self.rows) if any(one is not None for one in self.rows) else None
+
+    def asked(self, row: str) -> tuple[str, str]:
+        """Outputs that ask for a requirement: itself and what it stands for."""
+        return row, self.stands.get(row, row)
 
     @property
     def own_limits(self) -> Array:

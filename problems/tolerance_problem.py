@@ -21,6 +21,7 @@ from .assumptions import assumptions_of
 from .forms import Form
 from .limits import impossible, limits_of
 from .money import price_notes, with_currency
+from .nesting import Nesting
 from .settings import Bound, Settings, VariableSetting
 from .shown import Shown, effect_notes
 from .slips import unit_slips
@@ -30,7 +31,7 @@ Interval = tuple[float, float]
 """Proven lower and upper bound of an output over the search space; infinite where not known."""
 
 
-class ToleranceProblem(Problem, Shown):
+class ToleranceProblem(Problem, Shown, Nesting):
     """A tolerance allocation problem: some variables are searched, the others fixed.
 
     A subclass declares `parameters`, `variables`, `outputs` and defaults, and gives `_outputs`.

@@ -10,6 +10,7 @@ from tolevo.models.manipulator.sources import ROWS
 from tolevo.models.rv_reducer.contact import declared as contact
 from tolevo.models.rv_reducer.transmission import RvTransmission
 from tolevo.problems.pose_accuracy import PoseAccuracy
+from tolevo.problems.robot_joint.outputs import FIXED_OUTPUTS, PARAMETERS
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.registry import names as names_of
 from tolevo.workflows.reproduce.claims import RELATIONS
@@ -48,6 +49,13 @@ def test_every_distribution_is_documented_with_its_parameters(name: str) -> None
     else:
         parameters = [one.name for one in fields(DISTRIBUTIONS[name])]  # type: ignore[arg-type]
         assert [one for one in parameters if f"`{one}`" not in row] == []
+
+
+@pytest.mark.source_tree
+def test_every_parameter_and_output_of_robot_joint_is_documented() -> None:
+    text = (DOCS / "robot_joint.md").read_text(encoding="utf-8")
+    names = [one.name for one in PARAMETERS] + [one.name for one in FIXED_OUTPUTS]
+    assert [name for name in names if f"`{name}`" not in text] == []
 
 
 @pytest.mark.source_tree

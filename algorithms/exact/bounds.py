@@ -53,7 +53,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
         return Proof(np.empty(0), form.statement)
     limits = np.stack(
         [
-            np.minimum(_own(problem, values, name, points), upper)
+            np.minimum(_own(problem, form, values, name, points), upper)
             for name, upper in zip(form.outputs, row_limits(problem, form), strict=True)
         ],
         axis=1,
@@ -119,7 +119,8 @@ def reason(problem: ToleranceProblem, form: Form | None) -> str:
         return "nothing is proven: cost is not an objective"
     if form is None:
         return "nothing is proven: the problem has no convex form"
-    others = [name for name in problem.objectives if name not in ("cost", *form.outputs)]
+    known_by = ("cost", *form.outputs, *form.stands.values())
+    others = [name for name in problem.objectives if name not in known_by]
     if others:
         known = ", ".join(form.outputs)
         why = problem.unproven()
@@ -138,9 +139,16 @@ def row_limits(problem: ToleranceProblem, form: Form) -> Array:
     return np.minimum([upper_limit(problem, name) for name in form.outputs], form.own_limits)
 
 
-def _own(problem: ToleranceProblem, values: Mapping[str, Array], name: str, points: int) -> Array:
-    """The points' own values of an objective; inf for what is none."""
-    return np.asarray(values[name]) if name in problem.objectives else np.full(points, np.inf)
+def _own(
+    problem: ToleranceProblem, form: Form, values: Mapping[str, Array], name: str, points: int
+) -> Array:
+    """The points' own values of a requirement that an objective, or a limit on what it stands for,
+    asks for; inf of others.
+    """
+    stood_for = form.stands.get(name)
+    asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
+    own = name in problem.objectives or (stood_for is not None and stood_for in asked)
+    return np.asarray(values[name]) if own else np.full(points, np.inf)
 
 
 def restricted(form: Form, used: NDArray[np.bool_]) -> Form:

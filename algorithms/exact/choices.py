@@ -23,6 +23,7 @@ from .master import Master
 from .path import Path
 from .prices import ROUNDING, Prices
 from .programme import Programme
+from .separable import Squares, least_leaf, separable
 
 Array = NDArray[np.float64]
 GRID = np.unique(np.concatenate([np.geomspace(0.02, 50.0, 15), np.geomspace(0.7, 1.4, 13)]))
@@ -63,6 +64,8 @@ def least_cost(form: Form, limits: Array) -> Optimum:
     limits = np.asarray(limits, dtype=float)
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
         return _by_master(form, limits)
+    if not form.separable and len(form.outputs) > 1 and _priced(form):
+        return _by_squares(form, limits)
     if form.combinations == 1 or form.separable or len(limits) < 2:
         return _least_cost(form, limits, None)
     found: list[Optimum] = []
@@ -85,6 +88,33 @@ def _least_cost(form: Form, limits: Array, near: Optimum | None) -> Optimum:
         search.leaf(tightest_ways(form), ~np.isfinite(search.cost) | (near is None))
         search.run()
     return Optimum(search.chosen, search.t, search.cost, search.bound, search.multiplier)
+
+
+def _priced(form: Form) -> bool:
+    """Whether a form of roots alone has curves that know their own prices (PricedCurve)."""
+    curves = [way.curve for feature in form.features for way in feature.ways]
+    return any(curve.priced for curve in curves) and separable(form)
+
+
+def _by_squares(form: Form, limits: Array) -> Optimum:
+    """The same of roots of sums of squares, by prices of the squares."""
+    squares, found = Squares(form), []
+    known = None
+    for limit in limits:
+        best, bound = least_leaf(squares, limit, known)
+        if np.isfinite(best.cost):
+            known = best
+        found.append((best, bound))
+    lam = np.array([leaf.mu * squares.worth(limit)
+                    for (leaf, _), limit in zip(found, limits, strict=True)])  # fmt: skip
+    bounds = [max(bound, cost_range(form)[0]) for _, bound in found]
+    return Optimum(
+        np.array([leaf.ways for leaf, _ in found], dtype=np.int64).reshape(len(found), -1),
+        np.array([leaf.t for leaf, _ in found]).reshape(len(found), -1),
+        np.array([leaf.cost for leaf, _ in found]),
+        np.minimum(bounds, [leaf.cost for leaf, _ in found]),
+        lam.reshape(len(found), -1),
+    )
 
 
 def _by_master(form: Form, limits: Array) -> Optimum:

@@ -55,7 +55,10 @@ class Exact(Solver):
             run.choose(x)
             run.evaluate(x)
             return
-        _, violations = run.evaluate(exact_vectors(run.problem, form, points))
+        x = exact_vectors(run.problem, form, points)
+        if form.stands:  # a search knows what a requirement stands for less well than a report
+            run.choose(x)
+        _, violations = run.evaluate(x)
         if form.tested and not np.all(violations <= 0.0):
             epsilon_front(run, self.points)
 
@@ -66,7 +69,7 @@ def closed_form(problem: ToleranceProblem) -> Form | None:
     if form is None or form.relaxed or reason(problem, form):
         return None
     asked = {*problem.objectives, *(limit.name for limit in problem.limits)}
-    used = np.array([name in asked for name in form.outputs])
+    used = np.array([not asked.isdisjoint(form.asked(name)) for name in form.outputs])
     if not np.any(used):
         return None
     return convex_pieces(restricted(form, used))
@@ -74,7 +77,7 @@ def closed_form(problem: ToleranceProblem) -> Form | None:
 
 def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     """Search vectors (k, variables) of the exact front, or of the one least cost."""
-    upper = row_limits(problem, form)
+    upper = _solved_limits(problem, form)
     real = np.isfinite(upper)
     tighter = np.where(np.isfinite(form.own_limits), TIGHTER_SHARE, TIGHTER)
     least, slack = tightest(form)[real], (tighter * np.abs(upper))[real]
@@ -83,9 +86,21 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     upper[real] -= slack
     if problem.n_obj == 1:
         return _cheapest(problem, form, upper)
-    swept = np.array([name in problem.objectives for name in form.outputs])
+    swept = np.array([not set(form.asked(name)).isdisjoint(problem.objectives)
+                      for name in form.outputs])  # fmt: skip
     most = upper_limit(problem, "cost")
     return search_vectors(problem, form, front(form, points, upper, swept, most))
+
+
+def _solved_limits(problem: ToleranceProblem, form: Form) -> Array:
+    """The upper limits (r,) that are solved for, those of outputs that rows stand for included."""
+    found = row_limits(problem, form)
+    for row, name in form.stands.items():
+        own = np.array([one == row for one in form.outputs])
+        limit = upper_limit(problem, name)
+        if np.isfinite(limit) and np.any(own):
+            found[own] = np.minimum(found[own], problem.stand_in_limit(name, limit))
+    return found
 
 
 def _corner(problem: ToleranceProblem, form: Form) -> Array:

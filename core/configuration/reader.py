@@ -26,6 +26,7 @@ from .money import read_money, resolved_money
 from .pairs import belongs, stranger
 from .parameters import read_parameters
 from .plugins import load_named
+from .reducers import with_reducers
 from .resolved import resolved_problem, resolved_variables
 from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
 from .sense import read_sense, resolved_sense
@@ -52,17 +53,19 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
 def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuration:
     """`read_table` with the contents of the files that the tables name, as seen from `folder`."""
     filled = with_files(table, folder, faults)
-    return read_table(filled.table, faults, filled.notes)
+    return read_table(filled.table, faults, filled.notes, folder)
 
 
-def read_table(table: Table, faults: list[Fault], notes: Sequence[str] = ()) -> Configuration:
+def read_table(
+    table: Table, faults: list[Fault], notes: Sequence[str] = (), folder: Path = Path()
+) -> Configuration:
     """The configuration in the tables of a file; raises InputError with `faults` and its own.
 
-    `notes` are what its files came to.
+    `notes` are what its files came to; files of other configurations are looked for in `folder`.
     """
     top = Section(table, "", faults)
     if "problem" in top or "model" not in top:
-        return _read_problem(top, faults, notes)
+        return _read_problem(top, faults, notes, folder)
     return _read_model(top, faults)
 
 
@@ -71,11 +74,14 @@ def _seed(top: Section) -> int:
     return 0 if seed is None else seed
 
 
-def _read_problem(top: Section, faults: list[Fault], notes: Sequence[str]) -> Configuration:
+def _read_problem(
+    top: Section, faults: list[Fault], notes: Sequence[str], folder: Path
+) -> Configuration:
     """A configuration with a problem."""
     if "problem" not in top:
         top.fault("problem", 'is missing: name a problem (see `tolevo list`), or model = "..."')
     named = load_named(top, "problem", "problems")
+    top = with_reducers(top, named, folder)
     kind = named.configured(top) if named else None
     model = load_named(top, "model", "models", kind.default_model if kind else "")
     model_name = top.take("model") or (kind.default_model if kind else "")
@@ -88,7 +94,8 @@ def _read_problem(top: Section, faults: list[Fault], notes: Sequence[str]) -> Co
     if named and model and not belongs(top.take("problem"), named, model_name, model):
         top.fault("model", stranger(top.take("problem"), model_name, model))
     if kind is None:  # its sections cannot be judged
-        top.known(("parameters", "variables", "columns", *PROBLEM_ONLY))
+        own = getattr(named, "tables_of", ())
+        top.known(("parameters", "variables", "columns", *own, *PROBLEM_ONLY))
         top.finish()
         raise InputError(faults)
     columns = read_design_columns(top, kind.variables)

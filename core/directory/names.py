@@ -64,6 +64,7 @@ KINDS: Mapping[str, Kind] = {
                "contributions.csv", "exact_front.csv", "overlays.csv", "unit_turn.csv",
                "population.csv", "assumptions_cost.csv", "requirements.csv", "drivers.csv",
                "prices.csv", "relaxed.csv", "tolerances.json", "drawing.html",
+               "reducers.npz",
                "allocation.xlsx", "nearest_miss.csv",
                "summary.json"),
         pages=(PAGE, *_drawn("front")),

@@ -10,7 +10,7 @@ from scipy import stats
 
 Array = NDArray[np.float64]
 LEAST = 5
-"""Parts from which a sample is used: the posterior mean of a variance needs 3 degrees of freedom."""
+"""Parts from which a sample is used; the posterior mean of a variance needs 4 of them."""
 CONFIDENCE = 0.95
 """Confidence of the upper limit on a variance in an assured allocation."""
 

@@ -31,6 +31,11 @@ class CostCurve(ABC):
         return ()
 
     @property
+    def priced(self) -> bool:
+        """Whether the curve is given by the prices of its t^2: `best` then costs less than C."""
+        return False
+
+    @property
     def smooth(self) -> bool:
         """Whether the slope of C is continuous."""
         return True

@@ -70,6 +70,13 @@ def _replicate(total: ClippedSum, points: Array, coverage: float, limit: float) 
     )
 
 
+def units_of(total: ClippedSum, points: Array) -> Array:
+    """Units (n, samples) of the n sums at `points` (samples, inputs) in (0, 1)."""
+    split, every = len(total.clipped), slice(None)
+    clipped = _Part.of(total.clipped, points[:, :split]).units(every)
+    return np.maximum(clipped, 0.0) + _Part.of(total.free, points[:, split:]).units(every)
+
+
 def _unit_statistics(clipped: Array, free: Array, coverage: float, limit: float) -> Array:
     """The statistics (5, n) of n designs from their units, each part (n, samples)."""
     negative = np.count_nonzero(clipped < 0.0, axis=1) / clipped.shape[1]

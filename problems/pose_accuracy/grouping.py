@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from ...declarations import Kind, Variable
 from ...errors import nearest
@@ -45,13 +45,20 @@ NINE: Grouping = {f"{kind}_{unit_of(kind)}": _of_kind(kind) for kind in KINDS}
 """The document's count, in its preferred reading: three kinds for each of three chains."""
 
 
-def read_grouping(top: Section) -> Grouping | None:
-    """`[grouping]`: design variable = list of sources; the nine kinds where there is none.
+def read_grouping(
+    top: Section,
+    default: Grouping = NINE,
+    unit: Callable[[str], str] = unit_of,
+    called: str = "an orientation source",
+) -> Grouping | None:
+    """`[grouping]`: design variable = list of sources; the `default` one where there is none.
 
-    None after a fault: every source belongs to exactly one variable, of its own unit.
+    None after a fault: every source of the default belongs to exactly one variable, of its own
+    unit. `called` is what one of them is.
     """
     if "grouping" not in top:
-        return NINE
+        return default
+    known = tuple(source for own in default.values() for source in own)
     section = top.section("grouping")
     table = top.take("grouping")
     found: dict[str, tuple[str, ...]] = {}
@@ -59,31 +66,42 @@ def read_grouping(top: Section) -> Grouping | None:
     sound = True
     for name in table if isinstance(table, dict) else ():
         sources = section.names(name)
-        sound &= sources is not None and _checked(section, name, sources, owner)
-        found[name] = tuple(sources or ())
-    left = [source for source in SOURCES if source not in owner]
+        if sources is None:
+            sound = False
+            continue
+        for source, text in _wrong(name, sources, owner, known, unit, called):
+            section.fault(name, text)
+            owner.setdefault(source, name)
+            sound = False
+        found[name] = tuple(sources)
+    left = [source for source in known if source not in owner]
     if left and sound:
         top.fault("grouping", f"leaves out {', '.join(left)}: every source needs a tolerance")
     return found if sound and not left else None
 
 
-def _checked(section: Section, name: str, sources: list[str], owner: dict[str, str]) -> bool:
-    """Report unknown sources, those named twice, and wrong units; note the owner of each."""
-    sound = True
+def _wrong(
+    name: str,
+    sources: list[str],
+    owner: dict[str, str],
+    known: Sequence[str],
+    unit: Callable[[str], str],
+    called: str,
+) -> list[tuple[str, str]]:
+    """Unknown sources, those named twice, and wrong units, with texts; notes the owner of each."""
+    found = []
     for source in sources:
-        if source not in SOURCES:
-            text = f'"{source}" is not an orientation source{nearest(source, SOURCES)}'
+        if source not in known:
+            text = f'"{source}" is not {called}{nearest(source, known)}'
         elif source in owner:
             text = f'"{source}" already belongs to {owner[source]}'
-        elif split_unit(name)[1] != unit_of(source):
-            text = f"the name must end with _{unit_of(source)}, the unit of {source}"
+        elif split_unit(name)[1] != unit(source):
+            text = f"the name must end with _{unit(source)}, the unit of {source}"
         else:
             owner[source] = name
             continue
-        owner.setdefault(source, name)
-        section.fault(name, text)
-        sound = False
-    return sound
+        found.append((source, text))
+    return found
 
 
 def variables_of(grouping: Grouping) -> tuple[Variable, ...]:

@@ -84,7 +84,7 @@ def read_sample(
     mean = section.text("mean", MEANS)
     gauge = _gauge(section, own_unit, unit)
     made_to = _made_to(section, own_unit, unit, t)
-    of_file = section.number("nominal", own_unit)
+    of_file = section.number("nominal", own_unit or unit)
     section.known(("characteristic",))
     prior = _prior(section, made_to or 0.0)
     if "values" not in section:

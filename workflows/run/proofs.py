@@ -65,7 +65,10 @@ def with_bounds(
         return frame, INTERRUPTED
     kept = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
     kept = kept if within is None else kept[within[frame.index.isin(kept.index)]]
-    values = {name: kept[name].to_numpy(dtype=float) for name in problem.objectives}
+    form = problem.form()
+    rows = () if form is None else tuple(name for name in form.stands if name in kept)
+    names = dict.fromkeys((*problem.objectives, *rows))
+    values = {name: kept[name].to_numpy(dtype=float) for name in names}
     try:
         found = proof(problem, values, len(kept))
     except ModelError as error:
@@ -153,6 +156,8 @@ def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
     form = closed_form(problem)
     names = [name for name in problem.objectives if name != "cost"]
     if form is None or not len(front) or len(names) != 1 or problem.n_obj != 2:
+        return []
+    if names[0] not in form.outputs:  # a requirement stands for it, whose end says nothing of it
         return []
     row, limits = form.outputs.index(names[0]), row_limits(problem, form)
     limits[row] = np.inf

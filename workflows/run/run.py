@@ -25,6 +25,7 @@ from .answers import answers
 from .assumptions import with_assumptions
 from .choices import with_choices
 from .front import inside, nearest_miss, reported_front, with_references
+from .kept import REDUCERS, keep
 from .plan import RunOutcome, RunPlan
 from .proofs import (
     Exact,
@@ -80,9 +81,10 @@ def _run(
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
     searches = side_searches(plan, printed) if plan.references else ()
     searches += effects.side_search(plan) + overlay.side_search(plan)
-    place.begin(keep=(CONFIGURATION, CHECKPOINT) if resume else (CONFIGURATION,))
+    place.begin(keep=(CONFIGURATION, CHECKPOINT, REDUCERS) if resume else (CONFIGURATION,))
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
+    keep(plan.problem, out)
     found, fronts = _searched(plan, checkpoint, Sides(searches, workers, checkpoint), progress)
     searched = reported_front(plan.problem, found)
     exact = exact_front(plan.problem)

@@ -1,0 +1,313 @@
+"""Requirements that are roots of sums of squares alone: separable at prices of their squares.
+
+Cost and squares are sums over the features, so that at prices mu_i of the squares every tolerance
+is the best on its own, and the dual
+
+    g(mu) = sum_j min_t [C_j(t) + q_j t^2] - sum_i mu_i (L_i^2 - constant_i)
+    q_j   = sum_i mu_i a_ij^2
+
+has the slope sum_j a_ij^2 t_j^2 + constant_i - L_i^2. With one way per feature its maximum is the
+least cost, found by Newton's method in ln mu. Its prices bound all other choices of ways at once:
+a way costs so much more at them than the one chosen, and only choices whose excess is less than
+what has been gained are solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from heapq import heappop, heappush
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+
+from ...models.costs import Reciprocal
+from ...problems.forms import Form
+from .prices import ROUNDING, only_roots
+
+Array = NDArray[np.float64]
+STEPS = 60
+CLOSE = 1e-13
+"""Relative distance of a square from its limit that counts as none."""
+LEAST = 1e-12
+"""Price, relative to what the whole cost is worth, below which a requirement does not bind."""
+NUDGE = 1e-6
+"""Relative step of the derivative of a tolerance by its price."""
+ROUNDS = 12
+"""Times the ways are chosen anew by the prices of the best allocation."""
+LEAVES = 400
+"""Choices of ways that are solved at most for one set of limits."""
+
+
+def separable(form: Form) -> bool:
+    """Whether all requirements are roots alone, and all costs positive functions of one price."""
+    return bool(len(form.outputs)) and bool(np.all(only_roots(form)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leaf:
+    """One choice of ways at one set of limits: tolerances (features,), cost, bound, prices (r,) of
+    the squares. Cost and bound are inf where no tolerances keep the limits.
+    """
+
+    ways: tuple[int, ...]
+    t: Array
+    cost: float
+    bound: float
+    mu: Array
+
+
+class Squares:
+    """A form's features as arrays, for one set of limits after the other."""
+
+    def __init__(self, form: Form) -> None:
+        self.form = form
+        self.counts = np.array([float(feature.count) for feature in form.features])
+        self.squares = [np.array([way.spread for way in f.ways]) ** 2 for f in form.features]
+
+    @cached_property
+    def several(self) -> list[int]:
+        """Features that can be made in several ways."""
+        return [at for at, f in enumerate(self.form.features) if len(f.ways) > 1]
+
+    def room(self, limit: Array) -> Array:
+        """What squares may sum up to (r,); inf without a limit."""
+        room = np.maximum(limit - self.form.offset, 0.0) ** 2 - self.form.constant
+        return np.where(np.isfinite(limit), room, np.inf)
+
+    def worth(self, limit: Array) -> Array:
+        """Fall of the room's square (r,) per unit of each limit; 0 without one."""
+        room = limit - self.form.offset
+        return np.where(np.isfinite(limit), 2.0 * np.where(np.isfinite(room), room, 0.0), 0.0)
+
+    def solve(self, ways: tuple[int, ...], room: Array, first: Array | None) -> Leaf:
+        """The least cost of one choice of ways."""
+        return _Choice(self, ways).solve(room, first)
+
+    def excess(self, leaf: Leaf) -> list[Array]:
+        """By feature: what each way costs more (ways,) than the leaf's, prices included."""
+        found = []
+        for at, feature in enumerate(self.form.features):
+            if len(feature.ways) == 1:
+                found.append(np.zeros(1))
+                continue
+            values = []
+            for way, square in zip(feature.ways, self.squares[at], strict=True):
+                q = np.array([leaf.mu @ square])
+                nothing = np.zeros(1)
+                t = way.curve.best(nothing, q / self.counts[at], way.low, way.high)
+                values.append(float((self.counts[at] * way.curve.cost(t) + q * t**2)[0]))
+            found.append(np.array(values) - values[leaf.ways[at]])
+        return found
+
+
+class _Choice:
+    """One way per feature."""
+
+    def __init__(self, parent: Squares, ways: tuple[int, ...]) -> None:
+        form = parent.form
+        self.chosen, self.counts, self.base = ways, parent.counts, form.base
+        own = [f.ways[w] for f, w in zip(form.features, ways, strict=True)]
+        self.curves = [way.curve for way in own]
+        self.low = np.array([way.low for way in own])
+        self.high = np.array([way.high for way in own])
+        self.square = np.stack([s[w] for s, w in zip(parent.squares, ways, strict=True)], axis=1)
+        plain = [isinstance(curve, Reciprocal) for curve in self.curves]
+        self.plain = np.flatnonzero(plain)
+        self.other = np.flatnonzero(~np.array(plain))
+        pairs = [(c.a, c.b) for c in self.curves if isinstance(c, Reciprocal)]
+        self.a, self.b = np.array(pairs).reshape(-1, 2).T
+
+    def best(self, q: Array) -> tuple[Array, Array]:
+        """Tolerances (features,) at prices q of their squares, and their derivatives by ln q."""
+        t, slope = np.empty(len(q)), np.zeros(len(q))
+        at = self.plain
+        with np.errstate(divide="ignore"):
+            free = np.cbrt(self.b * self.counts[at] / (2.0 * q[at]))
+        t[at] = np.clip(free, self.low[at], self.high[at])
+        slope[at] = np.where(t[at] == free, -free / 3.0, 0.0)
+        for one in self.other:
+            pair = np.array([q[one], q[one] * (1.0 + NUDGE)]) / self.counts[one]
+            found = self.curves[one].best(np.zeros(2), pair, self.low[one], self.high[one])
+            t[one], slope[one] = found[0], (found[1] - found[0]) / NUDGE
+        return t, slope
+
+    def cost(self, t: Array) -> float:
+        """Cost of tolerances (features,)."""
+        each = np.empty(len(t))
+        each[self.plain] = self.a + self.b / t[self.plain]
+        for one in self.other:
+            each[one] = self.curves[one].cost(t[one : one + 1])[0]
+        return float(self.base + self.counts @ each)
+
+    def dual(self, mu: Array, room: Array) -> float:
+        """A proven lower bound of the cost at prices (r,)."""
+        q = mu @ self.square
+        t, _ = self.best(q)
+        priced, received = q @ t**2, mu @ np.where(mu > 0.0, room, 0.0)
+        cost = self.cost(t)
+        return float(cost + priced - received - ROUNDING * (abs(cost) + priced + received))
+
+    def solve(self, room: Array, first: Array | None) -> Leaf:
+        nothing = np.zeros(len(room))
+        asked = np.isfinite(room)
+        if np.any(self.square @ self.low**2 > room * (1.0 + 1e-12)):
+            return Leaf(self.chosen, self.low, np.inf, np.inf, nothing)
+        if np.all(self.square @ self.high**2 <= room):
+            cost = self.cost(self.high)
+            return Leaf(self.chosen, self.high, cost, cost, nothing)
+        mu = self._newton(room, asked, first)
+        t = self._kept(self.best(mu @ self.square)[0], room)
+        cost, bound = self.cost(t), self.dual(mu, room)
+        if cost - bound > 1e-9 * abs(cost):
+            better = self._ascended(mu, room, asked)
+            other = self._kept(self.best(better @ self.square)[0], room)
+            if self.dual(better, room) > bound:
+                mu, bound = better, self.dual(better, room)
+            if self.cost(other) < cost:
+                t, cost = other, self.cost(other)
+        return Leaf(self.chosen, t, cost, min(bound, cost), mu)
+
+    def _newton(self, room: Array, asked: NDArray[np.bool_], first: Array | None) -> Array:
+        """Prices (r,) at which every square meets its room or its price is nothing."""
+        worth = self.cost(self.low) / np.where(asked, np.maximum(room, 1e-300), 1.0)
+        start = 1e-2 * worth if first is None else np.maximum(first, LEAST * worth)
+        y = np.where(asked, np.log(start), -np.inf)
+        floor = np.log(LEAST * worth)
+        active = asked.copy()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for _ in range(STEPS):
+                mu = np.where(active, np.exp(y), 0.0)
+                q = mu @ self.square
+                t, slope = self.best(q)
+                size = self.square @ t**2
+                missed = np.where(asked, np.log(size / room), 0.0)
+                # a requirement without a price that is broken gets one again
+                back = asked & ~active & (missed > CLOSE)
+                y, active = np.where(back, floor + 1.0, y), active | back
+                if not np.any(back) and np.all(np.abs(missed[active]) <= CLOSE):
+                    break
+                rows = np.flatnonzero(active)
+                share = np.where(q > 0.0, 1.0 / q, 0.0)
+                by = (self.square[rows] * (2.0 * t * slope * share)) @ self.square[rows].T
+                matrix = by * mu[rows] / size[rows, None]
+                matrix -= 1e-12 * np.eye(len(rows)) * max(1.0, float(np.abs(matrix).max()))
+                step = np.linalg.lstsq(matrix, -missed[rows], rcond=None)[0]
+                y = y.copy()
+                y[rows] += np.clip(step, -3.0, 3.0)
+                active = active & ~(asked & (y < floor) & (missed < 0.0))
+        return np.where(active, np.exp(np.maximum(y, floor)), 0.0)
+
+    def _ascended(self, mu: Array, room: Array, asked: NDArray[np.bool_]) -> Array:
+        """Better prices by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995), where Newton's method fails."""
+        worth = self.cost(self.low) / np.where(asked, np.maximum(room, 1e-300), 1.0)
+
+        def negative(y: Array) -> tuple[float, Array]:
+            own = np.where(asked, np.exp(y), 0.0)
+            t, _ = self.best(own @ self.square)
+            slope = np.where(asked, self.square @ t**2 - np.where(asked, room, 0.0), 0.0)
+            return -self.dual(own, room), -slope * own
+
+        first = np.log(np.maximum(mu, 1e-9 * worth))
+        bounds = optimize.Bounds(np.log(LEAST * worth), np.log(1e6 * worth))
+        options = {"ftol": 1e-16, "gtol": 1e-12, "maxiter": 500}
+        minimise: object = optimize.minimize
+        found = minimise(negative, first, jac=True, bounds=bounds, method="L-BFGS-B",  # type: ignore[operator]
+                         options=options)  # fmt: skip
+        return np.where(asked, np.exp(found.x), 0.0)
+
+    def _kept(self, t: Array, room: Array) -> Array:
+        """Tolerances just within the room: those that matter on the way to the tightest ones."""
+        broken = self.square @ t**2 > room
+        if not np.any(broken):
+            return t
+        low, high = 0.0, 1.0
+        matters = np.any(self.square[broken] > 0.0, axis=0)
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            tried = np.where(matters, self.low + middle * (t - self.low), t)
+            kept = np.all(self.square @ tried**2 <= room)
+            low, high = (middle, high) if kept else (low, middle)
+        return np.where(matters, self.low + low * (t - self.low), t)
+
+
+def least_leaf(squares: Squares, limit: Array, known: Leaf | None) -> tuple[Leaf, float]:
+    """The cheapest leaf at limits (r,), and a bound over all choices of ways."""
+    room = squares.room(limit)
+    ways = tuple(
+        int(np.argmin([way.low for way in feature.ways])) for feature in squares.form.features
+    )
+    best = squares.solve(ways, room, None if known is None else known.mu)
+    solved = {best.ways: best}
+    if known is not None and known.ways not in solved:
+        own = squares.solve(known.ways, room, known.mu)
+        solved[own.ways] = own
+        best = min(best, own, key=lambda one: one.cost)
+    if not np.isfinite(best.cost):
+        return best, _impossible(squares, room)
+    for _ in range(ROUNDS):
+        chosen = tuple(int(np.argmin(one)) for one in squares.excess(best))
+        if chosen in solved:
+            break
+        solved[chosen] = squares.solve(chosen, room, best.mu)
+        if not solved[chosen].cost < best.cost:
+            break
+        best = solved[chosen]
+    return _searched(squares, room, best, solved)
+
+
+def _searched(
+    squares: Squares, room: Array, best: Leaf, solved: dict[tuple[int, ...], Leaf]
+) -> tuple[Leaf, float]:
+    """Solve every choice that the prices of the best leaf do not exclude."""
+    while True:
+        excess, anchor = squares.excess(best), best
+        left = np.inf
+        for total, ways in _cheaper(squares, excess, anchor):
+            if anchor.bound + total >= best.cost or len(solved) >= LEAVES:
+                left = anchor.bound + total
+                break
+            if ways not in solved:
+                solved[ways] = squares.solve(ways, room, anchor.mu)
+                if solved[ways].cost < best.cost:
+                    best = solved[ways]
+        if best is anchor or len(solved) >= LEAVES:
+            bounds = [leaf.bound for leaf in solved.values()]
+            return best, min(left, best.cost, *bounds)
+
+
+def _cheaper(
+    squares: Squares, excess: list[Array], anchor: Leaf
+) -> Iterator[tuple[float, tuple[int, ...]]]:
+    """Choices of ways with their excess over the anchor, the least first."""
+    several = squares.several
+    order = [np.argsort(excess[at], kind="stable") for at in several]
+    begin = (0,) * len(several)
+
+    def total(rank: tuple[int, ...]) -> float:
+        return float(sum(excess[at][o[k]] for at, o, k in zip(several, order, rank, strict=True)))
+
+    heap, seen = [(total(begin), begin)], {begin}
+    while heap:
+        value, rank = heappop(heap)
+        ways = list(anchor.ways)
+        for at, o, k in zip(several, order, rank, strict=True):
+            ways[at] = int(o[k])
+        yield value, tuple(ways)
+        for at in range(len(rank)):
+            if rank[at] + 1 < len(order[at]):
+                further = (*rank[:at], rank[at] + 1, *rank[at + 1 :])
+                if further not in seen:
+                    seen.add(further)
+                    heappush(heap, (total(further), further))
+
+
+def _impossible(squares: Squares, room: Array) -> float:
+    """inf where no choice of ways can keep the limits, else that it is not known."""
+    least = sum(
+        np.min([square * way.low**2 for way, square in zip(f.ways, s, strict=True)], axis=0)
+        for f, s in zip(squares.form.features, squares.squares, strict=True)
+    )
+    return np.inf if bool(np.any(np.asarray(least) > room * (1.0 + 1e-12))) else -np.inf

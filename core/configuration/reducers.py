@@ -1,0 +1,180 @@
+"""`[reducers]`: the reducers of a machine, by configuration, by a finished run, or by a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from ..directory import not_whole
+from ..errors import Fault, InputError
+from ..problems.reducers.block import block_of
+from ..problems.reducers.nested import Nested
+from ..problems.rv_backlash import RvBacklash
+from ..section import POSITIVE, Section
+from .source import load
+
+KEPT = ("problem", "parameters", "variables", "costs", "propagation", "objectives", "limits")
+"""The tables of a run configuration that mean its reducer."""
+POINTS = ("rms_arcmin", "cost")
+"""Columns of a table of prices."""
+EXPECTED = ("name a configuration of rv_backlash, the directory of a finished run of rv_backlash "
+            "or rv_reducer, a table (.csv) with the columns rms_arcmin and cost, or write either "
+            "as a table here")  # fmt: skip
+
+
+def with_reducers(top: Section, named: Any, folder: Path) -> Section:
+    """The configuration with the reducers in the place of `[reducers]`, for a problem that nests
+    them (`nests`: its keys); a faulty one is what stands there.
+    """
+    keys = getattr(named, "nests", ())
+    if not keys or "reducers" not in top:
+        return top
+    found = read_reducers(top, keys, folder)
+    return top if found is None else top.having("reducers", found)
+
+
+def read_reducers(top: Section, keys: Sequence[str], folder: Path) -> tuple[Nested, ...] | None:
+    """The reducers of `keys`, None if one of them is faulty."""
+    section = top.section("reducers")
+    found: list[Nested | None] = []
+    for key in keys:
+        if key not in section:
+            section.fault(key, f"is missing: {EXPECTED}")
+            found.append(None)
+            continue
+        found.append(read_reducer(section, key, folder))
+    section.finish()
+    alike = {one.key: one for one in found[::-1] if one is not None}
+    known = tuple(alike[one.key] for one in found if one is not None)
+    return known if len(known) == len(keys) else None
+
+
+def read_reducer(section: Section, key: str, folder: Path) -> Nested | None:
+    """One reducer, written at `key` of a section; every fault at its place."""
+    value = section.take(key)
+    if isinstance(value, Mapping):
+        if "problem" in value:
+            return _of_tables(
+                section, key, dict(value), f"{value['problem']} of this configuration"
+            )
+        return _of_points(section.section(key))
+    if not isinstance(value, str):
+        section.fault(key, f"must be a string or a table: {EXPECTED}")
+        return None
+    path = folder / value
+    if path.is_dir():
+        return _of_run(section, key, path, value)
+    if path.suffix == ".csv":
+        return _of_file(section, key, path, value)
+    faults: list[Fault] = []
+    table = load(path, faults)
+    if table is None:
+        section.fault(key, "; ".join(f"{one.place} {one.message}" for one in faults))
+        return None
+    return _of_tables(section, key, table, value)
+
+
+def _of_tables(section: Section, key: str, table: dict[str, Any], source: str) -> Nested | None:
+    """A reducer by the tables of a run configuration."""
+    from .reader import read_table
+
+    name = table.get("problem")
+    if name == "rv_reducer":
+        section.fault(key, f"{source} is a configuration of rv_reducer, whose front takes a run: "
+                      "run it, and name the directory of the finished run")  # fmt: skip
+        return None
+    if name != "rv_backlash":
+        shown = f'the problem "{name}"' if name else "no problem"
+        section.fault(key, f"{source} has {shown}, which is no reducer: {EXPECTED}")
+        return None
+    try:
+        found = read_table(table, [])
+    except InputError as error:
+        for fault in error.faults:
+            section.fault(f"{key}: {fault.place}", fault.message)
+        return None
+    problem = found.problem
+    assert isinstance(problem, RvBacklash)
+    block = block_of(problem)
+    if isinstance(block, str):
+        section.fault(key, f"{source} cannot be nested: {block}")
+        return None
+    return Nested(source, {name: found.resolved[name] for name in KEPT}, problem)
+
+
+def _of_run(section: Section, key: str, folder: Path, source: str) -> Nested | None:
+    """A reducer by the directory of a finished run."""
+    if faults := not_whole(folder):
+        section.fault(key, "; ".join(f"{one.place}: {one.message}" for one in faults))
+        return None
+    faults_: list[Fault] = []
+    table = load(folder / "config.toml", faults_)
+    front = folder / "front.csv"
+    if table is None or not front.is_file():
+        section.fault(key, f"{source} holds no finished run of a reducer (config.toml, front.csv)")
+        return None
+    if table.get("problem") != "rv_reducer":
+        return _of_tables(section, key, table, f"the run {source}")
+    frame = pd.read_csv(front)
+    parts = ["backlash_rms_arcmin_mean", "backlash_rms_arcmin_std", "cost"]
+    if missing := [name for name in parts if name not in frame]:
+        section.fault(key, f"{source}/front.csv lacks {', '.join(missing)}")
+        return None
+    mean, std = (frame[name].to_numpy(dtype=float) for name in parts[:2])
+    rms = (mean**2 + std**2) ** 0.5
+    return _pointed(section, key, rms.tolist(), frame["cost"].tolist(), f"the run {source}")
+
+
+def _of_file(section: Section, key: str, path: Path, source: str) -> Nested | None:
+    if not path.is_file():
+        section.fault(key, f"{source} does not exist")
+        return None
+    try:
+        frame = pd.read_csv(path)
+        rms, cost = (frame[name].to_numpy(dtype=float).tolist() for name in POINTS)
+    except (KeyError, ValueError) as error:
+        section.fault(
+            key, f"{source} must have numbers in the columns rms_arcmin and cost: {error}"
+        )
+        return None
+    return _pointed(section, key, rms, cost, source)
+
+
+def _of_points(section: Section) -> Nested | None:
+    """A reducer by a table of prices in the configuration."""
+    columns = [section.numbers(name) for name in POINTS]
+    for name in POINTS:
+        if name not in section:
+            section.fault(name, "is missing: a table of prices needs rms_arcmin and cost")
+    source = section.text("source") or "a table of prices"
+    section.finish()
+    if columns[0] is None or columns[1] is None:
+        return None
+    return _pointed(section, "", list(columns[0]), list(columns[1]), source)
+
+
+def _pointed(
+    section: Section, key: str, rms: list[float], cost: list[float], source: str
+) -> Nested | None:
+    """Checked points of cost over rms backlash."""
+    text = ""
+    if len(rms) != len(cost) or len(rms) < 3:
+        text = (
+            f"needs at least three points, as many rms_arcmin as cost, got {len(rms)}, {len(cost)}"
+        )
+    elif any(POSITIVE.complaint(one) for one in rms):
+        text = "rms_arcmin must be above 0"
+    elif any(one < 0.0 for one in cost):
+        text = "cost must not be negative"
+    elif min(cost[at] for at in range(len(rms)) if rms[at] == min(rms)) <= min(
+        cost[at] for at in range(len(rms)) if rms[at] == max(rms)
+    ):
+        text = "cost must fall as rms_arcmin grows"
+    if text:
+        section.fault(key, f"{source}: {text}")
+        return None
+    tables = {"rms_arcmin": rms, "cost": cost, "source": source}
+    return Nested(source, tables, None, (tuple(rms), tuple(cost)))

@@ -1,0 +1,71 @@
+"""How the joints of a machine move its tool: maps of errors, by pose, of any machine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drives:
+    """First-order maps of joints at poses (n,) with the weights (n,) of a mean (sum 1).
+
+    `move` (n, 3, joints) [m/rad] of the position and `turn` (n, 3, joints) [rad/rad] of the
+    orientation, about the axes of `move`.
+    """
+
+    weight: Array
+    move: Array
+    turn: Array
+
+    def mean(self, values: Array) -> Array:
+        """Weighted mean over the poses (first axis)."""
+        return np.asarray(np.tensordot(self.weight, values, axes=(0, 0)))
+
+    @property
+    def squares(self) -> Array:
+        """Squared displacement (n, joints) [(m/rad)^2]."""
+        return np.asarray(np.sum(self.move**2, axis=1))
+
+    def moved(self, angles: Array) -> Array:
+        """Displacement (n, 3) [m] of joint angles (joints,) or (n, joints) [rad]."""
+        each = np.broadcast_to(angles, (len(self.move), self.move.shape[2]))
+        return np.asarray(np.einsum("nij,nj->ni", self.move, each))
+
+    def worst_of_two(self, first: int = 0, second: int = 1) -> Array:
+        """Squared displacement (n,) of two joints at 1 rad each, in the worse relative sense."""
+        one, other = self.move[:, :, first], self.move[:, :, second]
+        together, against = (np.sum((one + s * other) ** 2, axis=1) for s in (1.0, -1.0))
+        return np.asarray(np.maximum(together, against))
+
+    def approach_sides(self, directions: Array) -> Array:
+        """Signs (approaches, n, joints) of the joints' motion towards `directions` (k, 3).
+
+        All joints that move the position are asked; where they are more than three, with the least
+        motion of them all.
+        """
+        inverse = np.linalg.pinv(self.move)
+        return np.asarray(np.sign(np.einsum("nji,ki->knj", inverse, directions)))
+
+    def variation(
+        self, reversing: Array, directions: Array | None = None, free: Array | None = None
+    ) -> Array:
+        """Squared vAP (n,) [m^2] of reversals `reversing` (joints,) [rad]: their root mean squares.
+
+        `directions` (k, 3) are those of the approaches, three orthogonal ones by default; `free`
+        (n, joints) is 0 where gravity holds a flank. Joints whose reversals are 0 have none.
+        """
+        towards = np.eye(3) if directions is None else directions
+        sides = self.approach_sides(towards)
+        size = reversing if free is None else reversing * free
+        apart = [
+            np.sum(np.einsum("nij,nj->ni", self.move, 0.5 * (sides[a] - sides[b]) * size) ** 2,
+                   axis=1)
+            for a, b in combinations(range(len(sides)), 2)
+        ]  # fmt: skip
+        return np.asarray(np.max(apart, axis=0))

@@ -1,0 +1,1 @@
+"""Reducers inside a larger allocation: what they cost at a mean square of their backlash."""

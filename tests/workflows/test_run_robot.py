@@ -1,0 +1,102 @@
+"""`tolevo run` of the whole machine: front, bounds, kept fronts, and the same again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from tolevo.cli import app
+from tolevo.configuration import read
+from tolevo.problems.reducers.documents import documents_reducer
+from tolevo.problems.reducers.nested import Nested
+from tolevo.problems.robot_joint import RobotJoint
+
+ROOT = Path(__file__).resolve().parents[2]
+CONFIG = ROOT / "configs" / "robot_manipulator.toml"
+pytestmark = pytest.mark.source_tree
+FEW = ("--set", "algorithm.points=4", "--set", "propagation.samples=8192", "--quiet")
+
+
+def tolevo(*words: object) -> str:
+    ended = CliRunner().invoke(app, [str(word) for word in words])
+    assert ended.exit_code == 0, ended.output
+    return ended.output
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("robot")
+    tolevo("run", CONFIG, "--out", place / "run", *FEW)
+    return place
+
+
+def test_front_with_bounds(folder: Path) -> None:
+    front = pd.read_csv(folder / "run" / "front.csv")
+    assert len(front) == 4
+    assert np.all(front["bound"] <= front["cost"])
+    assert front["gap_percent"].max() <= 1e-3
+    np.testing.assert_allclose(front["cost"], front["cost_links"] + front["cost_reducers"])
+    np.testing.assert_allclose(
+        front["pose_accuracy_mm"], front["accuracy_ratio"] * front["pose_rms_mm"]
+    )
+    shares = [name for name in front.columns if str(name).startswith("share_")]
+    np.testing.assert_allclose(front[shares].sum(axis=1), 100.0)
+
+
+def test_summary_names_what_is_assumed(folder: Path) -> None:
+    summary = json.loads((folder / "run" / "summary.json").read_text())
+    named = {one["name"] for one in summary["assumptions"]}
+    assert {"reducers.1", "parameters.payload_kg", "parameters.friction_torque_Nm",
+            "parameters.precision_weight", "costs.origin_1_um"} <= named  # fmt: skip
+    assert "proven fronts of the reducers" in summary["bound_form"]
+    (note,) = [one for one in summary["notes"] if "one more unit of cost" in one]
+    assert "joint_1" in note  # the largest share
+
+
+def test_resolved_configuration_gives_the_same_front(folder: Path) -> None:
+    tolevo("run", folder / "run" / "config.toml", "--out", folder / "again", "--quiet")
+    first, second = ((folder / name / "front.csv").read_bytes() for name in ("run", "again"))
+    assert first == second
+
+
+def test_fronts_of_reducers_are_kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One front for two drives that are alike; taken from the file where it is the same reducer."""
+    with np.load(folder / "run" / "reducers.npz") as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    assert len({name.split(".")[0] for name in arrays}) == 1
+    problem = documents_reducer().problem
+    robot = read(CONFIG).problem
+    assert isinstance(robot, RobotJoint)
+    documents_reducer().cost(np.array([0.5]))  # its own front
+    own = Nested("robot_reducer.toml", robot.definition.reducers[0].tables, problem)
+    other = Nested("another", {"problem": "rv_backlash"}, problem)
+    monkeypatch.setattr("tolevo.problems.reducers.front._curve", None)  # nothing is worked out
+    assert not other.adopt(arrays)
+    assert own.adopt(arrays)
+    rms = np.array([0.4, 0.7, 1.5])
+    np.testing.assert_allclose(own.cost(rms), documents_reducer().cost(rms), rtol=1e-12)
+
+
+def test_least_cost_at_an_accuracy(folder: Path) -> None:
+    """One optimum with a limit on A: kept by the Monte Carlo of the point itself."""
+    tolevo("run", CONFIG, "--out", folder / "least", *FEW, "--set", 'objectives.minimise=["cost"]',
+           "--set", "limits.pose_accuracy_mm=0.15")  # fmt: skip
+    front = pd.read_csv(folder / "least" / "front.csv")
+    assert len(front) == 1
+    row = front.iloc[0]
+    assert 0.1497 < row["pose_accuracy_mm"] <= 0.15
+    assert row["gap_percent"] < 1e-3
+    assert row["cost"] == pytest.approx(66.13, rel=0.02)
+
+
+def test_evaluate_takes_the_front(folder: Path) -> None:
+    tolevo("evaluate", folder / "run" / "config.toml", folder / "run" / "front.csv", "--out",
+           folder / "evaluated.csv", "--quiet")  # fmt: skip
+    first, second = (pd.read_csv(folder / name) for name in ("run/front.csv", "evaluated.csv"))
+    np.testing.assert_allclose(first["pose_rms_mm"], second["pose_rms_mm"], rtol=1e-12)
+    np.testing.assert_allclose(first["cost"], second["cost"], rtol=1e-12)

@@ -1,0 +1,32 @@
+"""What takes long to work out and does not depend on the search: kept in the run's directory."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from ...files import write_bytes
+from ...problems.tolerance_problem import ToleranceProblem
+
+REDUCERS = "reducers.npz"
+
+
+def keep(problem: ToleranceProblem, folder: Path) -> None:
+    """Take the fronts of reducers from the directory where they are those of this configuration,
+    else work them out and write them.
+    """
+    path = folder / REDUCERS
+    if path.is_file():
+        try:
+            with np.load(path, allow_pickle=False) as stored:
+                if problem.adopt({name: stored[name] for name in stored.files}):
+                    return
+        except (OSError, ValueError, KeyError):
+            pass  # a file that cannot be read is written anew
+    arrays = problem.kept()
+    if arrays:
+        text = io.BytesIO()
+        np.savez(text, allow_pickle=False, **arrays)
+        write_bytes(path, text.getvalue())
