@@ -29,9 +29,14 @@ from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, Settings
 
 Array = NDArray[np.float64]
-HALVED = {"reading": "printed", "eccentricity_factor": 1.0, "position_mids_count": False,
-          "planets": 1}  # fmt: skip
-READINGS: Mapping[str, tuple[Mapping[str, Value], float, float]] = {
+Parameters = Mapping[str, Value]
+HALVED: Parameters = {
+    "reading": "printed",
+    "eccentricity_factor": 1.0,
+    "position_mids_count": False,
+    "planets": 1,
+}
+READINGS: Mapping[str, tuple[Parameters, float, float]] = {
     "as printed": ({"reading": "printed"}, 0.5, 1.0),
     "law of the eccentricity halved, two mids 0, one planet": (HALVED, 0.2, np.inf),
     "`consistent`, the tighter of two planets": ({"reading": "consistent"}, np.inf, np.inf),
@@ -56,12 +61,12 @@ class Level:
     seconds: float
 
 
-def problem_of(parameters: Mapping[str, Value]) -> RvBacklash:
+def problem_of(parameters: Parameters) -> RvBacklash:
     limits = {"interference_probability": Bound(high=0.05)}
     return RvBacklash(Settings(parameters=dict(parameters), limits=limits))
 
 
-def levels(parameters: Mapping[str, Value], asked: Array) -> list[Level]:
+def levels(parameters: Parameters, asked: Array) -> list[Level]:
     problem = problem_of(parameters)
     form = closed_form(problem)
     assert form is not None

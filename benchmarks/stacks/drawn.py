@@ -166,8 +166,8 @@ def run(seed: int) -> Drawn:
 def _cheapest(problem: ToleranceProblem, budget: Budget, seed: int) -> float:
     """Cost of the cheapest design found that keeps the limits by the outputs, inf for none."""
     found = search(problem, Exact(), budget, seed)
-    x = found.x if found.chosen is None else np.vstack([found.x, found.chosen])
-    if x.shape[0] < 1:
+    x = np.vstack([found.x, found.chosen])
+    if not len(x):
         return float("inf")
     designs = problem.complete(x)
     out = problem.outputs_of(designs)
