@@ -54,7 +54,7 @@ def test_every_distribution_is_documented_with_its_parameters(name: str) -> None
 @pytest.mark.source_tree
 def test_every_parameter_and_output_of_robot_joint_is_documented() -> None:
     text = (DOCS / "robot_joint.md").read_text(encoding="utf-8")
-    names = [one.name for one in (*PARAMETERS, *FIXED_OUTPUTS)]
+    names = [one.name for one in PARAMETERS] + [one.name for one in FIXED_OUTPUTS]
     assert [name for name in names if f"`{name}`" not in text] == []
 
 
