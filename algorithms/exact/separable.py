@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from heapq import heappop, heappush
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from ...problems.forms import Form
 from .prices import ROUNDING, only_roots
 
 Array = NDArray[np.float64]
+_minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
 STEPS = 60
 CLOSE = 1e-13
 """Relative distance of a square from its limit that counts as none."""
@@ -213,8 +215,7 @@ class _Choice:
         first = np.log(np.maximum(mu, 1e-9 * worth))
         bounds = optimize.Bounds(np.log(LEAST * worth), np.log(1e6 * worth))
         options = {"ftol": 1e-16, "gtol": 1e-12, "maxiter": 500}
-        minimise: object = optimize.minimize
-        found = minimise(negative, first, jac=True, bounds=bounds, method="L-BFGS-B",  # type: ignore[operator]
+        found = _minimize(negative, first, jac=True, bounds=bounds, method="L-BFGS-B",
                          options=options)  # fmt: skip
         return np.where(asked, np.exp(found.x), 0.0)
 
@@ -284,12 +285,13 @@ def _cheaper(
     """Choices of ways with their excess over the anchor, the least first."""
     several = squares.several
     order = [np.argsort(excess[at], kind="stable") for at in several]
-    begin = (0,) * len(several)
+    begin: tuple[int, ...] = (0,) * len(several)
 
     def total(rank: tuple[int, ...]) -> float:
         return float(sum(excess[at][o[k]] for at, o, k in zip(several, order, rank, strict=True)))
 
-    heap, seen = [(total(begin), begin)], {begin}
+    heap: list[tuple[float, tuple[int, ...]]] = [(total(begin), begin)]
+    seen = {begin}
     while heap:
         value, rank = heappop(heap)
         ways = list(anchor.ways)

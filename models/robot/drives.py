@@ -32,11 +32,6 @@ class Drives:
         """Squared displacement (n, joints) [(m/rad)^2]."""
         return np.asarray(np.sum(self.move**2, axis=1))
 
-    def moved(self, angles: Array) -> Array:
-        """Displacement (n, 3) [m] of joint angles (joints,) or (n, joints) [rad]."""
-        each = np.broadcast_to(angles, (len(self.move), self.move.shape[2]))
-        return np.asarray(np.einsum("nij,nj->ni", self.move, each))
-
     def worst_of_two(self, first: int = 0, second: int = 1) -> Array:
         """Squared displacement (n,) of two joints at 1 rad each, in the worse relative sense."""
         one, other = self.move[:, :, first], self.move[:, :, second]

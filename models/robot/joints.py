@@ -57,10 +57,3 @@ class GearedJoint:
         backlash, wave = np.asarray(self.backlash), np.asarray(self.wave)
         turned = 0.5 * (flank * backlash + side * self.hysteresis)
         return np.asarray(turned + wave * np.cos(phase) + self.wind_up(torque))
-
-
-def hold_acceleration(torque: Array, inertia: Array) -> Array:
-    """Angular acceleration [rad/s^2] (...) of a joint of an `inertia` [kg m^2] at which a torque of
-    gravity no longer holds its flank.
-    """
-    return np.asarray(np.abs(torque) / inertia)
