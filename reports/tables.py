@@ -87,6 +87,7 @@ def _row(cells: Sequence[Any], mark: bool, heads: Sequence[str]) -> str:
 
 
 def _cell(value: Any, head: str) -> str:
-    number = isinstance(value, Real) and not isinstance(value, bool)
+    text = shown(value)  # an empty text comes back from a file as no number: both are empty
+    number = bool(text) and isinstance(value, Real) and not isinstance(value, bool)
     kind, named = " class=n" if number else "", f' data-head="{escape(head)}"' if head else ""
-    return f"<td{kind}{named}>{escape(shown(value))}</td>"
+    return f"<td{kind}{named}>{escape(text)}</td>"
