@@ -22,7 +22,7 @@ def true_error(group: str, number: int) -> float:
     A part that is outside of the library is left to nobody.
     """
     found, truth = record(group, number)
-    output = found.table.columns[[name.endswith("_predicted") for name in found.table]][0]
+    output = next(str(name) for name in found.table if str(name).endswith("_predicted"))
     gap = found.table[output.removesuffix("_predicted")] - found.table[output]
     y = np.asarray(gap, dtype=np.float64) * (-1.0 if truth.turned else 1.0)
     parts: list[Array] = [truth.free]
