@@ -22,12 +22,13 @@ from ...gap_records import (
 )
 from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
+from .abstain import acts_in
 from .ambiguity import correlation
 from .analysis import Analysis, without
 from .blocks import HeldOut, improvement
 from .close import Corrected, corrected
 from .data import GapData
-from .fit import Fit
+from .fit import Fit, Fitter
 from .linear import beside
 from .misfit import misfit_of, of_weights
 from .noise import outliers, whiteness
@@ -42,6 +43,10 @@ SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same
 MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
 OWN = 0.01
 """Share of a column that what is free cannot do, below which nothing of it can be seen."""
+FORM_OFF, FORM_ALIKE = 0.03, 0.3
+"""What a name does as a share of another one in its variables, and their correlation: below the one
+and above the other it may be no more than the form of the larger one, which no formula has exactly.
+"""
 SEPARATED = 4
 """Rivals for which the separating measurement is searched."""
 
@@ -106,12 +111,35 @@ def ended(analysis: Analysis) -> Ending:
     found = _ended(analysis)
     for _ in found.named if found.rows else ():
         weak = next((found.fit.names[at] for at in found.named
-                     if found.model.nothing(found.fit.members[at])), None)  # fmt: skip
+                     if found.model.nothing(found.fit.members[at]) or _little(found, at)),
+                    None)  # fmt: skip
         if weak is None:
             break
         analysis = without(analysis, weak)
         found = _ended(analysis)
     return found
+
+
+def _little(end: Ending, at: int) -> bool:
+    """Whether a name does little beside another one that acts in its variables: as much as the form
+    of the larger one may be off.
+    """
+    fitter, fit = end.analysis.search.fitter, end.fit
+    mine = acts_in(fit.members[at].candidate.effect.needs)
+    sizes = {k: float(np.linalg.norm(beside(fitter.white(fit.members[k]) @ fit.coefficients[k],
+                                            fitter.q))) for k in end.named}  # fmt: skip
+    return bool(mine) and any(
+        mine <= acts_in(fit.members[k].candidate.effect.needs) and sizes[at] < FORM_OFF * sizes[k]
+        and _alike(fitter, fit, at, k) > FORM_ALIKE
+        for k in end.named if k != at
+    )  # fmt: skip
+
+
+def _alike(fitter: Fitter, fit: Fit, one: int, other: int) -> float:
+    """Correlation of what two members do."""
+    a, b = (beside(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q)
+            for k in (one, other))  # fmt: skip
+    return abs(float(a @ b)) / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-300)
 
 
 def _ended(analysis: Analysis) -> Ending:

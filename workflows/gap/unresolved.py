@@ -56,7 +56,7 @@ def term_of(form: Form, data: GapData, output: str) -> Term | None:
         return _power(base, form, x)
     if form.detail.startswith("step"):
         at = int(form.detail.split()[2])
-        later = bool((x[at:] > x[at - 1]).all())
+        later = bool((x[at:] > x[at - 1]).all() and (x[:at] < x[at]).all())  # not with own clocks
         return replace(base, shape="step", zero=float(x[at])) if later else None
     if form.detail.startswith(SWING):
         size = float(np.ptp(x)) / (2.0 * np.pi)

@@ -104,7 +104,7 @@ class Scored:
         left = list(self.said.names)
         for one in sorted(self.told, key=lambda told: len(told.names)):
             match = [name for name in left if name in one.names]
-            if not match or not one.twins <= self.said.reported:
+            if not match or not one.twins - set(SINCE_INSIDE) <= self.said.reported:
                 return False
             left.remove(match[0])
         return True

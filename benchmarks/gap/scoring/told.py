@@ -70,7 +70,7 @@ def number_of(truth: Truth, one: Hidden, rival: Rival, p: Array, free: Array) ->
     def away(x: float) -> float:
         return float(((departure(truth.points, Faults(**{fault: x})) - one.added) ** 2).sum())
 
-    ends = (0.5 * value, 1.5 * value) if value > 0.0 else (1.5 * value, 0.5 * value)
+    ends = min(0.5 * value, 1.5 * value), max(0.5 * value, 1.5 * value)
     return float(minimize_scalar(away, bounds=ends, method="bounded", options={"xatol": 1e-9}).x)
 
 
