@@ -282,6 +282,9 @@ class Machined(ToleranceProblem):
             for one in self.made.values()
         }
 
+    def curves_of(self, name: str) -> tuple[tuple[CostCurve, float], ...]:
+        return () if name in {one.name for one in self.made.values()} else super().curves_of(name)
+
     def cost_slopes(self, designs: Array) -> Array:
         found = super().cost_slopes(designs)
         for one in self.made.values():

@@ -231,7 +231,7 @@ class Stack(ToleranceProblem):
         own = next((p for p in self._parts if name == f"{p.name}_t"), None)
         curves = [one.curve for one in own.processes] if own else []
         known = [curve for curve in curves if curve is not None]
-        if own is None or len(known) != len(curves):
+        if own is None or own.by_machine or len(known) != len(curves):
             return ()
         return tuple((curve, float(own.count)) for curve in known)
 

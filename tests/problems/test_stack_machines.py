@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import tomli_w
 from scipy.stats import norm, truncnorm
+from typer.testing import CliRunner
 
 from tolevo.algorithms.exact.bounds import proof
 from tolevo.algorithms.exact.solver import Exact
 from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
+from tolevo.cli import app
 from tolevo.configuration.reader import read_table
 from tolevo.errors import InputError
 from tolevo.problems.stack.problem import Stack
@@ -284,3 +289,14 @@ def test_every_fault_of_machines_is_named_with_its_place() -> None:
                   "[2].distribution", "[3]", "[4].machine[0].setup.lot"):  # fmt: skip
         assert f"part{place}" in places, (place, places)
     assert "must be above 0" in places["part[0].machine[0].sigma"]
+
+
+def test_a_run_with_machines_writes_its_page(tmp_path: Path) -> None:
+    """What a machine's parts cost is no function of the tolerance alone: the page computes none."""
+    config = tmp_path / "c.toml"
+    config.write_text(tomli_w.dumps(table(15.0)), encoding="utf-8")
+    arguments = ["run", str(config), "--out", str(tmp_path / "o"), "--quiet"]
+    done = CliRunner().invoke(app, [*arguments, "--set", 'algorithm.name="exact"'])
+    assert done.exit_code == 0, done.output
+    drawn = json.loads((tmp_path / "o" / "tolerances.json").read_text(encoding="utf-8"))
+    assert [one["costs"] for one in drawn if one["name"].endswith("_t")] == [[]] * 5

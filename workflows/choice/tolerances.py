@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...declarations import Kind, Variable
+from ...models.costs import CostCurve, Table
 from ...models.costs.reading import curve_table
 from ...models.iso286 import GRADES, grade_um
 from ...problems.tolerance_problem import ToleranceProblem
@@ -55,10 +56,15 @@ def _record(
                       if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)],
         "grades": _grades(problem, v),
         "process": f"{v.name.removesuffix('_t')}_process",
-        "costs": [curve_table(curve) | {"count": count} for curve, count in
-                  problem.curves_of(v.name)],
+        "costs": [_paid(curve) | {"count": count} for curve, count in problem.curves_of(v.name)],
         **problem.drawn(v.name),
     }  # fmt: skip
+
+
+def _paid(curve: CostCurve) -> dict[str, Any]:
+    """A curve as a page computes with it; of a table that rises the least cost up to each entry."""
+    table = curve_table(curve)
+    return table | {"cost_at": list(curve.least)} if isinstance(curve, Table) else table
 
 
 def _um(v: Variable) -> float | None:
