@@ -291,7 +291,7 @@ def _cheaper(
         return float(sum(excess[at][o[k]] for at, o, k in zip(several, order, rank, strict=True)))
 
     heap: list[tuple[float, tuple[int, ...]]] = [(total(begin), begin)]
-    seen = {begin}
+    seen: set[tuple[int, ...]] = {begin}
     while heap:
         value, rank = heappop(heap)
         ways = list(anchor.ways)

@@ -86,8 +86,8 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
     sections = {
         "The gap before and after": _those(pictures, "distribution")
         + _those(pictures, "residuals") + _gaps(result) + population_table(result),
-        "Verdict": _verdict(result),
         "What was simulated": drawing_section(result.drawing),
+        "Verdict": _verdict(result),
         "Where": _where(result),
         "Orders": _those(pictures, "spectrum"),
         "Steps": _those(pictures, "path") + _steps(result),

@@ -49,9 +49,8 @@ def test_the_spreadsheet_is_ready_for_the_drawing(ended: Path) -> None:
     pitch = [dict(zip(heads, row, strict=True)) for row in rows if "pitch_um" in row]
     assert pitch
     for one in pitch:
-        assert one["upper_deviation"] - one["lower_deviation"] == pytest.approx(
-            2.0 * one["rounded"]
-        )
+        ends = [float(str(one[key])) for key in ("lower_deviation", "upper_deviation", "rounded")]
+        assert ends[1] - ends[0] == pytest.approx(2.0 * ends[2])
         assert one["unit"] == "um"
     mechanism = [row[0] for row in book["Mechanism"].iter_rows(values_only=True)]
     assert any("reducer RG-20 (drawing RG20-100-00)" in str(line) for line in mechanism)

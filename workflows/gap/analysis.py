@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -186,7 +187,7 @@ def _settled(
     """The final answer of rows, in the noise beside all that is in it."""
     found, noises, search, generic = now
     start = found.fit
-    for turn in range(SETTLED):
+    for turn in count():
         empty = search.fitter.fit(())
         settling = Settling(search, generic, setup.data, empty, found.accepted)
         done = settling.settled(start)

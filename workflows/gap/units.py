@@ -28,7 +28,7 @@ def numbered(cells: pd.DataFrame, columns: Sequence[Column], place: str, notes: 
         notes.append(f"{place}: no column {name}: each row is taken for a unit of its own")
         return cells.assign(**{name: np.arange(1, len(cells) + 1)})
     labels = cells[name].astype(object)
-    given = labels[labels.map(lambda one: one is not None and one == one and one != "")]
+    given = labels[labels.notna() & (labels.astype(str) != "")]
     if pd.to_numeric(given, errors="coerce").notna().all():
         return cells
     number, each = pd.factorize(given)
