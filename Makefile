@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup run test lint coverage bench bench-gap lock figures clean
+.PHONY: help setup run test test-long lint coverage bench bench-gap lock figures clean
 
 PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
 	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$python" && break; done)
@@ -29,6 +29,9 @@ run: $(READY)  ## the main job: cost against backlash of the RV-40E-121
 	$(BIN)/tolevo run configs/rv40e_backlash.toml --out runs/rv40e_backlash --overwrite
 
 test: $(READY)  ## the tests, on all cores
+	$(BIN)/python -m pytest --numprocesses logical --dist worksteal -m "not slow"
+
+test-long: $(READY)  ## all tests, those as well that take half a minute or more each
 	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
 lint: $(READY)  ## style, types and the arrows between the rooms

@@ -126,6 +126,7 @@ def test_half_width_by_monte_carlo_is_minimised_with_processes() -> None:
         assert cost == pytest.approx(cheapest(variation), rel=0.05)  # half-width: +- 2 % or so
 
 
+@pytest.mark.slow
 def test_small_budget_on_rv_backlash_is_not_worse_than_gde3(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

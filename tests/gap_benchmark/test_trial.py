@@ -18,7 +18,7 @@ from benchmarks.gap.scoring.breakdown import answer
 from benchmarks.gap.scoring.scorer import Figure, Scored, falsely_named, figures
 from benchmarks.gap.trial import WORKFLOW, lines, printed, scored
 
-pytestmark = [pytest.mark.long, pytest.mark.source_tree]
+pytestmark = [pytest.mark.slow, pytest.mark.source_tree]
 
 FIRST = 5000
 CLEAN, LONGEST_CLEAN = 60, 600

@@ -180,6 +180,7 @@ def test_resume_of_nothing_is_a_start(config: Path, tmp_path: Path) -> None:
     assert (tmp_path / "o" / "front.csv").is_file()
 
 
+@pytest.mark.slow
 def test_finished_side_searches_are_not_repeated(
     drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -82,6 +82,7 @@ def test_every_point_keeps_its_limits_and_has_its_error(finished: Path) -> None:
     assert front["bound"].isna().all()  # nothing is proven
 
 
+@pytest.mark.slow
 def test_its_configuration_gives_the_same_front_on_two_processes(
     finished: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -103,6 +103,7 @@ def test_a_failed_run_takes_its_pair_along_and_one_that_never_got_there_is_worst
     assert both["p"] == 1.0 and "give the same" in both["reason"]
 
 
+@pytest.mark.slow
 def test_no_difference_is_found_more_often_than_stated() -> None:
     """Four equal levels, six pairs each time: a false finding in one of 20 studies at most."""
     source, studies = np.random.default_rng(11), 40
