@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,11 +186,13 @@ def _settled(
     """The final answer of rows, in the noise beside all that is in it."""
     found, noises, search, generic = now
     start = found.fit
-    for turn in count():
+    turn = 0
+    while True:
+        turn += 1
         empty = search.fitter.fit(())
         settling = Settling(search, generic, setup.data, empty, found.accepted)
         done = settling.settled(start)
-        if turn == SETTLED - 1 or not done.fit.members:  # beside nothing the noise is known
+        if turn == SETTLED or not done.fit.members:  # beside nothing the noise is known
             break
         anew = noise_of(setup, _contributions(setup, done.fit))
         if _alike(noises, anew):
