@@ -131,6 +131,7 @@ def test_a_unit_string_is_read_as_by_hand(text: str, unit: str, value: float) ->
 FACTORS: dict[str, float] = {
     "": 1.0, "1": 1.0, "%": 1e-2, "percent": 1e-2, "ppm": 1e-6,
     "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "1/mm": 1e3, "mm/s": 1e-3,
+    "Nm/arcmin": 1.0 / ARCMIN,
     "arcsec": ARCSEC, "arcmin": ARCMIN, "deg": DEG, "mrad": 1e-3, "rad": 1.0, "mrad**2": 1e-6,
     "mrad/mm": 1.0, "arcmin/s": ARCMIN, "arcsec/s": ARCSEC, "mrad/s": 1e-3,
     "rpm": 2.0 * pi / 60.0, "Hz": 1.0, "s": 1.0, "kg": 1.0,
