@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from typing import Any, TypeVar
 
 from .counts import PLAIN, Need, too_many
 from .errors import Fault, nearest
 from .likely_units import unit_hint
 from .units import split_unit, to_unit
+
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,6 +218,31 @@ class Section:
         if value is not None and not isinstance(value, dict):
             self.fault(key, f"must be a table, got {shown(value)}")
         return Section(value if isinstance(value, dict) else {}, self.place(key), self._faults)
+
+    def named_items(
+        self, key: str, read: Callable[[Section, str], Item | None]
+    ) -> tuple[Item, ...] | None:
+        """What `read` makes of each table of a list, with its name; None after a fault.
+
+        Every table needs a name of its own, and there must be one at least.
+        """
+        tables = self.tables(key)
+        names: list[str] = []
+        found: list[Item | None] = []
+        for at in range(len(tables)):
+            own = self.item(key, at)
+            name = own.text("name")
+            if not name:
+                own.fault("name", f"is missing: name the {key}")
+            elif name in names:
+                own.fault("name", f'"{name}" is named twice')
+            names.append(name or "")
+            found.append(read(own, name or ""))
+            own.finish()
+        if not tables and isinstance(self.take(key), list):
+            self.fault(key, f"must list at least one {key}")
+        whole = tuple(one for one in found if one is not None)
+        return whole if found and len(whole) == len(found) else None
 
     def collecting(self, key: str, faults: list[Fault]) -> Section:
         """The table at `key`, whose faults go to a list of their own."""

@@ -18,8 +18,6 @@ COLUMNS = {
     "characteristic": "characteristic",
 }  # fmt: skip
 """Columns of an order by those of `allocation.csv`."""
-NUMBERS = ("nominal", "upper deviation", "lower deviation", "upper limit", "lower limit",
-           "Cpk wanted", "before rounding", "value")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -50,11 +50,6 @@ class Knowledge:
     inflation: float = 1.0
     surplus: float = 0.0
 
-    def scaled(self, unit: float) -> Knowledge:
-        """The same of values divided by `unit`."""
-        return Knowledge(self.mean / unit, self.std / unit, self.n, self.df, self.inflation,
-                         self.surplus)  # fmt: skip
-
 
 def knowledge_of(
     values: Array, prior: Prior | None = None, gauge: Gauge | None = None

@@ -92,23 +92,7 @@ def read_offers(
 
     `ends` are limits of inspection for machines that state none.
     """
-    tables = section.tables("machine")
-    found: list[Offer | None] = []
-    names: list[str] = []
-    for at in range(len(tables)):
-        own = section.item("machine", at)
-        name = own.text("name")
-        if not name:
-            own.fault("name", "is missing: name the machine")
-        elif name in names:
-            own.fault("name", f'"{name}" is named twice')
-        names.append(name or "")
-        found.append(_offer(own, name or "", unit, ends))
-        own.finish()
-    if not tables and isinstance(section.take("machine"), list):
-        section.fault("machine", "must list at least one machine")
-    whole = tuple(one for one in found if one is not None)
-    return whole if found and len(whole) == len(found) else None
+    return section.named_items("machine", lambda own, name: _offer(own, name, unit, ends))
 
 
 def _offer(

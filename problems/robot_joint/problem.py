@@ -240,11 +240,6 @@ class RobotJoint(ToleranceProblem):
         samples = self.settings.propagation.samples
         return self.machine.sampled(samples, self.gears.dimensions, rng)
 
-    def position_errors(self, design: Array) -> Array:
-        """Position errors (units, 3) [mm] of a full design, by the first-order maps."""
-        row = design[None, :]
-        return self._errors(self.sigma(row)[0], self.gears.built(self._of_gears(row))[0])
-
     def _errors(self, sigma: Array, built: Built) -> Array:
         some = self._sampled
         units = self.gears.units(built, some.sample.unit, self.gear_of)

@@ -141,7 +141,9 @@ def _alternatives(section: Section, unit: str) -> Tolerance | None:
     """The `[[part.process]]` and `[[part.machine]]` tables."""
     if "cost" in section:
         section.fault("cost", "belongs into each [[part.process]]; a machine has a price")
-    own = _processes(section, unit) if "process" in section else ()
+    own: tuple[Process, ...] | None = ()
+    if "process" in section:
+        own = section.named_items("process", lambda one, name: _process(one, unit, name))
     if "machine" not in section:
         return None if own is None else Tolerance(own, alternatives=True)
     ends = [section.number(key, unit, POSITIVE) for key in ("t_min", "t_max")]
@@ -156,27 +158,6 @@ def _alternatives(section: Section, unit: str) -> Tolerance | None:
     assumed = "; ".join(one.assumed for one in offers if one.assumed)
     return Tolerance((*own, *processes_of(offers)), alternatives=True, machines=offers,
                      assumed={"machine": assumed} if assumed else {})  # fmt: skip
-
-
-def _processes(section: Section, unit: str) -> tuple[Process, ...] | None:
-    """The `[[part.process]]` tables."""
-    tables = section.tables("process")
-    names: list[str] = []
-    found: list[Process | None] = []
-    for at in range(len(tables)):
-        own = section.item("process", at)
-        name = own.text("name")
-        if not name:
-            own.fault("name", "is missing: name the process")
-        elif name in names:
-            own.fault("name", f'"{name}" is named twice')
-        names.append(name or "")
-        found.append(_process(own, unit, name or ""))
-        own.finish()
-    if not tables and isinstance(section.take("process"), list):
-        section.fault("process", "must list at least one process")
-    whole = tuple(one for one in found if one is not None)
-    return whole if found and len(whole) == len(found) else None
 
 
 def _fixed(
