@@ -7,7 +7,6 @@ in the tables of the configuration, which are then read as if it stood there.
 
 from __future__ import annotations
 
-import copy
 import math
 import re
 from collections.abc import Iterator, Mapping
@@ -46,16 +45,16 @@ class Filled:
     notes: list[str] = field(default_factory=list)
 
 
-def with_cost_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
-    """The tables with every cost file in its place; what is wrong is added to `faults`."""
-    filled, before = Filled(copy.deepcopy(table)), len(faults)
+def fill_costs(filled: Filled, folder: Path, faults: list[Fault]) -> None:
+    """Put every cost file in its place; what is wrong is added to `faults`."""
+    before = len(faults)
     costs = filled.table.get("costs")
     stack = filled.table.get("problem") == "stack"
     if isinstance(costs, dict) and "file" in costs:
         name = costs.pop("file")
         if (prices := _read(name, folder, "costs.file", filled, faults)) is not None:
             (_fill_parts if stack else _fill_variables)(filled, prices, faults)
-    for at, part in _tables(filled.table, "part"):
+    for at, part in tables_in(filled.table, "part"):
         own = part.get("costs")
         if not isinstance(own, dict):
             continue
@@ -73,22 +72,22 @@ def with_cost_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
         del filled.table["costs"]
     if len(faults) > before:
         _stand_in(filled.table)
-    return filled
 
 
 def _stand_in(table: Raw) -> None:
     """Costs of parts for those that a faulty file does not state: they are not missing as well."""
-    for _, part in _tables(table, "part"):
-        owners = [one for _, one in _tables(part, "process")]
+    for _, part in tables_in(table, "part"):
+        owners = [one for _, one in tables_in(part, "process")]
         for owner in [*owners, *([part] if "t_min" in part and "machine" not in part else [])]:
             owner.setdefault("cost", {"model": "reciprocal", "a": 1.0, "b": 0.0})
-        for _, machine in _tables(part, "machine"):
+        for _, machine in tables_in(part, "machine"):
             machine.setdefault("price", 0.0)
         if isinstance(part.get("grade"), list) and "price" not in part:
             part.setdefault("cost", {"model": "reciprocal", "a": 1.0, "b": 0.0})
 
 
-def _tables(table: Mapping[str, Any], key: str) -> Iterator[tuple[int, Raw]]:
+def tables_in(table: Mapping[str, Any], key: str) -> Iterator[tuple[int, Raw]]:
+    """The tables of a list of tables, with their places."""
     value = table.get(key)
     for at, one in enumerate(value if isinstance(value, list) else []):
         if isinstance(one, dict):
@@ -206,7 +205,7 @@ def _fill_variables(filled: Filled, prices: Prices, faults: list[Fault]) -> None
     costs, variables = filled.table.setdefault("costs", {}), filled.table.get("variables")
     for name, rows in _by(prices, "variable", faults):
         own = variables.get(name) if isinstance(variables, dict) else None
-        machines = {one.get("name"): one for _, one in _tables(own or {}, "machine")}
+        machines = {one.get("name"): one for _, one in tables_in(own or {}, "machine")}
         for process, some in _grouped(rows, "process").items():
             if process is not None and process in machines:
                 _price(machines[process], process, some, prices.place, faults)
@@ -223,7 +222,7 @@ def _fill_variables(filled: Filled, prices: Prices, faults: list[Fault]) -> None
 
 def _fill_parts(filled: Filled, prices: Prices, faults: list[Fault]) -> None:
     """Costs of parts of a stack."""
-    parts = {part.get("name"): (at, part) for at, part in _tables(filled.table, "part")}
+    parts = {part.get("name"): (at, part) for at, part in tables_in(filled.table, "part")}
     for name, rows in _by(prices, "part", faults):
         if name not in parts:
             text = f'"{name}" of the file is not a part{nearest(name, [str(one) for one in parts])}'
@@ -254,9 +253,9 @@ def _grouped(rows: list[Raw], key: str) -> dict[str | None, list[Raw]]:
 def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[Fault]) -> None:
     """Prices of one part: of its processes and machines, by grade, or as a table of t."""
     owners = {
-        one.get("name"): one for key in ("process", "machine") for _, one in _tables(part, key)
+        one.get("name"): one for key in ("process", "machine") for _, one in tables_in(part, key)
     }
-    machines = {one.get("name") for _, one in _tables(part, "machine")}
+    machines = {one.get("name") for _, one in tables_in(part, "machine")}
     name = str(part.get("name", at))
     for process, rows in _grouped(prices.rows, "process").items():
         if process is None:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 
 from ..errors import Fault
-from .cost_files import Filled, Raw, with_cost_files
-from .measured_files import with_measured_files
+from .cost_files import Filled, Raw, fill_costs
+from .measured_files import fill_measured
 
 
 def with_files(table: Raw, folder: Path, faults: list[Fault]) -> Filled:
     """The tables of a run with what stands in their files, as seen from `folder`; faults are added
     to `faults`.
     """
-    return with_cost_files(with_measured_files(table, folder, faults), folder, faults)
+    filled = Filled(copy.deepcopy(table))
+    fill_measured(filled.table, folder, faults)
+    fill_costs(filled, folder, faults)
+    return filled

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import copy
 from pathlib import Path
 from typing import Any
 
 from .. import tables
 from ..errors import Fault, InputError, nearest
+from .cost_files import Raw, tables_in
 
 SUFFIXES = (".dfq", ".dfd")
 OPTIONS = ("encoding", "delimiter", "decimal")
-Raw = dict[str, Any]
 
 
-def with_measured_files(table: Raw, folder: Path, faults: list[Fault]) -> Raw:
-    """The tables with the values of every file of measured parts; faults are added to `faults`.
+def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
+    """Put the values of every file of measured parts in its place; faults are added to `faults`.
 
     Of a Q-DAS file lots, nominal and half the distance of its limits (`made_to`) come along where
     the configuration does not state them.
     """
-    found = copy.deepcopy(table)
-    parts = found.get("part")
-    for at, part in enumerate(parts if isinstance(parts, list) else []):
-        own = part.get("measured") if isinstance(part, dict) else None
+    for at, part in tables_in(table, "part"):
+        own = part.get("measured")
         if isinstance(own, dict) and "file" in own:
             place = f"part[{at}].measured.file"
             name = own.pop("file")
@@ -41,7 +38,6 @@ def with_measured_files(table: Raw, folder: Path, faults: list[Fault]) -> Raw:
                 own["values"] = []
                 continue
             part["measured"] = filled | own
-    return found
 
 
 def _filled(path: Path, wanted: Any, options: tables.ReadOptions) -> Raw:

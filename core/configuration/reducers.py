@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from .. import tables
 from ..directory import not_whole
 from ..errors import Fault, InputError
 from ..problems.reducers.block import block_of
@@ -57,9 +58,8 @@ def read_reducer(section: Section, key: str, folder: Path) -> Nested | None:
     value = section.take(key)
     if isinstance(value, Mapping):
         if "problem" in value:
-            return _of_tables(
-                section, key, dict(value), f"{value['problem']} of this configuration"
-            )
+            source = f"{value['problem']} of this configuration"
+            return _of_tables(section, key, dict(value), source, folder)
         return _of_points(section.section(key))
     if not isinstance(value, str):
         section.fault(key, f"must be a string or a table: {EXPECTED}")
@@ -74,12 +74,14 @@ def read_reducer(section: Section, key: str, folder: Path) -> Nested | None:
     if table is None:
         section.fault(key, "; ".join(f"{one.place} {one.message}" for one in faults))
         return None
-    return _of_tables(section, key, table, value)
+    return _of_tables(section, key, table, value, path.parent)
 
 
-def _of_tables(section: Section, key: str, table: dict[str, Any], source: str) -> Nested | None:
-    """A reducer by the tables of a run configuration."""
-    from .reader import read_table
+def _of_tables(
+    section: Section, key: str, table: dict[str, Any], source: str, folder: Path
+) -> Nested | None:
+    """A reducer by the tables of a run configuration, whose files are looked for in `folder`."""
+    from .reader import read_tables
 
     name = table.get("problem")
     if name == "rv_reducer":
@@ -91,7 +93,7 @@ def _of_tables(section: Section, key: str, table: dict[str, Any], source: str) -
         section.fault(key, f"{source} has {shown}, which is no reducer: {EXPECTED}")
         return None
     try:
-        found = read_table(table, [])
+        found = read_tables(table, folder, [])
     except InputError as error:
         for fault in error.faults:
             section.fault(f"{key}: {fault.place}", fault.message)
@@ -117,7 +119,7 @@ def _of_run(section: Section, key: str, folder: Path, source: str) -> Nested | N
         section.fault(key, f"{source} holds no finished run of a reducer (config.toml, front.csv)")
         return None
     if table.get("problem") != "rv_reducer":
-        return _of_tables(section, key, table, f"the run {source}")
+        return _of_tables(section, key, table, f"the run {source}", folder)
     frame = pd.read_csv(front)
     parts = ["backlash_rms_arcmin_mean", "backlash_rms_arcmin_std", "cost"]
     if missing := [name for name in parts if name not in frame]:
@@ -133,9 +135,9 @@ def _of_file(section: Section, key: str, path: Path, source: str) -> Nested | No
         section.fault(key, f"{source} does not exist")
         return None
     try:
-        frame = pd.read_csv(path)
+        frame = tables.opened_whole(path, source).frame
         rms, cost = (frame[name].to_numpy(dtype=float).tolist() for name in POINTS)
-    except (KeyError, ValueError) as error:
+    except (InputError, KeyError, ValueError) as error:
         section.fault(
             key, f"{source} must have numbers in the columns rms_arcmin and cost: {error}"
         )
@@ -176,5 +178,5 @@ def _pointed(
     if text:
         section.fault(key, f"{source}: {text}")
         return None
-    tables = {"rms_arcmin": rms, "cost": cost, "source": source}
-    return Nested(source, tables, None, (tuple(rms), tuple(cost)))
+    known = {"rms_arcmin": rms, "cost": cost, "source": source}
+    return Nested(source, known, None, (tuple(rms), tuple(cost)))
