@@ -16,7 +16,7 @@ class Drives:
     """First-order maps of joints at poses (n,) with the weights (n,) of a mean (sum 1).
 
     `move` (n, 3, joints) [m/rad] of the position and `turn` (n, 3, joints) [rad/rad] of the
-    orientation, about the axes of `move`.
+    orientation: about two axes of the tool's tilt and that of its yaw.
     """
 
     weight: Array

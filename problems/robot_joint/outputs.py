@@ -1,16 +1,15 @@
-"""What `robot_joint` declares beside its variables: parameters and outputs."""
+"""What `robot_joint` declares beside its variables: parameters of machine and drives."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
-from ...declarations import Output, Parameter
+from ...declarations import Parameter
 from ...models.manipulator import declared
-from ...models.robot.manipulator import CALIBRATED
-from ..settings import Bound
+from ..robot.outputs import FIXED_OUTPUTS
+from ..robot.outputs import PARAMETERS as OF_ROBOTS
 
-FLANKS = ("gravity", "free", "held")
+__all__ = ["FIXED_OUTPUTS", "PARAMETERS"]
 _INDICES = ("rms_plane", "rms_volume")
 _MACHINE = {
     "index": {"default": "rms_plane", "choices": _INDICES, "source": "",
@@ -19,82 +18,7 @@ _MACHINE = {
                   "meaning": "follow-up plane of chain 3, turned by its rod (M2); at the azimuth "
                   "commanded (M1) the yaw of drives 1 and 2 would be lost"},
 }  # fmt: skip
-
-
-def _assumed(name: str, default: float, unit: str, meaning: str, high: float) -> Parameter:
-    return Parameter(name, default, unit, meaning, "assumed", assumed=True, low=0.0, high=high)
-
-
 PARAMETERS: tuple[Parameter, ...] = (
     *(replace(one, **_MACHINE.get(one.name, {})) for one in declared.PARAMETERS),  # type: ignore[arg-type]
-    Parameter(
-        "calibrated", "none", "", "position: commands are corrected for the machine's own links, "
-        "so that their position errors are gone; the reducers' errors stay", "assumed",
-        assumed=True, choices=CALIBRATED,
-    ),
-    Parameter(
-        "flanks", "gravity", "", "which flank of a reducer carries: that on which gravity holds "
-        "it at rest, pose by pose; free: that of the approach; held: always one", "assumed",
-        assumed=True, choices=FLANKS,
-    ),
-    _assumed("payload_kg", 10.0, "kg", "mass at the platform, the platform's own included", 1e5),
-    _assumed("friction_torque_Nm", 12.4, "Nm", "friction of a reducer at its output: gravity holds "
-             "a flank beyond it (3 % of 412 N m)", 1e6),
-    _assumed("stiffness_Nm_per_arcmin", 108.0, "Nm/arcmin", "stiffness of a reducer", 1e9),
-    _assumed("hysteresis_arcmin", 0.0, "arcmin", "lost motion of friction, 2 friction torques over "
-             "the stiffness; it adds to the backlash", 60.0),
-    _assumed("precision_weight", 5.0, "", "Q of the reducers' adjusted assembly (document A)", 1e6),
-    _assumed("reducer_price", 1.0, "", "cost of a reducer in units of the links' cost, as a factor",
-             1e6),
-    Parameter("per_drive", True, "", "the two reducers may differ", "assumed", assumed=True),
-    Parameter("nested", True, "", "reducers enter by what an rms of their backlash costs; false: "
-              "every tolerance of them is a variable"),
-)  # fmt: skip
-
-FIXED_OUTPUTS: tuple[Output, ...] = (
-    Output("cost", "", "relative cost of links and reducers", low=0.0),
-    Output("cost_links", "", "relative cost of the links", low=0.0),
-    Output("cost_reducers", "", "relative cost of the reducers", low=0.0),
-    Output("pose_accuracy_mm", "mm", "bidirectional pose accuracy A: quantile of the position "
-           "error over units, sides of approach, phases and poses, at the coverage", low=0.0),
-    Output("pose_rms_mm", "mm", "R, the rms of the same", low=0.0),
-    Output("accuracy_ratio", "", "A/R", low=0.0),
-    Output("squareness_mrad", "mrad", "rms tilt of the platform", low=0.0),
-    Output("yaw_mrad", "mrad", "rms rotation of the platform about z", low=0.0),
-    Output("backlash_arcmin", "arcmin", "quantile of a reducer's backlash at its coverage; of the "
-           "worse drive", low=0.0),
-    Output("backlash_rms_arcmin", "arcmin", "root mean square of a reducer's backlash, hysteresis "
-           "included; of the worse drive", low=0.0),
-    Output("te_amplitude_arcsec", "arcsec", "quantile of the amplitude of a reducer's transmission "
-           "error at the coverage; of the worse drive", low=0.0),
-    Output("reversal_mm", "mm", "rms distance of two attained positions, all drives approached "
-           "from opposite sides", low=0.0),
-    Output("iso_vap_mm", "mm", "multi-directional variation vAP of ISO 9283: largest distance of "
-           "the means of approaches along r, t, z; rms over units and poses", low=0.0),
-    Output("path_te_mm", "mm", "rms amplitude of the transmission errors along a path", low=0.0),
-    Output("wind_up_mm", "mm", "rms displacement by the payload's torque on the stiffness of the "
-           "reducers; no tolerance changes it", low=0.0),
-    Output("held_percent", "%", "poses and drives at which gravity holds a flank", low=0.0,
-           high=100.0),
-)  # fmt: skip
-LIMITS: dict[str, Bound] = {}
-OBJECTIVES = ("cost", "pose_accuracy_mm", "squareness_mrad", "te_amplitude_arcsec")
-STANDS = {"pose_rms_mm": "pose_accuracy_mm", "backlash_rms_arcmin": "backlash_arcmin"}
-"""Requirements of the convex form, and the outputs that grow with them."""
-
-
-def share_name(variable: str) -> str:
-    """`share_origin_1_percent` of the variable `origin_1_um`."""
-    return f"share_{variable.rpartition('_')[0]}_percent"
-
-
-def outputs_of(links: Iterable[str], priced: Iterable[str]) -> tuple[Output, ...]:
-    """All outputs: shares of links and joints, prices of the variables."""
-    shares = [Output(f"share_joint_{drive}_percent", "%",
-                     f"share of the reducer of drive {drive} in R^2", low=0.0, high=100.0)
-              for drive in (1, 2)]  # fmt: skip
-    shares += [Output(share_name(name), "%", f"share of {name} in R^2", low=0.0, high=100.0)
-               for name in links]  # fmt: skip
-    prices = [Output(f"price_{name}", "um", f"fall of R per unit of cost spent on {name}", low=0.0)
-              for name in priced]  # fmt: skip
-    return (*FIXED_OUTPUTS, *shares, *prices)
+    *OF_ROBOTS,
+)

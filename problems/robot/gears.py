@@ -24,15 +24,26 @@ STEP = 1e-4
 """Relative half-step of the derivatives by a reducer's tolerances."""
 
 
-def gear_variables(gears: tuple[Nested, ...], nested: bool) -> tuple[Variable, ...]:
-    """Variables of reducers: two each where they are nested, else all of their tolerances."""
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """A reducer on a drive: the place of its `gear` among those that have tolerances of their own,
+    its cost as a factor of the gear's, and its backlash as one of the gear's.
+    """
+
+    gear: int
+    cost_factor: float = 1.0
+    backlash_factor: float = 1.0
+
+
+def gear_variables(gears: Mapping[str, Nested], nested: bool) -> tuple[Variable, ...]:
+    """Variables of reducers by key: two each where they are nested, else all their tolerances."""
     found: list[Variable] = []
-    for at, one in enumerate(gears, 1):
-        found += _nested(at, one) if nested else _whole(at, one)
+    for key, one in gears.items():
+        found += _nested(key, one) if nested else _whole(key, one)
     return tuple(found)
 
 
-def _nested(at: int, one: Nested) -> list[Variable]:
+def _nested(at: str, one: Nested) -> list[Variable]:
     low, high = one.range
     te = Wave().angles.ends
     return [
@@ -45,7 +56,7 @@ def _nested(at: int, one: Nested) -> list[Variable]:
     ]  # fmt: skip
 
 
-def _whole(at: int, one: Nested) -> list[Variable]:
+def _whole(at: str, one: Nested) -> list[Variable]:
     problem = one.problem
     assert problem is not None
     set_to = problem.settings.variables
@@ -92,7 +103,10 @@ class Built:
 class Gears:
     """The reducers that have columns of their own."""
 
+    keys: tuple[str, ...]
     nested: tuple[Nested, ...]
+    fitted: tuple[Fitted, ...]
+    """Those of the drives, in their order."""
     small: bool
     """Two columns per reducer rather than all of its tolerances."""
     wave: Wave
@@ -101,23 +115,45 @@ class Gears:
 
     @classmethod
     def of(
-        cls, gears: tuple[Nested, ...], nested: bool, p: Mapping[str, Value], coverage: float
+        cls,
+        gears: Mapping[str, Nested],
+        fitted: tuple[Fitted, ...],
+        nested: bool,
+        p: Mapping[str, Value],
+        coverage: float,
     ) -> Gears:
         """The reducers at the parameters of a problem."""
         lost, price = number(p["hysteresis_arcmin"]), number(p["reducer_price"])
         wave = Wave(number(p["precision_weight"]), coverage, price)
-        own = tuple(one.with_(lost, price) for one in gears)
-        return cls(own, nested, wave, lost, price)
+        own = tuple(one.with_(lost, price) for one in gears.values())
+        return cls(tuple(gears), own, fitted, nested, wave, lost, price)
 
-    @property
+    @cached_property
+    def gear_of(self) -> tuple[int, ...]:
+        """The gear of each drive."""
+        return tuple(one.gear for one in self.fitted)
+
+    @cached_property
+    def factors(self) -> Array:
+        """Backlash (drives,) as a factor of that of the drive's gear."""
+        return np.array([one.backlash_factor for one in self.fitted])
+
+    @cached_property
     def counts(self) -> Array:
-        """Drives that have each gear."""
-        return np.full(len(self.nested), 2.0 / len(self.nested))
+        """Sum of the cost factors of the drives that have each gear."""
+        costs = [one.cost_factor for one in self.fitted]
+        return np.bincount(self.gear_of, costs, len(self.nested))
+
+    @cached_property
+    def largest(self) -> Array:
+        """Largest backlash factor (gears,) of the drives that have each gear."""
+        return np.array([max(one.backlash_factor for one in self.fitted if one.gear == gear)
+                         for gear in range(len(self.nested))])  # fmt: skip
 
     @property
     def dimensions(self) -> int:
         """Independent errors of a unit of every drive."""
-        return 2 * max(one.dimensions for one in self.nested)
+        return len(self.fitted) * max(one.dimensions for one in self.nested)
 
     # ---------------------------------------------------------------- columns
 
@@ -170,8 +206,9 @@ class Gears:
         return np.asarray(np.max(each, axis=0))
 
     def quantiles(self, columns: Array) -> Array:
-        """Quantile (n,) [arcmin] of the backlash; of the worse gear."""
-        each = [self._quantile(columns, gear) for gear in range(len(self.nested))]
+        """Quantile (n,) [arcmin] of the backlash; of the worst drive."""
+        each = [self.largest[gear] * self._quantile(columns, gear)
+                for gear in range(len(self.nested))]  # fmt: skip
         return np.asarray(np.max(each, axis=0))
 
     def _quantile(self, columns: Array, gear: int) -> Array:
@@ -182,15 +219,15 @@ class Gears:
         return found["backlash_arcmin"]
 
     def rms_of_quantile(self, most: float) -> float:
-        """The least rms [arcmin] of any gear at which its quantile is `most` [arcmin]."""
+        """The least rms [arcmin] of any drive at which its quantile is `most` [arcmin]."""
         found = []
-        for one in self.nested:
+        for one, factor in zip(self.nested, self.largest.tolist(), strict=True):
             low, high = one.range
-            ends = [float(one.quantile(np.array([t]))[0]) - most for t in (low, high)]
+            ends = [_excess(t, one, most / factor) for t in (low, high)]
             if ends[0] >= 0.0 or ends[1] <= 0.0:
-                found.append(low if ends[0] >= 0.0 else high)
+                found.append(factor * (low if ends[0] >= 0.0 else high))
                 continue
-            found.append(float(brentq(_excess, low, high, args=(one, most))))
+            found.append(factor * float(brentq(_excess, low, high, args=(one, most / factor))))
         return min(found)
 
     # ---------------------------------------------------------------- Monte Carlo
@@ -208,19 +245,18 @@ class Gears:
         return [Built(tuple(whole[at] for whole, _ in parts), np.stack([r[at] for _, r in parts]))
                 for at in range(len(columns))]  # fmt: skip
 
-    def units(
-        self, built: Built, points: Array, gear_of: tuple[int, ...]
-    ) -> tuple[Array, float, Array]:
-        """Backlash with hysteresis (units, drives) [arcmin], the hysteresis, and roots (drives, 2,
-        2) of the waves' covariance [arcmin], of one design.
+    def units(self, built: Built, points: Array) -> tuple[Array, Array, Array]:
+        """Backlash with hysteresis (units, drives) [arcmin], the hysteresis (drives,) [arcmin], and
+        roots (drives, 2, 2) of the waves' covariance [arcmin], of one design.
         """
-        width = points.shape[1] // len(gear_of)
+        width = points.shape[1] // len(self.fitted)
         play = []
-        for drive, gear in enumerate(gear_of):
+        for drive, gear in enumerate(self.gear_of):
             one = self.nested[gear]
             own = points[:, drive * width : drive * width + one.dimensions]
             play.append(one.backlashes(built.designs[gear], own))
-        return np.stack(play, axis=1), self.hysteresis, built.roots[list(gear_of)]
+        lost = self.hysteresis * self.factors
+        return self.factors * np.stack(play, axis=1), lost, built.roots[list(self.gear_of)]
 
     # ---------------------------------------------------------------- derivatives
 
@@ -239,7 +275,7 @@ class Gears:
                 own = (0.0 * value, 2.0 * value * SECONDS**2), -self.wave.curve.slope(value)
             else:
                 own = self._difference(columns, gear, begin + at, name)
-            found[f"reducer_{gear + 1}_{name}"] = own
+            found[f"reducer_{self.keys[gear]}_{name}"] = own
         return found
 
     def _difference(
@@ -268,7 +304,7 @@ class Gears:
         found = dict(columns)
         if self.small:
             return found
-        for gear, one in enumerate(self.nested, 1):
+        for gear, one in zip(self.keys, self.nested, strict=True):
             rms, te = found.pop(f"reducer_{gear}_{RMS}"), found.pop(f"reducer_{gear}_{TE}")
             assert one.problem is not None
             designs = one.designs(np.asarray(rms)) if len(rms) else np.empty(

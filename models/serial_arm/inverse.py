@@ -1,0 +1,107 @@
+"""Joint angles of a serial arm at poses of its tool (Levenberg 1944; Sugihara 2011)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..inputs.distribution import Array
+from .chain import Chain
+from .frames import Frames, frames
+
+STEPS = 80
+CLOSE = 1e-9
+"""Residual [m, or rad times the length of the arm] that counts as reached."""
+SEEDS = (-1.0, 0.0, 1.0)
+"""Angles [rad] about the wanted ones at which the search for the first pose begins."""
+LONGEST = 0.5
+"""Longest step of a joint [rad]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reached:
+    """Angles (n, k) [rad] nearest to poses, and what is missing (n,) [m]."""
+
+    angles: Array
+    missing: Array
+
+    @property
+    def within(self) -> NDArray[np.bool_]:
+        """Whether each pose is reached."""
+        return self.missing <= CLOSE
+
+
+def reach(chain: Chain) -> float:
+    """Length of a chain [m]: no point is farther than this from its base."""
+    return float(np.sum(np.hypot(chain.a, chain.d)) + np.linalg.norm(chain.tool))
+
+
+def inverse(
+    chain: Chain, position: Array, turn: Array, start: Array, low: Array, high: Array
+) -> Reached:
+    """The angles within [low, high] (k,) nearest to a pose each, from `start` (n, k).
+
+    `position` (n, 3) [m], `turn` (n, 3, 3); of fewer than six joints the position alone counts.
+    """
+    q, scale = np.clip(start, low, high), reach(chain)
+    whole = len(chain.d) >= 6
+    r, moved = _residual(frames(chain, q), position, turn, scale, whole)
+    for _ in range(STEPS):
+        left = np.flatnonzero(np.linalg.norm(r, axis=1) > 0.01 * CLOSE)
+        if not len(left):
+            break
+        step = _step(moved[left], r[left], scale)
+        tried = np.clip(q[left] + step, low, high)
+        new, other = _residual(frames(chain, tried), position[left], turn[left], scale, whole)
+        better = np.sum(new**2, axis=1) <= np.sum(r[left] ** 2, axis=1) * (1.0 + 1e-6) + 1e-30
+        kept = left[better]
+        q[kept], r[kept], moved[kept] = tried[better], new[better], other[better]
+        if not np.any(better):
+            break
+    return Reached(q, np.linalg.norm(r, axis=1))
+
+
+def _residual(
+    now: Frames, position: Array, turn: Array, scale: float, whole: bool
+) -> tuple[Array, Array]:
+    """What is missing (n, 3 or 6) [m], rotations times `scale`, and its derivative by -angles."""
+    move, rotate = now.joints()
+    r = position - now.tool
+    if not whole:
+        return r, move
+    own = now.turn[:, -1]
+    apart = 0.5 * np.sum(np.cross(own, turn, axis=1), axis=2)
+    opposite = np.einsum("nij,nij->n", own, turn) < -0.999  # half a turn: any axis will do
+    apart[opposite] += own[opposite][:, :, 0]
+    return np.hstack([r, scale * apart]), np.concatenate([move, scale * rotate], axis=1)
+
+
+def _step(jacobian: Array, r: Array, scale: float) -> Array:
+    """Damped least squares; the damping falls with what is missing."""
+    damping = 1e-3 * np.sum(r**2, axis=1) + 1e-14 * scale**2
+    square = jacobian @ np.swapaxes(jacobian, 1, 2)
+    square += damping[:, None, None] * np.eye(square.shape[1])
+    step = np.einsum("nij,ni->nj", jacobian, np.linalg.solve(square, r[..., None])[..., 0])
+    longest = np.maximum(np.abs(step).max(axis=1, keepdims=True) / LONGEST, 1.0)
+    return np.asarray(step / longest)
+
+
+def over_cell(
+    chain: Chain, position: Array, turn: Array, near: Array, low: Array, high: Array
+) -> Reached:
+    """The same of all poses (n,) of a cell in one posture: that nearest to angles `near` (k,) at
+    the pose in the middle, carried on to the others.
+    """
+    middle = int(np.argmin(np.sum((position - position.mean(axis=0)) ** 2, axis=1)))
+    shifts = np.array(list(product(SEEDS, repeat=min(len(near), 6))))
+    starts = np.tile(near, (len(shifts), 1))
+    starts[:, : shifts.shape[1]] += shifts
+    many = [np.repeat(one[middle][None], len(starts), axis=0) for one in (position, turn)]
+    first = inverse(chain, many[0], many[1], starts, low, high)
+    apart = np.max(np.abs(first.angles - near), axis=1)
+    best = np.lexsort((np.round(apart, 6), np.round(first.missing, 9)))[0]
+    start = np.tile(first.angles[best], (len(position), 1))
+    return inverse(chain, position, turn, start, low, high)

@@ -1,0 +1,1 @@
+"""Machines of links and reducers on one front: what every robot's problem has."""

@@ -1,0 +1,92 @@
+"""What a configuration declares of a machine: links, and a reducer on each drive."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from ...declarations import Output, Variable
+from ...models.costs import CostCurve
+from ..reducers.nested import Nested
+from .gears import Fitted, gear_variables
+from .outputs import outputs_of
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive with a reducer: `key` numbers it, drives of one `group` have reducers alike.
+
+    Cost and backlash are the reducer's times a factor each.
+    """
+
+    key: str
+    reducer: Nested
+    cost_factor: float = 1.0
+    backlash_factor: float = 1.0
+    group: str = ""
+
+
+class Definition(ABC):
+    """Links and reducers of a machine."""
+
+    nested: bool
+    """Reducers enter by two numbers each; else every tolerance of them is a variable."""
+    per_drive: bool
+    """Reducers may differ; else all are alike."""
+
+    @property
+    @abstractmethod
+    def drives(self) -> tuple[Drive, ...]:
+        """The drives with a reducer, in the order of the machine's."""
+
+    @property
+    @abstractmethod
+    def link_variables(self) -> tuple[Variable, ...]:
+        """The variables of the links."""
+
+    @property
+    @abstractmethod
+    def link_costs(self) -> Mapping[str, CostCurve]:
+        """Their costs by name."""
+
+    @property
+    @abstractmethod
+    def link_references(self) -> Mapping[str, float]:
+        """Their usual standard deviations by name."""
+
+    @cached_property
+    def links(self) -> tuple[str, ...]:
+        """Names of the links' variables."""
+        return tuple(v.name for v in self.link_variables)
+
+    @cached_property
+    def gears(self) -> Mapping[str, Nested]:
+        """The reducers that have variables of their own, by the key of their first drive."""
+        first: dict[str, Drive] = {}
+        for one in self.drives:
+            first.setdefault(self._group(one), one)
+        return {drive.key: drive.reducer for drive in first.values()}
+
+    @cached_property
+    def fitted(self) -> tuple[Fitted, ...]:
+        """The gear of each drive, with its factors."""
+        names = [self._group(one) for one in self.drives]
+        order = list(dict.fromkeys(names))
+        return tuple(Fitted(order.index(name), one.cost_factor, one.backlash_factor)
+                     for name, one in zip(names, self.drives, strict=True))  # fmt: skip
+
+    def _group(self, drive: Drive) -> str:
+        return (drive.group or f"drive {drive.key}") if self.per_drive else ""
+
+
+def declarations(
+    definition: Definition,
+) -> tuple[tuple[Variable, ...], tuple[Output, ...], dict[str, CostCurve]]:
+    """Variables, outputs and cost curves of the links."""
+    gears = gear_variables(definition.gears, definition.nested)
+    own = definition.link_variables
+    names = [v.name for v in (*own, *gears) if v.tolerance]
+    drives = [one.key for one in definition.drives]
+    return (*own, *gears), outputs_of(drives, definition.links, names), dict(definition.link_costs)

@@ -1,0 +1,317 @@
+"""Machines of links and reducers: one allocation of gears and links, one front."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from ...declarations import Assumption
+from ...errors import Fault
+from ...models.robot.sample import ratio
+from ..forms import Form
+from ..settings import Bound, Settings
+from ..tolerance_problem import Interval, ToleranceProblem
+from .definition import Definition, declarations
+from .form import form_of
+from .gears import Built, Gears
+from .machine import Machine, Sampled
+from .outputs import AXES, LIMITS, OBJECTIVES, share_name
+from .remarks import remarks_of
+
+Array = NDArray[np.float64]
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Shares of backlash in R^2 at which the ratio A/R of a search is known."""
+SAFE = 1.01
+"""Factor of that ratio, so that what a search finds keeps its limits when it is sampled."""
+SAMPLED = 200
+"""Designs that are sampled at once; of more, those that are reported."""
+UNITS = 16_384
+"""Units of the ratio that a search uses."""
+ROWS = ("pose_rms_mm", "squareness_mrad", "yaw_mrad")
+
+
+class RobotProblem(ToleranceProblem):
+    """Pose accuracy of a machine with reducers against cost.
+
+    Links by standard deviations of their errors, reducers by what an rms of their backlash and of
+    their transmission error costs.
+    """
+
+    default_limits: ClassVar[Mapping[str, Bound]] = LIMITS
+    default_objectives = OBJECTIVES
+    default_algorithm: ClassVar[str] = "exact"
+    drawn_again = frozenset(("_sampled", "_ratios"))
+    machine: Machine
+
+    def __init__(self, settings: Settings, definition: Definition) -> None:
+        self.definition = definition
+        self.variables, self.outputs, self.default_costs = declarations(definition)
+        super().__init__(settings)
+        self.gears = Gears.of(definition.gears, definition.fitted, definition.nested,
+                              self.settings.parameters,
+                              self.settings.propagation.coverage)  # fmt: skip
+
+    # ---------------------------------------------------------------- evaluation
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Variables of the links."""
+        return self.definition.links
+
+    def sigma(self, designs: Array) -> Array:
+        """Standard deviations (n, links) of full designs."""
+        return designs[:, : len(self.link_names)]
+
+    def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
+        sigma, gears = self.sigma(designs), self.gears.at(self._of_gears(designs))
+        drives = list(self.gears.gear_of)
+        square = gears.square[:, drives] * self.gears.factors**2  # (n, drives) arcmin^2
+        wave = gears.wave[:, drives] ** 2
+        by_joint, by_link = self._parts(square, wave, sigma)
+        total = by_joint.sum(axis=1) + by_link.sum(axis=1)
+        rms = np.sqrt(total)
+        tilt, turn = (self._turned(row, square, wave, sigma) for row in (1, 2))
+        mean, machine = self.machine.squares, self.machine
+        cost_links, cost_gears = self.cost_of(designs), gears.cost @ self.gears.counts
+        nothing = np.full(len(designs), np.nan)
+        found = {output.name: nothing for output in self.outputs}
+        found |= {
+            "cost": cost_links + cost_gears,
+            "cost_links": cost_links,
+            "cost_reducers": cost_gears,
+            "pose_rms_mm": rms,
+            "squareness_mrad": tilt,
+            "yaw_mrad": turn,
+            "backlash_rms_arcmin": np.sqrt(square.max(axis=1)),
+            "reversal_mm": np.sqrt(square @ mean["backlash"]),
+            "path_te_mm": np.sqrt(2.0 * wave @ mean["wave"]),
+        }
+        found |= {
+            name: np.full(len(designs), value)
+            for name, value in (("wind_up_mm", machine.wind_up),
+                                ("wind_up_varying_mm", machine.wind_up_varying),
+                                ("held_percent", machine.held_percent))
+        }  # fmt: skip
+        with np.errstate(invalid="ignore", divide="ignore"):
+            shares = np.where(total > 0.0, 100.0 / total, 0.0)
+        keys = [one.key for one in self.definition.drives]
+        found |= {f"share_joint_{key}_percent": by_joint[:, at] * shares
+                  for at, key in enumerate(keys)}  # fmt: skip
+        found |= {share_name(n): by_link[:, k] * shares for k, n in enumerate(self.link_names)}
+        backlash = by_joint.sum(axis=1) - wave @ mean["wave"]
+        if searching or len(designs) > SAMPLED:
+            found |= self._accuracy(rms, np.where(total > 0.0, backlash * shares / 100.0, 0.0))
+        else:
+            found |= self._by_monte_carlo(designs, rms)
+        return found | self._asked(designs, np.sqrt(square))
+
+    def _parts(self, square: Array, wave: Array, sigma: Array) -> tuple[Array, Array]:
+        """Parts (n, drives) and (n, links) of R^2 [mm^2]."""
+        mean = self.machine.squares
+        lost = 0.25 * (self.gears.hysteresis * self.gears.factors) ** 2
+        held = (mean["wave"] - mean["backlash"]) * lost
+        by_joint = mean["backlash"] * square / 4.0 + held + mean["wave"] * wave
+        return by_joint, self.machine.links[0] * sigma**2
+
+    def _turned(self, row: int, square: Array, wave: Array, sigma: Array) -> Array:
+        """Rms rotation (n,) [mrad] of a row of `ROWS`."""
+        mean, name = self.machine.squares, AXES[row]
+        backlash, whole = mean[f"{name}backlash"], mean[f"{name}wave"]
+        lost = 0.25 * (self.gears.hysteresis * self.gears.factors) ** 2
+        found = sigma**2 @ self.machine.links[row] + square @ backlash / 4.0 + wave @ whole
+        return np.sqrt(found + (whole - backlash) @ lost)
+
+    def _accuracy(self, rms: Array, share: Array) -> dict[str, Array]:
+        """A by the ratio that a search uses: interpolated over the share of backlash in R^2."""
+        c = SAFE * np.interp(share, SHARES, self._ratios)
+        return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
+
+    def _asked(self, designs: Array, rms: Array) -> dict[str, Array]:
+        """Outputs that take longer, where they are minimised or limited."""
+        asked = {*self.objectives, *(limit.name for limit in self.limits)}
+        found: dict[str, Array] = {}
+        if "te_amplitude_arcsec" in asked:
+            found["te_amplitude_arcsec"] = self.gears.amplitudes(self._of_gears(designs))
+        if "backlash_arcmin" in asked:
+            found["backlash_arcmin"] = self.gears.quantiles(self._of_gears(designs))
+        if "iso_vap_mm" in asked:
+            found["iso_vap_mm"] = self.machine.variation(rms)
+        return found
+
+    def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
+        """Everything else, of the designs that are reported."""
+        own, rms = self._of_gears(designs), found["pose_rms_mm"]
+        play = np.sqrt(self.gears.at(own).square[:, list(self.gears.gear_of)]) * self.gears.factors
+        more = {
+            "te_amplitude_arcsec": self.gears.amplitudes(own),
+            "backlash_arcmin": self.gears.quantiles(own),
+            "iso_vap_mm": self.machine.variation(play),
+        }
+        accuracy = self._by_monte_carlo(designs, rms) if len(designs) > SAMPLED else {}
+        return more | self._prices(designs, rms) | accuracy
+
+    def _by_monte_carlo(self, designs: Array, rms: Array) -> dict[str, Array]:
+        built = self.gears.built(self._of_gears(designs))
+        coverage = self.settings.propagation.coverage
+        c = np.array([ratio(self._errors(sigma, one), coverage)
+                      for sigma, one in zip(self.sigma(designs), built, strict=True)])  # fmt: skip
+        return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
+
+    def _of_gears(self, designs: Array) -> Array:
+        return designs[:, len(self.link_names) :]
+
+    # ---------------------------------------------------------------- accuracy
+
+    @cached_property
+    def _sampled(self) -> Sampled:
+        rng = np.random.default_rng(self.settings.seed)
+        samples = self.settings.propagation.samples
+        return self.machine.sampled(samples, self.gears.dimensions, rng)
+
+    def _errors(self, sigma: Array, built: Built) -> Array:
+        some = self._sampled
+        units = self.gears.units(built, some.sample.unit)
+        return some.errors(sigma, some.joint_errors(*units))
+
+    @cached_property
+    def _ratios(self) -> Array:
+        """c at `SHARES`, of machines whose errors are scaled until backlash has that share."""
+        rng = np.random.default_rng(self.settings.seed)
+        some = self.machine.sampled(UNITS, self.gears.dimensions, rng)
+        middle = np.sqrt(self._corner(tight=True) * np.maximum(self._corner(tight=False), 1e-12))
+        own = self.gears.built(self._of_gears(middle[None, :]))[0]
+        units = self.gears.units(own, some.sample.unit)
+        nothing = np.zeros_like(units[2])
+        play = some.errors(0.0 * self.sigma(middle[None, :])[0],
+                           some.joint_errors(units[0], units[1], nothing))  # fmt: skip
+        rest = some.errors(self.sigma(middle[None, :])[0],
+                           some.joint_errors(0.0 * units[0], 0.0 * units[1], units[2]))  # fmt: skip
+        sizes = [float(np.sqrt(np.mean(np.sum(one**2, axis=1)))) for one in (play, rest)]
+        if not sizes[0]:
+            return np.full(len(SHARES), ratio(rest, self.settings.propagation.coverage))
+        return np.array([
+            ratio(np.sqrt(s) * play / sizes[0] + np.sqrt(1.0 - s) * rest / (sizes[1] or 1.0),
+                  self.settings.propagation.coverage) for s in SHARES
+        ])  # fmt: skip
+
+    # ---------------------------------------------------------------- the next unit of money
+
+    def _prices(self, designs: Array, rms: Array) -> dict[str, Array]:
+        """Fall of R [um] per unit of cost spent on each tolerance."""
+        sigma = self.sigma(designs)
+        found: dict[str, Array] = {}
+        for at, name in enumerate(self.link_names):
+            fall = self.machine.links[0][at] * sigma[:, at] / rms
+            rise = -self.settings.costs[name].slope(sigma[:, at])
+            found[f"price_{name}"] = 1e3 * fall / np.maximum(rise, 1e-300)
+        mean = self.machine.squares
+        for drive, gear in enumerate(self.gears.gear_of):
+            factor = self.gears.factors[drive] ** 2
+            weights = (factor * mean["backlash"][drive] / 4.0, mean["wave"][drive])
+            for name, (square, cost) in self.gears.slopes(self._of_gears(designs), gear).items():
+                fall = (weights[0] * square[0] + weights[1] * square[1]) / (2.0 * rms)
+                count = self.gears.counts[gear]
+                price = 1e3 * fall / (np.maximum(cost, 1e-300) * count)
+                found[f"price_{name}"] = found.get(f"price_{name}", 0.0) + price
+        return found
+
+    # ---------------------------------------------------------------- what is known
+
+    def interval(self, output: str) -> Interval:
+        """Proven bounds: errors rise and costs fall with every tolerance."""
+        if output in self.names:
+            return super().interval(output)
+        ends = np.stack([self._corner(tight=True), self._corner(tight=False)])
+        known = (*ROWS, "backlash_rms_arcmin", "reversal_mm", "path_te_mm", "wind_up_mm")
+        if output in known:
+            low, high = self._outputs(ends, searching=True)[output]
+            return float(low), float(high)
+        if output == "cost":
+            found = self._outputs(ends, searching=True)["cost"]
+            return float(found[1]), float(found[0])
+        return super().interval(output)
+
+    def form(self) -> Form | None:
+        return form_of(self)
+
+    def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
+        return self.gears.form_columns(columns)
+
+    def stand_in_limit(self, name: str, high: float) -> float:
+        """The upper limit of the requirement that stands for a limit on an output."""
+        if name == "pose_accuracy_mm":
+            # of one objective the exact solver moves the limit by what is found to be missing
+            extreme = np.min if len(self.objectives) == 1 else np.max
+            return high / float(extreme(self._ratios))
+        if name == "backlash_arcmin":
+            return self.gears.rms_of_quantile(high)
+        return high
+
+    def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
+        values = super().form_values(form, designs, found)
+        limits = {limit.name: limit.high for limit in self.limits}
+        for row, name in enumerate(form.outputs):
+            other = form.stands.get(name, "")
+            if np.isfinite(limits.get(other, np.inf)):
+                per = found[other] / found[name]
+                allowed = self.stand_in_limit(other, limits[other])
+                values[:, row] = allowed + (found[other] - limits[other]) / per
+        return values
+
+    def kept(self) -> dict[str, Array]:
+        return {name: each for one in self.gears.nested for name, each in one.kept().items()}
+
+    def adopt(self, arrays: Mapping[str, Array]) -> bool:
+        return not [one for one in self.gears.nested if not one.adopt(arrays)]
+
+    def references(self) -> dict[str, Array]:
+        """The documents' reducers on links at their references; all variables must be there."""
+        if self.definition.nested:
+            return {}
+        own = [self.definition.link_references[name] for name in self.link_names]
+        return {"documents' reducers, reference links":
+                np.array([*own, *self.gears.document()])}  # fmt: skip
+
+    # ---------------------------------------------------------------- faults and assumptions
+
+    def misplacements(self) -> list[Fault]:
+        """What keeps the machine from its poses."""
+        return []
+
+    def faults(self) -> list[Fault]:
+        return self.misplacements() or self._without_effect() or super().faults()
+
+    def _without_effect(self) -> list[Fault]:
+        """Objectives that calibration, or gravity, removes entirely."""
+        found = []
+        for at, name in enumerate(self.objectives):
+            low, high = self.interval(name)
+            if np.isfinite(low) and np.isfinite(high) and high <= low + 1e-15:
+                left = "transmission errors and links" if name == "reversal_mm" else "nothing"
+                text = (
+                    f"{name} is {low:.4g} for every design: calibration and held flanks "
+                    f"(calibrated, flanks) remove what tolerances change of it; what is left "
+                    f'is due to {left}: minimise another output, or set flanks = "free"'
+                )
+                found.append(Fault(f"objectives.minimise[{at}]", text))
+        return found
+
+    def assumptions(self) -> tuple[Assumption, ...]:
+        own = [Assumption(f"reducers.{one.key}", one.reducer.source, "", "whose costs they are")
+               for one in self.definition.drives]  # fmt: skip
+        return (*super().assumptions(), *own)
+
+    def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
+        return remarks_of(front)
+
+    def warnings(self) -> tuple[str, ...]:
+        unproven = [one.key for one in self.definition.drives if not one.reducer.proven]
+        if not unproven:
+            return ()
+        return (f"reducers {', '.join(unproven)}: their fronts are points of a search, of which "
+                "nothing is proven: neither is anything of this problem",)  # fmt: skip
