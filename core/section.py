@@ -81,6 +81,11 @@ class Section:
         """Where `key` of this table stands, as faults name it."""
         return ".".join(part for part in (self._place, key) if part)
 
+    @property
+    def faults(self) -> list[Fault]:
+        """What has been found wrong in the whole configuration until now."""
+        return self._faults
+
     def fault(self, key: str, message: str) -> None:
         """Report a fault of `key`, or of the table where the key is empty."""
         fault = Fault(self.place(key) or "configuration", message)

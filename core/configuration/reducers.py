@@ -30,11 +30,28 @@ def with_reducers(top: Section, named: Any, folder: Path) -> Section:
     """The configuration with the reducers in the place of `[reducers]`, for a problem that nests
     them (`nests`: its keys); a faulty one is what stands there.
     """
+    if rows := getattr(named, "nests_in", ""):
+        return _with_rows(top, rows, folder)
     keys = getattr(named, "nests", ())
     if not keys or "reducers" not in top:
         return top
     found = read_reducers(top, keys, folder)
     return top if found is None else top.having("reducers", found)
+
+
+def _with_rows(top: Section, key: str, folder: Path) -> Section:
+    """The same of a problem whose `[[joint]]` tables, or others, name a reducer each (`run`)."""
+    known: dict[str, Nested] = {}
+    rows = []
+    for at, row in enumerate(top.tables(key)):
+        own = row.get("reducer")
+        if isinstance(own, Mapping) and "run" in own:
+            found = read_reducer(top.item(key, at).section("reducer"), "run", folder)
+            if found is not None:
+                found = known.setdefault(found.key, found)
+            row = {**row, "reducer": {**own, "run": found or own["run"]}}
+        rows.append(row)
+    return top.having(key, rows) if rows else top
 
 
 def read_reducers(top: Section, keys: Sequence[str], folder: Path) -> tuple[Nested, ...] | None:

@@ -56,6 +56,11 @@ def error(kind: str, joint: int) -> str:
     return f"{kind}_{joint}_{ERRORS[kind][0]}"
 
 
+def joint_of(name: str) -> int:
+    """The joint that a parameter belongs to; 0 of base, tool and the whole."""
+    return int(next((part for part in name.split("_") if part.isdigit()), 0))
+
+
 def _frame(stem: str, axes: tuple[str, ...]) -> list[Parameter]:
     """Nominal place of base or tool in the measurement, and its error."""
     found = []

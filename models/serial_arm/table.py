@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from ...declarations import Value
 from ...section import Section
-from .declared import BASE, MOST, TABLE, TOOL, nominal
+from .declared import BASE, ERRORS, MOST, TABLE, TOOL, nominal
 
 TABLES = ("joint", "base", "tool")
+OF_ALLOCATIONS = (
+    "mass_kg", "mass", "centre_of_mass_mm", "range_deg", "reducer",
+    *(f"{kind}_{unit}" for kind, (unit, _, _) in ERRORS.items()),
+)  # fmt: skip
+"""Keys of a row that an allocation of tolerances reads; a model alone has no use for them."""
 
 
 def read_chain(top: Section) -> dict[str, Value]:
@@ -36,6 +41,7 @@ def _joint(section: Section, joint: int) -> dict[str, Value]:
         elif name not in section and column not in section and column != "offset":
             section.fault(name, f"is missing: the {meaning} {joint}; write 0 where there is none")
     found.setdefault(nominal("offset", joint), 0.0)
+    section.known(OF_ALLOCATIONS)
     section.finish()
     return found
 

@@ -18,13 +18,14 @@ from .outputs import outputs_of
 class Drive:
     """A drive with a reducer: `key` numbers it, drives of one `group` have reducers alike.
 
-    Cost and backlash are the reducer's times a factor each.
+    Cost, backlash and transmission error are the reducer's times a factor each.
     """
 
     key: str
     reducer: Nested
     cost_factor: float = 1.0
     backlash_factor: float = 1.0
+    te_factor: float = 1.0
     group: str = ""
 
 
@@ -74,8 +75,10 @@ class Definition(ABC):
         """The gear of each drive, with its factors."""
         names = [self._group(one) for one in self.drives]
         order = list(dict.fromkeys(names))
-        return tuple(Fitted(order.index(name), one.cost_factor, one.backlash_factor)
-                     for name, one in zip(names, self.drives, strict=True))  # fmt: skip
+        return tuple(
+            Fitted(order.index(name), one.cost_factor, one.backlash_factor, one.te_factor)
+            for name, one in zip(names, self.drives, strict=True)
+        )
 
     def _group(self, drive: Drive) -> str:
         return (drive.group or f"drive {drive.key}") if self.per_drive else ""

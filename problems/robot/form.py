@@ -35,7 +35,8 @@ def form_of(problem: RobotProblem) -> Form | None:
     shared = ["pose_rms_mm", "squareness_mrad", "yaw_mrad", "reversal_mm", "path_te_mm"]
     outputs = [*shared, *(["backlash_rms_arcmin"] * len(gears)), *([TE_OUTPUT] * len(gears))]
     features = [*_of_gears(problem, len(outputs)), *_of_links(problem, len(outputs))]
-    offset = np.array([problem.gears.wave.base if name == TE_OUTPUT else 0.0 for name in outputs])
+    base = (problem.gears.wave.base * problem.gears.largest[1]).tolist()
+    offset = np.array([*[0.0] * (len(outputs) - len(base)), *base])
     asked = (*outputs, "cost", *STANDS.values(), *(v.name for v in problem.variables))
     relaxed = tuple(
         limit.name for limit in problem.limits
@@ -79,17 +80,17 @@ def _spreads(problem: RobotProblem, gear: int, rows: int) -> Array:
     """Coefficients (2, rows) of a gear's rms backlash [arcmin] and rms wave [arcsec]."""
     mean, gears = problem.machine.squares, problem.gears
     own = [at for at, which in enumerate(gears.gear_of) if which == gear]
-    factor = gears.factors[own] ** 2
-    play = {name: float(mean[f"{name}backlash"][own] @ factor) for name in AXES}
-    wave = {name: float(mean[f"{name}wave"][own].sum()) for name in AXES}
+    squares = gears.factors[own] ** 2, gears.te_factors[own] ** 2
+    play = {name: float(mean[f"{name}backlash"][own] @ squares[0]) for name in AXES}
+    wave = {name: float(mean[f"{name}wave"][own] @ squares[1]) for name in AXES}
     spread = np.zeros((2, rows))
     for row, name in enumerate(AXES):
         spread[0, row] = np.sqrt(play[name] / 4.0)
         spread[1, row] = SECONDS * np.sqrt(wave[name])
     spread[0, 3] = np.sqrt(play[""])
     spread[1, 4] = SECONDS * np.sqrt(2.0 * wave[""])
-    spread[0, 5 + gear] = gears.largest[gear]
-    spread[1, 5 + len(gears.nested) + gear] = gears.wave.least
+    spread[0, 5 + gear] = gears.largest[0, gear]
+    spread[1, 5 + len(gears.nested) + gear] = gears.largest[1, gear] * gears.wave.least
     return spread
 
 

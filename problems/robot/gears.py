@@ -26,13 +26,14 @@ STEP = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """A reducer on a drive: the place of its `gear` among those that have tolerances of their own,
-    its cost as a factor of the gear's, and its backlash as one of the gear's.
+    """A reducer on a drive: the place of its `gear` among those that have tolerances of their own;
+    its cost, backlash and transmission error as factors of the gear's.
     """
 
     gear: int
     cost_factor: float = 1.0
     backlash_factor: float = 1.0
+    te_factor: float = 1.0
 
 
 def gear_variables(gears: Mapping[str, Nested], nested: bool) -> tuple[Variable, ...]:
@@ -139,6 +140,11 @@ class Gears:
         return np.array([one.backlash_factor for one in self.fitted])
 
     @cached_property
+    def te_factors(self) -> Array:
+        """Transmission error (drives,) as a factor of that of the drive's gear."""
+        return np.array([one.te_factor for one in self.fitted])
+
+    @cached_property
     def counts(self) -> Array:
         """Sum of the cost factors of the drives that have each gear."""
         costs = [one.cost_factor for one in self.fitted]
@@ -146,9 +152,12 @@ class Gears:
 
     @cached_property
     def largest(self) -> Array:
-        """Largest backlash factor (gears,) of the drives that have each gear."""
-        return np.array([max(one.backlash_factor for one in self.fitted if one.gear == gear)
-                         for gear in range(len(self.nested))])  # fmt: skip
+        """Largest factors (2, gears) of backlash and transmission error of the drives that have
+        each gear.
+        """
+        own = np.array(self.gear_of)
+        return np.array([[factors[own == gear].max() for gear in range(len(self.nested))]
+                         for factors in (self.factors, self.te_factors)])  # fmt: skip
 
     @property
     def dimensions(self) -> int:
@@ -200,14 +209,14 @@ class Gears:
         return self.price * cost, one.block.of_designs(designs), wave
 
     def amplitudes(self, columns: Array) -> Array:
-        """Quantile (n,) [arcsec] of the amplitude of the transmission error; of the worse gear."""
-        each = [self.wave.amplitude(self._half_widths(columns, gear))
+        """Quantile (n,) [arcsec] of the amplitude of the transmission error; of the worst drive."""
+        each = [self.largest[1, gear] * self.wave.amplitude(self._half_widths(columns, gear))
                 for gear in range(len(self.nested))]  # fmt: skip
         return np.asarray(np.max(each, axis=0))
 
     def quantiles(self, columns: Array) -> Array:
         """Quantile (n,) [arcmin] of the backlash; of the worst drive."""
-        each = [self.largest[gear] * self._quantile(columns, gear)
+        each = [self.largest[0, gear] * self._quantile(columns, gear)
                 for gear in range(len(self.nested))]  # fmt: skip
         return np.asarray(np.max(each, axis=0))
 
@@ -221,7 +230,7 @@ class Gears:
     def rms_of_quantile(self, most: float) -> float:
         """The least rms [arcmin] of any drive at which its quantile is `most` [arcmin]."""
         found = []
-        for one, factor in zip(self.nested, self.largest.tolist(), strict=True):
+        for one, factor in zip(self.nested, self.largest[0].tolist(), strict=True):
             low, high = one.range
             ends = [_excess(t, one, most / factor) for t in (low, high)]
             if ends[0] >= 0.0 or ends[1] <= 0.0:
@@ -256,7 +265,8 @@ class Gears:
             own = points[:, drive * width : drive * width + one.dimensions]
             play.append(one.backlashes(built.designs[gear], own))
         lost = self.hysteresis * self.factors
-        return self.factors * np.stack(play, axis=1), lost, built.roots[list(self.gear_of)]
+        roots = self.te_factors[:, None, None] * built.roots[list(self.gear_of)]
+        return self.factors * np.stack(play, axis=1), lost, roots
 
     # ---------------------------------------------------------------- derivatives
 

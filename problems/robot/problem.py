@@ -71,7 +71,7 @@ class RobotProblem(ToleranceProblem):
         sigma, gears = self.sigma(designs), self.gears.at(self._of_gears(designs))
         drives = list(self.gears.gear_of)
         square = gears.square[:, drives] * self.gears.factors**2  # (n, drives) arcmin^2
-        wave = gears.wave[:, drives] ** 2
+        wave = (gears.wave[:, drives] * self.gears.te_factors) ** 2
         by_joint, by_link = self._parts(square, wave, sigma)
         total = by_joint.sum(axis=1) + by_link.sum(axis=1)
         rms = np.sqrt(total)
@@ -211,8 +211,9 @@ class RobotProblem(ToleranceProblem):
             found[f"price_{name}"] = 1e3 * fall / np.maximum(rise, 1e-300)
         mean = self.machine.squares
         for drive, gear in enumerate(self.gears.gear_of):
-            factor = self.gears.factors[drive] ** 2
-            weights = (factor * mean["backlash"][drive] / 4.0, mean["wave"][drive])
+            fitted = self.gears.fitted[drive]
+            weights = (fitted.backlash_factor**2 * mean["backlash"][drive] / 4.0,
+                       fitted.te_factor**2 * mean["wave"][drive])  # fmt: skip
             for name, (square, cost) in self.gears.slopes(self._of_gears(designs), gear).items():
                 fall = (weights[0] * square[0] + weights[1] * square[1]) / (2.0 * rms)
                 count = self.gears.counts[gear]

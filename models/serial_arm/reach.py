@@ -1,0 +1,72 @@
+"""Whether a serial arm reaches the poses of its cell, and which joint keeps it from one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..inputs.distribution import Array
+from .chain import Chain
+from .frames import Frames, frames
+from .inverse import Reached, reach
+
+SINGULAR = 1e-3
+"""Least over largest singular value of the Jacobian, lengths in those of the arm, of a pose that
+counts as singular."""
+LEVER = 0.05
+"""Distance of the tool from a joint's axis, in lengths of the arm, from which it can be stretched.
+"""
+ALIKE = 0.3
+"""Part in a dependent motion, over the largest, of a joint that is named."""
+
+
+def blocking(chain: Chain, reached: Reached, low: Array, high: Array) -> list[str]:
+    """For each pose the joint that keeps the arm from it; empty where it is reached."""
+    missed = np.flatnonzero(~reached.within)
+    found = [""] * len(reached.angles)
+    stretched = _stretched(chain, frames(chain, reached.angles[missed]))
+    for row, at in enumerate(missed):
+        q = reached.angles[at]
+        stopped = np.flatnonzero((q <= low + 1e-9) | (q >= high - 1e-9))
+        if len(stopped):
+            names = " and ".join(str(one + 1) for one in stopped)
+            ends = ", ".join(f"{np.degrees(q[one]):.4g} deg" for one in stopped)
+            found[at] = f"joint {names} stands at the end of its range ({ends})"
+        else:
+            found[at] = f"joint {stretched[row] + 1} is stretched or folded"
+    return found
+
+
+def _stretched(chain: Chain, now: Frames) -> NDArray[np.int64]:
+    """The joint (n,) whose turning changes least the distance of the tool from the joint before it.
+
+    That distance is at its largest, or least, where its derivative is 0.
+    """
+    tool, size = now.tool[:, None, :], reach(chain)
+    lever = np.cross(now.axes[:, 1:], tool - now.origin[:, 1:-1])
+    base = now.origin[:, :-2]
+    slope = np.abs(np.sum(lever * (tool - base), axis=2))
+    far = np.linalg.norm(lever, axis=2)
+    away = np.linalg.norm(tool - base, axis=2)
+    sine = slope / np.maximum(far * away, 1e-12)
+    sine = np.where((far > LEVER * size) & (away > LEVER * size), sine, np.inf)
+    return np.asarray(np.argmin(sine, axis=1) + 1)
+
+
+def singular(chain: Chain, now: Frames) -> list[str]:
+    """For each pose the joints that move the tool alike; empty where it is regular."""
+    move, turn = now.joints()
+    jacobian = move / reach(chain)
+    if move.shape[2] >= 6:
+        jacobian = np.concatenate([jacobian, turn], axis=1)
+    rank = min(jacobian.shape[1:])
+    _, sizes, rows = np.linalg.svd(jacobian)
+    found = []
+    for size, row in zip(sizes, rows, strict=True):
+        if size[rank - 1] > SINGULAR * size[0]:
+            found.append("")
+            continue
+        part = np.abs(row[rank - 1])
+        names = np.flatnonzero(part > ALIKE * part.max()) + 1
+        found.append(" and ".join(str(one) for one in names))
+    return found

@@ -1,0 +1,138 @@
+"""Serial arms with a reducer in every joint: links and gears on one front."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...declarations import Assumption, Value, completed, number
+from ...errors import Fault
+from ...models.serial_arm.reach import blocking, singular
+from ...section import Section
+from ..robot.definition import declarations
+from ..robot.outputs import LIMITS, OBJECTIVES
+from ..robot.problem import RobotProblem
+from ..settings import Bound, Settings
+from .definition import Definition
+from .machine import ArmMachine
+from .reading import read_definition
+from .shipped import shipped_arm
+from .writing import definition_tables
+
+NAMED = 5
+"""Poses that are named; of more the number."""
+
+
+class ArmKind:
+    """What a configuration declares; it makes the problem."""
+
+    default_limits: ClassVar[Mapping[str, Bound]] = LIMITS
+    default_objectives = OBJECTIVES
+    default_model = "serial_arm"
+    default_algorithm = "exact"
+
+    def __init__(self, definition: Definition) -> None:
+        self.definition = definition
+        self.parameters = definition.parameters
+        self.variables, self.outputs, self.default_costs = declarations(definition)
+
+    def __call__(self, settings: Settings) -> SerialArmAllocation:
+        return SerialArmAllocation(replace(settings, definition=self.definition))
+
+
+class SerialArmAllocation(RobotProblem):
+    """Pose accuracy of a serial arm with its reducers against cost: any chain of joints, one front.
+
+    The arm is a Denavit-Hartenberg table in the configuration (`[[joint]]`, `[cell]`); five errors
+    a joint, a reducer each: docs/serial_arm.md.
+    """
+
+    parameters = shipped_arm().parameters
+    default_model = "serial_arm"
+    tables_of: ClassVar[tuple[str, ...]] = ("joint", "base", "tool", "cell")
+    nests_in: ClassVar[str] = "joint"
+    """The tables that name a reducer each."""
+    definition: Definition
+    machine: ArmMachine
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        given = settings or Settings()
+        own: Definition = given.definition or default_definition(given.parameters)
+        self.parameters = own.parameters
+        super().__init__(given, own)
+        self.machine = ArmMachine(self.settings.parameters, own)
+
+    @classmethod
+    def configured(cls, top: Section) -> Any:
+        found = read_definition(top)
+        return None if found is None else ArmKind(found)
+
+    def more_tables(self) -> dict[str, Any]:
+        return definition_tables(self.definition, self.settings.parameters)
+
+    # ---------------------------------------------------------------- faults and assumptions
+
+    def misplacements(self) -> list[Fault]:
+        return self._out_of_reach() or self._singular() or self._without_masses()
+
+    def _out_of_reach(self) -> list[Fault]:
+        reached, machine = self.machine.reached, self.machine
+        why = blocking(machine.chain, reached, *self.definition.ends)
+        found = [(at, f"is out of reach by {1e3 * reached.missing[at]:.3g} mm: {text}")
+                 for at, text in enumerate(why) if text]  # fmt: skip
+        return self._at_poses(found, "move or shrink the cell, or widen range_deg")
+
+    def _singular(self) -> list[Fault]:
+        alike = singular(self.machine.chain, self.machine.frames)
+        found = [(at, f"is singular: joints {text} move the tool alike")
+                 for at, text in enumerate(alike) if text]  # fmt: skip
+        return self._at_poses(found, "move the cell, or give another posture (near_deg)")
+
+    def _at_poses(self, found: list[tuple[int, str]], remedy: str) -> list[Fault]:
+        cell = self.definition.cell
+        tool = self.machine.frames.tool
+        faults = []
+        for at, text in found[:NAMED]:
+            place = f"cell.poses[{at}]" if cell.listed else "cell"
+            where = ", ".join(f"{1e3 * one:.4g}" for one in self._commanded(at, tool))
+            faults.append(Fault(place, f"pose {at + 1} ({where} mm) {text}; {remedy}"))
+        if len(found) > NAMED:
+            more = len(found) - NAMED
+            faults.append(Fault("cell", f"{more} more poses of {len(tool)} are like these"))
+        return faults
+
+    def _commanded(self, at: int, tool: np.ndarray) -> np.ndarray:
+        cell = self.definition.cell
+        return np.asarray(tool[at] if cell.in_joints else cell.poses()[0][at])
+
+    def _without_masses(self) -> list[Fault]:
+        """Gravity cannot say which flank it holds of an arm without masses."""
+        if "gravity" not in self.machine.flanks:
+            return []
+        lacking = [at for at, one in enumerate(self.definition.joints) if one.mass is None]
+        return [Fault(f"joint[{at}].mass_kg", "is missing: gravity holds flanks by the masses of "
+                      'the links; write 0 where there is none, or set parameters.flanks = "free"')
+                for at in lacking]  # fmt: skip
+
+    def assumptions(self) -> tuple[Assumption, ...]:
+        own, cell = self.definition, self.definition.cell
+        found = [Assumption("joint", own.shipped, "", "no table is given")] if own.shipped else []
+        if not cell.listed:
+            shown = f"{cell.kind} of {1e3 * cell.side:g} mm"
+            found.append(Assumption("cell", shown, "", "poses that the means are over"))
+        for key, one in zip((d.key for d in own.drives), own.gearings.values(), strict=True):
+            for name in ("cost_factor", "backlash_factor"):
+                if (value := getattr(one, name)) != 1.0:
+                    reason = f"of the reducer of joint {key}, against the one it is priced by"
+                    found.append(Assumption(f"joint[{int(key) - 1}].reducer.{name}", value, "",
+                                            reason, "configuration"))  # fmt: skip
+        return (*super().assumptions(), *found)
+
+
+def default_definition(parameters: Mapping[str, Value]) -> Definition:
+    """The shipped arm."""
+    given = completed(shipped_arm().parameters, parameters)
+    return shipped_arm(bool(number(given["nested"])), bool(number(given["per_drive"])))

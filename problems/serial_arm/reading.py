@@ -1,0 +1,207 @@
+"""`[[joint]]`, `[base]`, `[tool]` and `[cell]` of an allocation: a serial arm with its reducers."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from ...declarations import Value
+from ...models.costs.reading import read_curve
+from ...models.serial_arm.cell import KINDS, Cell
+from ...models.serial_arm.declared import DEG, ERRORS
+from ...models.serial_arm.table import read_chain
+from ...section import POSITIVE, Range, Section
+from ...units import MM
+from ..reducers.documents import documents_reducer
+from ..reducers.nested import Nested
+from ..robot.outputs import FLANKS
+from .definition import Definition, Gearing, Joint, LinkError
+from .shipped import shipped_arm
+
+NOT_NEGATIVE = Range(low=0.0)
+MOST_PER_EDGE = 15
+
+
+def read_definition(top: Section) -> Definition | None:
+    """The arm of a configuration, the shipped one where it has no `[[joint]]`; None if faulty."""
+    flags = top.section("parameters")
+    nested, per_drive = flags.take("nested") is not False, flags.take("per_drive") is not False
+    faults = _Faults(top)
+    table = read_chain(top)
+    rows = top.tables("joint") if "joint" in top else []
+    usual = shipped_arm()
+    joints = tuple(_joint(top.item("joint", at)) for at in range(len(rows)))
+    count = len(rows) or len(usual.joints)
+    cell = _cell(top, count, table, None if rows else usual.cell)
+    if not nested:
+        for at, one in enumerate(joints):
+            if one.gearing is not None and not one.gearing.reducer.proven:
+                top.item("joint", at).fault("reducer", "nested = false needs a reducer with "
+                    "tolerances of its own: name a configuration of rv_backlash")  # fmt: skip
+    if faults.new or cell is None:
+        return None
+    if not rows:
+        own = {**usual.table, **table}
+        return Definition(own, usual.joints, cell, nested, per_drive, usual.shipped)
+    return Definition(table, joints, cell, nested, per_drive)
+
+
+class _Faults:
+    """Whether anything has been found wrong since this was made."""
+
+    def __init__(self, top: Section) -> None:
+        self._faults = top.faults
+        self._before = len(self._faults)
+
+    @property
+    def new(self) -> bool:
+        return len(self._faults) > self._before
+
+
+def _joint(section: Section) -> Joint:
+    """What a row says beside its columns of the table."""
+    mass = section.quantity("mass_kg", "kg", NOT_NEGATIVE)
+    centre = _triple(section, "centre_of_mass_mm", MM)
+    heavy = "mass_kg" in section or "mass" in section
+    if heavy and "centre_of_mass_mm" not in section and mass != 0.0:
+        section.fault("centre_of_mass_mm", "is missing: a mass needs its centre [mm] in the frame "
+                      "after the joint, as [x, y, z]")  # fmt: skip
+    if not heavy and "centre_of_mass_mm" in section:
+        section.fault("mass_kg", "is missing: a centre of mass needs the mass")
+    low, high = _ends(section)
+    given = [kind for kind in ERRORS if f"{kind}_{ERRORS[kind][0]}" in section]
+    errors = tuple((kind, _error(section, kind)) for kind in given)
+    return Joint(mass, centre or (0.0, 0.0, 0.0), low, high, _gearing(section), errors)
+
+
+def _ends(section: Section) -> tuple[float, float]:
+    given = section.numbers("range_deg")
+    if given is None:
+        return Joint.low, Joint.high
+    if len(given) != 2 or not given[0] < given[1]:
+        section.fault("range_deg", f"must be [lowest, highest] reading, got {list(given)}")
+        return Joint.low, Joint.high
+    return given[0] * DEG, given[1] * DEG
+
+
+def _error(section: Section, kind: str) -> LinkError | None:
+    """The range and cost of one of the five errors; None where the row says that it has none."""
+    name = f"{kind}_{ERRORS[kind][0]}"
+    if section.take(name) == "none":
+        return None
+    own, usual = section.section(name), LinkError.usual(kind)
+    low = own.number("low", ERRORS[kind][0], POSITIVE)
+    high = own.number("high", ERRORS[kind][0], POSITIVE)
+    curve = read_curve(own.section("cost"), usual.curve) if "cost" in own else usual.curve
+    own.finish()
+    found = LinkError(low or usual.low, high or usual.high, usual.reference, curve or usual.curve)
+    if not found.low < found.high:
+        own.fault("low", f"must be below high ({found.high:g}), got {found.low:g}")
+    return found
+
+
+def _gearing(section: Section) -> Gearing | None:
+    """The reducer of a joint; that of the documents where the row has none."""
+    if "reducer" not in section:
+        return Gearing(documents_reducer())
+    if section.take("reducer") == "none":
+        return None
+    own = section.section("reducer")
+    reducer = own.take("run") or documents_reducer()
+    keys = ("cost_factor", "backlash_factor", "te_factor")
+    factors = [own.number(key, "", POSITIVE) for key in keys]
+    stiffness = own.number("stiffness_Nm_per_arcmin", "Nm/arcmin", POSITIVE)
+    friction = own.number("friction_torque_Nm", "Nm", NOT_NEGATIVE)
+    flank, group = own.text("flank", FLANKS) or "", own.text("group") or ""
+    own.finish()
+    if not isinstance(reducer, Nested):  # its faults were found where it was opened
+        reducer = documents_reducer()
+    cost, backlash = (1.0 if one is None else one for one in factors[:2])
+    return Gearing(reducer, cost, backlash, factors[2], stiffness, friction, flank, group)
+
+
+def _cell(top: Section, joints: int, table: dict[str, Value], usual: Cell | None) -> Cell | None:
+    """The poses; `tool_mm` goes to the table of the chain."""
+    section = top.section("cell")
+    tool = _triple(section, "tool_mm", 1.0)
+    if tool is not None:
+        if "tool" in top:
+            section.fault("tool_mm", "is given twice: here and as [tool]")
+        table |= {f"nominal_tool_{axis}_mm": value
+                  for axis, value in zip("xyz", tool, strict=True)}  # fmt: skip
+    if "cell" not in top and usual is None:
+        top.fault("cell", "is missing: give centre_mm and side_mm of a cube, or poses")
+        return None
+    known = usual or Cell()
+    near = section.numbers("near_deg")
+    if near is not None and len(near) != joints:
+        section.fault("near_deg", f"must have an angle per joint ({joints}), got {len(near)}")
+    more: dict[str, Any] = {
+        "turn": _triple(section, "turn_deg", DEG) or known.turn,
+        "near": tuple(one * DEG for one in near or ()),
+        "of_tool": section.text("at", ("flange", "tool")) == "tool",
+    }
+    found = _listed(section, joints, more) if _is_listed(section) else _cube(section, known, more)
+    section.finish()
+    return found
+
+
+def _is_listed(section: Section) -> bool:
+    return "joints_deg" in section or isinstance(section.take("poses"), list)
+
+
+def _cube(section: Section, known: Cell, more: dict[str, Any]) -> Cell:
+    kind = section.text("poses", KINDS) or known.kind
+    centre = _triple(section, "centre_mm", MM)
+    side = section.number("side_mm", "mm", POSITIVE)
+    per_edge = section.integer("per_edge", Range(low=1, high=MOST_PER_EDGE))
+    if known.side == 0.0:
+        for key in ("centre_mm", "side_mm"):
+            if key not in section:
+                section.fault(key, "is missing: the poses are in a cube about centre_mm")
+    return Cell(centre or known.centre, known.side if side is None else side * MM, kind,
+                per_edge or known.per_edge, **more)  # fmt: skip
+
+
+def _listed(section: Section, joints: int, more: dict[str, Any]) -> Cell:
+    """Poses one by one: positions [mm] with or without rotation vectors [deg], or angles [deg]."""
+    in_joints = "joints_deg" in section
+    key = "joints_deg" if in_joints else "poses"
+    for other in ("centre_mm", "side_mm", "per_edge", *(("poses",) if in_joints else ())):
+        if other in section:
+            section.take(other)
+            section.fault(other, f"does not go with a list of poses ({key})")
+    rows = section.take(key)
+    widths = (joints,) if in_joints else (3, 6)
+    if not isinstance(rows, list) or not rows:
+        section.fault(key, "must list at least one pose")
+        return Cell(**more)
+    read = [_row(section, f"{key}[{at}]", row, widths) for at, row in enumerate(rows)]
+    if len({len(row) for row in read if row}) > 1:
+        section.fault(key, "must have a rotation vector in all rows or in none")
+    unit = np.array([DEG] * joints if in_joints else [MM] * 3 + [DEG] * 3)
+    whole = [tuple((np.array(row) * unit[: len(row)]).tolist()) for row in read if row]
+    return Cell(listed=tuple(whole), in_joints=in_joints, **more)
+
+
+def _row(section: Section, key: str, row: Any, widths: tuple[int, ...]) -> list[float]:
+    if not isinstance(row, list) or len(row) not in widths:
+        wanted = " or ".join(str(one) for one in widths)
+        section.fault(key, f"must be a list of {wanted} numbers, got {row}")
+        return []
+    found = [section.as_number(key, one, "") for one in row]
+    return [one for one in found if one is not None] if None not in found else []
+
+
+def _triple(section: Section, key: str, unit: float) -> tuple[float, float, float] | None:
+    """Three numbers in SI."""
+    given = section.numbers(key)
+    if given is None:
+        return None
+    if len(given) != 3 or max(abs(one) for one in given) == inf:
+        section.fault(key, f"must be [x, y, z], got {list(given)}")
+        return None
+    x, y, z = (one * unit for one in given)
+    return x, y, z
