@@ -12,7 +12,9 @@ from ..inputs.distribution import Array
 from .chain import Chain
 from .frames import Frames, frames
 
-STEPS = 80
+STEPS = 120
+HOPELESS = 1e12
+"""Damping, as a factor, at which no step has been found that comes nearer."""
 CLOSE = 1e-9
 """Residual [m, or rad times the length of the arm] that counts as reached."""
 SEEDS = (-1.0, 0.0, 1.0)
@@ -49,18 +51,21 @@ def inverse(
     q, scale = np.clip(start, low, high), reach(chain)
     whole = len(chain.d) >= 6
     r, moved = _residual(frames(chain, q), position, turn, scale, whole)
+    damping = np.ones(len(q))
     for _ in range(STEPS):
-        left = np.flatnonzero(np.linalg.norm(r, axis=1) > 0.01 * CLOSE)
+        left = np.flatnonzero((np.linalg.norm(r, axis=1) > 0.01 * CLOSE) & (damping < HOPELESS))
         if not len(left):
             break
-        step = _step(moved[left], r[left], scale)
+        step = _step(moved[left], r[left], scale, damping[left])
+        ends = ((q[left] <= low) & (step < 0.0)) | ((q[left] >= high) & (step > 0.0))
+        step = _step(np.where(ends[:, None, :], 0.0, moved[left]), r[left], scale, damping[left])
         tried = np.clip(q[left] + step, low, high)
         new, other = _residual(frames(chain, tried), position[left], turn[left], scale, whole)
-        better = np.sum(new**2, axis=1) <= np.sum(r[left] ** 2, axis=1) * (1.0 + 1e-6) + 1e-30
+        better = np.sum(new**2, axis=1) < np.sum(r[left] ** 2, axis=1)
         kept = left[better]
         q[kept], r[kept], moved[kept] = tried[better], new[better], other[better]
-        if not np.any(better):
-            break
+        damping[left] *= np.where(better, 0.2, 10.0)
+        damping[left] = np.maximum(damping[left], 1e-6)
     return Reached(q, np.linalg.norm(r, axis=1))
 
 
@@ -79,11 +84,11 @@ def _residual(
     return np.hstack([r, scale * apart]), np.concatenate([move, scale * rotate], axis=1)
 
 
-def _step(jacobian: Array, r: Array, scale: float) -> Array:
+def _step(jacobian: Array, r: Array, scale: float, damping: Array) -> Array:
     """Damped least squares; the damping falls with what is missing."""
-    damping = 1e-3 * np.sum(r**2, axis=1) + 1e-14 * scale**2
+    own = damping * 1e-3 * np.sum(r**2, axis=1) + 1e-13 * scale**2
     square = jacobian @ np.swapaxes(jacobian, 1, 2)
-    square += damping[:, None, None] * np.eye(square.shape[1])
+    square += own[:, None, None] * np.eye(square.shape[1])
     step = np.einsum("nij,ni->nj", jacobian, np.linalg.solve(square, r[..., None])[..., 0])
     longest = np.maximum(np.abs(step).max(axis=1, keepdims=True) / LONGEST, 1.0)
     return np.asarray(step / longest)
