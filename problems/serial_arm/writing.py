@@ -39,8 +39,11 @@ def _joint(parameters: Mapping[str, Value], at: int, joint: Joint) -> dict[str, 
 
 
 def _gearing(one: Gearing) -> dict[str, Any]:
-    numbers = {"te_factor": one.te_factor,
-               "stiffness_Nm_per_arcmin": one.stiffness, "friction_torque_Nm": one.friction}  # fmt: skip
+    numbers = {
+        "te_factor": one.te_factor,
+        "stiffness_Nm_per_arcmin": one.stiffness,
+        "friction_torque_Nm": one.friction,
+    }
     words = {"flank": one.flank, "group": one.group}
     return {
         "run": dict(one.reducer.tables),
