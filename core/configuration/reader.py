@@ -14,6 +14,7 @@ from ..problems.slips import unit_slips
 from ..section import Range, Section
 from ..workflows.choice.steps import rounding_faults
 from ..workflows.run.contradictions import contradictions
+from .cells import with_poses
 from .choice import read_choice, resolved_choice
 from .configuration import Configuration
 from .costs import check_ends, narrowed, read_costs
@@ -81,7 +82,7 @@ def _read_problem(
     if "problem" not in top:
         top.fault("problem", 'is missing: name a problem (see `tolevo list`), or model = "..."')
     named = load_named(top, "problem", "problems")
-    top = with_reducers(top, named, folder)
+    top = with_poses(with_reducers(top, named, folder), named, folder)
     kind = named.configured(top) if named else None
     model = load_named(top, "model", "models", kind.default_model if kind else "")
     model_name = top.take("model") or (kind.default_model if kind else "")

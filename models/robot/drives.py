@@ -9,6 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+WHOLE = 6
+"""Joints from which on position and orientation can be kept together."""
+STILL = 1e-9
+"""Rate of a joint, over the largest, that is rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,11 +45,13 @@ class Drives:
     def approach_sides(self, directions: Array) -> Array:
         """Signs (approaches, n, joints) of the joints' motion towards `directions` (k, 3).
 
-        All joints that move the position are asked; where they are more than three, with the least
-        motion of them all.
+        With six joints or more the orientation is kept; with fewer they move the position alone,
+        with the least motion of them all. 0 of a joint that does not move.
         """
-        inverse = np.linalg.pinv(self.move)
-        return np.asarray(np.sign(np.einsum("nji,ki->knj", inverse, directions)))
+        whole = self.move.shape[2] >= WHOLE
+        rows = np.concatenate([self.move, self.turn], axis=1) if whole else self.move
+        rate = np.einsum("nji,ki->knj", np.linalg.pinv(rows)[:, :, :3], directions)
+        return np.where(np.abs(rate) > STILL * np.abs(rate).max(), np.sign(rate), 0.0)
 
     def variation(
         self, reversing: Array, directions: Array | None = None, free: Array | None = None

@@ -19,6 +19,8 @@ CLOSE = 1e-9
 """Residual [m, or rad times the length of the arm] that counts as reached."""
 SEEDS = (-1.0, 0.0, 1.0)
 """Angles [rad] about the wanted ones at which the search for the first pose begins."""
+SHIFTED = 5
+"""Joints that are shifted so: the last turns about the tool."""
 LONGEST = 0.5
 """Longest step of a joint [rad]."""
 
@@ -101,7 +103,7 @@ def over_cell(
     the pose in the middle, carried on to the others.
     """
     middle = int(np.argmin(np.sum((position - position.mean(axis=0)) ** 2, axis=1)))
-    shifts = np.array(list(product(SEEDS, repeat=min(len(near), 6))))
+    shifts = np.array(list(product(SEEDS, repeat=min(len(near), SHIFTED))))
     starts = np.tile(near, (len(shifts), 1))
     starts[:, : shifts.shape[1]] += shifts
     many = [np.repeat(one[middle][None], len(starts), axis=0) for one in (position, turn)]

@@ -13,9 +13,8 @@ from .inverse import Reached, reach
 SINGULAR = 1e-3
 """Least over largest singular value of the Jacobian, lengths in those of the arm, of a pose that
 counts as singular."""
-LEVER = 0.05
-"""Distance of the tool from a joint's axis, in lengths of the arm, from which it can be stretched.
-"""
+ALIGNED = 0.35
+"""Sine of the angle at a joint that counts as stretched or folded."""
 ALIKE = 0.3
 """Part in a dependent motion, over the largest, of a joint that is named."""
 
@@ -38,19 +37,18 @@ def blocking(chain: Chain, reached: Reached, low: Array, high: Array) -> list[st
 
 
 def _stretched(chain: Chain, now: Frames) -> NDArray[np.int64]:
-    """The joint (n,) whose turning changes least the distance of the tool from the joint before it.
+    """The joint (n,) whose turning changes the distance of the tool from the joint before it most
+    over a turn, but not here: that distance is at its largest, or its least.
 
-    That distance is at its largest, or least, where its derivative is 0.
+    It is constant + 2 r s cos(theta + ...) of the distances r and s of both from the axis.
     """
-    tool, size = now.tool[:, None, :], reach(chain)
-    lever = np.cross(now.axes[:, 1:], tool - now.origin[:, 1:-1])
-    base = now.origin[:, :-2]
-    slope = np.abs(np.sum(lever * (tool - base), axis=2))
-    far = np.linalg.norm(lever, axis=2)
-    away = np.linalg.norm(tool - base, axis=2)
-    sine = slope / np.maximum(far * away, 1e-12)
-    sine = np.where((far > LEVER * size) & (away > LEVER * size), sine, np.inf)
-    return np.asarray(np.argmin(sine, axis=1) + 1)
+    axis, size = now.axes[:, 1:], reach(chain)
+    ends = now.tool[:, None, :] - now.origin[:, 1:-1], now.origin[:, :-2] - now.origin[:, 1:-1]
+    levers = [np.cross(axis, one) for one in ends]
+    swing = np.prod([np.linalg.norm(one, axis=2) for one in levers], axis=0)
+    slope = np.abs(np.sum(levers[0] * (ends[0] - ends[1]), axis=2))
+    aligned = slope <= ALIGNED * swing + 1e-9 * size**2
+    return np.asarray(np.argmax(np.where(aligned, swing, 0.0), axis=1) + 1)
 
 
 def singular(chain: Chain, now: Frames) -> list[str]:

@@ -148,7 +148,7 @@ class Gears:
     def counts(self) -> Array:
         """Sum of the cost factors of the drives that have each gear."""
         costs = [one.cost_factor for one in self.fitted]
-        return np.bincount(self.gear_of, costs, len(self.nested))
+        return np.bincount(self.gear_of, costs, len(self.nested)).astype(float)
 
     @cached_property
     def largest(self) -> Array:
@@ -183,6 +183,22 @@ class Gears:
             return one.designs(columns[:, begin])
         assert one.problem is not None
         return one.problem.complete(columns[:, begin : begin + len(self._free(gear))])
+
+    def _every(self, columns: Array) -> list[Array]:
+        """By gear: full designs (n, all variables) of its problem, or the rms (n, 1) of a front of
+        points. Gears that are one reducer are worked out together.
+        """
+        if not self.small:
+            return [self._designs(columns, gear) for gear in range(len(self.nested))]
+        found: dict[int, Array] = {}
+        for gear, one in enumerate(self.nested):
+            if gear in found:
+                continue
+            alike = [at for at, other in enumerate(self.nested) if other is one]
+            rms = np.concatenate([columns[:, self._begin(at)] for at in alike])
+            whole = rms[:, None] if one.problem is None else one.designs(rms)
+            found |= dict(zip(alike, np.split(whole, len(alike)), strict=True))
+        return [found[gear] for gear in range(len(self.nested))]
 
     def _half_widths(self, columns: Array, gear: int) -> Array:
         """Half-widths (n, 12) [mrad] of the angles of a reducer."""
@@ -243,14 +259,9 @@ class Gears:
 
     def built(self, columns: Array) -> list[Built]:
         """What units of the reducers are made to, of columns (n, all of the reducers')."""
-        parts = []
-        for gear, one in enumerate(self.nested):
-            begin = self._begin(gear)
-            whole = columns[:, begin : begin + 1] if one.problem is None else self._designs(
-                columns, gear)  # fmt: skip
-            parts.append(
-                (whole, smooth_root(self.wave.covariance(self._half_widths(columns, gear))))
-            )
+        every = self._every(columns)
+        parts = [(whole, smooth_root(self.wave.covariance(self._half_widths(columns, gear))))
+                 for gear, whole in enumerate(every)]  # fmt: skip
         return [Built(tuple(whole[at] for whole, _ in parts), np.stack([r[at] for _, r in parts]))
                 for at in range(len(columns))]  # fmt: skip
 

@@ -130,7 +130,8 @@ class Machine(ABC):
         """Displacement (n, 3) [mm] by the torques of gravity on the reducers."""
         places = self.places
         angle = places.torque / self.stiffness * ARCMIN
-        return np.einsum("nij,nj->ni", places.drives.move[:, :, : self.geared], angle) / MM
+        moved = np.einsum("nij,nj->ni", places.drives.move[:, :, : self.geared], angle)
+        return np.asarray(moved / MM)
 
     @property
     def wind_up(self) -> float:

@@ -124,7 +124,7 @@ class RobotProblem(ToleranceProblem):
         backlash, whole = mean[f"{name}backlash"], mean[f"{name}wave"]
         lost = 0.25 * (self.gears.hysteresis * self.gears.factors) ** 2
         found = sigma**2 @ self.machine.links[row] + square @ backlash / 4.0 + wave @ whole
-        return np.sqrt(found + (whole - backlash) @ lost)
+        return np.asarray(np.sqrt(found + (whole - backlash) @ lost))
 
     def _accuracy(self, rms: Array, share: Array) -> dict[str, Array]:
         """A by the ratio that a search uses: interpolated over the share of backlash in R^2."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,28 @@ ANGLES = tuple(DOCUMENT_MRAD)
 COST = float(next(one.b for one in COSTS.values() if isinstance(one, Reciprocal)))
 
 
+@lru_cache(maxsize=8)
+def plane_of(precision: float) -> tuple[Array, float]:
+    """Components of the wave [arcmin] per mrad of half-width, (2, 12), and what is there without
+    any error [arcmin], at a precision weight.
+    """
+    fixed = {PRECISION: VariableSetting(value=precision)}
+    problem = RvTransmissionError(Settings(variables=fixed))
+    unit = np.ones((1, len(problem.names)))
+    unit[:, problem.names.index(PRECISION)] = precision
+    spread = problem.residual(unit).spread[0][:, : len(ANGLES)]
+    base = problem.influence.base_amplitude / ARCMIN
+    return problem.influence.order_40 @ spread / ARCMIN, float(base)
+
+
+@lru_cache(maxsize=8)
+def angles_of(precision: float) -> Clipped:
+    """Cost over the rms of the wave [arcsec] at a precision weight."""
+    variable = VARIABLES[0]
+    gain = 60.0 * np.sqrt(np.sum(plane_of(precision)[0] ** 2, axis=0) / 2.0)
+    return Clipped(gain, np.full(len(ANGLES), COST), variable.low, variable.high)
+
+
 @dataclass(frozen=True)
 class Wave:
     """How half-widths of the angles become a wave of order 40 at a precision weight Q."""
@@ -30,26 +52,14 @@ class Wave:
     coverage: float = 0.9973
     price: float = 1.0
 
-    @cached_property
+    @property
     def _plane(self) -> tuple[Array, float]:
-        """Components of the wave [arcmin] per mrad of half-width, (2, 12), and what is there
-        without any error [arcmin].
-        """
-        fixed = {PRECISION: VariableSetting(value=self.precision)}
-        problem = RvTransmissionError(Settings(variables=fixed))
-        unit = np.ones((1, len(problem.names)))
-        unit[:, problem.names.index(PRECISION)] = self.precision
-        spread = problem.residual(unit).spread[0][:, : len(ANGLES)]
-        base = problem.influence.base_amplitude / ARCMIN
-        return problem.influence.order_40 @ spread / ARCMIN, float(base)
+        return plane_of(self.precision)
 
-    @cached_property
+    @property
     def angles(self) -> Clipped:
         """Cost over the rms of the wave [arcsec] over units and phases: W = sum s_i^2 t_i^2 / 2."""
-        variable = VARIABLES[0]
-        gain = 60.0 * np.sqrt(np.sum(self._plane[0] ** 2, axis=0) / 2.0)
-        b = np.full(len(ANGLES), COST)
-        return Clipped(gain, b, variable.low, variable.high)
+        return angles_of(self.precision)
 
     @cached_property
     def curve(self) -> PricedCurve:

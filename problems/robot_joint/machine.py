@@ -33,7 +33,7 @@ class RingMachine(Machine):
         return JOINTS
 
     @cached_property
-    def columns(self) -> list[list[int]]:  # type: ignore[override]
+    def columns(self) -> list[list[int]]:
         return [[NAMES.index(one) for one in own] for own in self.grouping.values()]
 
     @cached_property

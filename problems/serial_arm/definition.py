@@ -98,7 +98,7 @@ class Definition(definition.Definition):
         return {at: one.gearing for at, one in enumerate(self.joints) if one.gearing is not None}
 
     @cached_property
-    def drives(self) -> tuple[Drive, ...]:  # type: ignore[override]
+    def drives(self) -> tuple[Drive, ...]:
         return tuple(_drive(str(at + 1), one) for at, one in self.gearings.items())
 
     @cached_property

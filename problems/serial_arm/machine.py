@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...declarations import number
-from ...models.robot.drives import Drives
+from ...models.robot.drives import WHOLE, Drives
 from ...models.serial_arm import declared
 from ...models.serial_arm.chain import Chain
 from ...models.serial_arm.frames import Frames, frames
@@ -21,8 +21,6 @@ from .definition import Definition
 
 Array = NDArray[np.float64]
 SCALES = np.array([MRAD if unit == "mrad" else UM for unit, _, _ in declared.ERRORS.values()])
-WHOLE = 6
-"""Joints from which on commands can correct position and orientation together."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +103,12 @@ class ArmMachine(Machine):
         payload = number(self.parameters["payload_kg"])
         torque = gravity_torques(now, mass, centre, payload)[:, order[: self.geared]]
         own = np.swapaxes(now.turn[:, -1], 1, 2)  # rotations about the axes of the tool
-        return Places(Drives(weight, move[:, :, order], (own @ turn)[:, :, order]), torque,
-                      by_move, own @ by_turn)  # fmt: skip
+        maps = (move[:, :, order], (own @ turn)[:, :, order], by_move, own @ by_turn)
+        # in one order in memory, so that a copy in another process rounds alike
+        by_joint, turned, moved, rotated = (np.ascontiguousarray(one) for one in maps)
+        return Places(
+            Drives(weight, by_joint, turned), np.ascontiguousarray(torque), moved, rotated
+        )
 
 
 def _corrected(move: Array, turn: Array, by_move: Array, by_turn: Array) -> tuple[Array, Array]:

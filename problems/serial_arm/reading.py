@@ -153,16 +153,18 @@ def _is_listed(section: Section) -> bool:
 
 
 def _cube(section: Section, known: Cell, more: dict[str, Any]) -> Cell:
-    kind = section.text("poses", KINDS) or known.kind
-    centre = _triple(section, "centre_mm", MM)
+    kind = section.text("poses") or known.kind
+    if kind not in KINDS and "." not in kind:  # what is wrong with a file has been said
+        known_kinds = ", ".join(KINDS)
+        section.fault("poses", f'must be one of {known_kinds}, a table or a list, got "{kind}"')
+    centre = _triple(section, "centre_mm", MM) or known.centre
     side = section.number("side_mm", "mm", POSITIVE)
-    per_edge = section.integer("per_edge", Range(low=1, high=MOST_PER_EDGE))
+    per_edge = section.integer("per_edge", Range(low=1, high=MOST_PER_EDGE)) or known.per_edge
     if known.side == 0.0:
         for key in ("centre_mm", "side_mm"):
             if key not in section:
                 section.fault(key, "is missing: the poses are in a cube about centre_mm")
-    return Cell(centre or known.centre, known.side if side is None else side * MM, kind,
-                per_edge or known.per_edge, **more)  # fmt: skip
+    return Cell(centre, known.side if side is None else side * MM, kind, per_edge, **more)
 
 
 def _listed(section: Section, joints: int, more: dict[str, Any]) -> Cell:

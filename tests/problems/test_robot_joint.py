@@ -27,8 +27,8 @@ from tolevo.models.manipulator.sources import NAMES, SCALES
 from tolevo.problems.reducers.documents import documents_reducer
 from tolevo.problems.reducers.nested import Nested
 from tolevo.problems.robot_joint import RobotJoint
-from tolevo.problems.robot_joint.links import TWENTY_ONE
 from tolevo.problems.robot_joint.definition import Definition
+from tolevo.problems.robot_joint.links import TWENTY_ONE
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 from tolevo.testing import ProblemContract
 

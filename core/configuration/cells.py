@@ -1,0 +1,66 @@
+"""`[cell] poses = "cell.csv"`: poses of an arm from a table, put in the place of its name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import tables
+from ..errors import Fault, InputError, raise_all
+from ..models.serial_arm.declared import MOST
+from ..section import Section
+
+PLACE = {"x_mm": "mm", "y_mm": "mm", "z_mm": "mm"}
+TURN = {"rx_deg": "deg", "ry_deg": "deg", "rz_deg": "deg"}
+JOINTS = {f"joint_{at}_deg": "deg" for at in range(1, MOST + 1)}
+
+
+def with_poses(top: Section, named: Any, folder: Path) -> Section:
+    """The configuration with the rows of the file in the place of its name, where a problem has a
+    `[cell]`; a faulty one stays.
+    """
+    cell = top.take("cell") if "cell" in getattr(named, "tables_of", ()) else None
+    name = cell.get("poses") if isinstance(cell, Mapping) else None
+    if cell is None or not isinstance(name, str) or "." not in name:
+        return top
+    section = top.section("cell")
+    try:
+        key, rows = _read(folder / name, name)
+    except InputError as error:
+        for fault in error.faults:
+            section.fault("poses", f"{fault.place} {fault.message}")
+        return top
+    left = {k: v for k, v in cell.items() if k != "poses"}
+    return top.having("cell", left | {key: rows})
+
+
+def _read(path: Path, name: str) -> tuple[str, list[list[float]]]:
+    """`poses` or `joints_deg`, and the rows. Raises InputError."""
+    found = tables.fitted(tables.opened_whole(path, name), name, PLACE | TURN | JOINTS)
+    raise_all(list(found.faults))
+    cells = found.cells
+    joints = [one for one in JOINTS if one in cells]
+    turned = [one for one in TURN if one in cells]
+    if joints and not any(one in cells for one in PLACE):
+        return "joints_deg", _numbers(cells[joints], name)
+    wanted = [*PLACE, *(TURN if turned else ())]
+    if missing := [one for one in wanted if one not in cells]:
+        raise InputError([Fault(name, f"lacks {', '.join(missing)}: poses are x_mm, y_mm, z_mm "
+                                 "with rx_deg, ry_deg, rz_deg or without, or joint_1_deg, "
+                                 "joint_2_deg, ...")])  # fmt: skip
+    return "poses", _numbers(cells[wanted], name)
+
+
+def _numbers(cells: Any, name: str) -> list[list[float]]:
+    try:
+        rows = cells.to_numpy(dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError([Fault(name, f"must hold numbers: {error}")]) from None
+    if len(rows) == 0 or not np.all(np.isfinite(rows)):
+        row = int(np.argmin(np.all(np.isfinite(rows), axis=1))) + 1 if len(rows) else 0
+        text = f"row {row} has an empty or infinite cell" if len(rows) else "has no rows"
+        raise InputError([Fault(name, text)])
+    return [[float(one) for one in row] for row in rows]
