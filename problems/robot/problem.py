@@ -68,6 +68,22 @@ class RobotProblem(ToleranceProblem):
         return designs[:, : len(self.link_names)]
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
+        found = {output.name: np.full(len(designs), np.nan) for output in self.outputs}
+        found |= self.first_order(designs)
+        rms = found["pose_rms_mm"]
+        if searching or len(designs) > SAMPLED:
+            waves = found["path_te_mm"] ** 2 / 2.0
+            links = sum(found[share_name(name)] for name in self.link_names) / 100.0
+            share = 1.0 - links - waves / np.where(rms > 0.0, rms**2, 1.0)
+            found |= self._accuracy(rms, np.where(rms > 0.0, share, 0.0))
+        else:
+            found |= self._by_monte_carlo(designs, rms)
+        return found | self._asked(designs)
+
+    def first_order(self, designs: Array) -> dict[str, Array]:
+        """Outputs (n,) of full designs (n, all variables) that need no sample: costs, root mean
+        squares and shares.
+        """
         sigma, gears = self.sigma(designs), self.gears.at(self._of_gears(designs))
         drives = list(self.gears.gear_of)
         square = gears.square[:, drives] * self.gears.factors**2  # (n, drives) arcmin^2
@@ -78,9 +94,7 @@ class RobotProblem(ToleranceProblem):
         tilt, turn = (self._turned(row, square, wave, sigma) for row in (1, 2))
         mean, machine = self.machine.squares, self.machine
         cost_links, cost_gears = self.cost_of(designs), gears.cost @ self.gears.counts
-        nothing = np.full(len(designs), np.nan)
-        found = {output.name: nothing for output in self.outputs}
-        found |= {
+        found = {
             "cost": cost_links + cost_gears,
             "cost_links": cost_links,
             "cost_reducers": cost_gears,
@@ -103,12 +117,7 @@ class RobotProblem(ToleranceProblem):
         found |= {f"share_joint_{key}_percent": by_joint[:, at] * shares
                   for at, key in enumerate(keys)}  # fmt: skip
         found |= {share_name(n): by_link[:, k] * shares for k, n in enumerate(self.link_names)}
-        backlash = by_joint.sum(axis=1) - wave @ mean["wave"]
-        if searching or len(designs) > SAMPLED:
-            found |= self._accuracy(rms, np.where(total > 0.0, backlash * shares / 100.0, 0.0))
-        else:
-            found |= self._by_monte_carlo(designs, rms)
-        return found | self._asked(designs, np.sqrt(square))
+        return found
 
     def _parts(self, square: Array, wave: Array, sigma: Array) -> tuple[Array, Array]:
         """Parts (n, drives) and (n, links) of R^2 [mm^2]."""
@@ -131,26 +140,31 @@ class RobotProblem(ToleranceProblem):
         c = SAFE * np.interp(share, SHARES, self._ratios)
         return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
 
-    def _asked(self, designs: Array, rms: Array) -> dict[str, Array]:
+    def _asked(self, designs: Array) -> dict[str, Array]:
         """Outputs that take longer, where they are minimised or limited."""
         asked = {*self.objectives, *(limit.name for limit in self.limits)}
         found: dict[str, Array] = {}
+        own = self._of_gears(designs)
         if "te_amplitude_arcsec" in asked:
-            found["te_amplitude_arcsec"] = self.gears.amplitudes(self._of_gears(designs))
+            found["te_amplitude_arcsec"] = self.gears.amplitudes(own)
         if "backlash_arcmin" in asked:
-            found["backlash_arcmin"] = self.gears.quantiles(self._of_gears(designs))
+            found["backlash_arcmin"] = self.gears.quantiles(own)
         if "iso_vap_mm" in asked:
-            found["iso_vap_mm"] = self.machine.variation(rms)
+            found["iso_vap_mm"] = self.machine.variation(self._play(own))
         return found
+
+    def _play(self, columns: Array) -> Array:
+        """Rms backlash (n, drives) [arcmin]."""
+        square = self.gears.at(columns).square[:, list(self.gears.gear_of)]
+        return np.sqrt(square) * self.gears.factors
 
     def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
         """Everything else, of the designs that are reported."""
         own, rms = self._of_gears(designs), found["pose_rms_mm"]
-        play = np.sqrt(self.gears.at(own).square[:, list(self.gears.gear_of)]) * self.gears.factors
         more = {
             "te_amplitude_arcsec": self.gears.amplitudes(own),
             "backlash_arcmin": self.gears.quantiles(own),
-            "iso_vap_mm": self.machine.variation(play),
+            "iso_vap_mm": self.machine.variation(self._play(own)),
         }
         accuracy = self._by_monte_carlo(designs, rms) if len(designs) > SAMPLED else {}
         return more | self._prices(designs, rms) | accuracy
@@ -227,14 +241,12 @@ class RobotProblem(ToleranceProblem):
         """Proven bounds: errors rise and costs fall with every tolerance."""
         if output in self.names:
             return super().interval(output)
-        ends = np.stack([self._corner(tight=True), self._corner(tight=False)])
+        ends = self.first_order(np.stack([self._corner(tight=True), self._corner(tight=False)]))
+        if output == "cost":
+            return float(ends[output][1]), float(ends[output][0])
         known = (*ROWS, "backlash_rms_arcmin", "reversal_mm", "path_te_mm", "wind_up_mm")
         if output in known:
-            low, high = self._outputs(ends, searching=True)[output]
-            return float(low), float(high)
-        if output == "cost":
-            found = self._outputs(ends, searching=True)["cost"]
-            return float(found[1]), float(found[0])
+            return float(ends[output][0]), float(ends[output][1])
         return super().interval(output)
 
     def form(self) -> Form | None:

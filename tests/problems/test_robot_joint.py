@@ -69,7 +69,7 @@ def at_limits(problem: RobotJoint, limits: list[float]) -> Optimum:
 
 
 def outputs(problem: RobotJoint, design: np.ndarray, *names: str) -> list[float]:
-    found = problem._outputs(design[None, :], searching=True)
+    found = problem.first_order(design[None, :])
     return [float(found[name][0]) for name in names]
 
 
@@ -112,7 +112,7 @@ class TestErrorsAsBuilt:
         """rms b 0.742', TE rms 0.119', 0.0556 mm; of that 91 % backlash once calibrated."""
         problem = machine(nested=False, calibrated="position")
         design = next(iter(problem.references().values()))
-        found = problem._outputs(design[None, :], searching=True)
+        found = problem.first_order(design[None, :])
         te = problem.gears.at(problem._of_gears(design[None, :])).wave[0]
         np.testing.assert_allclose(te, 0.119, atol=5e-4)
         assert found["pose_rms_mm"][0] == pytest.approx(0.0556, abs=1e-4)
@@ -208,7 +208,7 @@ class TestLeastCosts:
 
     def test_shares_make_the_whole(self) -> None:
         problem, design, _ = optimum(0.05)
-        found = problem._outputs(design[None, :], searching=True)
+        found = problem.first_order(design[None, :])
         shares = [float(each[0]) for name, each in found.items() if name.startswith("share_")]
         assert len(shares) == 23
         assert sum(shares) == pytest.approx(100.0, rel=1e-12)
@@ -220,7 +220,7 @@ class TestNextUnitOfMoney:
     def prices(self, calibrated: str) -> dict[str, float]:
         problem = machine(nested=False, calibrated=calibrated)
         design = next(iter(problem.references().values()))[None, :]
-        rms = problem._outputs(design, searching=True)["pose_rms_mm"]
+        rms = problem.first_order(design)["pose_rms_mm"]
         return {name: float(each[0]) for name, each in problem._prices(design, rms).items()}
 
     def test_as_built(self) -> None:
@@ -252,7 +252,7 @@ class TestNestedEqualsJoint:
         def at(y: np.ndarray) -> dict[str, np.ndarray]:
             rows = np.repeat(design[None, :], len(np.atleast_2d(y)), axis=0)
             rows[:, moving] = np.exp(np.atleast_2d(y))
-            return problem._outputs(rows, searching=True)
+            return problem.first_order(rows)
 
         def slopes(y: np.ndarray, name: str) -> np.ndarray:
             step = 1e-6 * np.eye(len(y))

@@ -66,7 +66,7 @@ def optimum(problem: SerialArmAllocation, rms: float) -> tuple[np.ndarray, dict[
     assert form is not None
     found = least_cost(restricted(form, np.arange(len(form.outputs)) < 1), np.array([[rms]]))
     design = problem.complete(search_vectors(problem, form, found))
-    values = problem._outputs(design, searching=True)
+    values = problem.first_order(design)
     return design, {name: float(one[0]) for name, one in values.items()}, float(found.bound[0])
 
 
@@ -215,7 +215,7 @@ class TestLeastCosts:
             own = replace(arm(held=held), nested=False)
             problem = problem_of(own, nested=False, calibrated=calibrated)
             design = next(iter(problem.references().values()))[None, :]
-            rms = problem._outputs(design, searching=True)["pose_rms_mm"]
+            rms = problem.first_order(design)["pose_rms_mm"]
             found.append(
                 {name: float(one[0]) for name, one in problem._prices(design, rms).items()}
             )
