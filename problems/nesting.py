@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
 
@@ -24,3 +28,13 @@ class Nesting:
     def stand_in_limit(self, name: str, high: float) -> float:
         """The upper limit of the requirement of the form that stands for a limit on an output."""
         return high
+
+    def alternatives(self) -> dict[str, ToleranceProblem]:
+        """The machine with another choice, by what it is: its least cost is told."""
+        return {}
+
+    def sketch(self) -> dict[str, Any]:
+        """A drawing of the machine: `parts`, each a `name`, `points` [mm] of a line, and the
+        columns of a front that are its shares; `poses` [mm]. Empty where there is none.
+        """
+        return {}

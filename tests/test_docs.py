@@ -9,6 +9,8 @@ from tolevo.models.manipulator.pose import ManipulatorPose
 from tolevo.models.manipulator.sources import ROWS
 from tolevo.models.rv_reducer.contact import declared as contact
 from tolevo.models.rv_reducer.transmission import RvTransmission
+from tolevo.models.serial_arm.declared import ERRORS
+from tolevo.models.serial_arm.table import OF_ALLOCATIONS
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.robot_joint.outputs import FIXED_OUTPUTS, PARAMETERS
 from tolevo.problems.rv_backlash import RvBacklash
@@ -49,6 +51,15 @@ def test_every_distribution_is_documented_with_its_parameters(name: str) -> None
     else:
         parameters = [one.name for one in fields(DISTRIBUTIONS[name])]  # type: ignore[arg-type]
         assert [one for one in parameters if f"`{one}`" not in row] == []
+
+
+@pytest.mark.source_tree
+def test_every_key_of_an_arm_is_documented() -> None:
+    text = (DOCS / "serial_arm.md").read_text(encoding="utf-8")
+    keys = [*OF_ALLOCATIONS, "cost_factor", "backlash_factor", "te_factor", "near_deg", "turn_deg",
+            "joints_deg", "per_edge", "tool_mm", "centre_mm", "side_mm"]  # fmt: skip
+    kinds = {f"{kind}_{unit}": f"{kind}_<j>_{unit}" for kind, (unit, _, _) in ERRORS.items()}
+    assert [one for one in keys if one not in text and kinds.get(one, one) not in text] == []
 
 
 @pytest.mark.source_tree

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ...declarations import Output, Parameter
 from ...models.robot.manipulator import CALIBRATED
@@ -76,6 +79,11 @@ LIMITS: dict[str, Bound] = {}
 OBJECTIVES = ("cost", "pose_accuracy_mm", "squareness_mrad", "te_amplitude_arcsec")
 STANDS = {"pose_rms_mm": "pose_accuracy_mm", "backlash_rms_arcmin": "backlash_arcmin"}
 """Requirements of the convex form, and the outputs that grow with them."""
+
+
+def millimetres(points: Iterable[Sequence[float] | NDArray[np.float64]]) -> list[list[float]]:
+    """Points [m] of a drawing, in tenths of a millimetre."""
+    return [[round(1e3 * float(x), 1) + 0.0 for x in point] for point in points]
 
 
 def share_name(variable: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -10,11 +11,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ...declarations import Assumption
+from ...declarations import Assumption, Value
 from ...errors import Fault
 from ...models.robot.sample import ratio
 from ..forms import Form
-from ..settings import Bound, Settings
+from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from .definition import Definition, declarations
 from .form import form_of
@@ -289,6 +290,30 @@ class RobotProblem(ToleranceProblem):
         own = [self.definition.link_references[name] for name in self.link_names]
         return {"documents' reducers, reference links":
                 np.array([*own, *self.gears.document()])}  # fmt: skip
+
+    # ---------------------------------------------------------------- told beside the front
+
+    def alternatives(self) -> dict[str, ToleranceProblem]:
+        own, given = self.definition, self.given
+        found = {}
+        if len(own.gears) > 1 and len({one.reducer.key for one in own.drives}) == 1:
+            alike = replace(own, per_drive=False)  # type: ignore[type-var]
+            found["reducers alike in all drives"] = self._with(given, alike, per_drive=False)
+        other = "none" if self.machine.calibrated else "position"
+        label = "calibrated in position" if other == "position" else "not calibrated"
+        return found | {label: self._with(given, own, calibrated=other)}
+
+    def _with(self, given: Settings, definition: Definition, **parameters: Value) -> RobotProblem:
+        every = {**given.parameters, **parameters}
+        # limits that the other machine may not reach are no reason not to say what it costs
+        settings = replace(given, parameters=every, definition=definition,
+                           variables=self._still(definition))  # fmt: skip
+        return type(self)(settings)  # type: ignore[call-arg, arg-type]
+
+    def _still(self, definition: Definition) -> dict[str, VariableSetting]:
+        """What was said of variables that are there still."""
+        names = {v.name for v in declarations(definition)[0]}
+        return {name: one for name, one in self.given.variables.items() if name in names}
 
     # ---------------------------------------------------------------- faults and assumptions
 

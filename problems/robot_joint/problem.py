@@ -6,21 +6,28 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
+import numpy as np
+
 from ...declarations import Parameter
 from ...errors import Fault
 from ...models.manipulator import declared
 from ...models.manipulator.faults import faults
+from ...models.manipulator.inverse import posture
 from ...section import Section
 from ..pose_accuracy.grouping import read_grouping
 from ..reducers.documents import documents_reducer
 from ..robot.definition import declarations
-from ..robot.outputs import LIMITS, OBJECTIVES
+from ..robot.outputs import LIMITS, OBJECTIVES, millimetres, share_name
 from ..robot.problem import RobotProblem
 from ..settings import Bound, Settings
 from .definition import Definition, default_definition
 from .links import TWENTY_ONE, unit_of
-from .machine import RingMachine
+from .machine import JOINTS, RingMachine
 from .outputs import PARAMETERS
+
+OF_ARMS = ("origin_", "arm_length_", "arm_orientation_", "joint_distance_", "joint_line_")
+OF_RODS = ("rod_length_", "platform_attachment_")
+"""Elementary errors that are drawn with the arm of their chain, and with its rods."""
 
 
 class RobotKind:
@@ -90,3 +97,40 @@ class RobotJoint(RobotProblem):
 
     def misplacements(self) -> list[Fault]:
         return faults(self.machine_of(), declared.task_ring(self.settings.parameters))
+
+    def sketch(self) -> dict[str, Any]:
+        """The chains in the middle of the ring, at azimuth 0; drive 3 has no reducer."""
+        machine, ring = self.machine_of(), declared.task_ring(self.settings.parameters)
+        r, z = np.mean(ring.r), np.mean(ring.z)
+        now = posture(machine, r, z)
+        parts: list[dict[str, Any]] = []
+        for at in range(len(machine.arms)):
+            hip = machine.origins[at]
+            elbow = hip + machine.arms[at] * now.u[at]
+            end = elbow + machine.rods[at] * now.w[at]
+            kinds = {
+                f"arm {at + 1}": (OF_ARMS, [hip, elbow]),
+                f"rod {at + 1}": (OF_RODS, [elbow, end]),
+            }
+            for name, (stems, points) in kinds.items():
+                parts.append({"name": name, "kind": "link", "points": millimetres(points),
+                              "shares": self._shares(stems, at + 1)})  # fmt: skip
+        for at in range(JOINTS):  # on one column
+            parts.append(
+                {
+                    "name": f"joint {at + 1}",
+                    "kind": "joint",
+                    "shares": [f"share_joint_{at + 1}_percent"],
+                    "points": millimetres([machine.origins[at] + [0.0, 0.0, -0.04 * at]]),
+                }
+            )
+        corners = [(a, 0.0, b) for a in ring.r for b in ring.z]
+        ends = [p + np.array([r, 0.0, z]) for p in now.p]
+        platform = {"name": "platform", "kind": "tool", "shares": [],
+                    "points": millimetres([*ends, ends[0]])}  # fmt: skip
+        return {"parts": [*parts, platform], "poses": millimetres(corners)}
+
+    def _shares(self, stems: tuple[str, ...], chain: int) -> list[str]:
+        """Shares of the links' variables of a chain whose elementary errors begin so."""
+        return [share_name(name) for name, sources in self.definition.grouping.items()
+                if sources[0].startswith(stems) and f"_{chain}" in sources[0]]  # fmt: skip

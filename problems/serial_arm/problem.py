@@ -13,7 +13,7 @@ from ...errors import Fault
 from ...models.serial_arm.reach import blocking, singular
 from ...section import Section
 from ..robot.definition import declarations
-from ..robot.outputs import LIMITS, OBJECTIVES
+from ..robot.outputs import LIMITS, OBJECTIVES, millimetres, share_name
 from ..robot.problem import RobotProblem
 from ..settings import Bound, Settings
 from .definition import Definition
@@ -72,6 +72,24 @@ class SerialArmAllocation(RobotProblem):
 
     def more_tables(self) -> dict[str, Any]:
         return definition_tables(self.definition, self.settings.parameters)
+
+    def sketch(self) -> dict[str, Any]:
+        now = self.machine.frames
+        middle = int(np.argmin(np.sum((now.tool - now.tool.mean(axis=0)) ** 2, axis=1)))
+        origin, chain = now.origin[middle], self.machine.chain
+        parts: list[dict[str, Any]] = []
+        for at in range(len(chain.d)):
+            knee = origin[at] + chain.d[at] * now.axes[middle, at]
+            names = [share_name(name) for name in self.link_names if f"_{at + 1}_" in name]
+            parts.append({"name": f"link {at + 1}", "kind": "link", "shares": names,
+                          "points": millimetres([origin[at], knee, origin[at + 1]])})  # fmt: skip
+        for at in self.definition.gearings:
+            parts.append({"name": f"joint {at + 1}", "kind": "joint",
+                          "shares": [f"share_joint_{at + 1}_percent"],
+                          "points": millimetres([origin[at]])})  # fmt: skip
+        tool = {"name": "tool", "kind": "tool", "shares": [],
+                "points": millimetres([origin[-1], now.tool[middle]])}  # fmt: skip
+        return {"parts": [*parts, tool], "poses": millimetres(list(now.tool))}
 
     # ---------------------------------------------------------------- faults and assumptions
 

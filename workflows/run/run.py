@@ -21,6 +21,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ..choice import decide
 from . import effects, overlay
+from .alternatives import alternatives, sentences
 from .answers import answers
 from .assumptions import with_assumptions
 from .choices import with_choices
@@ -41,6 +42,7 @@ from .references import compare, documents, side_searches, table
 from .requirements import with_requirements
 from .resume import CHECKPOINT, CONFIGURATION, notes_of, opened, seconds_before
 from .sides import Fronts, Sides
+from .sketch import drawn
 from .units import with_units
 from .write import write
 
@@ -106,10 +108,13 @@ def _run(
         front = overlay.with_distance(front, other, names)
     beside = [n for label, one in others.items() for n in overlay.notes(front, label, one, names)]
     warned = (*plan.problem.effect_notes(), *plan.problem.cautions(), *beside)
-    notes = (*warned, *plan.problem.remarks(front), *anew, *_notes(references, dropped, joined))
+    otherwise = [] if stopped else alternatives(plan.problem, front)
+    remarks = (*plan.problem.remarks(front), *sentences(otherwise))
+    notes = (*warned, *remarks, *anew, *_notes(references, dropped, joined))
     proven = (*proof_notes(front, statement), *end_notes(plan.problem, front), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
     summary |= measures(found, front, statement, exact)
+    summary |= drawn(plan.problem, front) | ({"alternatives": otherwise} if otherwise else {})
     decisions = decide(plan.problem, front, plan.choice)
     result = _result(plan, found, front, references, summary, proven, exact)
     result = replace(with_choices(result, decisions, plan, exact), overlays=others,
