@@ -16,6 +16,8 @@ PRICES = np.geomspace(1e-2, 3e3, 2000)
 """Prices of an arcmin^2, in units of the cost of one."""
 STEPS = 5
 """Secant steps to a mean square: the curve knows the price to four digits already."""
+FEW = 12
+"""Passes from one price to the next of these steps: an error falls to 1e-6."""
 APART = 1e-12
 """Relative distance of neighbouring root mean squares that tell two allocations apart."""
 
@@ -46,17 +48,16 @@ class ReducerFront:
         known = [float(self.curves[g].price_at(np.array([t]))[0]) for t, g in zip(
             rms, grade, strict=True)]  # fmt: skip
         x = np.log(np.clip(known, PRICES[0], PRICES[-1]))
-        before, missed = x - 1e-3, self._missed(x - 1e-3, grade, wanted)
+        before = x - 1e-3
+        made = least(self.block, np.exp(before), grade)
+        missed = np.log(made.square / wanted)
         for _ in range(STEPS):
-            now = self._missed(x, grade, wanted)
+            made = least(self.block, np.exp(x), grade, made, FEW)
+            now = np.log(made.square / wanted)
             rise = np.where(x != before, (now - missed) / np.where(x != before, x - before, 1.0), 0)
             step = np.where(rise < 0.0, -now / np.where(rise < 0.0, rise, -1.0), 0.0)
             before, missed, x = x, now, x + np.clip(step, -0.05, 0.05)
-        return least(self.block, np.exp(x), grade)
-
-    def _missed(self, x: Array, grade: NDArray[np.int64], wanted: Array) -> Array:
-        """ln of the mean square at prices exp x over that wanted."""
-        return np.asarray(np.log(least(self.block, np.exp(x), grade).square / wanted))
+        return least(self.block, np.exp(x), grade, made, 2 * FEW)
 
 
 def ends_of(block: Block) -> tuple[float, float]:

@@ -43,11 +43,23 @@ class Least:
     """E b^2 [arcmin^2]."""
 
 
-def least(block: Block, kappa: Array, grade: NDArray[np.int64]) -> Least:
-    """The allocations at prices (n,) [per arcmin^2], each in a grade (n,) of `block.grades`."""
-    t = np.tile(np.sqrt(block.low * block.high)[:-1], (len(kappa), 1))
-    bearing = np.full(len(kappa), np.sqrt(block.low[-1] * block.high[-1]))
-    for done in range(PASSES):
+def least(
+    block: Block,
+    kappa: Array,
+    grade: NDArray[np.int64],
+    near: Least | None = None,
+    passes: int = PASSES,
+) -> Least:
+    """The allocations at prices (n,) [per arcmin^2], each in a grade (n,) of `block.grades`.
+
+    From those at prices `near` by fewer `passes` do.
+    """
+    if near is None:
+        t = np.tile(np.sqrt(block.low * block.high)[:-1], (len(kappa), 1))
+        bearing = np.full(len(kappa), np.sqrt(block.low[-1] * block.high[-1]))
+    else:
+        t, bearing = near.t, near.bearing
+    for done in range(passes):
         s, price, by_mean, by_free = _prices(block, kappa, grade, t, bearing)
         nothing = np.zeros_like(price)
         columns = [
@@ -59,7 +71,7 @@ def least(block: Block, kappa: Array, grade: NDArray[np.int64]) -> Least:
         t = np.stack(
             [
                 *columns,
-                _eccentricity(block, price, by_mean, HALVINGS if done + 4 > PASSES else ROUGH),
+                _eccentricity(block, price, by_mean, HALVINGS if done + 4 > passes else ROUGH),
             ],
             axis=1,
         )

@@ -253,7 +253,7 @@ class Gears:
                 found.append(factor * (low if ends[0] >= 0.0 else high))
                 continue
             found.append(factor * float(brentq(_excess, low, high, args=(one, most / factor))))
-        return min(found)
+        return float(min(found))
 
     # ---------------------------------------------------------------- Monte Carlo
 

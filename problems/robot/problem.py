@@ -308,7 +308,7 @@ class RobotProblem(ToleranceProblem):
         # limits that the other machine may not reach are no reason not to say what it costs
         settings = replace(given, parameters=every, definition=definition,
                            variables=self._still(definition))  # fmt: skip
-        return type(self)(settings)  # type: ignore[call-arg, arg-type]
+        return type(self)(settings)  # type: ignore[call-arg]
 
     def _still(self, definition: Definition) -> dict[str, VariableSetting]:
         """What was said of variables that are there still."""

@@ -101,7 +101,7 @@ class RobotJoint(RobotProblem):
     def sketch(self) -> dict[str, Any]:
         """The chains in the middle of the ring, at azimuth 0; drive 3 has no reducer."""
         machine, ring = self.machine_of(), declared.task_ring(self.settings.parameters)
-        r, z = np.mean(ring.r), np.mean(ring.z)
+        r, z = (np.asarray(0.5 * (ends[0] + ends[1])) for ends in (ring.r, ring.z))
         now = posture(machine, r, z)
         parts: list[dict[str, Any]] = []
         for at in range(len(machine.arms)):

@@ -38,7 +38,7 @@ def changed(**tables: Any) -> dict[str, Any]:
 
 def rows(**of_joint: dict[str, Any]) -> list[dict[str, Any]]:
     """Its joints with keys of some changed, `joint_2 = {...}`; None takes one away."""
-    found = deepcopy(table()["joint"])
+    found: list[dict[str, Any]] = deepcopy(table()["joint"])
     for name, more in of_joint.items():
         own = found[int(name.removeprefix("joint_")) - 1]
         own |= more

@@ -36,9 +36,10 @@ class Arm:
 
 def chain_of(d: object, a: object, alpha: object, tool: object, scale: float = 1e-3) -> Chain:
     nothing = np.zeros(6)
-    lengths = (scale * np.array(one, dtype=float) for one in (d, a))
+    lengths = [scale * np.array(one, dtype=float) for one in (d, a)]
     twist = np.radians(np.array(alpha, dtype=float))
-    return Chain(nothing, *lengths, twist, nothing, nothing, scale * np.array(tool, dtype=float))
+    end = scale * np.array(tool, dtype=float)
+    return Chain(nothing, lengths[0], lengths[1], twist, nothing, nothing, end)
 
 
 PUMA = Arm(
@@ -50,9 +51,9 @@ PUMA = Arm(
 )  # fmt: skip
 KR5 = Arm(chain_of(ROWS["d"], ROWS["a"], ROWS["alpha"], (150, 0, 100)), np.array(MASS),
           np.array(CENTRE))  # fmt: skip
+ZERO, D, A, ALPHA, BETA = np.random.default_rng(8).normal(scale=0.4, size=(5, 6))
 BUILT = Arm(  # as built: every error, base and tool
-    Chain(*np.random.default_rng(8).normal(scale=0.4, size=(5, 6)),
-          np.array([0.1, 0, 0.2, 0, 0, 0]), np.array([0.02, -0.1, 0.2])),
+    Chain(ZERO, D, A, ALPHA, BETA, np.array([0.1, 0, 0.2, 0, 0, 0]), np.array([0.02, -0.1, 0.2])),
     np.array(MASS), np.array(CENTRE),
 )  # fmt: skip
 ARMS = pytest.mark.parametrize("arm", [PUMA, KR5, BUILT], ids=["puma", "kr5", "built"])
@@ -72,8 +73,9 @@ def move(x: float, y: float, z: float) -> np.ndarray:
 
 def after_joint(chain: Chain, at: int) -> np.ndarray:
     """From the turned joint to the next: what a row of the table adds."""
-    return (turn("z", chain.zero[at]) @ move(0, 0, chain.d[at]) @ move(chain.a[at], 0, 0)
-            @ turn("x", chain.alpha[at]) @ turn("y", chain.beta[at]))  # fmt: skip
+    shift = move(chain.a[at], 0, chain.d[at])
+    twist = turn("x", chain.alpha[at]) @ turn("y", chain.beta[at])
+    return np.asarray(turn("z", chain.zero[at]) @ shift @ twist)
 
 
 class Screws:

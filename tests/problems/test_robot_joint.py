@@ -75,17 +75,19 @@ def outputs(problem: RobotJoint, design: np.ndarray, *names: str) -> list[float]
 
 class TestContract(ProblemContract):
     problem_type = RobotJoint
+    shared = RobotJoint(Settings(propagation=PropagationSetting(samples=2048)))
 
     def problem(self) -> RobotJoint:
-        return RobotJoint(Settings(propagation=PropagationSetting(samples=4096)))
+        return self.shared
 
 
 class TestEveryToleranceContract(ProblemContract):
     problem_type = RobotJoint
+    shared = RobotJoint(Settings(parameters={"nested": False, "flanks": "free"},
+                                 propagation=PropagationSetting(samples=2048)))  # fmt: skip
 
     def problem(self) -> RobotJoint:
-        return RobotJoint(Settings(parameters={"nested": False, "flanks": "free"},
-                                   propagation=PropagationSetting(samples=4096)))  # fmt: skip
+        return self.shared
 
 
 class TestErrorsAsBuilt:

@@ -19,7 +19,7 @@ from tolevo.problems.robot_joint import RobotJoint
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "configs" / "robot_manipulator.toml"
 pytestmark = pytest.mark.source_tree
-FEW = ("--set", "algorithm.points=4", "--set", "propagation.samples=8192", "--quiet")
+FEW = ("--set", "algorithm.points=4", "--set", "propagation.samples=2048", "--quiet")
 
 
 def tolevo(*words: object) -> str:
@@ -56,6 +56,21 @@ def test_summary_names_what_is_assumed(folder: Path) -> None:
     assert "proven fronts of the reducers" in summary["bound_form"]
     (note,) = [one for one in summary["notes"] if "one more unit of cost" in one]
     assert "joint_1" in note  # the largest share
+
+
+def test_what_else_would_cost_and_where_the_error_is_made(folder: Path) -> None:
+    """Reducers alike are as cheap by symmetry; the parts of the picture make the whole error."""
+    summary = json.loads((folder / "run" / "summary.json").read_text())
+    alike, calibrated = summary["alternatives"]
+    assert alike["label"] == "reducers alike in all drives"
+    assert alike["more_percent"] == pytest.approx(0.0, abs=1e-4)
+    assert calibrated["more_percent"] < -10.0
+    assert sum(part["share"] for part in summary["machine"]["parts"]) == pytest.approx(
+        100.0, abs=0.1
+    )
+    page = (folder / "run" / "report.html").read_text()
+    assert "Where the error is made" in page
+    assert page.count("<title>arm ") == 3 and page.count("<title>joint ") == 2
 
 
 def test_resolved_configuration_gives_the_same_front(folder: Path) -> None:
