@@ -19,7 +19,7 @@ from tolevo.problems.robot_joint import RobotJoint
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "configs" / "robot_manipulator.toml"
 pytestmark = pytest.mark.source_tree
-FEW = ("--set", "algorithm.points=4", "--set", "propagation.samples=2048", "--quiet")
+FEW = ("--set", "algorithm.points=4", "--set", "propagation.samples=8192", "--quiet")
 
 
 def tolevo(*words: object) -> str:
