@@ -30,7 +30,7 @@ from .reducers import with_reducers
 from .resolved import resolved_problem, resolved_variables
 from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
 from .sense import read_sense, resolved_sense
-from .source import Table, overridden
+from .source import Source, Table, folder_of, overridden
 from .table import TABLE, read_table_model
 from .unresolved import read_unresolved
 from .variables import mid_parameter, read_variable
@@ -41,13 +41,13 @@ PROBLEM_ONLY = ("references", "costs", "propagation", "objectives", "limits", "a
                 "rounding", "currency")  # fmt: skip
 
 
-def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
-    """The configuration in the TOML file `path`, with `key=value` overrides applied.
+def read(source: Source, overrides: Sequence[str] = ()) -> Configuration:
+    """The configuration in a TOML file or dictionary, with `key=value` overrides applied.
 
     Raises InputError with every fault found.
     """
     faults: list[Fault] = []
-    return read_tables(overridden(path, overrides, faults), path.parent, faults)
+    return read_tables(overridden(source, overrides, faults), folder_of(source), faults)
 
 
 def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuration:
