@@ -34,6 +34,8 @@ ROUNDS = 4
 """Times all multipliers are improved at most, each after a better allocation."""
 LEAVES = 4096
 """Allocations that are solved at most."""
+MANY = 1000
+"""Combinations of ways from which on prices of squares exclude most of them at once."""
 MIXED = 5
 """Features with several ways from which on quantiles are searched by a linear master problem."""
 CLOSE = 1e-10
@@ -64,7 +66,8 @@ def least_cost(form: Form, limits: Array) -> Optimum:
     limits = np.asarray(limits, dtype=float)
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
         return _by_master(form, limits)
-    if not form.separable and len(form.outputs) > 1 and _priced(form):
+    several = not form.separable and len(form.outputs) > 1
+    if (several or form.combinations > MANY) and _priced(form):
         return _by_squares(form, limits)
     if form.combinations == 1 or form.separable or len(limits) < 2:
         return _least_cost(form, limits, None)
