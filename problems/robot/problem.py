@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -47,7 +48,6 @@ class RobotProblem(ToleranceProblem):
     default_objectives = OBJECTIVES
     default_algorithm: ClassVar[str] = "exact"
     drawn_again = frozenset(("_sampled", "_ratios"))
-    machine: Machine
 
     def __init__(self, settings: Settings, definition: Definition) -> None:
         self.definition = definition
@@ -56,6 +56,11 @@ class RobotProblem(ToleranceProblem):
         self.gears = Gears.of(definition.gears, definition.fitted, definition.nested,
                               self.settings.parameters,
                               self.settings.propagation.coverage)  # fmt: skip
+
+    @property
+    @abstractmethod
+    def machine(self) -> Machine:
+        """The machine at its poses."""
 
     # ---------------------------------------------------------------- evaluation
 
@@ -295,7 +300,7 @@ class RobotProblem(ToleranceProblem):
 
     def alternatives(self) -> dict[str, ToleranceProblem]:
         own, given = self.definition, self.given
-        found = {}
+        found: dict[str, ToleranceProblem] = {}
         if len(own.gears) > 1 and len({one.reducer.key for one in own.drives}) == 1:
             alike = replace(own, per_drive=False)  # type: ignore[type-var]
             found["reducers alike in all drives"] = self._with(given, alike, per_drive=False)

@@ -32,7 +32,7 @@ class RingMachine(Machine):
     def geared(self) -> int:
         return JOINTS
 
-    @cached_property
+    @property
     def columns(self) -> list[list[int]]:
         return [[NAMES.index(one) for one in own] for own in self.grouping.values()]
 

@@ -64,7 +64,11 @@ class RobotJoint(RobotProblem):
         given = settings or Settings()
         own: Definition = given.definition or default_definition(given.parameters)
         super().__init__(given, own)
-        self.machine = RingMachine(self.settings.parameters, own.grouping)
+        self._machine = RingMachine(self.settings.parameters, own.grouping)
+
+    @property
+    def machine(self) -> RingMachine:
+        return self._machine
 
     @classmethod
     def configured(cls, top: Section) -> Any:

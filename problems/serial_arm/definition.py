@@ -97,7 +97,7 @@ class Definition(definition.Definition):
         """Joints with a reducer, from 0."""
         return {at: one.gearing for at, one in enumerate(self.joints) if one.gearing is not None}
 
-    @cached_property
+    @property
     def drives(self) -> tuple[Drive, ...]:
         return tuple(_drive(str(at + 1), one) for at, one in self.gearings.items())
 

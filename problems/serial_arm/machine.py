@@ -33,7 +33,7 @@ class ArmMachine(Machine):
     def geared(self) -> int:
         return len(self.definition.gearings)
 
-    @cached_property
+    @property
     def columns(self) -> list[list[int]]:
         every = [declared.error(kind, at) for at in range(1, len(self.definition.joints) + 1)
                  for kind in declared.ERRORS]  # fmt: skip

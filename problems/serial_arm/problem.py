@@ -56,14 +56,17 @@ class SerialArmAllocation(RobotProblem):
     nests_in: ClassVar[str] = "joint"
     """The tables that name a reducer each."""
     definition: Definition
-    machine: ArmMachine
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
         own: Definition = given.definition or default_definition(given.parameters)
         self.parameters = own.parameters
         super().__init__(given, own)
-        self.machine = ArmMachine(self.settings.parameters, own)
+        self._machine = ArmMachine(self.settings.parameters, own)
+
+    @property
+    def machine(self) -> ArmMachine:
+        return self._machine
 
     @classmethod
     def configured(cls, top: Section) -> Any:

@@ -190,7 +190,7 @@ class TestLeastCosts:
     ) -> None:
         """With reducers equal everywhere, and equal in joints 1 to 3 and 4 to 6."""
         own = arm(held=held)
-        found = []
+        found, made = [], np.empty(0)
         for one in (own, replace(own, per_drive=False), arm("aaabbb", held)):
             problem = problem_of(one, calibrated="position")
             design, values, _ = optimum(problem, 0.15 / C[case])
