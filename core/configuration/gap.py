@@ -85,37 +85,50 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     top.finish()
     if found is None:
         return None, faults
-    active = tuple(found.settings.effects)
-    in_model = {one.effect.name for one in active}
-    of_table = name == TABLE
-    plan = GapPlan(
+    plan = _of_model(found, model, name, table, configuration is not None)
+    library = tuple(one for one in library if one not in {kept.effect.name for kept in plan.active})
+    plan = replace(
+        plan,
+        free=free,
+        library=library,
+        noise=noise,
+        blocks=blocks,
+        drop_bad_rows=drop,
+        settings=settings,
+        run=run,
+        counterparts=counterparts if run else None,
+        next_measurement=planned,
+        drawing=drawing,
+    )
+    return _with_text(plan, table), faults
+
+
+def _of_model(
+    found: Configuration,
+    model: MeasurableModel | None,
+    name: str | None,
+    table: Mapping[str, Any],
+    whole: bool,
+) -> GapPlan:
+    """The part of a plan that says what is simulated; `whole` where nothing stands in for it."""
+    of_table, active = name == TABLE, tuple(found.settings.effects)
+    return GapPlan(
         model_name=str(name),
         model=None if of_table else model,
         seed=found.seed,
         parameters=_parameters(found),
-        given=dict(table.get("parameters", {})) if configuration and not of_table else {},
-        free=free,
-        library=tuple(name for name in library if name not in in_model),
-        noise=noise,
-        blocks=blocks,
+        given=dict(table.get("parameters", {})) if whole and not of_table else {},
         columns=found.settings.definition if of_table else {},
-        drop_bad_rows=drop,
-        settings=settings,
-        run=run,
         rebuild=None if of_table else Rebuilt(found),
         active=active,
         zero=dict(found.settings.zero),
         sense=dict(found.settings.sense),
         gear=found.settings.gear,
         uses=dict(found.settings.columns),
-        counterparts=counterparts if run else None,
-        next_measurement=planned,
-        drawing=drawing,
         tables=resolved_gear(found.settings.gear) | resolved_effects(active)
         if of_table
         else dict(found.resolved),
     )
-    return _with_text(plan, table), faults
 
 
 def _configuration(
