@@ -13,6 +13,7 @@ from ...models.effects.compose import Active, acting, changes_of
 from .abstain import Judged, judged, structured
 from .ambiguity import Other, first_of_twins, rivals
 from .close import corrected
+from .curves import as_curve
 from .fit import Fit
 from .generic import stacked
 from .linear import Groups, joined
@@ -91,6 +92,7 @@ class Analysis:
     misfit: Misfit | None = None
     struck: tuple[str, ...] = ()
     barred: frozenset[str] = frozenset()
+    believed: frozenset[str] = frozenset()
 
     @property
     def fit(self) -> Fit:
@@ -199,16 +201,23 @@ def _settled(
     return _answer(Ground(setup, tuple(noises), search, generic), settling, found, done)
 
 
-def without(analysis: Analysis, name: str) -> Analysis:
-    """The analysis of rows without a name, all that is left fitted and tested again."""
+def without(analysis: Analysis, name: str, believed: str = "") -> Analysis:
+    """The analysis of rows without a name, all that is left fitted and tested again; what the name
+    did may be the form of another one, which is `believed`: it stays as a curve without a name.
+    """
     ground, found = analysis.ground, analysis.selection
+    sure = analysis.believed | ({believed} if believed else set())
+    fit, names = analysis.fit, analysis.fit.names
+    curve = as_curve(ground.search.fitter, fit, names.index(name), names.index(believed),
+                     analysis.setup.data) if believed else None  # fmt: skip
     settling = Settling(
-        ground.search, ground.generic, analysis.setup.data, ground.empty, found.accepted
+        ground.search, ground.generic, analysis.setup.data, ground.empty, found.accepted, sure
     )
     barred = frozenset({name, *analysis.barred})
-    done = settling.again(analysis.fit, barred)
+    done = settling.again(fit, barred, () if curve is None else (curve,))
     done = replace(done, struck=(*analysis.struck, *({name} & {*found.named})))
-    return replace(_answer(ground, settling, found, done, barred), barred=barred)
+    answer = _answer(ground, settling, found, done, barred)
+    return replace(answer, barred=barred, believed=sure)
 
 
 def _answer(
