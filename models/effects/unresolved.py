@@ -104,7 +104,7 @@ class Term:
             inside = np.clip(x, self.knots[0], self.knots[-1])
             return np.asarray(BSpline.design_matrix(inside, ends, 3).toarray())
         if self.shape == "curve":
-            return np.interp(x, self.knots, self.heights)[:, None]
+            return np.asarray(np.interp(x, self.knots, self.heights))[:, None]
         if self.shape == "step":
             return np.asarray(x >= self.zero, dtype=float)[:, None]
         z = (x - self.zero) / self.scale
@@ -120,8 +120,8 @@ class Term:
         if self.variable not in readings.table:
             return np.zeros((len(readings), self.count))
         names, which = labels_of(readings.table[self.variable])
-        each = names[which][:, None] == np.array(self.labels)
-        return each[:, 1:].astype(float) - each[:, :1]
+        each = np.asarray(names[which][:, None] == np.array(self.labels), dtype=float)
+        return np.asarray(each[:, 1:] - each[:, :1])
 
     def table(self, coefficients: Array) -> dict[str, Any]:
         """The `[[unresolved]]` table of it."""

@@ -17,6 +17,7 @@ from tolevo.configuration.gap import gap_plan, read_gap
 from tolevo.gap_records import GapResult
 from tolevo.models.effects.effect import Readings
 from tolevo.models.effects.unresolved import Term
+from tolevo.models.measurable import Role
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.curves import _through
 from tolevo.workflows.gap.read import read_data
@@ -45,9 +46,9 @@ def found(folder: Path, frame: pd.DataFrame, more: str = "") -> GapResult:
 def test_columns_of_levels_add_up_to_nothing_and_other_labels_have_none() -> None:
     term = Term("te", "session", "levels", labels=("a", "b", "c"))
     labels = np.array(["a", "b", "c", "d"])
-    columns = term.columns(Readings({"session": labels}, {"unit": labels}))
+    columns = term.columns(Readings({"session": labels}, {Role.UNIT: labels}))
     np.testing.assert_array_equal(columns, [[-1, -1], [1, 0], [0, 1], [0, 0]])
-    nowhere = Readings({"torque": np.zeros(4)}, {"unit": labels})
+    nowhere = Readings({"torque": np.zeros(4)}, {Role.UNIT: labels})
     np.testing.assert_array_equal(term.columns(nowhere), np.zeros((4, 2)))
 
 
@@ -79,8 +80,8 @@ def test_a_step_of_a_session_is_a_term_beside_the_name(tmp_path: Path) -> None:
 
 
 def test_what_a_formula_leaves_of_its_own_mechanism_is_no_second_name(tmp_path: Path) -> None:
-    """A lost motion at 60 noise levels that the load widens by a few per cent: a compliance would fit
-    that well. The half width is that of the formula alone, by least squares.
+    """A lost motion at 60 noise levels that the load widens by a few per cent, as a compliance would.
+    The half width is that of the formula alone, by least squares.
     """
     torque = np.random.default_rng(0).uniform(-400.0, 400.0, N)
     te = 30.0 * np.sign(torque) * (1.0 + 0.06 * np.abs(torque) / 400.0)

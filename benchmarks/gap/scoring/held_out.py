@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,11 @@ def fitted(
         if not rival.grids:
             continue
         beside = np.hstack([free, *blocks[:k], *blocks[k + 1 :]])[rows]
-        seen = replace(rival, columns=lambda at, p, of=rival: of.columns(at, p)[rows])
+        seen = replace(rival, columns=partial(_at_rows, rival, rows))
         _, p = least_left(seen, at, beside, what[rows])
         blocks[k] = rival.columns(at, p)
     return np.hstack([free, *blocks])
+
+
+def _at_rows(rival: Rival, rows: Rows, at: Any, p: Array) -> Array:
+    return rival.columns(at, p)[rows]
