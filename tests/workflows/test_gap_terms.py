@@ -80,7 +80,7 @@ def test_a_step_of_a_session_is_a_term_beside_the_name(tmp_path: Path) -> None:
 
 
 def test_what_a_formula_leaves_of_its_own_mechanism_is_no_second_name(tmp_path: Path) -> None:
-    """A lost motion at 60 noise levels that the load widens by a few per cent, as a compliance would.
+    """A lost motion at 60 noise levels that the load widens by some per cent, as a compliance does.
     The half width is that of the formula alone, by least squares.
     """
     torque = np.random.default_rng(0).uniform(-400.0, 400.0, N)
