@@ -12,7 +12,7 @@ from ..models.costs import CostCurve
 from ..models.effects.compose import Active
 from ..models.gear import Gear
 from ..models.inputs import Distribution
-from ..models.machines.reading import Offer
+from ..models.machines.offers import Offer
 from ..tables import ColumnUse
 
 METHODS = ("moments", "convolution", "monte_carlo")
