@@ -17,7 +17,7 @@ from ...models.machines.reading import Owner, read_offers
 from ...section import POSITIVE, Range, Section
 from .definition import Process
 from .made import processes_of
-from .standards import MORE, assumed_of, searched_grades, standard
+from .standards import COSTS, MORE, assumed_of, searched_grades, standard
 
 KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process", "machine")
 """The ways to state a zone, by their first key; exactly one is given, but that machines may stand
@@ -69,7 +69,8 @@ def read_tolerance(
         grades = searched_grades(section, unit, nominal)
         if grades is None:
             return None
-        return Tolerance(grades, alternatives=True, stated=stated_of(section),
+        costs = {key: section.take(key) for key in COSTS if key in section}
+        return Tolerance(grades, alternatives=True, stated=stated_of(section) | costs,
                          assumed=assumed_of(grades))  # fmt: skip
     if given == ["t_min"]:
         process = _process(section, unit)
