@@ -100,8 +100,9 @@ class GoodPartsBySpread(CostCurve):
     def _inside(self, linear: Array, square: Array, ends: Array) -> Array:
         """Where the tabulated slope and prices (n,) add up to 0 between two ends."""
         x, slope = self._slopes
-        low, high = np.clip(np.searchsorted(x, ends) + [-1, 0], 0, len(x) - 1).tolist()
-        first, last = np.full(len(linear), low), np.full(len(linear), max(high, low + 1))
+        before, after = np.searchsorted(x, ends).tolist()
+        low, high = max(before - 1, 0), min(max(after, before), len(x) - 1)
+        first, last = np.full(len(linear), low), np.full(len(linear), high)
         for _ in range((high - low).bit_length()):
             middle = (first + last) // 2
             above = slope[middle] + linear + 2.0 * square * x[middle] > 0.0
