@@ -36,7 +36,7 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
                 filled = _filled(folder / name, own.get("characteristic"), options)
             except InputError as error:
                 faults += [Fault(place, f"{one.place} {one.message}") for one in error.faults]
-                own["values"] = []
+                own["values"] = None  # nothing more is said of them
                 continue
             owner["measured"] = filled | own
 
