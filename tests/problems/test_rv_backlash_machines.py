@@ -74,7 +74,8 @@ def test_good_parts_enter_as_normal_ones_with_their_own_mean_and_scatter() -> No
 @pytest.mark.parametrize("name", ["eccentricity_um", "pitch_um"])
 def test_means_enter_as_mid_limits_do(name: str) -> None:
     """The mean of the pitch turns all teeth alike: no unit's backlash moves."""
-    problem = reducer(table(**{name: {"machine": OFF_CENTRE}}))
+    machines: dict[str, Any] = {name: {"machine": OFF_CENTRE}}
+    problem = reducer(table(**machines))
     design = designs_of(problem, 1)
     at, way = problem.names.index(name), problem.names.index(problem.made[name].choice)
     design[:, [at, way]] = 1.1, 1.0
@@ -82,7 +83,8 @@ def test_means_enter_as_mid_limits_do(name: str) -> None:
     assert good.mean[0] > 0.1
     mid = (problem.settings.variables[name].mid or 0.0) + float(good.mean[0])
     own = {"value": float(3.0 * good.std[0]), "mid": mid, "distribution": "normal"}
-    plain = reducer(table(**{name: own}))
+    stated: dict[str, Any] = {name: own}
+    plain = reducer(table(**stated))
     same = np.delete(design, way, axis=1)
     same[:, at] = own["value"]
     found, expected = problem.outputs_of(design), plain.outputs_of(same)
@@ -118,7 +120,9 @@ def test_front_of_the_geometric_backlash_is_proven() -> None:
 
 @pytest.mark.parametrize("output", ["backlash_geometric_arcmin", "backlash_arcmin"])
 def test_no_design_costs_less_than_its_bound(output: str) -> None:
-    cranks = {"eccentricity_um": {"machine": OFF_CENTRE}} if "geometric" in output else {}
+    cranks: dict[str, Any] = (
+        {"eccentricity_um": {"machine": OFF_CENTRE}} if "geometric" in output else {}
+    )
     problem = reducer(table(output, **cranks))
     designs = designs_of(problem, 60)
     values = problem.outputs_of(designs, searching=True)
