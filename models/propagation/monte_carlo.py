@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from ..inputs.distribution import Array
 from .method import Propagation
@@ -39,7 +39,7 @@ class MonteCarlo(Propagation):
         """A scrambled Sobol sample, rounded up to REPLICATES powers of two."""
         power = max(1, int(np.ceil(np.log2(max(samples, 2 * REPLICATES) / REPLICATES))))
         seeds = rng.spawn(REPLICATES)
-        sobol = [qmc.Sobol(dimensions, scramble=True, rng=seed) for seed in seeds]
+        sobol = [scipy.stats.qmc.Sobol(dimensions, scramble=True, rng=seed) for seed in seeds]
         return cls(np.stack([one.random_base2(power) for one in sobol]))
 
     @property

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from ...problems.tolerance_problem import ToleranceProblem
 from .rules import COST
@@ -79,7 +79,7 @@ def _fitted(
         matrix = each[row][kept][:, used]
         size = np.linalg.norm(matrix, axis=0)
         scaled = matrix / np.where(size > 0.0, size, 1.0)
-        solution, rest = nnls(scaled, right)
+        solution, rest = scipy.optimize.nnls(scaled, right)
         found[row, used] = np.divide(solution, size, out=np.zeros_like(size), where=size > 0.0)
         left[row] = 100.0 * rest / np.linalg.norm(right)
     return found, left
