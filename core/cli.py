@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections.abc import Callable, Iterable
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
     Outcome = RunOutcome | GapOutcome | StudyOutcome | ReproduceOutcome
 
+GARBAGE = 50_000
+"""New objects between two searches for cycles: imports make many objects and no garbage."""
 WORKERS = min(4, os.cpu_count() or 1)
 """Default of --workers."""
 STATUS = {"done": 0, "no_feasible_point": 1, "interrupted": INTERRUPTED}
@@ -61,6 +64,7 @@ Force = Annotated[bool, typer.Option("--force", help="Refuse no count for its si
 def main() -> None:
     """Entry point of the `tolevo` command."""
     signal.signal(signal.SIGTERM, _terminated)
+    gc.set_threshold(GARBAGE)
     app()
 
 

@@ -35,14 +35,10 @@ def front_figure(result: RunResult) -> Figure:
     return figure
 
 
-def png(result: RunResult) -> bytes:
-    """`front.png`."""
-    return as_png(front_figure(result))
-
-
-def svg(result: RunResult) -> bytes:
-    """`front.svg`."""
-    return as_svg(front_figure(result))
+def pictures(result: RunResult) -> tuple[bytes, bytes]:
+    """`front.png` and `front.svg`."""
+    figure = front_figure(result)
+    return as_png(figure), as_svg(figure)
 
 
 def _draw_plane(axes: Axes, result: RunResult) -> None:

@@ -12,7 +12,7 @@ import pandas as pd
 
 from ...files import write_bytes, write_text
 from ...records import RunResult
-from ...reports.figure import png, svg
+from ...reports.figure import pictures
 from ...reports.page import page
 from ...reports.sheet import allocation_sheet
 from ...reports.sheets import drawing_page
@@ -29,8 +29,8 @@ def write(result: RunResult, folder: Path) -> None:
     write_text(folder / "front.json", as_json(_records(result.front)))
     if sheet is not None:
         write_bytes(folder / "allocation.xlsx", sheet)
-    write_bytes(folder / "front.png", png(result))
-    write_bytes(folder / "front.svg", svg(result))
+    for name, content in zip(("front.png", "front.svg"), pictures(result), strict=True):
+        write_bytes(folder / name, content)
     write_text(folder / "report.html", page(result))
     if (drawing := drawing_page(result)) is not None:
         write_text(folder / "drawing.html", drawing)
