@@ -35,10 +35,10 @@ def front_figure(result: RunResult) -> Figure:
     return figure
 
 
-def pictures(result: RunResult) -> tuple[bytes, bytes]:
-    """`front.png` and `front.svg`."""
+def pictures(result: RunResult) -> dict[str, bytes]:
+    """`front.svg` and `front.png`, by name."""
     figure = front_figure(result)
-    return as_png(figure), as_svg(figure)
+    return {"front.svg": as_svg(figure), "front.png": as_png(figure)}
 
 
 def _draw_plane(axes: Axes, result: RunResult) -> None:

@@ -63,13 +63,17 @@ def orders(result: RunResult) -> list[Order]:
 
 def _order(points: list[int], found: pd.DataFrame, choices: pd.DataFrame) -> Order:
     own = found[found["point"] == points[0]]
-    kept = [name for name in COLUMNS if name in own and own[name].notna().any()
-            and not (own[name].astype(str) == "").all()]  # fmt: skip
+    kept = [name for name in COLUMNS if name in own and any(map(_given, own[name]))]
     table = own[kept].rename(columns=COLUMNS).reset_index(drop=True)
     rows = choices[choices["point"].isin(points)]
     outcome = {str(k): v for k, v in rows.iloc[0].items()} if len(rows) else {}
     rules = tuple(map(str, rows["choice"])) or (f"point {points[0]}",)
     return Order(rules, tuple(points), table, outcome)
+
+
+def _given(value: object) -> bool:
+    """Whether a cell has something in it."""
+    return value is not None and value is not pd.NA and value == value and value != ""
 
 
 def comparison(result: RunResult, found: list[Order]) -> pd.DataFrame:

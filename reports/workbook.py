@@ -112,7 +112,8 @@ def _book(names: list[str]) -> str:
         f'<sheet name="{escape(name)}" sheetId="{at}" r:id="rId{at}"/>'
         for at, name in enumerate(names, start=1)
     )
-    return f'{_HEAD}<workbook xmlns="{_MAIN}" xmlns:r="{_OFFICE}"><sheets>{each}</sheets></workbook>'
+    spaces = f'xmlns="{_MAIN}" xmlns:r="{_OFFICE}"'
+    return f"{_HEAD}<workbook {spaces}><sheets>{each}</sheets></workbook>"
 
 
 def _sheet(table: pd.DataFrame) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ def write(result: RunResult, folder: Path) -> None:
     write_text(folder / "front.json", as_json(_records(result.front)))
     if sheet is not None:
         write_bytes(folder / "allocation.xlsx", sheet)
-    for name, content in zip(("front.png", "front.svg"), pictures(result), strict=True):
+    for name, content in pictures(result).items():
         write_bytes(folder / name, content)
     write_text(folder / "report.html", page(result))
     if (drawing := drawing_page(result)) is not None:
@@ -96,4 +97,4 @@ def _plain(value: Any) -> Any:
         return [_plain(item) for item in value]
     if isinstance(value, np.generic):
         return _plain(value.item())
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
