@@ -13,14 +13,16 @@ import pandas as pd
 
 from ...files import write_bytes, write_text
 from ...records import RunResult
-from ...reports.figure import pictures
-from ...reports.page import page
-from ...reports.sheet import allocation_sheet
-from ...reports.sheets import drawing_page
 
 
 def write(result: RunResult, folder: Path) -> None:
     """Write everything that the contract lists into `folder`, the summary last."""
+    # Figures take longer to import than a configuration to read, which imports this package.
+    from ...reports.figure import pictures
+    from ...reports.page import page
+    from ...reports.sheet import allocation_sheet
+    from ...reports.sheets import drawing_page
+
     folder.mkdir(parents=True, exist_ok=True)
     texts = _texts(result)
     sheet = allocation_sheet(result)
