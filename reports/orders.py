@@ -13,7 +13,8 @@ COLUMNS = {
     "nominal": "nominal", "upper_deviation": "upper deviation",
     "lower_deviation": "lower deviation", "upper_limit": "upper limit",
     "lower_limit": "lower limit", "unit": "unit", "grade": "grade, class", "symbol": "symbol",
-    "process": "process", "cpk_wanted": "Cpk wanted", "inspection": "inspection",
+    "process": "process", "roughness_Ra_um": "Ra [um]",
+    "cpk_wanted": "Cpk wanted", "inspection": "inspection",
     "unrounded": "before rounding", "rounded": "value", "drawing": "drawing",
     "characteristic": "characteristic",
 }  # fmt: skip

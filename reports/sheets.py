@@ -10,7 +10,7 @@ from .orders import Order, orders
 from .tables import chosen, shown, table
 
 COLUMNS = ("tolerance", "on the drawing", "upper deviation", "lower deviation", "nominal", "unit",
-           "grade, class", "symbol", "process", "Cpk wanted", "inspection")  # fmt: skip
+           "grade, class", "symbol", "process", "Ra [um]", "Cpk wanted", "inspection")  # fmt: skip
 
 
 def drawing_page(result: RunResult) -> str | None:

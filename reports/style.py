@@ -129,8 +129,9 @@ details { margin: var(--s1) 0; }
 @media print {
   body { max-width: none; padding: 0; font-size: 10pt; }
   .scroll { overflow: visible; max-height: none !important; border: 0; }
-  .work { grid-template-columns: minmax(0, 1fr); border: 0; background: none; }
-  #asks, #controls, #views, #exports, #parallel, .key summary { display: none; }
+  .work { grid-template-columns: minmax(0, 1fr); border: 0; background: none; padding: 0; }
+  #asks, #controls, #views, #exports, #parallel, .work .hint, .key summary { display: none; }
+  .key:not([open]) { display: none; }
   .plot { height: 11cm; break-inside: avoid; }
   tr, figure, section.sheet { break-inside: avoid; }
   section.sheet { break-after: page; }
