@@ -9,10 +9,14 @@ from __future__ import annotations
 from matplotlib import artist
 
 
+def _nothing(artist: object) -> str:
+    return ""
+
+
 def imported() -> None:
     """Import what the figures are drawn with."""
     documented = artist.kwdoc
-    artist.kwdoc = lambda _: ""
+    artist.kwdoc = _nothing
     try:
         import matplotlib.axes
         import matplotlib.figure  # noqa: F401

@@ -160,7 +160,7 @@ def _cell(place: str, value: Any, bold: bool) -> str:
         whole = isinstance(value, int | np.integer)
         if not np.isfinite(number):
             return ""
-        return f'<c r="{place}"{style}><v>{int(value) if whole else repr(number)}</v></c>'
+        return f'<c r="{place}"{style}><v>{int(number) if whole else repr(number)}</v></c>'
     if value is None or value is pd.NA:
         return ""
     text = escape(ILLEGAL.sub("", str(value))[:LONGEST_TEXT])

@@ -80,5 +80,6 @@ def slsqp(
 def ascend(dual: Callable[[Array], float], start: Array) -> Array:
     """Maximise a concave function of x >= 0 by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995)."""
     bounds = scipy.optimize.Bounds(np.zeros(len(start)), np.full(len(start), np.inf))
-    found = scipy.optimize.minimize(lambda x: -dual(x), start, bounds=bounds, method="L-BFGS-B")
+    minimize: Any = scipy.optimize.minimize
+    found = minimize(lambda x: -dual(x), start, bounds=bounds, method="L-BFGS-B")
     return np.asarray(np.maximum(found.x, 0.0), dtype=float)
