@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -110,9 +111,12 @@ def test_other_pages_look_as_they_did(
     tab: Tab, tmp_path: Path, gap: Any, study: Any, claims: Any, real: Any,
     kind: str, width: int, look: str,
 ) -> None:  # fmt: skip
-    made = {"gap": lambda: gap_page(gap), "study": lambda: study_page(study),
-            "claims": lambda: claims_page(claims),
-            "drawing": lambda: drawing_page(real)}  # fmt: skip
+    made: dict[str, Callable[[], str | None]] = {
+        "gap": lambda: gap_page(gap),
+        "study": lambda: study_page(study),
+        "claims": lambda: claims_page(claims),
+        "drawing": lambda: drawing_page(real),
+    }
     path = tmp_path / "p.html"
     path.write_text(made[kind]() or "", encoding="utf-8")
     assert as_stored(taken(tab, path, width, look), f"{kind}-{width}-{look}") < MOST
