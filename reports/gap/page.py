@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ...gap_records import FoundEffect, GapResult, Rival
+from ...records import mechanism_lines
 from ..document import bullets, document, folded, picture, section
 from ..summary import summary_table
 from ..tables import shown, table
@@ -118,8 +119,9 @@ def _head(result: GapResult) -> str:
     lines = [VERDICTS.get(result.verdict, result.verdict)]
     lines += [f"{one.name.replace('_', ' ')}: {one.cause}" for one in result.effects]
     lines += [line for line in map(partial(_before_after, result), result.gap_before) if line]
+    about = "".join(f"<p>{escape(line)}</p>\n" for line in mechanism_lines(result.summary))
     asked, rest = lines[0], "".join(f"<li>{escape(line)}</li>" for line in lines[1:])
-    return f'<p class="asked">{escape(asked)}</p>\n<ul class="answers">{rest}</ul>'
+    return f'{about}<p class="asked">{escape(asked)}</p>\n<ul class="answers">{rest}</ul>'
 
 
 def _before_after(result: GapResult, name: str) -> str:
