@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from ..costs import CostCurve, Table
 from .machine import Machine
@@ -64,10 +64,10 @@ class GoodPartsBySpread(CostCurve):
         return float(x[0]), float(x[-1])
 
     @cached_property
-    def _inverse(self) -> PchipInterpolator:
+    def _inverse(self) -> scipy.interpolate.PchipInterpolator:
         t, x = self._table
         rising = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 0.0])
-        return PchipInterpolator(x[rising], t[rising])
+        return scipy.interpolate.PchipInterpolator(x[rising], t[rising])
 
     def limit(self, x: Array) -> Array:
         """The limit t of an inspection that leaves good parts with the scatter x."""

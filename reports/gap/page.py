@@ -62,6 +62,8 @@ CAPTIONS = {
     "(dotted).",
     "path": "Held-out error of every step over the noise: 1 is the noise floor (dotted). Accepted "
     "steps are filled and joined, refused ones hollow.",
+    "path of a batch": "What every step gains over what it must gain (dotted), in the measure of "
+    "the batch: a batch has no rows to leave out. Accepted steps are filled, refused ones hollow.",
 }
 
 
@@ -151,7 +153,7 @@ def _drawn(result: GapResult) -> Iterator[Drawn]:
         yield "next_measurement", points, CAPTION
     path = path_figure(result)
     if path is not None:
-        yield "path", path, CAPTIONS["path"]
+        yield "path", path, CAPTIONS["path of a batch" if len(result.units) else "path"]
 
 
 def _file_part(name: str) -> str:
