@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .indices import Index, capability
 from .knowledge import Gauge, Knowledge, Prior, knowledge_of
+from .norm import Norm, Surplus, norm_of
 from .stability import Finding, distribution_type, findings
 
 __all__ = [
@@ -11,9 +12,12 @@ __all__ = [
     "Gauge",
     "Index",
     "Knowledge",
+    "Norm",
     "Prior",
+    "Surplus",
     "capability",
     "distribution_type",
     "findings",
     "knowledge_of",
+    "norm_of",
 ]
