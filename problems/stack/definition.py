@@ -14,6 +14,7 @@ from ...models.inputs import Distribution
 from ...models.machines import Machine
 from ...models.machines.reading import Offer
 from ...models.stack import Mechanism
+from ..promise import Promise
 from .samples import PartSample
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
@@ -150,6 +151,7 @@ class Definition:
     parts: tuple[Part, ...]
     mechanisms: tuple[Mechanism, ...]
     correlations: tuple[Correlation, ...] = ()
+    promise: Promise | None = None
 
     @property
     def requirement(self) -> Requirement:

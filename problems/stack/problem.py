@@ -18,6 +18,7 @@ from ...models.costs import CostCurve
 from ...models.stack import Linear, Tolerances
 from ...section import Section
 from ..forms import Form
+from ..promise import read_promise
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from .assumptions import assumptions_of
@@ -32,6 +33,7 @@ from .machine_ways import limits_alone
 from .made import as_made, ends_as_made, limits_of
 from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
+from .promises import Promises, promise_faults, promise_limits
 from .reading import read_definition
 from .remarks import domain_remarks, warnings_of
 from .rows import rows_of, shortfall
@@ -78,7 +80,9 @@ class Stack(ToleranceProblem):
         self.definition = definition
         self.variables = variables_of(definition.parts)
         self.measured: tuple[Measured, ...] = measured(definition)
-        self.outputs = outputs_of(definition.requirements, definition.parts, self.measured)
+        self.outputs = outputs_of(
+            definition.requirements, definition.parts, self.measured, definition.promise
+        )
         super().__init__(settings)
 
     @classmethod
@@ -94,7 +98,7 @@ class Stack(ToleranceProblem):
             for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
         ]
         own = measured(definition) if definition is not None else ()
-        outputs = outputs_of(requirements, known, own)
+        outputs = outputs_of(requirements, known, own, read_promise(top))
         return StackKind(definition, variables_of(known), outputs)
 
     def tables(self) -> dict[str, Any]:
@@ -110,8 +114,10 @@ class Stack(ToleranceProblem):
         settings = {name: VariableSetting(value=value) for name, value in fixed.items()}
         limits = {one.name("domain_margin"): Bound(low=0.0)
                   for one in self.measured if one.bound_to_domain}  # fmt: skip
-        return super()._completed(replace(given, variables=settings | dict(given.variables),
-                                          limits=limits | dict(given.limits)))  # fmt: skip
+        limits |= promise_limits(self.definition, given.limits)
+        return super()._completed(
+            replace(given, variables=settings | dict(given.variables), limits=limits)
+        )
 
     # ---------------------------------------------------------------- designs
 
@@ -171,7 +177,15 @@ class Stack(ToleranceProblem):
         found = {"cost": self.cost_of(designs)} | self.yields.outputs(t, searching)
         for one in self.measured:
             found |= one.variations(t) | one.margin(t) | self._shares(one, t, searching)
+        if self.promises is not None:
+            found |= self.promises.outputs(t, searching, self.wanted)
         return found | joint_variations(self.measured, found)
+
+    @cached_property
+    def promises(self) -> Promises | None:
+        """What is promised of the yields, where something is."""
+        promise = self.definition.promise
+        return None if promise is None else Promises(self.measured, promise, self.settings.seed)
 
     def _shares(self, one: Measured, t: Tolerances, searching: bool) -> dict[str, Array]:
         """Contributions of the parts; NaN where a search does not need them."""
@@ -255,6 +269,8 @@ class Stack(ToleranceProblem):
         for one in self.measured:
             found |= one.slopes(t, self.wanted, coverage)
             values |= one.variations(t)
+        if self.promises is not None:
+            found |= self.promises.slopes(t, self.wanted)
         if all(one.name("variation") in values for one in self.measured):
             found |= joint_slopes(self.measured, values, found)
         found = by_limit(self, designs, found) | {"cost": self._by_part(designs, slope=True)}
@@ -314,6 +330,8 @@ class Stack(ToleranceProblem):
                 ends = (one.margin(end) for end in self.ends_as_made)
                 most, least = (float(end[one.name("domain_margin")][0]) for end in ends)
                 found[one.name("domain_margin")] = least, most
+        if self.promises is not None:
+            found |= self.promises.intervals(self.ends_as_made[0])
         return found | joint_intervals(self.measured, found) | {"yield_percent": (0.0, 100.0)}
 
     @cached_property
@@ -362,7 +380,8 @@ class Stack(ToleranceProblem):
     # ---------------------------------------------------------------- faults and warnings
 
     def faults(self) -> list[Fault]:
-        found = size_faults(self) or super().faults()
+        found = promise_faults(self.definition, self.given.limits)
+        found += size_faults(self) or super().faults()
         found += [*yield_faults(self), *range_faults(self)]
         return found or domain_faults(self)
 
