@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .bootstrap import cumulants_drawn, kept
 from .indices import Index, capability
 from .knowledge import Gauge, Knowledge, Prior, knowledge_of
 from .norm import Norm, Surplus, norm_of
@@ -16,8 +17,10 @@ __all__ = [
     "Prior",
     "Surplus",
     "capability",
+    "cumulants_drawn",
     "distribution_type",
     "findings",
+    "kept",
     "knowledge_of",
     "norm_of",
 ]

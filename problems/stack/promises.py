@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -151,8 +151,3 @@ class Promises:
         """The promise that an output is of."""
         return next((one for one in self.each if one.measured.name(PROMISED) == output), None)
 
-
-def with_known_processes(definition: Definition) -> Definition:
-    """The definition with the same promise meant as `plug_in`."""
-    assert definition.promise is not None
-    return replace(definition, promise=replace(definition.promise, statement=PLUG_IN))
