@@ -52,6 +52,10 @@ def allocation_sheet(result: RunResult) -> bytes | None:
         _fill(book.create_sheet(name), order.table)
     _fill(book.create_sheet("Allocation"), result.allocation)
     _fill(book.create_sheet("Choices"), result.choices)
+    for title, frame in (("Promise", result.promise), ("Next parts", result.next_parts),
+                         ("Capability", result.capability)):  # fmt: skip
+        if frame is not None:
+            _fill(book.create_sheet(title), frame)
     if lines := mechanism_lines(result.summary):
         _fill(book.create_sheet("Mechanism"), pd.DataFrame({"mechanism": lines}))
     _fill(book.create_sheet("Rounding"), pd.DataFrame(list(result.summary.get("rounding") or ())))
