@@ -416,6 +416,27 @@ def template(
         typer.echo(f"written: {out}")
 
 
+@app.command()
+def review(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Result of a run of a stack.")],
+    parts: Annotated[
+        list[Path], typer.Argument(help="Measured parts (table or Q-DAS), a result of gap.")
+    ],
+    since: Annotated[
+        list[Path] | None, typer.Option("--since", help="Earlier parts; may be repeated.")
+    ] = None,
+    encoding: Encoding = None,
+    delimiter: Delimiter = None,
+    decimal: Decimal = None,
+) -> None:
+    """Say what the promise of a run is worth by parts that were made to its drawing."""
+    with exit_status():
+        from .configuration.reviewed import reviewed
+
+        options = ReadOptions(encoding, delimiter, decimal)
+        typer.echo(reviewed(folder, parts, since or (), options))
+
+
 @app.command("list")
 def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
     """List models, problems, algorithms, effects and calculations, plugins included."""
