@@ -13,7 +13,7 @@ import pandas as pd
 
 from .. import tables
 from ..errors import Fault, InputError, nearest, raise_all
-from ..problems.promise import ASSURED, YIELD
+from ..problems.promise import ASSURED, PLUG_IN, PROMISED, YIELD
 from ..problems.stack import Stack
 from .measured_files import SUFFIXES, measured_in, together
 from .reader import read_table
@@ -29,7 +29,8 @@ GAP = "gap.json"
 class Reopened:
     """The stack of a run, the full design its drawing has, and the same stack as production says.
 
-    `now` takes the means of the parts as they are found, `reset` as the run's configuration does;
+    `now` takes the means of the parts as they are found, `reset` as the run's configuration does,
+    None where no allocation keeps the promise then;
     `since` is by earlier parts, where there are any. `made` are the parts with new values.
     `attributed` says what an analysis of the units' own measurement found.
     """
@@ -37,7 +38,7 @@ class Reopened:
     before: Stack
     design: dict[str, float]
     now: Stack
-    reset: Stack
+    reset: Stack | None
     made: tuple[str, ...]
     since: Stack | None = None
     attributed: str = ""
@@ -66,10 +67,12 @@ def reopened(
     found = [_stack(one, faults) for one in (
         table, _means_found(now), now, *([_means_found(earlier)] if earlier else []))]  # fmt: skip
     raise_all(faults)
-    before, as_found, reset = (one for one in found[:3] if one is not None)
+    before, as_found = found[0], found[1]
+    assert before is not None
+    assert as_found is not None
     made = tuple(str(one["name"]) for one, old in zip(now["part"], table["part"], strict=True)
                  if one is not old)  # fmt: skip
-    return Reopened(before, design, as_found, reset, made,
+    return Reopened(before, design, as_found, found[2], made,
                     found[3] if earlier else None, attributed)  # fmt: skip
 
 
@@ -97,6 +100,7 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
 def _with_promise(table: Table, faults: list[Fault]) -> None:
     """Have a run without a promise promise the yield that it was limited to."""
     if "promise" in table:
+        table["limits"] = _without_promise(table.get("limits", {}))
         return
     limit = table.get("limits", {}).pop(YIELD, None)
     share = limit.get("min") if isinstance(limit, dict) else limit
@@ -105,6 +109,12 @@ def _with_promise(table: Table, faults: list[Fault]) -> None:
         faults.append(Fault("RUN", text))
         return
     table["promise"] = {YIELD: share, "statement": ASSURED}
+
+
+def _without_promise(limits: Table) -> Table:
+    """Limits without those that a promise sets, of each requirement."""
+    return {name: _without_promise(own) if isinstance(own, dict) else own
+            for name, own in limits.items() if name not in (YIELD, PROMISED)}  # fmt: skip
 
 
 def _anew(
@@ -183,8 +193,8 @@ def _names(path: Path, options: tables.ReadOptions) -> list[str]:
 
 
 def _means_found(table: Table) -> Table:
-    """The tables with the means of all new samples as they are found."""
-    found = copy.copy(table)
+    """The tables with the means of all samples as they are found, whether or not that is enough."""
+    found = table | {"promise": table["promise"] | {"statement": PLUG_IN}}
     found["part"] = [
         part | {"measured": part["measured"] | {"mean": "as_found"}} if "measured" in part else part
         for part in table["part"]
@@ -193,11 +203,12 @@ def _means_found(table: Table) -> Table:
 
 
 def _stack(table: Table, faults: list[Fault]) -> Stack | None:
-    """The problem of some tables; only its limits may be out of reach."""
+    """The problem of some tables; None where it has faults, or limits that nothing keeps."""
     try:
         problem = read_table(copy.deepcopy(table), []).problem
     except InputError as error:
-        faults += [one for one in error.faults if one not in faults]
+        faults += [one for one in error.faults
+                   if one not in faults and not one.place.startswith("limits.")]  # fmt: skip
         return None
     assert isinstance(problem, Stack)
     return problem

@@ -15,6 +15,10 @@ CONFIDENCE = 0.95
 """Confidence of the upper limit on a variance in an assured allocation."""
 
 
+CONTRADICTED = 1e-3
+"""Probability below which a sample contradicts a prior."""
+
+
 @dataclass(frozen=True, slots=True)
 class Gauge:
     """A gauge: standard deviation of its readings, and the degrees of freedom of that estimate."""
@@ -123,8 +127,8 @@ def knowledge_of(
     """What `values` (n,) of one characteristic tell.
 
     The variance of a gauge is subtracted, and the upper limit that of the difference. Raises
-    ValueError for fewer than `LEAST` values, values that are all equal, and a gauge that scatters
-    at least as much as the readings.
+    ValueError for fewer than `LEAST` values, values that are all equal, a gauge that scatters
+    at least as much as the readings, and a prior that they contradict.
     """
     n = len(values)
     if n < LEAST:
@@ -140,9 +144,21 @@ def knowledge_of(
     df, parts = n - 1.0, 0.0
     difference = None if gauge is None else Difference(seen, df, gauge.sigma**2, gauge.df)
     if prior is not None:
+        _agreeing(own, df, prior)
         own = (prior.parts * prior.sigma**2 + df * own) / (prior.parts + df)
         df, parts = df + prior.parts, prior.parts
     return Knowledge(mean, float(np.sqrt(own)), float(n), df, parts, difference)
+
+
+def _agreeing(variance: float, df: float, prior: Prior) -> None:
+    """Raises ValueError where a sample contradicts a prior that claims to be worth so many parts."""
+    below = float(stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
+    chance = 2.0 * min(below, 1.0 - below)
+    if chance < CONTRADICTED:
+        raise ValueError(f"scatters by {np.sqrt(variance):.4g}, the prior says {prior.sigma:.4g} "
+                         f"and claims to be worth {prior.parts:g} parts: as far apart by chance "
+                         f"once in {1.0 / max(chance, 1e-12):.2g}; lower prior.parts, or leave it "
+                         "out")  # fmt: skip
 
 
 def upper_of_difference(

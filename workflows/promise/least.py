@@ -25,12 +25,17 @@ class Least:
     cost: float
     design: Array
 
+    @classmethod
+    def none(cls, stack: Stack) -> Least:
+        """No design."""
+        return cls(float("nan"), np.full(len(stack.variables), np.nan))
+
 
 def cheapest(stack: Stack) -> Least:
     """The cheapest design of a stack whose only objective is the cost: exact where it can be."""
     found = search(stack, Exact(), Budget(), stack.settings.seed)
     if not len(found.f):
-        return Least(float("nan"), np.full(len(stack.variables), np.nan))
+        return Least.none(stack)
     at = int(np.argmin(found.f[:, 0]))
     return Least(float(found.f[at, 0]), stack.complete(found.x[at : at + 1])[0])
 

@@ -13,7 +13,7 @@ from scipy import stats
 from ...problems.promise import ASSURANCE, YIELD
 from ...problems.stack import Stack
 from ...problems.stack.definition import Part
-from .least import cheapest
+from .least import Least, cheapest
 
 Array = NDArray[np.float64]
 CHANGED = 0.01
@@ -34,21 +34,21 @@ def review(
     before: Stack,
     design: Mapping[str, float],
     now: Stack,
-    reset: Stack,
+    reset: Stack | None,
     made: Sequence[str],
     since: Stack | None = None,
     attributed: str = "",
 ) -> Review:
     """The review of a run's design by parts made to it; the stacks as `Reopened` has them."""
     full = _full(before, design)
-    promise = now.promises
+    promise = before.promises
     assert promise is not None
     told = [f"promised: {promise.promise.words()}"]
     told.append(f"when it was promised: {_worth(before, full)}")
     told.append(f"by the parts now: {_worth(now, full)}")
-    anew = cheapest(_alone(reset))
+    anew = Least.none(before) if reset is None else cheapest(_alone(reset))
     cost = float(before.outputs_of(full[None, :])["cost"][0])
-    if np.isfinite(anew.cost):
+    if reset is not None and np.isfinite(anew.cost):
         side = "saves" if anew.cost < cost else "costs"
         told.append(f"the least cost that keeps the promise now is {anew.cost:.4g}; the drawing's "
                     f"is {cost:.4g}: a new allocation {side} {abs(cost - anew.cost):.4g} "
@@ -57,7 +57,7 @@ def review(
         told.append("no allocation keeps the promise by what the parts say now, even at the "
                     "tightest tolerances")  # fmt: skip
     rows = [_row(part, before, now, design, anew.design, part.name in made)
-            for part in reset.definition.parts]  # fmt: skip
+            for part in before.definition.parts]  # fmt: skip
     told += [text for one in now.definition.parts if one.sample is not None
              and one.name in made for text in
              (f"{one.name} {finding.text}" for finding in one.sample.found)]  # fmt: skip
@@ -145,8 +145,4 @@ def _since(since: Stack, now: Stack, made: Sequence[str], full: Array) -> list[s
         if float(moved.pvalue) < CHANGED:
             told.append(f"the mean of {name} moved by {float(b.mean() - a.mean()):+.4g} "
                         f"{_part(now, name).unit} (by chance: {float(moved.pvalue):.2g})")
-    costs = [cheapest(_alone(one)).cost for one in (since, now)]
-    if np.all(np.isfinite(costs)):
-        told.append(f"the least cost that keeps the promise went from {costs[0]:.4g} to "
-                    f"{costs[1]:.4g}")  # fmt: skip
     return told

@@ -13,6 +13,8 @@ from ...problems.stack.definition import Part
 Array = NDArray[np.float64]
 FEW = 20
 """Parts below which a skewed sample does not carry an assurance."""
+NOT_NORMAL = ("shape", "outlier")
+"""Findings that no normal process has: an outlier is a tail whose cause is not known."""
 DRAWS = 4000
 """Draws of the Bayesian bootstrap."""
 
@@ -62,12 +64,14 @@ def _cumulants(stack: Stack, at: int) -> Array:
 
 
 def _shaped(part: Part) -> bool:
-    return part.sample is not None and any(one.kind == "shape" for one in part.sample.found)
+    return part.sample is not None and any(one.kind in NOT_NORMAL for one in part.sample.found)
 
 
 def _doubt(part: Part) -> str:
     if part.sample is None or not _shaped(part):
         return ""
+    if any(one.kind == "outlier" for one in part.sample.found):
+        return "has an outlier"
     values = part.sample.deviations
     skew, excess = float(stats.skew(values)), float(stats.kurtosis(values))
     if excess > abs(skew):
