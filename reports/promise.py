@@ -40,7 +40,9 @@ def promise_sections(result: RunResult) -> tuple[str, ...]:
         return ()
     own = result.promise
     unit = unit_of_cost(result.summary)
-    bars = Bars("least cost", unit, tuple(map(str, own["statement"])), tuple(map(float, own["cost"])))
+    bars = Bars(
+        "least cost", unit, tuple(map(str, own["statement"])), tuple(map(float, own["cost"]))
+    )
     chosen = (result.summary.get("promise") or {}).get("statement")
     parts = [
         f"<p>{escape(STATEMENTS)}</p>\n{table(own, [name == chosen for name in own['statement']])}",
@@ -49,8 +51,8 @@ def promise_sections(result: RunResult) -> tuple[str, ...]:
     if result.next_parts is not None:
         parts.append(f"<p>{escape(NEXT)}</p>\n{table(result.next_parts)}")
     if result.capability is not None:
-        parts.append(folded("What is known of the processes",
-                            f"<p>{escape(CAPABILITY)}</p>\n{table(result.capability)}"))  # fmt: skip
+        known = f"<p>{escape(CAPABILITY)}</p>\n{table(result.capability)}"
+        parts.append(folded("What is known of the processes", known))
     charts = measured_parts(result.configuration)
     if charts:
         more = f" The first {CHARTS} of {len(charts)}." if len(charts) > CHARTS else ""

@@ -113,7 +113,9 @@ class _Reweighted:
             return own
         ratio = float(np.sum(step * last) / max(float(np.sum(last * last)), 1e-300))
         share = 1.0 / (1.0 - float(np.clip(ratio, *RATIOS)))
-        return np.asarray(np.where(self.reference > 0.0, self.reference, own) * np.exp(share * step))
+        return np.asarray(
+            np.where(self.reference > 0.0, self.reference, own) * np.exp(share * step)
+        )
 
     def _keep(self, leaf: Leaf, squares: Squares) -> None:
         """Count an allocation, drawn back within the limits, where it is the cheapest yet."""

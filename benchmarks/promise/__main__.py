@@ -53,7 +53,8 @@ def read(path: Path) -> dict[tuple[str, int], Repeat]:
             one = json.loads(line)
         except json.JSONDecodeError:
             continue
-        found[one.pop("case"), one.pop("seed")] = Repeat(**one)
+        key = one.pop("case"), one.pop("seed")
+        found[key] = Repeat(**one)
     return found
 
 

@@ -76,8 +76,9 @@ def together(found: list[Raw], names: Sequence[str], place: str, faults: list[Fa
     for one in found:
         whole |= one
     whole["values"] = [value for one in found for value in one["values"]]
-    whole["lots"] = [lot for one, name in zip(found, names, strict=False)
-                     for lot in one.get("lots") or [Path(name).stem] * len(one["values"])]  # fmt: skip
+    whole["lots"] = []
+    for one, name in zip(found, names, strict=False):
+        whole["lots"] += one.get("lots") or [Path(name).stem] * len(one["values"])
     return whole
 
 

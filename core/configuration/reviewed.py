@@ -10,9 +10,7 @@ from ..workflows.promise.review import review
 from .review import reopened
 
 
-def reviewed(
-    run: Path, parts: Sequence[Path], since: Sequence[Path], options: ReadOptions
-) -> str:
+def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: ReadOptions) -> str:
     """Sentences and the table of the parts. Raises InputError with every fault."""
     one = reopened(run, parts, since, options)
     found = review(one.before, one.design, one.now, one.reset, one.made, one.since, one.attributed)

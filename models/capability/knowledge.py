@@ -15,7 +15,7 @@ CONFIDENCE = 0.95
 """Confidence of the upper limit on a variance in an assured allocation."""
 
 
-CONTRADICTED = 1e-3
+CONTRADICTED = 1e-6
 """Probability below which a sample contradicts a prior."""
 
 
@@ -37,9 +37,9 @@ class Prior:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Two estimated variances, the readings' and the gauge's, of which the parts' is the difference.
+    """The variances of readings and gauge, of which the parts' is the difference.
 
-    Each with its degrees of freedom.
+    Each is an estimate with its degrees of freedom.
     """
 
     seen: float
@@ -88,9 +88,7 @@ class Knowledge:
             return 0.0
         found = _factor(self.df, confidence) - self.inflation
         if (one := self.difference) is not None:
-            limit = upper_of_difference(
-                one.seen, one.seen_df, one.gauge, one.gauge_df, confidence
-            )
+            limit = upper_of_difference(one.seen, one.seen_df, one.gauge, one.gauge_df, confidence)
             found += max(limit / one.own - _factor(one.seen_df, confidence), 0.0)
         return max(found, 0.0)
 
@@ -151,7 +149,7 @@ def knowledge_of(
 
 
 def _agreeing(variance: float, df: float, prior: Prior) -> None:
-    """Raises ValueError where a sample contradicts a prior that claims to be worth so many parts."""
+    """Raises ValueError where a sample contradicts a prior that claims to be worth more."""
     below = float(stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
     chance = 2.0 * min(below, 1.0 - below)
     if chance < CONTRADICTED:

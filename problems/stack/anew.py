@@ -54,9 +54,7 @@ def _part(part: Part, known: Knowledge) -> Part:
     return replace(part, sample=sample, distribution=sample.distribution)
 
 
-def _mechanism(
-    one: Mechanism, before: tuple[Part, ...], parts: tuple[Part, ...]
-) -> Mechanism:
+def _mechanism(one: Mechanism, before: tuple[Part, ...], parts: tuple[Part, ...]) -> Mechanism:
     """A mechanism of other processes: what a mean moves is taken to be linear."""
     moved = [new.mean - old.mean for old, new in zip(before, parts, strict=True)]
     shift = sum(slope * moved[at] for slope, at in zip(one.sensitivities, one.owner, strict=True))

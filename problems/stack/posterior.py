@@ -36,8 +36,9 @@ class Posterior:
     @cached_property
     def _drawn(self) -> tuple[Array, Array]:
         """Variances over their estimates, and errors of means over the estimates (draws, p)."""
-        variance, error = np.ones((self.draws, len(self.parts))), np.zeros(
-            (self.draws, len(self.parts))
+        variance, error = (
+            np.ones((self.draws, len(self.parts))),
+            np.zeros((self.draws, len(self.parts))),
         )
         for at, part in enumerate(self.parts):
             if part.sample is not None:

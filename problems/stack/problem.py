@@ -27,7 +27,7 @@ from .convex import form_of
 from .costs import PartCosts
 from .definition import Definition, Part
 from .drawn import drawn, labels_of
-from .faults import domain_faults, range_faults, size_faults, unit_faults, yield_faults
+from .faults import domain_faults, named_outputs, range_faults, size_faults, unit_faults, yield_faults
 from .joint import joint_intervals, joint_slopes, joint_variations
 from .machine_ways import limits_alone
 from .made import as_made, ends_as_made, limits_of
@@ -90,7 +90,7 @@ class Stack(ToleranceProblem):
         """The stack of its requirements, `[[part]]` and `[[correlation]]`, faulty or not."""
         faults: list[Fault] = []
         parts, requirements, definition = read_definition(top, faults)
-        faults += unit_faults(requirements, *_named(top))
+        faults += unit_faults(requirements, *named_outputs(top))
         for fault in faults:
             top.fault(fault.place, fault.message)
         known = [
@@ -397,10 +397,3 @@ class Stack(ToleranceProblem):
     @cached_property
     def _warnings(self) -> tuple[str, ...]:
         return warnings_of(self)
-
-
-def _named(top: Section) -> tuple[list[str], list[str]]:
-    """Names of objectives and limits, as far as they can be read."""
-    names, limits = top.section("objectives").take("minimise"), top.section("limits")
-    named = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
-    return (named if "objectives" in top else list(OBJECTIVES)), list(limits.given())

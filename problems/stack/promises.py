@@ -47,9 +47,7 @@ def _assurances(name: str) -> list[Output]:
     ]  # fmt: skip
 
 
-def promise_limits(
-    definition: Definition, given: Mapping[str, Bound]
-) -> dict[str, Bound]:
+def promise_limits(definition: Definition, given: Mapping[str, Bound]) -> dict[str, Bound]:
     """The limits of a run with its promise: a limit on the yield means the promise."""
     promise = definition.promise
     if promise is None:
@@ -111,9 +109,7 @@ class Promises:
         bounded = [one for one in self.measured if one.mechanism.bounded]
         return tuple(Promised(one, self.promise, self.posterior) for one in bounded)
 
-    def outputs(
-        self, t: Tolerances, searching: bool, wanted: Collection[str]
-    ) -> dict[str, Array]:
+    def outputs(self, t: Tolerances, searching: bool, wanted: Collection[str]) -> dict[str, Array]:
         """Promised yields and assurances (n,); NaN where a search does not need them."""
         found = {}
         for one in self.each if self.promise.statement != PLUG_IN else ():
@@ -150,4 +146,3 @@ class Promises:
     def row(self, output: str) -> Promised | None:
         """The promise that an output is of."""
         return next((one for one in self.each if one.measured.name(PROMISED) == output), None)
-

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from ...models.capability import Surplus
 from ...models.stack import Law
 from ...models.stack.linear import SIGMAS
-from ...models.capability import Surplus
 from ..forms import Piece, Quantile
 from ..promise import ASSURED, PLUG_IN, PROMISED
 from .joint import VARIATIONS
@@ -235,9 +235,7 @@ def quantile_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array)
     return Quantile(row.probability, tuple(tuple(pieces[at]) for at in kept), tuple(fixed))
 
 
-def surplus_of(
-    row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array
-) -> Surplus | None:
+def surplus_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) -> Surplus | None:
     """What doubt adds under the root of a row, by the squares of the parts `kept`."""
     if row.own is None or row.shared is None:
         return None

@@ -34,9 +34,11 @@ def text(statement: str = "assured", more: str = "", mean: str = "corrected") ->
         f'values = {samples()[at]}\nmade_to = 10.0\nmean = "{mean}"\n{PRIORS[at]}\n'
         for at, slope in enumerate(SLOPES)
     )
-    return (f'problem = "stack"\n{more}\n[objectives]\nminimise = ["cost"]\n[promise]\n'
-            f'yield_percent = 99.73\nstatement = "{statement}"\n[requirement]\nunit = "um"\n'
-            f'nominal = 0.0\nlower = -40.0\nupper = 40.0\n[algorithm]\nname = "exact"\n{parts}')
+    return (
+        f'problem = "stack"\n{more}\n[objectives]\nminimise = ["cost"]\n[promise]\n'
+        f'yield_percent = 99.73\nstatement = "{statement}"\n[requirement]\nunit = "um"\n'
+        f'nominal = 0.0\nlower = -40.0\nupper = 40.0\n[algorithm]\nname = "exact"\n{parts}'
+    )
 
 
 def built(folder: Path, written: str) -> Any:
@@ -202,8 +204,8 @@ def test_the_same_percentage_as_a_limit_is_the_promise(tmp_path: Path) -> None:
 
 def test_tails_are_not_called_assured(tmp_path: Path) -> None:
     values = np.random.default_rng(5).standard_t(2.0, 40).round(3).tolist()
-    written = text().replace(str(samples()[1]), str(values)).replace("made_to = 10.0",
-                                                                     "made_to = 25.0")  # fmt: skip
+    own = f"values = {samples()[1]}\nmade_to = 10.0"
+    written = text().replace(own, f"values = {values}\nmade_to = 25.0")
     built(tmp_path, written)
     done = CliRunner().invoke(app, ["run", str(tmp_path / "c.toml"), "--out", str(tmp_path / "o")])
     assert done.exit_code == 0, done.output

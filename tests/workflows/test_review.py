@@ -32,7 +32,7 @@ PART = """
 name = "{name}"
 unit = "um"
 sensitivity = 1.0
-t_min = 1.0
+t_min = 8.0
 t_max = 60.0
 cost = {{ model = "reciprocal", a = 0.0, b = 1.0 }}
 [part.measured]
@@ -54,7 +54,9 @@ def ran(folder: Path, *settings: str) -> dict[str, float]:
     )
     assert done.exit_code == 0, done.output
     found = pd.read_csv(folder / "o" / "allocation.csv")
-    return {name[:-2]: float(t) for name, t in zip(found["variable"], found["rounded"], strict=True)}
+    return {
+        name[:-2]: float(t) for name, t in zip(found["variable"], found["rounded"], strict=True)
+    }
 
 
 def made(folder: Path, name: str, seed: int, tolerances: dict[str, float],
@@ -79,7 +81,7 @@ def test_a_part_that_scatters_more_is_tightened(tmp_path: Path) -> None:
     parts = made(tmp_path, "now.csv", 2, t, {"pin": 2.2, "cap": 0.4})
     told = reviewed(str(tmp_path / "o"), parts, "--since", before)
     rows = {line.split()[0]: line.split() for line in told.splitlines() if "  um" in line
-            or " um " in line and line.split()[0] in t}  # fmt: skip
+            or (" um " in line and line.split()[0] in t)}  # fmt: skip
     assert rows["pin"][-1] == "tighten"
     assert rows["cap"][-1] == "loosen"
     assert "pin scatters" in told
@@ -108,7 +110,7 @@ def test_a_new_allocation_keeps_the_promise_by_the_parts(tmp_path: Path) -> None
 
 def test_a_promise_that_nothing_keeps_any_more_is_said(tmp_path: Path) -> None:
     t = ran(tmp_path)
-    parts = made(tmp_path, "now.csv", 4, t, dict.fromkeys(t, 60.0))
+    parts = made(tmp_path, "now.csv", 4, t, dict.fromkeys(t, 6.0))
     told = reviewed(str(tmp_path / "o"), parts)
     assert "no allocation keeps the promise by what the parts say now" in told
 

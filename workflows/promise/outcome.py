@@ -23,7 +23,7 @@ KNOWN = ("part", "parts", "unit", "mean", "std", "made_to", "df", "type", "index
 
 @dataclass(frozen=True, slots=True)
 class PromiseOutcome:
-    """What `summary.json` says, and the tables `promise.csv`, `next_parts.csv`, `capability.csv`."""
+    """What `summary.json` says, a sentence, and the tables of the same names."""
 
     summary: dict[str, Any]
     sentence: str

@@ -50,9 +50,11 @@ def review(
     cost = float(before.outputs_of(full[None, :])["cost"][0])
     if reset is not None and np.isfinite(anew.cost):
         side = "saves" if anew.cost < cost else "costs"
-        told.append(f"the least cost that keeps the promise now is {anew.cost:.4g}; the drawing's "
-                    f"is {cost:.4g}: a new allocation {side} {abs(cost - anew.cost):.4g} "
-                    f"({100.0 * abs(1.0 - anew.cost / cost):.2g} %), {_worth(reset, anew.design)}")
+        told.append(
+            f"the least cost that keeps the promise now is {anew.cost:.4g}; the drawing's "
+            f"is {cost:.4g}: a new allocation {side} {abs(cost - anew.cost):.4g} "
+            f"({100.0 * abs(1.0 - anew.cost / cost):.2g} %), {_worth(reset, anew.design)}"
+        )
     else:
         told.append("no allocation keeps the promise by what the parts say now, even at the "
                     "tightest tolerances")  # fmt: skip
@@ -143,6 +145,8 @@ def _since(since: Stack, now: Stack, made: Sequence[str], full: Array) -> list[s
                         f"(by chance: {2.0 * min(tail, 1.0 - tail):.2g})")  # fmt: skip
         moved = stats.ttest_ind(b, a, equal_var=False)
         if float(moved.pvalue) < CHANGED:
-            told.append(f"the mean of {name} moved by {float(b.mean() - a.mean()):+.4g} "
-                        f"{_part(now, name).unit} (by chance: {float(moved.pvalue):.2g})")
+            told.append(
+                f"the mean of {name} moved by {float(b.mean() - a.mean()):+.4g} "
+                f"{_part(now, name).unit} (by chance: {float(moved.pvalue):.2g})"
+            )
     return told
