@@ -14,7 +14,6 @@ from benchmarks.promise.__main__ import figures, kept_well, read, row, table  # 
 from benchmarks.promise.cases import Case, cases  # noqa: E402
 from benchmarks.promise.ranking import drawn, gain  # noqa: E402
 from benchmarks.promise.repeats import SHARE, Repeat, repeat  # noqa: E402
-
 from tolevo.workflows.promise.next_parts import shadow_gain  # noqa: E402
 
 

@@ -106,6 +106,7 @@ def range_faults(stack: Stack) -> list[Fault]:
             found.append(Fault(f"limits.{limit.name}", text))
     return found
 
+
 def named_outputs(top: Section) -> tuple[list[str], list[str]]:
     """Names of objectives and limits, as far as they can be read."""
     names, limits = top.section("objectives").take("minimise"), top.section("limits")

@@ -27,7 +27,14 @@ from .convex import form_of
 from .costs import PartCosts
 from .definition import Definition, Part
 from .drawn import drawn, labels_of
-from .faults import domain_faults, named_outputs, range_faults, size_faults, unit_faults, yield_faults
+from .faults import (
+    domain_faults,
+    named_outputs,
+    range_faults,
+    size_faults,
+    unit_faults,
+    yield_faults,
+)
 from .joint import joint_intervals, joint_slopes, joint_variations
 from .machine_ways import limits_alone
 from .made import as_made, ends_as_made, limits_of
@@ -271,8 +278,7 @@ class Stack(ToleranceProblem):
         for one in self.measured:
             found |= one.slopes(t, self.wanted, coverage)
             values |= one.variations(t)
-        if self.promises is not None:
-            found |= self.promises.slopes(t, self.wanted)
+        found |= self.promises.slopes(t, self.wanted) if self.promises is not None else {}
         if all(one.name("variation") in values for one in self.measured):
             found |= joint_slopes(self.measured, values, found)
         found = by_limit(self, designs, found) | {"cost": self._by_part(designs, slope=True)}
@@ -332,8 +338,7 @@ class Stack(ToleranceProblem):
                 ends = (one.margin(end) for end in self.ends_as_made)
                 most, least = (float(end[one.name("domain_margin")][0]) for end in ends)
                 found[one.name("domain_margin")] = least, most
-        if self.promises is not None:
-            found |= self.promises.intervals(self.ends_as_made[0])
+        found |= self.promises.intervals(self.ends_as_made[0]) if self.promises is not None else {}
         return found | joint_intervals(self.measured, found) | {"yield_percent": (0.0, 100.0)}
 
     @cached_property
