@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from ...problems.forms import Feature, Form
 from ...problems.spread import Spread, largest_parts, spread_of
 from .ascent import Ascent
-from .combination import Combination, Optimum
+from .combination import Combination
+from .combination import Optimum as Optimum
 from .doubt import least_under_doubt
 from .master import Master
 from .path import Path

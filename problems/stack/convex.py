@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,8 @@ from ...models.costs import Reciprocal
 from ..forms import Feature, Form, Way
 from ..limits import Limit
 from .definition import Part
-from .machine_ways import machine_ways
+from .machine_ways import limits_alone, machine_ways
+from .made import limits_of
 from .rows import YIELD, Row, quantile_of, rows_of, surplus_of
 
 if TYPE_CHECKING:
@@ -61,6 +63,20 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
         most=tuple(one.most for one in rows) if limited else (),
         surpluses=surpluses if any(one is not None for one in surpluses) else (),
     )
+
+
+def limits_by_spread(stack: Stack, columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Columns (n,) of a form with limits of inspection in the place of the spread of good parts."""
+    found = dict(columns)
+    if limits_alone(rows_of(stack, gaussian=True)):
+        return found
+    for part in stack.definition.parts:
+        if part.by_machine and (name := f"{part.name}_t") in found:
+            chosen = np.zeros(len(found[name]), dtype=np.int64)
+            if (choice := f"{part.name}_process") in found:
+                chosen = np.rint(found[choice]).astype(np.int64)
+            found[name] = limits_of(part, found[name], chosen)
+    return found
 
 
 def _entangled(stack: Stack) -> bool:

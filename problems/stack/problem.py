@@ -23,7 +23,7 @@ from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from .assumptions import assumptions_of
 from .by_limit import by_limit
-from .convex import form_of
+from .convex import form_of, limits_by_spread
 from .costs import PartCosts
 from .definition import Definition, Part
 from .drawn import drawn, labels_of
@@ -36,14 +36,13 @@ from .faults import (
     yield_faults,
 )
 from .joint import joint_intervals, joint_slopes, joint_variations
-from .machine_ways import limits_alone
-from .made import as_made, ends_as_made, limits_of
+from .made import as_made, ends_as_made
 from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
 from .promises import Promises, promise_faults, promise_limits
 from .reading import read_definition
 from .remarks import domain_remarks, warnings_of
-from .rows import rows_of, shortfall
+from .rows import shortfall
 from .stand_in import stand_in
 from .writing import tables_of
 from .yields import Yields
@@ -292,16 +291,7 @@ class Stack(ToleranceProblem):
 
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Limits of inspection from the spread of good parts, which a form searches."""
-        found = dict(columns)
-        if limits_alone(rows_of(self, gaussian=True)):
-            return found
-        for part in self._parts:
-            if part.by_machine and (name := f"{part.name}_t") in found:
-                chosen = np.zeros(len(found[name]), dtype=np.int64)
-                if (choice := f"{part.name}_process") in found:
-                    chosen = np.rint(found[choice]).astype(np.int64)
-                found[name] = limits_of(part, found[name], chosen)
-        return found
+        return limits_by_spread(self, columns)
 
     def form(self) -> Form | None:
         return form_of(self)

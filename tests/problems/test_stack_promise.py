@@ -211,3 +211,15 @@ def test_tails_are_not_called_assured(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert "it is not called assured, for p1 has an outlier" in done.output
     assert "by the Bayesian bootstrap" in done.output
+
+
+def test_pieces_of_one_part_share_the_error_of_its_mean(tmp_path: Path) -> None:
+    """Two pieces: variances add, 2 v; the error of their mean is the same, 4 v/n."""
+    written = text().replace('name = "p0"\n', 'name = "p0"\ncount = 2\n')
+    t = np.array([[14.0, 1e-9, 1e-9, 1e-9]])
+    problem = built(tmp_path, written)
+    n, s = SIZES[0], float(np.std(samples()[0], ddof=1))
+    v, limit = (s * 14.0 / 10.0) ** 2, (n - 1.0) / stats.chi2.ppf(0.05, n - 1.0)
+    h = np.sqrt(limit * (2.0 * v + 4.0 * v / n))
+    expected = 100.0 * (2.0 * stats.norm.cdf(40.0 / h) - 1.0)
+    assert problem.frame(t)["promised_yield_percent"].iloc[0] == pytest.approx(expected, abs=1e-8)
