@@ -60,7 +60,7 @@ class Promised:
         if self.promise.statement != ASSURED:
             return self.posterior.expected(self.measured, t)
         z = np.min([self._room(t, *end) for end in self.sides], axis=0) / self._spread(t)
-        return 100.0 * (2.0 * ndtr(z) - 1.0 if len(self.sides) == 2 else ndtr(z))
+        return np.asarray(100.0 * (2.0 * ndtr(z) - 1.0 if len(self.sides) == 2 else ndtr(z)))
 
     def slopes(self, t: Tolerances) -> Array:
         """Derivatives (n, parts) of the promised yield by the spread of the parts."""

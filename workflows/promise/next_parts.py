@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from ...models.capability import Knowledge
+from ...problems.forms import Form
 from ...problems.spread import spread_of
 from ...problems.stack import Stack
 from ...problems.stack.anew import with_knowledge
@@ -67,7 +68,7 @@ def shadow_gain(stack: Stack, name: str) -> float:
     return float(found.multiplier[0] @ np.maximum(before - after, 0.0))
 
 
-def solved_form(stack: Stack, name: str):  # type: ignore[no-untyped-def]
+def solved_form(stack: Stack, name: str) -> Form | None:
     """The form with more parts of one characteristic and the same estimates."""
     found = solved(with_knowledge(stack, {name: with_more(_known(stack, name), 1.0)}))
     return None if found is None else found[0]
