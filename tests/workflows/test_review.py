@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pandas as pd
@@ -42,18 +43,24 @@ mean = "corrected"
 """
 
 
-def ran(folder: Path, *settings: str) -> dict[str, float]:
-    """A run in `folder`/o; its rounded tolerances by part."""
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a configuration and its run in o."""
+    folder = tmp_path_factory.mktemp("run")
     rng = np.random.default_rng(6)
     parts = [PART.format(name=name, values=rng.normal(0.0, 10.0 / 3.0, 25).round(3).tolist())
              for name in ("ring", "pin", "cap")]  # fmt: skip
     (folder / "c.toml").write_text(CONFIGURATION + "".join(parts), encoding="utf-8")
-    sets = [word for one in settings for word in ("--set", one)]
     done = CliRunner().invoke(
-        app, ["run", str(folder / "c.toml"), "--out", str(folder / "o"), "--quiet", *sets]
+        app, ["run", str(folder / "c.toml"), "--out", str(folder / "o"), "--quiet"]
     )
     assert done.exit_code == 0, done.output
-    found = pd.read_csv(folder / "o" / "allocation.csv")
+    return folder
+
+
+def tolerances_of(first: Path) -> dict[str, float]:
+    """Rounded tolerances of the run by part."""
+    found = pd.read_csv(first / "o" / "allocation.csv")
     return {
         name[:-2]: float(t) for name, t in zip(found["variable"], found["rounded"], strict=True)
     }
@@ -75,11 +82,11 @@ def reviewed(*arguments: str) -> str:
     return done.output
 
 
-def test_a_part_that_scatters_more_is_tightened(tmp_path: Path) -> None:
-    t = ran(tmp_path)
+def test_a_part_that_scatters_more_is_tightened(first: Path, tmp_path: Path) -> None:
+    t = tolerances_of(first)
     before = made(tmp_path, "first.csv", 1, t, {})
     parts = made(tmp_path, "now.csv", 2, t, {"pin": 2.2, "cap": 0.4})
-    told = reviewed(str(tmp_path / "o"), parts, "--since", before)
+    told = reviewed(str(first / "o"), parts, "--since", before)
     rows = {line.split()[0]: line.split() for line in told.splitlines() if "  um" in line
             or (" um " in line and line.split()[0] in t)}  # fmt: skip
     assert rows["pin"][-1] == "tighten"
@@ -89,11 +96,11 @@ def test_a_part_that_scatters_more_is_tightened(tmp_path: Path) -> None:
     assert "the least cost that keeps the promise now is" in told
 
 
-def test_a_new_allocation_keeps_the_promise_by_the_parts(tmp_path: Path) -> None:
+def test_a_new_allocation_keeps_the_promise_by_the_parts(first: Path, tmp_path: Path) -> None:
     """The saving is that of running the same problem with the new samples."""
-    t = ran(tmp_path)
+    t = tolerances_of(first)
     parts = made(tmp_path, "now.csv", 3, t, dict.fromkeys(t, 0.5))
-    told = reviewed(str(tmp_path / "o"), parts)
+    told = reviewed(str(first / "o"), parts)
     found = pd.read_csv(parts)
     text = CONFIGURATION + "".join(
         PART.format(name=name, values=found[name].tolist()).replace("made_to = 10.0",
@@ -108,29 +115,29 @@ def test_a_new_allocation_keeps_the_promise_by_the_parts(tmp_path: Path) -> None
     assert "a new allocation saves" in told
 
 
-def test_a_promise_that_nothing_keeps_any_more_is_said(tmp_path: Path) -> None:
-    t = ran(tmp_path)
+def test_a_promise_that_nothing_keeps_any_more_is_said(first: Path, tmp_path: Path) -> None:
+    t = tolerances_of(first)
     parts = made(tmp_path, "now.csv", 4, t, dict.fromkeys(t, 6.0))
-    told = reviewed(str(tmp_path / "o"), parts)
+    told = reviewed(str(first / "o"), parts)
     assert "no allocation keeps the promise by what the parts say now" in told
 
 
-def test_the_units_own_measurement_stands_beside(tmp_path: Path) -> None:
-    t = ran(tmp_path)
+def test_the_units_own_measurement_stands_beside(first: Path, tmp_path: Path) -> None:
+    t = tolerances_of(first)
     parts = made(tmp_path, "now.csv", 5, t, {})
     (tmp_path / "g").mkdir()
     known = {"verdict": "named", "effects": [{"name": "thermal_drift"}]}
     (tmp_path / "g" / "gap.json").write_text(json.dumps(known), encoding="utf-8")
-    told = reviewed(str(tmp_path / "o"), parts, str(tmp_path / "g"))
+    told = reviewed(str(first / "o"), parts, str(tmp_path / "g"))
     assert "the units' own measurement: named: thermal_drift" in told
 
 
-def test_faults(tmp_path: Path) -> None:
+def test_faults(first: Path, tmp_path: Path) -> None:
     """Every one at once, status 2."""
-    t = ran(tmp_path)
+    t = tolerances_of(first)
     other = made(tmp_path, "other.csv", 7, {"nut": 5.0}, {})
     (tmp_path / "empty").mkdir()
-    run = str(tmp_path / "o")
+    run = str(first / "o")
     for arguments, words in (
         ((run, str(tmp_path / "none.csv"), str(tmp_path / "empty")),
          ("none.csv: does not exist", "is no result of `tolevo gap`")),
@@ -149,8 +156,10 @@ def test_faults(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("words", ["promises nothing"])
-def test_a_run_without_a_promise_has_nothing_to_review(words: str, tmp_path: Path) -> None:
-    ran(tmp_path)
+def test_a_run_without_a_promise_has_nothing_to_review(
+    words: str, first: Path, tmp_path: Path
+) -> None:
+    copytree(first / "o", tmp_path / "o")
     path = tmp_path / "o" / "config.toml"
     text = path.read_text(encoding="utf-8")
     start = text.index("[promise]")
@@ -158,6 +167,6 @@ def test_a_run_without_a_promise_has_nothing_to_review(words: str, tmp_path: Pat
     text = text[:start] + text[end:]
     text = text.replace("promised_yield_percent", "variation").replace("min = 99.0", "max = 30.0")
     path.write_text(text, encoding="utf-8")
-    done = CliRunner().invoke(app, ["review", str(tmp_path / "o"), str(tmp_path / "c.toml")])
+    done = CliRunner().invoke(app, ["review", str(tmp_path / "o"), str(first / "c.toml")])
     assert done.exit_code == 2
     assert words in done.output
