@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import moocore
 import numpy as np
 from numpy.typing import NDArray
 
@@ -138,7 +137,12 @@ def lowest_ranks(x: Array, f: Array, room: int) -> NDArray[np.int64]:
     if len(rows) <= room:
         return rows
     values = f[rows]
-    rank = values[:, 0] if values.shape[1] == 1 else moocore.pareto_rank(values)
+    if values.shape[1] == 1:
+        rank = values[:, 0]
+    else:
+        import moocore
+
+        rank = moocore.pareto_rank(values)
     best = int(np.count_nonzero(rank == rank.min()))
     return np.sort(rows[np.argsort(rank, kind="stable")[: max(room, best)]])
 

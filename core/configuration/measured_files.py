@@ -1,8 +1,8 @@
-"""`[part.measured] file`: measured parts from a table or a Q-DAS file, put in its place."""
+"""`measured` tables of parts and machines: what stands in their files, put in its place."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,10 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
     Of a Q-DAS file lots, nominal and half the distance of its limits (`made_to`) come along where
     the configuration does not state them.
     """
-    for at, part in tables_in(table, "part"):
-        own = part.get("measured")
+    for owner_place, owner in _owners(table):
+        own = owner.get("measured")
         if isinstance(own, dict) and "file" in own:
-            place = f"part[{at}].measured.file"
+            place = f"{owner_place}.measured.file"
             names = own.pop("file")
             names = [names] if isinstance(names, str) else names
             options = tables.ReadOptions(*(own.pop(key, None) for key in OPTIONS))
@@ -40,9 +40,21 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
             found = [_read(folder / name, wanted, options, place, faults) for name in names]
             filled = together([one for one in found if one is not None], names, place, faults)
             if len(faults) > before:
-                own["values"] = []
+                own["values"] = None  # nothing more is said of them
                 continue
-            part["measured"] = filled | own
+            owner["measured"] = filled | own
+
+
+def _owners(table: Raw) -> Iterator[tuple[str, Raw]]:
+    """Every table that may have a `measured` one, with its place: parts, and all machines."""
+    for at, part in tables_in(table, "part"):
+        yield f"part[{at}]", part
+        for number, machine in tables_in(part, "machine"):
+            yield f"part[{at}].machine[{number}]", machine
+    variables = table.get("variables")
+    for name, own in (variables if isinstance(variables, dict) else {}).items():
+        for number, machine in tables_in(own if isinstance(own, dict) else {}, "machine"):
+            yield f"variables.{name}.machine[{number}]", machine
 
 
 def _are_names(names: Any) -> bool:

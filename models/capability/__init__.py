@@ -6,6 +6,7 @@ from .bootstrap import cumulants_drawn, kept
 from .indices import Index, capability
 from .knowledge import Gauge, Knowledge, Prior, knowledge_of
 from .norm import Norm, Surplus, norm_of
+from .reading import PartSample, read_sample
 from .stability import Finding, distribution_type, findings
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "Index",
     "Knowledge",
     "Norm",
+    "PartSample",
     "Prior",
     "Surplus",
     "capability",
@@ -23,4 +25,5 @@ __all__ = [
     "kept",
     "knowledge_of",
     "norm_of",
+    "read_sample",
 ]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 Array = NDArray[np.float64]
 LEAST = 5
@@ -116,7 +116,7 @@ class Knowledge:
 
 def _factor(df: float, confidence: float) -> float:
     """The upper limit of a variance over its estimate."""
-    return df / float(stats.chi2.ppf(1.0 - confidence, df))
+    return df / float(scipy.stats.chi2.ppf(1.0 - confidence, df))
 
 
 def knowledge_of(
@@ -150,7 +150,7 @@ def knowledge_of(
 
 def _agreeing(variance: float, df: float, prior: Prior) -> None:
     """Raises ValueError where a sample contradicts a prior that claims to be worth more."""
-    below = float(stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
+    below = float(scipy.stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
     chance = 2.0 * min(below, 1.0 - below)
     if chance < CONTRADICTED:
         raise ValueError(f"scatters by {np.sqrt(variance):.4g}, the prior says {prior.sigma:.4g} "
@@ -169,14 +169,14 @@ def upper_of_difference(
     and Simulation 35(1-2), 135-143.
     """
     if second <= 0.0:
-        return first * first_df / float(stats.chi2.ppf(1.0 - confidence, first_df))
-    above = first_df / float(stats.chi2.ppf(1.0 - confidence, first_df)) - 1.0
+        return first * first_df / float(scipy.stats.chi2.ppf(1.0 - confidence, first_df))
+    above = first_df / float(scipy.stats.chi2.ppf(1.0 - confidence, first_df)) - 1.0
     if np.isfinite(second_df):
-        below = 1.0 - second_df / float(stats.chi2.ppf(confidence, second_df))
-        f = float(stats.f.ppf(1.0 - confidence, first_df, second_df))
+        below = 1.0 - second_df / float(scipy.stats.chi2.ppf(confidence, second_df))
+        f = float(scipy.stats.f.ppf(1.0 - confidence, first_df, second_df))
     else:
         below = 0.0
-        f = float(stats.chi2.ppf(1.0 - confidence, first_df)) / first_df
+        f = float(scipy.stats.chi2.ppf(1.0 - confidence, first_df)) / first_df
     mixed = ((1.0 - f) ** 2 - (above * f) ** 2 - below**2) / f
     variance = (above * first) ** 2 + (below * second) ** 2 + mixed * first * second
     return first - second + float(np.sqrt(max(variance, 0.0)))
