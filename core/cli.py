@@ -236,6 +236,25 @@ def template(
     typer.echo(f"written: {out}")
 
 
+@command("review")
+def review(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Result of a run of a stack.")],
+    parts: Annotated[
+        list[Path], typer.Argument(help="Measured parts (table or Q-DAS), a result of gap.")
+    ],
+    *,
+    since: Annotated[
+        list[Path] | None, typer.Option("--since", help="Earlier parts; may be repeated.")
+    ] = None,
+    dialect: Dialect,
+) -> None:
+    """Say what the promise of a run is worth by parts that were made to its drawing."""
+    from .configuration.reviewed import reviewed
+    from .tables import ReadOptions
+
+    typer.echo(reviewed(folder, parts, since or (), ReadOptions(**asdict(dialect))))
+
+
 @command("list")
 def list_(json_: Annotated[bool, typer.Option("--json", help="As JSON.")] = False) -> None:
     """List models, problems, algorithms, effects and calculations, plugins included."""

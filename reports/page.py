@@ -17,6 +17,7 @@ from .document import bullets, document, folded, picture, remarked, section
 from .drawing import flags
 from .explorer import explorer, interactive, scripts
 from .figure import front_figure
+from .promise import promise_sections
 from .requirements import requirement_sections
 from .summary import summary_table
 from .tables import chosen, table
@@ -51,6 +52,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
     more = (
         section("In words", bullets(result.notes)) if result.notes else "",
         *unit_sections(result),
+        *promise_sections(result),
         *requirement_sections(result),
         *choice_sections(result),
         *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),

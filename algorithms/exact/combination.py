@@ -31,6 +31,22 @@ class Solved:
     multiplier: Array
 
 
+@dataclass(frozen=True, slots=True)
+class Optimum:
+    """Least cost at n sets of r limits: a `Solved` with the ways `chosen` (n, features)."""
+
+    chosen: NDArray[np.int64]
+    t: Array
+    cost: Array
+    bound: Array
+    multiplier: Array
+
+    def at(self, rows: NDArray[np.intp]) -> Optimum:
+        """Those of some limits."""
+        return Optimum(self.chosen[rows], self.t[rows], self.cost[rows], self.bound[rows],
+                       self.multiplier[rows])  # fmt: skip
+
+
 @dataclass(frozen=True, eq=False)
 class Combination:
     """A `Form` with one way chosen per feature (`chosen`: index per feature).

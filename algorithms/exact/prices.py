@@ -34,6 +34,8 @@ def only_roots(form: Form) -> NDArray[np.bool_]:
     offset = np.any(np.array([way.offset or nothing for way in ways]), axis=0)
     spread = np.any(np.array([way.spread for way in ways]), axis=0) | (form.constant > 0.0)
     root = np.array([one is None for one in form.rows])
+    if form.surpluses:
+        root &= np.array([one is None for one in form.surpluses])
     return np.asarray(root & ~linear & ~offset & spread & (form.correlation is None))
 
 

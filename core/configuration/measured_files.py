@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,8 @@ from .cost_files import Raw, tables_in
 
 SUFFIXES = (".dfq", ".dfd")
 OPTIONS = ("encoding", "delimiter", "decimal")
+REVISED = {"nominal": "nominal sizes", "made_to": "limits", "unit": "units"}
+"""What files of one characteristic must have in common."""
 
 
 def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
@@ -24,18 +26,20 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
         own = owner.get("measured")
         if isinstance(own, dict) and "file" in own:
             place = f"{owner_place}.measured.file"
-            name = own.pop("file")
+            names = own.pop("file")
+            names = [names] if isinstance(names, str) else names
             options = tables.ReadOptions(*(own.pop(key, None) for key in OPTIONS))
-            if not isinstance(name, str):
-                faults.append(Fault(place, f"must be the name of a file, got {name}"))
+            if not _are_names(names):
+                text = f"must be the name of a file, or a list of them, got {names}"
+                faults.append(Fault(place, text))
                 continue
             if "values" in own:
                 faults.append(Fault(place, "is given beside values: keep one"))
                 continue
-            try:
-                filled = _filled(folder / name, own.get("characteristic"), options)
-            except InputError as error:
-                faults += [Fault(place, f"{one.place} {one.message}") for one in error.faults]
+            wanted, before = own.get("characteristic"), len(faults)
+            found = [_read(folder / name, wanted, options, place, faults) for name in names]
+            filled = together([one for one in found if one is not None], names, place, faults)
+            if len(faults) > before:
                 own["values"] = None  # nothing more is said of them
                 continue
             owner["measured"] = filled | own
@@ -53,7 +57,48 @@ def _owners(table: Raw) -> Iterator[tuple[str, Raw]]:
             yield f"variables.{name}.machine[{number}]", machine
 
 
-def _filled(path: Path, wanted: Any, options: tables.ReadOptions) -> Raw:
+def _are_names(names: Any) -> bool:
+    return isinstance(names, list) and bool(names) and all(isinstance(one, str) for one in names)
+
+
+def _read(
+    path: Path, wanted: Any, options: tables.ReadOptions, place: str, faults: list[Fault]
+) -> Raw | None:
+    try:
+        return measured_in(path, wanted, options)
+    except InputError as error:
+        faults += [Fault(place, f"{one.place} {one.message}") for one in error.faults]
+        return None
+
+
+def together(found: list[Raw], names: Sequence[str], place: str, faults: list[Fault]) -> Raw:
+    """The values of several files of one characteristic, in their order, each file a lot of its own
+    where it names none. Files of different revisions of the drawing, or units, are a fault.
+    """
+    if len(found) < 2:
+        return found[0] if found else {}
+    for key, what in REVISED.items():
+        stated = {str(one[key]): name for one, name in zip(found, names, strict=False)
+                  if key in one}  # fmt: skip
+        if len(stated) > 1:
+            each = ", ".join(f"{value} in {name}" for value, name in stated.items())
+            faults.append(Fault(place, f"mixes files of different {what} ({each}): of several "
+                                "revisions of the drawing? Measure against one"))  # fmt: skip
+    whole: Raw = {}
+    for one in found:
+        whole |= one
+    whole["values"] = [value for one in found for value in one["values"]]
+    whole["lots"] = []
+    for one, name in zip(found, names, strict=False):
+        whole["lots"] += one.get("lots") or [Path(name).stem] * len(one["values"])
+    return whole
+
+
+def measured_in(path: Path, wanted: Any, options: tables.ReadOptions) -> Raw:
+    """The values of one characteristic of a file, and what the file says of them.
+
+    Raises InputError where the file or the characteristic is not there.
+    """
     if path.suffix.lower() in SUFFIXES:
         return _of_aqdef(path, wanted, options)
     found = tables.opened_whole(path, path.name, options)

@@ -15,6 +15,7 @@ from ...models.inputs import Distribution
 from ...models.machines import Machine
 from ...models.machines.offers import Offer
 from ...models.stack import Mechanism
+from ..promise import Promise
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
 """What `variation` can be."""
@@ -150,6 +151,7 @@ class Definition:
     parts: tuple[Part, ...]
     mechanisms: tuple[Mechanism, ...]
     correlations: tuple[Correlation, ...] = ()
+    promise: Promise | None = None
 
     @property
     def requirement(self) -> Requirement:

@@ -21,6 +21,8 @@ def tables_of(definition: Definition) -> dict[str, Any]:
             {"parts": list(one.pieces), "coefficient": one.coefficient}
             for one in definition.correlations
         ]
+    if definition.promise is not None:
+        found["promise"] = definition.promise.table()
     return found
 
 

@@ -67,6 +67,9 @@ def _texts(result: RunResult) -> dict[str, str]:
         "drivers.csv": result.drivers,
         "prices.csv": result.prices,
         "relaxed.csv": result.relaxed,
+        "promise.csv": result.promise,
+        "next_parts.csv": result.next_parts,
+        "capability.csv": result.capability,
     }
     texts = {n: frame.to_csv(index=False) for n, frame in tables.items() if frame is not None}
     if result.tolerances:
