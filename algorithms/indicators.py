@@ -32,12 +32,3 @@ def hypervolume(values: Array, ideal: Array, nadir: Array) -> float:
         return float(REFERENCE - inside.min())
     return float(moocore.hypervolume(inside, ref=np.full(scaled.shape[1], REFERENCE)))
 
-
-def area(front: Array, ideal: Array, nadir: Array) -> float:
-    """`hypervolume` of two objectives for a front (n, 2) sorted by the first, none dominated."""
-    scaled = (front - ideal) / (nadir - ideal)
-    inside = scaled[np.all(scaled < REFERENCE, axis=1)]
-    if not len(inside):
-        return 0.0
-    widths = np.diff(inside[:, 0], append=REFERENCE)
-    return float(widths @ (REFERENCE - inside[:, 1]))
