@@ -14,12 +14,8 @@ Array = NDArray[np.float64]
 State = dict[str, NDArray[Any]]
 ROOM = 1000
 """Feasible designs that are kept at least: as many as a report recomputes at full accuracy."""
-
 GROWTH = 4
 """Times its size to which an archive grows before it is pruned."""
-ODD = np.uint64(0x9E3779B97F4A7C15)
-"""Factor of a multiplicative hash (Knuth, TAOCP 3, section 6.4)."""
-
 
 class Archive:
     """The feasible designs of the lowest ranks, and the least violating design.

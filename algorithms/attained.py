@@ -12,7 +12,7 @@ from .indicators import REFERENCE, hypervolume, nondominated
 
 Array = NDArray[np.float64]
 State = dict[str, NDArray[Any]]
-TOGETHER = 16
+TOGETHER = 32
 """Batches that wait for each other at most."""
 
 
@@ -42,6 +42,8 @@ class Attained:
         return self._values
 
     def _settle(self) -> None:
+        if not self._open:
+            return
         last = self._values[-1] if self._values else 0.0
         if len(self.front) or any(map(len, self._open)):
             joined = joined_by_two if self.front.shape[1] == 2 else joined_by_any

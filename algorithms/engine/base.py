@@ -32,6 +32,11 @@ class Space:
         """Lower and upper bounds (2, variables)."""
         return np.stack([self.low, self.high])
 
+    @cached_property
+    def wide(self) -> NDArray[np.bool_]:
+        """Which variables (variables,) have more than one value."""
+        return self.low < self.high
+
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """Uniformly drawn points (count, variables)."""
         x = self.low + (self.high - self.low) * rng.random((count, len(self.low)))

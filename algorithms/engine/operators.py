@@ -13,8 +13,8 @@ CROSSED = 0.5
 """Probability per variable that simulated binary crossover changes it, as pymoo has it."""
 CLOSE = 1e-14
 """Parents' values nearer than this are not crossed."""
-OUTWARD = np.array([[-1.0], [1.0]])
-"""The senses in which the smaller and the larger of two children lie from their middle."""
+OUTWARD = np.array([[-0.5], [0.5]])
+"""Half the senses in which the smaller and the larger of two children lie from their middle."""
 
 
 def tournament(
@@ -68,9 +68,8 @@ def crossover(
     delta, power = pair[1] - pair[0], eta + 1.0
     alpha = 2.0 - (1.0 + 2.0 * np.abs(pair - ends) / delta) ** -power
     scaled = u * alpha
-    inner = scaled <= 1.0
-    spread = np.where(inner, scaled, 1.0 / np.where(inner, 1.0, 2.0 - scaled)) ** (1.0 / power)
-    moved = 0.5 * (pair[0] + pair[1]) + OUTWARD * (0.5 * delta * spread)
+    np.reciprocal(2.0 - scaled, out=scaled, where=scaled > 1.0)
+    moved = 0.5 * (pair[0] + pair[1]) + OUTWARD * (delta * scaled ** (1.0 / power))
     moved = _within(moved, ends[0], ends[1])
     flat[at], flat[other] = np.where(swapped < 0.5, moved[::-1], moved)
     return found
@@ -86,7 +85,7 @@ def mutate(
 ) -> Array:
     """Polynomial mutation (Deb & Goyal 1996) of points (n, variables), bounded; as a copy."""
     changed = rng.random(x.shape) < probability
-    changed &= space.low < space.high
+    changed &= space.wide
     found = x.copy()
     flat, at = found.reshape(-1), changed.ravel().nonzero()[0]
     low, high = space.ends.take(at % x.shape[1], axis=1)

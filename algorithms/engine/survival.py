@@ -94,5 +94,6 @@ def _best(f: Array, count: int, rng: np.random.Generator) -> tuple[Indices, Indi
     crowding = crowding_distances(f.take(inside, axis=0), level)
     if len(inside) <= count:
         return inside, level, crowding
-    order = np.lexsort((rng.random(len(inside)), -crowding, level))[:count]
+    keys = (rng.random(len(inside)), -crowding, level)
+    order = np.lexsort(keys if last else keys[:2])[:count]
     return inside.take(order), level.take(order), crowding.take(order)
