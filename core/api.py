@@ -1,14 +1,15 @@
 """The Python interface: what the commands do, as functions that return what they found.
 
 Each takes a configuration as a path, a dictionary or what `read` returns, and tables as paths or
-pandas frames. Nothing is written unless `out` is given. Bad input raises `ConfigurationError` with
-every fault (`.faults`), as the commands print them.
+pandas frames. Nothing is written unless `out` is given. `tell` is called with each line that the
+user should read, as soon as it is known: how a table was read ("read: ..."), "note: ...",
+"model: ..." and "warning: ...". Bad input raises `ConfigurationError` with every fault
+(`.faults`), as the commands print them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -16,16 +17,22 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import pandas as pd
 
 from . import tables
-from .arguments import file_faults, page_faults, start_faults
+from .arguments import (
+    beside,
+    choice_faults,
+    file_faults,
+    page_faults,
+    start_faults,
+    watch_faults,
+)
 from .configuration import Configuration
-from .configuration import read as read_file
-from .configuration.reader import read_tables
+from .configuration import read as read_raw
 from .errors import Fault, InputError, raise_all
 from .results import Gap, Reproduction, Run, Scratch, Study
 
 if TYPE_CHECKING:
     from .algorithms.search import Progress
-    from .workflows.gap.progress import Tell
+    from .workflows.gap.progress import GapProgress
     from .workflows.report import Report
     from .workflows.reproduce.plan import ClaimsProgress
     from .workflows.study.plan import StudyProgress
@@ -33,24 +40,28 @@ if TYPE_CHECKING:
 AnyPath = str | PathLike[str]
 Source = AnyPath | Mapping[str, Any] | Configuration
 """A configuration: a path, a dictionary with the keys of the file, or what `read` returns."""
+Raw = AnyPath | Mapping[str, Any]
+"""A configuration: a path, or a dictionary with the keys of the file."""
 Frame = AnyPath | pd.DataFrame
 """A table: a path, or a frame whose columns bear the names that the file would have."""
+READ = "read"
 NOTES = "notes"
 """Key in `attrs` of returned frames: what was understood, and what the user should know."""
+Tell = Callable[[str], None]
 Found = TypeVar("Found")
 
 
 def read(source: Source, settings: Sequence[str] = ()) -> Configuration:
     """The configuration of a problem or model, checked and completed.
 
-    `settings` are "key=value" as `--set` takes them; they apply to paths. Raises ConfigurationError
-    with every fault.
+    `settings` are "key=value" as `--set` takes them. Raises ConfigurationError with every fault.
     """
-    if isinstance(source, Configuration):
-        return source
-    if isinstance(source, Mapping):
-        return read_tables(dict(source), Path(), [])
-    return read_file(Path(source), settings)
+    if not isinstance(source, Configuration):
+        return read_raw(_raw(source), settings)
+    if settings:
+        place, remedy = "--set", "give what it was read from, or change it before it is read"
+        raise_all([Fault(place, f"cannot change a configuration that is complete: {remedy}")])
+    return source
 
 
 def check(source: Source, settings: Sequence[str] = ()) -> str:
@@ -61,9 +72,9 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
     from .configuration.checked import checked
     from .configuration.description import describe
 
-    if isinstance(source, Configuration | Mapping):
-        return describe(read(source))
-    return checked(Path(source), settings)
+    if isinstance(source, Configuration):
+        return describe(read(source, settings))
+    return checked(_raw(source), settings)
 
 
 def run(
@@ -73,6 +84,7 @@ def run(
     settings: Sequence[str] = (),
     workers: int = 1,
     progress: Callable[[Progress], None] | None = None,
+    tell: Tell | None = None,
     resume: bool = False,
     overwrite: bool = False,
 ) -> Run:
@@ -90,24 +102,27 @@ def run(
     plan = configuration.plan()
     _collected(lambda: searchable(plan.problem), faults)
     raise_all(faults)
+    _told(tell, "warning", plan.problem.cautions())
     folder, kept = _folder(out)
     done = running(plan, folder, workers, progress, resume, overwrite or out is None)
     return Run(done.status, done.lines, done.result, folder, kept)
 
 
 def study(
-    source: AnyPath,
+    source: Raw,
     out: AnyPath | None = None,
     *,
     settings: Sequence[str] = (),
-    workers: int = 1,
+    workers: int | None = None,
     dask: str = "",
     progress: Callable[[StudyProgress], None] | None = None,
+    tell: Tell | None = None,
     resume: bool = False,
     overwrite: bool = False,
 ) -> Study:
     """Many optimisations over settings and seeds, and what the settings do.
 
+    They run in `workers` processes (one where none are named), or on the Dask scheduler at `dask`.
     Raises ConfigurationError with every fault.
     """
     from .configuration.study import read_study
@@ -115,22 +130,26 @@ def study(
     from .workflows.study import study as studying
 
     faults = _start_faults(out, workers, resume, overwrite, shared=True)
-    plan = _collected(lambda: read_study(Path(source), settings), faults)
+    if dask and workers is not None:
+        faults.append(Fault("--dask", "has workers of its own; leave out --workers"))
+    plan = _collected(lambda: read_study(_raw(source), settings), faults)
     raise_all(faults)
+    executor = executor_of(workers or 1, dask)
+    _told(tell, "warning", plan.warnings)
     folder, kept = _folder(out)
-    executor = executor_of(workers, dask)
     done = studying(plan, folder, executor, progress, resume, overwrite or out is None)
     return Study(done.status, done.lines, done.data, folder, kept)
 
 
 def gap(
-    source: AnyPath,
+    source: Raw,
     data: Frame,
     out: AnyPath | None = None,
     *,
     settings: Sequence[str] = (),
     workers: int = 1,
-    progress: Tell | None = None,
+    progress: Callable[[GapProgress], None] | None = None,
+    tell: Tell | None = None,
     resume: bool = False,
     overwrite: bool = False,
     encoding: str | None = None,
@@ -149,12 +168,14 @@ def gap(
     from .workflows.gap.read import checked_table
 
     faults = _start_faults(out, workers, resume, overwrite)
-    plan, found = gap_plan(Path(source), settings)
+    plan, found = gap_plan(_raw(source), settings)
     table, wrong, place = _opened(data, tables.ReadOptions(encoding, delimiter, decimal))
-    readings, more = checked_table(plan, table, wrong, place)
+    file = None if isinstance(data, pd.DataFrame) else Path(data)
+    readings, more = checked_table(plan, table, wrong, place, file)
     raise_all([*found, *faults, *more])
     assert plan is not None
     assert readings is not None
+    _told(tell, READ, readings.understood)
     folder, kept = _folder(out)
     done = closing(plan, readings, folder, workers, progress, resume, overwrite or out is None)
     return Gap(done.status, done.lines, done.result, folder, kept)
@@ -193,6 +214,7 @@ def evaluate(
     out: AnyPath | None = None,
     *,
     settings: Sequence[str] = (),
+    tell: Tell | None = None,
     encoding: str | None = None,
     delimiter: str | None = None,
     decimal: str | None = None,
@@ -207,11 +229,14 @@ def evaluate(
     faults = _file_faults(out, designs)
     configuration = _collected(lambda: _with_problem(read(source, settings)), faults)
     raise_all(faults)
-    assert configuration.problem is not None
-    table, wrong, place = _opened(designs, tables.ReadOptions(encoding, delimiter, decimal))
-    raise_all(wrong)
-    assert table is not None
-    return _noted(partial(evaluated, configuration.problem, table, place), out)
+    problem, notes = configuration.problem, list[str]()
+    assert problem is not None
+    _told(tell, "note", problem.effect_notes())
+    _told(tell, "model", [problem.model_statement] if problem.model_statement else ())
+    table, place = _readable(designs, tables.ReadOptions(encoding, delimiter, decimal))
+    found = evaluated(problem, table, place, notes.extend)
+    _told(tell, READ, notes)
+    return _written(found, notes, out)
 
 
 def simulate(
@@ -220,6 +245,7 @@ def simulate(
     out: AnyPath | None = None,
     *,
     settings: Sequence[str] = (),
+    tell: Tell | None = None,
     encoding: str | None = None,
     delimiter: str | None = None,
     decimal: str | None = None,
@@ -235,35 +261,67 @@ def simulate(
     configuration = _collected(lambda: read(source, settings), faults)
     raise_all(faults)
     model, given = build_model(configuration), configuration.settings
-    table, wrong, place = _opened(inputs, tables.ReadOptions(encoding, delimiter, decimal))
-    raise_all(wrong)
-    assert table is not None
-
-    def predicted(tell: tables.Tell) -> pd.DataFrame:
-        return simulated(
-            model, table, place, configuration.seed, configuration.model_name, given.effects,
-            given.zero, given.columns, tell, tell,
-        )  # fmt: skip
-
-    return _noted(predicted, out)
+    table, place = _readable(inputs, tables.ReadOptions(encoding, delimiter, decimal))
+    understood, notes = list[str](), list[str]()
+    found = simulated(
+        model,
+        table,
+        place,
+        configuration.seed,
+        configuration.model_name,
+        given.effects,
+        given.zero,
+        given.columns,
+        understood.extend,
+        notes.extend,
+    )
+    _told(tell, READ, understood)
+    _told(tell, "note", notes)
+    return _written(found, [*understood, *notes], out)
 
 
 def report(
     folders: AnyPath | Sequence[AnyPath],
     out: AnyPath | None = None,
     figures: AnyPath | None = None,
+    *,
+    watch: bool = False,
+    tell: Tell | None = None,
 ) -> Report:
     """Build the page of a result again, or compare several runs; says where it is.
 
-    Raises ConfigurationError where nothing can be built.
+    With `watch` the page of one directory is renewed until its result is complete; it lies beside
+    the directory where `out` says nothing else. Raises ConfigurationError where nothing can be
+    built.
     """
     from .workflows.report import report as built
 
     several = [folders] if isinstance(folders, str | PathLike) else list(folders)
     paths = [Path(one) for one in several]
     target, drawn = (None if one is None else Path(one) for one in (out, figures))
+    if watch:
+        return _watched(paths, target, drawn, tell)
     raise_all(page_faults(paths, target, drawn))
-    return built(paths, target, drawn)
+    found = built(paths, target, drawn)
+    _told(tell, "warning", found.remarks)
+    return found
+
+
+def _watched(
+    folders: list[Path], out: Path | None, figures: Path | None, tell: Tell | None
+) -> Report:
+    """`report` again and again; where the page lies is told when it is first there."""
+    from .workflows.report import watch
+
+    page, told = out or beside(folders[0]), set[Path]()
+    raise_all([*watch_faults(folders, figures), *page_faults(folders[:1], page)])
+
+    def shown(found: Report) -> None:
+        if found.path not in told:
+            _told(tell, "page", [f"{found.path}, renewed every 5 s; Ctrl-C ends it"])
+        told.add(found.path)
+
+    return watch(folders[0], page, shown)
 
 
 def _with_problem(configuration: Configuration) -> Configuration:
@@ -281,12 +339,15 @@ def _collected(found: Callable[[], Found], faults: Sequence[Fault]) -> Found:
 
 
 def _start_faults(
-    out: AnyPath | None, workers: int, resume: bool, overwrite: bool, shared: bool = False
+    out: AnyPath | None, workers: int | None, resume: bool, overwrite: bool, shared: bool = False
 ) -> list[Fault]:
-    if out is None:
-        return [Fault("--resume", "needs the directory that holds what is to be gone on with: out")
-                ] if resume else []  # fmt: skip
-    return start_faults(Path(out), workers, resume, overwrite, shared)
+    if out is not None:
+        return start_faults(Path(out), workers, resume, overwrite, shared)
+    faults = choice_faults(workers, resume, overwrite)
+    if resume:
+        text = "needs the directory that holds what is to be gone on with: out"
+        faults.append(Fault("--resume", text))
+    return faults
 
 
 def _file_faults(out: AnyPath | None, source: Frame) -> list[Fault]:
@@ -303,6 +364,10 @@ def _folder(out: AnyPath | None) -> tuple[Path, Scratch | None]:
     return kept.path / "result", kept
 
 
+def _raw(source: Raw) -> Path | Mapping[str, Any]:
+    return source if isinstance(source, Mapping) else Path(source)
+
+
 def _opened(
     source: Frame, options: tables.ReadOptions
 ) -> tuple[tables.Table | None, list[Fault], str]:
@@ -313,10 +378,23 @@ def _opened(
     return *tables.opened(path, path.name, options), path.name
 
 
-def _noted(compute: Callable[[tables.Tell], pd.DataFrame], out: AnyPath | None) -> pd.DataFrame:
-    notes: list[str] = []
-    found = compute(notes.extend)
-    found.attrs[NOTES] = tuple(notes)
+def _readable(source: Frame, options: tables.ReadOptions) -> tuple[tables.Table, str]:
+    """A table and how faults name it; raises those of its form."""
+    table, faults, place = _opened(source, options)
+    raise_all(faults)
+    assert table is not None
+    return table, place
+
+
+def _told(tell: Tell | None, kind: str, lines: Iterable[str]) -> None:
+    if tell is not None:
+        for line in lines:
+            tell(f"{kind}: {line}")
+
+
+def _written(found: pd.DataFrame, notes: Sequence[str], out: AnyPath | None) -> pd.DataFrame:
+    """The frame, in a file as well where one is named, and then with its notes."""
     if out is not None:
         tables.write(found, Path(out))
+    found.attrs[NOTES] = tuple(notes)
     return found

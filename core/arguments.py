@@ -90,6 +90,22 @@ def page_faults(
     return _page_faults(folders, out) + drawn
 
 
+def watch_faults(folders: Sequence[Path], figures: Path | None) -> list[Fault]:
+    """What cannot be had of a page that is renewed."""
+    faults = []
+    if len(folders) != 1:
+        faults.append(Fault("--watch", f"takes one directory, got {len(folders)}"))
+    if figures is not None:
+        text = "are drawn when the result is complete; leave out --watch"
+        faults.append(Fault("--figures", text))
+    return faults
+
+
+def beside(folder: Path) -> Path:
+    """The page of a directory that others work in: beside it."""
+    return folder.resolve().with_suffix(".html")
+
+
 def _page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
     faults = [Fault(str(one), "is not a directory" if one.exists() else "does not exist")
               for one in folders if not one.is_dir()]  # fmt: skip

@@ -154,12 +154,16 @@ def _bar(
     from rich.progress import Progress as Bar
 
     columns = (BarColumn(), TextColumn("{task.description}"))
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=None)
+    bar = Bar(*columns, console=Console(stderr=True), transient=True)
+    task = bar.add_task("starting", total=None)
 
-        def update(progress: State) -> None:
-            share = share_of(progress)
-            total = None if share is None else 1.0
-            bar.update(task, total=total, completed=share, description=text(progress))
+    def update(progress: State) -> None:
+        bar.start()  # with the first report: what is said before stands above the bar
+        share = share_of(progress)
+        total = None if share is None else 1.0
+        bar.update(task, total=total, completed=share, description=text(progress))
 
+    try:
         yield update
+    finally:
+        bar.stop()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,10 +17,11 @@ from ..errors import Fault, ModelError
 from ..models.costs import CostCurve
 from ..section import Section
 from .assumptions import assumptions_of
-from .forms import Form
 from .limits import impossible, limits_of
 from .money import price_notes, with_currency
 from .nesting import Nesting
+from .priced import Priced
+from .provable import Provable
 from .settings import Bound, Settings, VariableSetting
 from .shown import Shown, effect_notes
 from .slips import unit_slips
@@ -31,7 +31,7 @@ Interval = tuple[float, float]
 """Proven lower and upper bound of an output over the search space; infinite where not known."""
 
 
-class ToleranceProblem(Problem, Shown, Nesting):
+class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
     """A tolerance allocation problem: some variables are searched, the others fixed.
 
     A subclass declares `parameters`, `variables`, `outputs` and defaults, and gives `_outputs`.
@@ -173,44 +173,6 @@ class ToleranceProblem(Problem, Shown, Nesting):
     def relaxed(self, limits: Mapping[str, Bound]) -> ToleranceProblem:
         """The same problem with some limits replaced."""
         return type(self)(replace(self.given, limits=dict(self.given.limits) | dict(limits)))
-
-    def exact_front(self) -> Array | None:
-        """The exact front (k, objectives) where it is known, else None."""
-        return None
-
-    def form(self) -> Form | None:
-        """The convex form that bounds of the cost are proven with, None where there is none."""
-        return None
-
-    def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
-        """What the requirements of the form (n, r) are in truth, from the outputs of designs.
-
-        Of a requirement with a limit of its own it is that limit plus what is missing to keep it.
-        """
-        nothing = np.full(len(designs), -np.inf)
-        return np.stack([nothing if np.isfinite(most) else self.values(designs, found, name)
-                         for name, most in zip(form.outputs, form.own_limits, strict=True)],
-                        axis=1)  # fmt: skip
-
-    def unproven(self) -> str:
-        """Why an objective that might have a convex form has none here; empty where not known."""
-        return ""
-
-    def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
-        """Variables (n,) from features of the form (n,), where these are not variables."""
-        return dict(columns)
-
-    def guide(self) -> Form | None:
-        """A convex form close to the problem, to begin a search from; it proves nothing."""
-        return self.form()
-
-    def starts(self) -> Array:
-        """Full designs (k, all variables) that a search by gradients does well to begin from."""
-        return np.empty((0, len(self.variables)))
-
-    def gradient(self, designs: Array) -> dict[str, Array]:
-        """Derivatives (n, all variables) of the outputs for which the model gives them."""
-        return {}
 
     def counterparts(self) -> tuple[str, ...]:
         """What each active effect does in this problem; empty where it does nothing."""
@@ -401,34 +363,11 @@ class ToleranceProblem(Problem, Shown, Nesting):
         """Designs (k, all variables) whose outputs span the hypervolume's box."""
         return np.stack([self._corner(tight=True), self._corner(tight=False)])
 
-    @cached_property
-    def cost_interval(self) -> Interval:
-        """Least and largest cost of the search space: costs fall with every tolerance."""
-        ends = np.stack([self._corner(tight=False), self._corner(tight=True)])
-        low, high = self.cost_of(ends)
-        return float(low), float(high)
-
-    def cost_of(self, designs: Array) -> Array:
-        """Sum of the cost curves (n,) at full designs."""
-        return np.asarray(np.sum(list(self.costs_of(designs).values()), axis=0))
-
     def cautions(self) -> tuple[str, ...]:
         """How the configuration was understood, and what the user should know before a run."""
         slips = map(str, unit_slips(self))
         prices = price_notes(self.settings.costs)
         return (*self.settings.notes, *slips, *prices, *self.warnings())
-
-    def cost_slopes(self, designs: Array) -> Array:
-        """Derivatives of the cost (n, all variables) at full designs."""
-        found = np.zeros_like(designs)
-        for name, curve in self.settings.costs.items():
-            found[:, self.names.index(name)] = curve.slope(self.column(designs, name))
-        return found
-
-    def costs_of(self, designs: Array) -> dict[str, Array]:
-        """What each cost curve (n,) gives at full designs."""
-        with np.errstate(divide="ignore"):
-            return {n: c.cost(self.column(designs, n)) for n, c in self.settings.costs.items()}
 
     # ---------------------------------------------------------------- drawings
 

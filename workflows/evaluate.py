@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pandas as pd
 
 from .. import tables
@@ -12,23 +10,6 @@ from ..errors import nearest, raise_all
 from ..likely_units import unit_hint
 from ..problems.slips import slip
 from ..problems.tolerance_problem import ToleranceProblem
-
-
-def evaluate(
-    problem: ToleranceProblem,
-    path: Path,
-    out: Path,
-    options: tables.ReadOptions = tables.AS_DETECTED,
-    understood: tables.Tell = tables.silent,
-) -> pd.DataFrame:
-    """`evaluated` of the designs in `path`, written to `out`.
-
-    Raises InputError with every fault of the table; nothing is written then.
-    """
-    found = tables.opened_whole(path, path.name, options)
-    outputs = evaluated(problem, found, path.name, understood)
-    tables.write(outputs, out)
-    return outputs
 
 
 def evaluated(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,30 +19,6 @@ from ..models.table import MeasuredTable
 ALWAYS_ALLOWED = ("time_s", "repeat", "session")
 LABELS = ("session",)
 """Those that are no numbers."""
-
-
-def simulate(
-    model: MeasurableModel,
-    path: Path,
-    out: Path,
-    seed: int = 0,
-    name: str = "",
-    effects: tuple[Active, ...] = (),
-    zero: Mapping[str, float] = NO_CHANGES,
-    options: tables.ReadOptions = tables.AS_DETECTED,
-    understood: tables.Tell = tables.silent,
-    uses: Mapping[str, tables.ColumnUse] | None = None,
-) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """`simulated` of the inputs in `path`, written to `out`, and what the user should know.
-
-    Raises InputError with every fault of the table; nothing is written then.
-    """
-    table, notes = tables.opened_whole(path, path.name, options), list[str]()
-    found = simulated(
-        model, table, path.name, seed, name, effects, zero, uses, understood, notes.extend
-    )
-    tables.write(found, out)
-    return found, tuple(notes)
 
 
 def simulated(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from ..workflows.run.reach import searchable
 from .description import describe, describe_plan
@@ -11,19 +10,20 @@ from .gap import read_gap
 from .gap_kind import is_gap
 from .reader import read
 from .simulated import build_model
+from .source import Source
 from .study import is_study, read_study
 
 CHECKED = 300
 """Settings of a study that are read as runs: the rest would take its time."""
 
 
-def checked(path: Path, overrides: Sequence[str] = ()) -> str:
+def checked(source: Source, overrides: Sequence[str] = ()) -> str:
     """The resolved configuration as TOML with comments. Raises InputError with every fault."""
-    if is_study(path):
-        return describe_plan(read_study(path, overrides, CHECKED))
-    if is_gap(path):
-        return read_gap(path, overrides).configuration
-    configuration = read(path, overrides)
+    if is_study(source):
+        return describe_plan(read_study(source, overrides, CHECKED))
+    if is_gap(source):
+        return read_gap(source, overrides).configuration
+    configuration = read(source, overrides)
     if configuration.problem is None:
         build_model(configuration)  # it refuses what only its physics can tell
     else:

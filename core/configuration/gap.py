@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from pathlib import Path
 from typing import Any
 
 import tomli_w
@@ -27,7 +26,7 @@ from .gear import GEAR, check_gear, resolved_gear
 from .reader import read_table
 from .sense import SENSE
 from .simulated import build_model, rebuilt
-from .source import overridden
+from .source import Source, folder_of, overridden
 from .table import TABLE
 from .unresolved import UNRESOLVED
 from .zero import ZERO
@@ -41,18 +40,18 @@ NEEDS = {
 """What the counts of `[settings]` take."""
 
 
-def read_gap(path: Path, overrides: Sequence[str] = ()) -> GapPlan:
-    """The gap analysis that the TOML file `path` asks for, with `key=value` overrides applied.
+def read_gap(source: Source, overrides: Sequence[str] = ()) -> GapPlan:
+    """The gap analysis that a TOML file or dictionary asks for, with `key=value` overrides applied.
 
     Raises InputError with every fault found.
     """
-    plan, faults = gap_plan(path, overrides)
+    plan, faults = gap_plan(source, overrides)
     raise_all(faults)
     assert plan is not None
     return plan
 
 
-def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None, list[Fault]]:
+def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | None, list[Fault]]:
     """`read_gap` that hands back the faults.
 
     The plan is then good enough to check data with: defaults stand for what is at fault. It is None
@@ -60,7 +59,7 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     """
     faults: list[Fault] = []
     try:
-        table = overridden(path, overrides, faults)
+        table = overridden(source, overrides, faults)
     except InputError as error:
         return None, list(error.faults)
     top = Section(table, "", faults)
@@ -77,9 +76,11 @@ def gap_plan(path: Path, overrides: Sequence[str] = ()) -> tuple[GapPlan | None,
     noise = _noise(top.section("noise"), configuration) if judged else {}
     blocks = _blocks(top.section("validation"))
     drop = _drop(top.section("data"))
-    run, of_run = read_run(top, name or "", table, path.parent)
+    run, of_run = read_run(top, name or "", table, folder_of(source))
     found = configuration or _stand_in(table, name)
-    found, drawing = (found, None) if found is None else as_drawn(top, found, of_run, path.parent)
+    found, drawing = (
+        (found, None) if found is None else as_drawn(top, found, of_run, folder_of(source))
+    )
     model = build_model(found) if found is not None else None
     planned = read_next(top, model)
     top.finish()

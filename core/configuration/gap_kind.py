@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from .source import load
+from .source import Source, load
 
 OWN = ("run", "built_to", "free", "effects", "noise", "validation", "columns", "data", "settings",
        "next_measurement")  # fmt: skip
@@ -12,9 +10,9 @@ OWN = ("run", "built_to", "free", "effects", "noise", "validation", "columns", "
 OTHERS_HAVE = ("run", "columns")
 
 
-def is_gap(path: Path) -> bool:
-    """Whether a file has a table that only the configuration of a gap analysis has."""
-    table = load(path, [])
+def is_gap(source: Source) -> bool:
+    """Whether a configuration has a table that only that of a gap analysis has."""
+    table = load(source, [])
     return (
         table is not None and "model" in table and bool((set(OWN) - set(OTHERS_HAVE)) & set(table))
     )

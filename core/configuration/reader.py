@@ -30,7 +30,7 @@ from .reducers import with_reducers
 from .resolved import resolved_problem, resolved_variables
 from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
 from .sense import read_sense, resolved_sense
-from .source import Table, overridden
+from .source import Source, Table, folder_of, overridden
 from .table import TABLE, read_table_model
 from .unresolved import read_unresolved
 from .variables import mid_parameter, read_variable
@@ -41,13 +41,13 @@ PROBLEM_ONLY = ("references", "costs", "propagation", "objectives", "limits", "a
                 "rounding", "currency")  # fmt: skip
 
 
-def read(path: Path, overrides: Sequence[str] = ()) -> Configuration:
-    """The configuration in the TOML file `path`, with `key=value` overrides applied.
+def read(source: Source, overrides: Sequence[str] = ()) -> Configuration:
+    """The configuration in a TOML file or dictionary, with `key=value` overrides applied.
 
     Raises InputError with every fault found.
     """
     faults: list[Fault] = []
-    return read_tables(overridden(path, overrides, faults), path.parent, faults)
+    return read_tables(overridden(source, overrides, faults), folder_of(source), faults)
 
 
 def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuration:
@@ -101,22 +101,16 @@ def _read_problem(
     columns = read_design_columns(top, kind.variables)
     settings = replace(_settings(top, kind, model, notes), seed=seed, effects=effects, zero=zero,
                        sense=sense, labels=labels, columns=columns)  # fmt: skip
-    section = top.section("algorithm")
     objectives = settings.objectives or kind.default_objectives
-    budget = read_budget(section)
-    name, algorithm = read_algorithm(
-        section, len(objectives), getattr(kind, "default_algorithm", "")
-    )
-    check_size(section, algorithm, budget)
-    engine = read_engine(section, name, algorithm)
+    asked = _algorithm(top.section("algorithm"), kind, len(objectives))
     choice = read_choice(top, objectives, kind.outputs, kind.variables)
     top.finish()
     raise_all(faults)
     problem = kind(settings)
     wrong = problem.faults()
     raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
-    raise_all(contradictions(problem, name))
-    assert algorithm is not None
+    raise_all(contradictions(problem, asked["algorithm_name"]))
+    assert asked["algorithm"] is not None
     resolved = {
         "problem": top.take("problem"),
         **({"model": model_name} if model_name else {}),
@@ -124,7 +118,7 @@ def _read_problem(
         "seed": seed,
         "references": references,
         **resolved_money(problem.settings.money, resolved_problem(problem)),
-        "algorithm": resolved_algorithm(name, algorithm, budget, engine),
+        "algorithm": resolved_algorithm(*asked.values()),
         **resolved_columns(columns),
         **resolved_zero(zero),
         **resolved_sense(sense),
@@ -137,13 +131,20 @@ def _read_problem(
         references=references,
         problem_name=top.take("problem"),
         problem=problem,
-        algorithm_name=name,
-        algorithm=algorithm,
-        engine=engine,
-        budget=budget,
         choice=choice,
         resolved=resolved,
+        **asked,
     )
+
+
+def _algorithm(section: Section, kind: Any, objectives: int) -> dict[str, Any]:
+    """`[algorithm]`: what a `Configuration` holds of it."""
+    budget = read_budget(section)
+    default = getattr(kind, "default_algorithm", "")
+    name, algorithm = read_algorithm(section, objectives, default)
+    check_size(section, algorithm, budget)
+    engine = read_engine(section, name, algorithm)
+    return {"algorithm_name": name, "algorithm": algorithm, "budget": budget, "engine": engine}
 
 
 def _settings(top: Section, kind: Any, model: Any, notes: Sequence[str]) -> Settings:

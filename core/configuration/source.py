@@ -1,34 +1,44 @@
-"""From a file and the `--set` options of the command line to one raw table."""
+"""From a file or a dictionary, and the `--set` options of the command line, to one raw table."""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 from ..errors import Fault, InputError
 
 Table = dict[str, Any]
+Source = Path | Mapping[str, Any]
+"""A TOML file, or a dictionary with the keys of such a file."""
 
 
-def overridden(path: Path, overrides: Sequence[str], faults: list[Fault]) -> Table:
-    """The tables of a TOML file with `key=value` overrides; a bad override is added to `faults`.
+def folder_of(source: Source) -> Path:
+    """The folder in which the files that a configuration names are looked for."""
+    return source.parent if isinstance(source, Path) else Path()
 
-    Raises InputError where the file cannot be read.
+
+def overridden(source: Source, overrides: Sequence[str], faults: list[Fault]) -> Table:
+    """The tables of a configuration with `key=value` overrides; a bad one is added to `faults`.
+
+    Raises InputError where a file cannot be read.
     """
-    table = load(path, faults)
+    table = load(source, faults)
     if table is None:
         raise InputError(faults)
     override(table, overrides, faults)
     return table
 
 
-def load(path: Path, faults: list[Fault]) -> Table | None:
-    """The tables of a TOML file, or None and the fault."""
-    place = str(path)
+def load(source: Source, faults: list[Fault]) -> Table | None:
+    """The tables of a configuration, which may be changed, or None and the fault of its file."""
+    if not isinstance(source, Path):
+        return deepcopy(dict(source))
+    place = str(source)
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = source.read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
         message = "does not exist"
     except IsADirectoryError:

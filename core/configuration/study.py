@@ -24,10 +24,12 @@ from .reader import read_table
 from .readings import read_readings, written
 from .search import by_default, evaluations, settings_of
 from .settings_of_points import built_points, some
-from .source import Table, load, override
+from .source import Source, Table, folder_of, load, override
 from .varied import base_values, read_factors
 
 RUN = "run"
+STUDY = "study"
+"""Title of a study that is no file."""
 SEEDS = 10
 DESIGN_STREAM = (0, 0)
 """Spawn key of the generator of the design; the seeds of replicates have keys of one number."""
@@ -35,28 +37,28 @@ RESPONSE = ("hypervolume_ratio", "gap_percent")
 """Default response of a front, and of one objective."""
 
 
-def read_study(path: Path, overrides: Sequence[str] = (), most: int | None = None) -> StudyPlan:
-    """The study in the TOML file `path`, with `key=value` overrides applied.
+def read_study(source: Source, overrides: Sequence[str] = (), most: int | None = None) -> StudyPlan:
+    """The study in a TOML file or dictionary, with `key=value` overrides applied.
 
     `run.<key>` overrides the run configuration, wherever it stands. Of a design of more than `most`
     settings only so many are read as the runs that they mean: the plan is then good to look at, not
     to run. Raises InputError with every fault found.
     """
     faults: list[Fault] = []
-    table = load(path, faults)
+    table = load(source, faults)
     if table is None:
         raise_all(faults)
     assert table is not None
     own = [one for one in overrides if not one.strip().startswith(f"{RUN}.")]
     override(table, own, faults)
     top = Section(table, "", faults)
-    run = _run_table(top, table, path, overrides, faults)
+    run = _run_table(top, table, folder_of(source), overrides, faults)
     base = None if run is None else _base(run, top.take("vary"), faults)
     seed = top.integer("seed", Range(low=0), None)
     seeds = top.integer("seeds", Range(low=1), RUNS)
     limit = top.number("time_limit_s", within=POSITIVE)
     responses = _responses(top, base)
-    design = _design(top.section("design"), path.parent)
+    design = _design(top.section("design"), folder_of(source))
     factors: tuple[Factor, ...] = ()
     vary, varied = top.section("vary"), top.take("vary")
     if base is not None and isinstance(varied, dict | None):
@@ -72,7 +74,7 @@ def read_study(path: Path, overrides: Sequence[str] = (), most: int | None = Non
     assert design is not None
     values = base_values(run or {}, base.resolved)
     settings = StudySettings(
-        title=path.stem,
+        title=source.stem if isinstance(source, Path) else STUDY,
         factors=factors,
         design=design,
         responses=responses,
@@ -119,22 +121,21 @@ def _planned(
     return StudyPlan(settings, design, points, problems, limit)
 
 
-def is_study(path: Path) -> bool:
-    """Whether a file is the configuration of a study."""
-    table = load(path, [])
+def is_study(source: Source) -> bool:
+    """Whether a configuration is that of a study."""
+    table = load(source, [])
     return table is not None and RUN in table and "vary" in table
 
 
 def _run_table(
-    top: Section, table: Table, path: Path, overrides: Sequence[str], faults: list[Fault]
+    top: Section, table: Table, folder: Path, overrides: Sequence[str], faults: list[Fault]
 ) -> Table | None:
     """The tables of the run, from the file that is named or inline, with what overrides them."""
     run = top.take(RUN)
     dotted = {key: table[key] for key in table if key.startswith(f"{RUN}.")}
     top.known(dotted)
-    folder = path.parent
     if isinstance(run, str):
-        named = Path(abspath(path.parent / run))
+        named = Path(abspath(folder / run))
         folder, run = named.parent, load(named, faults)
     elif not isinstance(run, dict):
         text = "is missing: name a run configuration" if run is None else "must be a file name"

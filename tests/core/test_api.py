@@ -95,6 +95,31 @@ def test_a_gap_of_a_frame(tmp_path: Path) -> None:
     assert any("y" in str(fault) for fault in caught.value.faults)
 
 
+def test_what_the_user_should_know_is_told_as_the_command_prints_it(tmp_path: Path) -> None:
+    lines: list[str] = []
+    (tmp_path / "t.csv").write_text("torque_Nm;direction\n100,5;1\n", encoding="utf-8")
+    (tmp_path / "m.toml").write_text('model = "rv_lost_motion"\n', encoding="utf-8")
+    tolevo.simulate({"model": "rv_lost_motion"}, tmp_path / "t.csv", tell=lines.append)
+    words = ["simulate", str(tmp_path / "m.toml"), str(tmp_path / "t.csv")]
+    command = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "o.csv")])
+    assert command.stderr.splitlines() == lines
+    assert {line.partition(":")[0] for line in lines} == {"read", "note"}
+
+
+def test_settings_change_dictionaries_and_files_but_nothing_complete() -> None:
+    given = {"model": "rv_lost_motion", "seed": 1}
+    assert tolevo.read(given, ["seed=7"]).seed == 7
+    assert given["seed"] == 1
+    assert "seed = 3" in tolevo.check(given, ["seed=3"])
+    with pytest.raises(tolevo.ConfigurationError, match="complete"):
+        tolevo.read(tolevo.read(given), ["seed=2"])
+
+
+def test_processes_are_counted_whether_or_not_files_are_written() -> None:
+    with pytest.raises(tolevo.ConfigurationError, match="must be at least 1, got 0"):
+        tolevo.run(CLUTCH, workers=0)
+
+
 def test_every_fault_is_in_the_exception(tmp_path: Path) -> None:
     with pytest.raises(tolevo.ConfigurationError) as caught:
         tolevo.run({"problem": "stack", "seed": -1}, tmp_path / "missing" / "o" / "p", workers=0)

@@ -52,7 +52,7 @@ def fake_run(monkeypatch: pytest.MonkeyPatch, status: str) -> list[Any]:
             progress(Progress(1, 2, 8, None, 0.5, 0.5, 0.25, 1.0))
         out.mkdir(parents=True, exist_ok=True)
         (out / "report.html").write_text("page", encoding="utf-8")
-        return SimpleNamespace(status=status, lines=("a summary",))
+        return SimpleNamespace(status=status, lines=("a summary",), result=None)
 
     monkeypatch.setattr("tolevo.workflows.run.run", run)
     return plans

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tolevo
 from tolevo.configuration.reader import read
 from tolevo.errors import InputError
 from tolevo.models.costs import CURVES, Table
 from tolevo.models.costs.extras import dearer, times
-from tolevo.workflows.evaluate import evaluate
 
 STACK = """
 problem = "stack"
@@ -228,8 +228,7 @@ def test_evaluate_states_costs_with_their_shares(tmp_path: Path) -> None:
     designs.write_text("pin_t,bore_t,bore_process,cap_t,cap_process\n"
                        "0.01,0.0165,IT8,0.03,lathe\n", encoding="utf-8")  # fmt: skip
     out = tmp_path / "o.csv"
-    assert configuration.problem is not None
-    evaluate(configuration.problem, designs, out)
+    tolevo.evaluate(configuration, designs, out)
     header, row = out.read_text(encoding="utf-8").splitlines()[:2]
     cost = float(row.split(",")[header.split(",").index("cost")])
     np.testing.assert_allclose(cost, 6.0 + 2.8 + 7.0 + 1.5, rtol=1e-12)

@@ -10,9 +10,9 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+import tolevo
 from tolevo.cli import app
 from tolevo.configuration import read
-from tolevo.configuration.simulated import build_model
 from tolevo.errors import InputError
 from tolevo.models.inputs.distribution import Array
 from tolevo.models.manipulator import declared
@@ -21,7 +21,6 @@ from tolevo.models.manipulator.maps import first_order
 from tolevo.models.manipulator.pose import ManipulatorPose
 from tolevo.models.manipulator.sources import NAMES
 from tolevo.units import MM
-from tolevo.workflows.simulate import simulate
 
 POSES = "r_mm,z_mm,phi_deg\n400,200,0\n500,150,30\n350,280,-170\n"
 TABLE = {
@@ -97,9 +96,8 @@ def test_simulate_from_a_configuration(tmp_path: Path) -> None:
     )
     (tmp_path / "poses.csv").write_text(POSES)
     configuration = read(configured(tmp_path, text))
-    found, notes = simulate(
-        build_model(configuration), tmp_path / "poses.csv", tmp_path / "out.csv"
-    )
+    found = tolevo.simulate(configuration, tmp_path / "poses.csv")
+    notes = found.attrs["notes"]
     assert found.columns.tolist()[3:] == [output.name for output in ManipulatorPose.outputs]
     assert any("payload_kg" in note for note in notes)
     assert any("temperature_C" in note for note in notes)
@@ -110,7 +108,7 @@ def test_simulate_from_a_configuration(tmp_path: Path) -> None:
     (tmp_path / "resolved.toml").write_text(resolved)
     reread = read(tmp_path / "resolved.toml")
     assert reread.toml() == resolved
-    second, _ = simulate(build_model(reread), tmp_path / "poses.csv", tmp_path / "two.csv")
+    second = tolevo.simulate(reread, tmp_path / "poses.csv")
     pd.testing.assert_frame_equal(found, second)
 
 

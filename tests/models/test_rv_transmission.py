@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
@@ -21,7 +21,8 @@ from tolevo.models.rv_reducer.dynamics.train import Train
 from tolevo.models.rv_reducer.loaded_unit import LoadedUnit, loaded_unit
 from tolevo.models.rv_reducer.lost_motion import RvLostMotion
 from tolevo.models.rv_reducer.transmission import RvTransmission
-from tolevo.workflows.simulate import simulate
+from tolevo.tables import table_of
+from tolevo.workflows.simulate import simulated
 
 pytestmark = pytest.mark.long
 
@@ -386,13 +387,11 @@ def test_changes_that_are_none(
         perfect.predict({"output_angle_deg": np.zeros(2)}, RNG, changes)
 
 
-def test_simulate_says_what_is_missing(tmp_path: Path, perfect: RvTransmission) -> None:
-    path = tmp_path / "rows.csv"
-    path.write_text("output_angle_deg,torque_Nm\n0,412\n90,-412\n")
-    found, notes = simulate(perfect, path, tmp_path / "out.csv")
+def test_simulate_says_what_is_missing(perfect: RvTransmission) -> None:
+    rows = pd.DataFrame({"output_angle_deg": [0.0, 90.0], "torque_Nm": [412.0, -412.0]})
+    notes: list[str] = []
+    found = simulated(perfect, table_of(rows, "rows")[0], "rows", notes=notes.extend)
     assert found["te_arcsec"].tolist()[0] > 200.0 > -200.0 > found["te_arcsec"].tolist()[1]
     assert any("output_speed_rpm" in note for note in notes)
-    path.write_text("torque_Nm\n412\n")
     with pytest.raises(InputError, match="output_angle_deg"):
-        simulate(perfect, path, tmp_path / "none.csv")
-    assert not (tmp_path / "none.csv").exists()
+        simulated(perfect, table_of(rows[["torque_Nm"]], "rows")[0], "rows")

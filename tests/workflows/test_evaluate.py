@@ -4,31 +4,31 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import tolevo
 from tolevo.errors import InputError
 from tolevo.problems.rv_backlash import RvBacklash
-from tolevo.problems.settings import Settings, VariableSetting
-from tolevo.workflows.evaluate import evaluate
 
-
-def problem() -> RvBacklash:
-    fixed = {"stagger_arcmin": VariableSetting(value=0.1)}
-    return RvBacklash(Settings(parameters={"reading": "printed"}, variables=fixed))
+STAGGERED = {
+    "problem": "rv_backlash",
+    "parameters": {"reading": "printed"},
+    "variables": {"stagger_arcmin": {"value": 0.1}},
+}
 
 
 def designs(**changes: float) -> pd.DataFrame:
-    document = {v.name: [float(v.document or 0.0)] * 2 for v in problem().variables}
+    document = {v.name: [float(v.document or 0.0)] * 2 for v in RvBacklash.variables}
     return pd.DataFrame(document).assign(**changes)
 
 
 def test_fixed_column_may_be_left_out_or_given(tmp_path: Path) -> None:
     path, out = tmp_path / "d.csv", tmp_path / "out.csv"
     designs().drop(columns="stagger_arcmin").to_csv(path, index=False)
-    left_out = evaluate(problem(), path, out)
+    left_out = tolevo.evaluate(STAGGERED, path, out)
     assert left_out["stagger_arcmin"].tolist() == [0.1, 0.1]
     designs(stagger_arcmin=0.0).to_csv(path, index=False)
-    given = evaluate(problem(), path, out)
+    given = tolevo.evaluate(STAGGERED, path, out)
     assert given["stagger_arcmin"].tolist() == [0.0, 0.0]
-    np.testing.assert_allclose(given["backlash_mean_arcmin"], 0.701, atol=1e-3)  # issue 2's table
+    np.testing.assert_allclose(given["backlash_mean_arcmin"], 0.701, atol=1e-3)  # by hand
     written = pd.read_csv(out)
     assert written["backlash_arcmin"].tolist() == given["backlash_arcmin"].tolist()
 
@@ -38,7 +38,7 @@ def test_every_fault_at_once_and_nothing_written(tmp_path: Path) -> None:
     bad = designs(pitch_um=-1.0, involute_grade=6.5, eccentricity_um=11.0, odd=1.0)
     bad.drop(columns="runout_um").to_csv(path, index=False)
     with pytest.raises(InputError) as caught:
-        evaluate(problem(), path, tmp_path / "out.csv")
+        tolevo.evaluate(STAGGERED, path, tmp_path / "out.csv")
     said = str(caught.value)
     assert "d.csv: column runout_um is missing" in said
     assert "odd" not in said  # what nothing needs is a note
@@ -51,7 +51,7 @@ def test_every_fault_at_once_and_nothing_written(tmp_path: Path) -> None:
 def test_tolerance_of_zero_is_a_limit_of_infinite_cost(tmp_path: Path) -> None:
     path = tmp_path / "d.csv"
     designs(eccentricity_um=0.0).to_csv(path, index=False)
-    found = evaluate(problem(), path, tmp_path / "out.csv")
+    found = tolevo.evaluate(STAGGERED, path, tmp_path / "out.csv")
     assert np.isinf(found["cost"].iloc[-1])
     assert np.all(np.isfinite(found["backlash_arcmin"]))
 
@@ -59,4 +59,4 @@ def test_tolerance_of_zero_is_a_limit_of_infinite_cost(tmp_path: Path) -> None:
 def test_grade_without_a_cost_is_a_limit_too(tmp_path: Path) -> None:
     path = tmp_path / "d.csv"
     designs(involute_grade=9).to_csv(path, index=False)
-    assert np.isinf(evaluate(problem(), path, tmp_path / "out.csv")["cost"].iloc[-1])
+    assert np.isinf(tolevo.evaluate(STAGGERED, path, tmp_path / "out.csv")["cost"].iloc[-1])

@@ -3,9 +3,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+import tolevo
 from tolevo.errors import InputError
-from tolevo.models.rv_reducer.batch import RvBatch
-from tolevo.workflows.simulate import simulate
+
+BATCH = {"model": "rv_batch"}
 
 
 def table(folder: Path, content: str) -> Path:
@@ -16,7 +17,7 @@ def table(folder: Path, content: str) -> Path:
 
 def test_outputs_beside_the_inputs(tmp_path: Path) -> None:
     path = table(tmp_path, "unit,lot,time_s,backlash_arcmin_std\n007,A,0,0.01\nx,B,5,0.01\n")
-    found, _ = simulate(RvBatch(), path, tmp_path / "out.csv", seed=0)
+    found = tolevo.simulate(BATCH, path, tmp_path / "out.csv")
     names = ["unit", "lot", "time_s", "backlash_arcmin_std", "backlash_arcmin"]
     assert found.columns.tolist() == names
     written = pd.read_csv(tmp_path / "out.csv", dtype={"unit": str})
@@ -26,8 +27,8 @@ def test_outputs_beside_the_inputs(tmp_path: Path) -> None:
 
 
 def test_missing_optional_columns_are_said(tmp_path: Path) -> None:
-    _, notes = simulate(RvBatch(), table(tmp_path, "unit\n1\n"), tmp_path / "out.csv")
-    said = "\n".join(notes)
+    found = tolevo.simulate(BATCH, table(tmp_path, "unit\n1\n"))
+    said = "\n".join(found.attrs["notes"])
     assert "temperature_C" in said
     assert "lot" in said
 
@@ -35,16 +36,16 @@ def test_missing_optional_columns_are_said(tmp_path: Path) -> None:
 def test_parquet_by_suffix(tmp_path: Path) -> None:
     path = table(tmp_path, "unit\n1\n2\n")
     out = tmp_path / "out.parquet"
-    first, _ = simulate(RvBatch(), path, out)
+    first = tolevo.simulate(BATCH, path, out)
     pd.read_parquet(out)[["unit"]].to_parquet(tmp_path / "in.parquet")
-    again, _ = simulate(RvBatch(), tmp_path / "in.parquet", tmp_path / "out.csv")
+    again = tolevo.simulate(BATCH, tmp_path / "in.parquet")
     assert again["backlash_arcmin"].tolist() == first["backlash_arcmin"].tolist()
 
 
 def test_seed_zero_is_a_seed(tmp_path: Path) -> None:
     path = table(tmp_path, "unit\n1\n2\n")
     one, two, other = (
-        simulate(RvBatch(), path, tmp_path / "out.csv", seed=seed)[0]["backlash_arcmin"].tolist()
+        tolevo.simulate({**BATCH, "seed": seed}, path)["backlash_arcmin"].tolist()
         for seed in (0, 0, 1)
     )
     assert one == two != other
@@ -53,7 +54,7 @@ def test_seed_zero_is_a_seed(tmp_path: Path) -> None:
 def test_every_fault_at_once_and_nothing_written(tmp_path: Path) -> None:
     path = table(tmp_path, "backlash_arcmin,temperatur_C,time_s\n1,2,x\n")
     with pytest.raises(InputError) as caught:
-        simulate(RvBatch(), path, tmp_path / "out.csv")
+        tolevo.simulate(BATCH, path, tmp_path / "out.csv")
     said = str(caught.value)
     assert "units.csv: column unit is missing" in said
     assert "temperatur_C is not known (did you mean `temperature_C`?)" in said
@@ -64,13 +65,15 @@ def test_every_fault_at_once_and_nothing_written(tmp_path: Path) -> None:
 def test_a_measurement_table_is_taken(tmp_path: Path) -> None:
     """Its measured output gives way to the prediction, its other columns stay."""
     content = "unit,session,repeat,time_s,backlash_arcmin,backlash_arcmin_std\n7,monday,1,0,99,1\n"
-    found, notes = simulate(RvBatch(), table(tmp_path, content), tmp_path / "out.csv")
+    found = tolevo.simulate(BATCH, table(tmp_path, content))
     assert found.columns.tolist() == [
         "unit", "session", "repeat", "time_s", "backlash_arcmin_std", "backlash_arcmin",
     ]  # fmt: skip
     assert found["session"].tolist() == ["monday"]
     assert found["backlash_arcmin"][2] < 10.0
-    assert any("backlash_arcmin as written are predictions" in note for note in notes)
-    bare, notes = simulate(RvBatch(), table(tmp_path, "unit\n7\n"), tmp_path / "out.csv")
+    assert any(
+        "backlash_arcmin as written are predictions" in note for note in found.attrs["notes"]
+    )
+    bare = tolevo.simulate(BATCH, table(tmp_path, "unit\n7\n"))
     assert bare["backlash_arcmin"].tolist() == found["backlash_arcmin"].tolist()
-    assert not any("predictions" in note for note in notes)
+    assert not any("predictions" in note for note in bare.attrs["notes"])

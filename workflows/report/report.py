@@ -89,19 +89,16 @@ def _single(folder: Path, out: Path | None, figures: Path | None, renew: bool = 
     return Report(out or folder / PAGE, remarks, going)
 
 
-def watch(
-    folder: Path, out: Path | None = None, told: Callable[[Report], None] | None = None
-) -> Report:
+def watch(folder: Path, out: Path, told: Callable[[Report], None] | None = None) -> Report:
     """Build the page of a directory again every `RENEWED` seconds until its result is complete.
 
-    The page lies beside the directory where `out` does not say otherwise, for another process works
-    in that; a browser loads it anew by itself. `told` is called with every page. An interrupt ends
-    it. Raises InputError as `report` does, but for what is written while it is read.
+    The page `out` lies beside the directory, for another process works in that; a browser loads it
+    anew by itself. `told` is called with every page. An interrupt ends it. Raises InputError as
+    `report` does, but for what is written while it is read.
     """
-    page_at = out or folder.resolve().with_suffix(".html")
     while True:
         try:
-            found = _single(folder, page_at, None, renew=True)
+            found = _single(folder, out, None, renew=True)
         except InputError:
             if not standing(folder).holders:
                 raise

@@ -1,0 +1,105 @@
+"""Options of the commands: each is written once, in a group that commands take as one argument."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import MISSING, asdict, dataclass, field, fields, is_dataclass
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+WORKERS = min(4, os.cpu_count() or 1)
+"""Default of --workers."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Options of every command that reads a configuration."""
+
+    set_: Annotated[list[str], typer.Option("--set", help="key=value; may be repeated.")] = field(
+        default_factory=list
+    )
+    quiet: Annotated[bool, typer.Option("--quiet", help="Nothing on stderr but errors.")] = False
+    force: Annotated[bool, typer.Option("--force", help="Refuse no count for its size.")] = False
+
+    def arguments(self) -> dict[str, Any]:
+        """As the functions of the Python interface take them."""
+        return {"settings": self.set_, "tell": self.tell}
+
+    def tell(self, line: str) -> None:
+        """A line that the user should read, on stderr."""
+        if not self.quiet:
+            typer.echo(line, err=True)
+
+
+@dataclass(frozen=True)
+class Into:
+    """Options of commands that write a directory."""
+
+    out: Annotated[Path, typer.Option("--out", help="Where the results go.")]
+    resume: Annotated[bool, typer.Option("--resume", help="Do what is missing in OUT.")] = False
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what OUT holds.")] = False
+    workers: Annotated[
+        int | None,
+        typer.Option(help="Processes; no result depends on it.", show_default=str(WORKERS)),
+    ] = None
+
+    def arguments(self, workers: int | None = WORKERS) -> dict[str, Any]:
+        """As the functions of the Python interface take them; `workers` is the default."""
+        return asdict(self) | {"workers": workers if self.workers is None else self.workers}
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """Options of commands that read a table."""
+
+    encoding: Annotated[
+        str | None, typer.Option(help="Of the table.", show_default="detected, or asked for")
+    ] = None
+    delimiter: Annotated[
+        str | None,
+        typer.Option(help="comma, semicolon, tab, pipe or space.", show_default="detected"),
+    ] = None
+    decimal: Annotated[
+        str | None,
+        typer.Option(help='Decimal sign of the table: "." or ",".', show_default="detected"),
+    ] = None
+
+
+def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
+    """A command whose arguments that are groups are options of their own, as typer wants them."""
+    groups: dict[str, Any] = {}
+    parameters: list[Parameter] = []
+    for one in signature(command, eval_str=True).parameters.values():
+        if is_dataclass(one.annotation):
+            groups[one.name] = one.annotation
+            parameters += _options(one.annotation)
+        else:
+            parameters.append(one.replace(kind=Parameter.KEYWORD_ONLY))
+
+    def taken_apart(**given: Any) -> Any:
+        built = {
+            name: kind(**{one.name: given.pop(one.name) for one in fields(kind)})
+            for name, kind in groups.items()
+        }
+        return command(**given, **built)
+
+    taken_apart.__name__, taken_apart.__doc__ = command.__name__, command.__doc__
+    taken_apart.__annotations__ = {one.name: one.annotation for one in parameters}
+    taken_apart.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    return taken_apart
+
+
+def _options(group: Any) -> list[Parameter]:
+    """The fields of a group as parameters."""
+    hints = get_type_hints(group, include_extras=True)
+    found = []
+    for one in fields(group):
+        default = one.default_factory() if one.default_factory is not MISSING else one.default
+        default = Parameter.empty if default is MISSING else default
+        kind = Parameter.KEYWORD_ONLY
+        found.append(Parameter(one.name, kind, default=default, annotation=hints[one.name]))
+    return found
