@@ -17,6 +17,7 @@ ROOM = 1000
 GROWTH = 4
 """Times its size to which an archive grows before it is pruned."""
 
+
 class Archive:
     """The feasible designs of the lowest ranks, and the least violating design.
 

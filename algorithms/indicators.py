@@ -31,4 +31,3 @@ def hypervolume(values: Array, ideal: Array, nadir: Array) -> float:
     if scaled.shape[1] == 1:
         return float(REFERENCE - inside.min())
     return float(moocore.hypervolume(inside, ref=np.full(scaled.shape[1], REFERENCE)))
-

@@ -148,4 +148,3 @@ def _save(keeper: Keeper, run: Run, population: Driver) -> None:
         return
     state = {f"run.{key}": value for key, value in run.state().items()}
     keeper.save(state | {f"driver.{key}": value for key, value in driven.items()})
-

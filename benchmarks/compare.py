@@ -30,6 +30,7 @@ from .task import Array, OutOfTime, Recorder, Task
 from .tasks.cost_rss import cost_rss
 from .tasks.mixed_process import mixed_process
 from .tasks.rv_backlash import rv_backlash
+from .tasks.rv_reducer import rv_reducer
 
 LEVELS = (0.99, 0.999)
 SHORT = 0.5
@@ -94,7 +95,8 @@ def once(
     module: ModuleType, task: Task, seed: int, effort: Effort
 ) -> tuple[Recorder, Array | None]:
     """What was recorded, and the front that was returned; None where the time was over before."""
-    recorder = Recorder(task, effort.seconds)
+    limit = np.inf if getattr(module, "UNCUT", False) else effort.seconds * task.patience
+    recorder = Recorder(task, limit)
     try:
         return recorder, module.run(recorder, seed, effort.evaluations)
     except OutOfTime:
@@ -178,7 +180,7 @@ def main() -> None:
         name: f"{module.DISTRIBUTION} {release(module)} {module.LABEL}"
         for name, module in found.items()
     }
-    tasks = [cost_rss(9), cost_rss(12), mixed_process(), rv_backlash()]
+    tasks = [cost_rss(9), cost_rss(12), mixed_process(), rv_backlash(), rv_reducer()]
     results: Results = defaultdict(list)
     for place, name, measured in rounds(found, tasks, effort):
         results[place, name].append(measured)

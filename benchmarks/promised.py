@@ -16,6 +16,7 @@ from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget, Mutation
 
 from . import memory
+from .outcome import verdict
 from .peers import tolevo_exact
 from .proven import Found, cases
 from .task import REFERENCE, Array, Recorder, Task
@@ -41,8 +42,7 @@ class Figure:
     met: bool | None
 
     def row(self) -> str:
-        met = {True: "met", False: "MISSED", None: ""}[self.met]
-        return f"| {self.what} | {self.value} | {self.promised} | {met} |"
+        return f"| {self.what} | {self.value} | {self.promised} | {verdict(self.met)} |"
 
 
 def table(figures: Iterator[Figure]) -> str:

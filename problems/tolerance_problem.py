@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -237,8 +238,7 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
     def complete(self, x: Array) -> Array:
         """Full designs (n, all variables) of search vectors (n, free variables)."""
         set_to, columns, whole = self._columns
-        designs = np.empty((len(x), len(set_to)))
-        designs[:] = set_to
+        designs = set_to[None, :].repeat(len(x), axis=0)
         designs[:, columns] = x
         if len(whole):
             designs[:, whole] = np.rint(designs[:, whole])
@@ -250,9 +250,10 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
         free variables, and those of whole numbers.
         """
         at = {name: column for column, name in enumerate(self.names)}
-        return (np.array([self.fixed.get(name, 0.0) for name in self.names]),
-                np.array([at[v.name] for v in self.free], dtype=np.int64),
-                np.array([at[v.name] for v in self.variables if v.integer], dtype=np.int64))  # fmt: skip
+        set_to = np.array([self.fixed.get(name, 0.0) for name in self.names])
+        free = np.array([at[v.name] for v in self.free], dtype=np.int64)
+        whole = np.array([at[v.name] for v in self.variables if v.integer], dtype=np.int64)
+        return set_to, free, whole
 
     def outputs_of(
         self, designs: Array, searching: bool = False, errors: bool = True
@@ -303,7 +304,7 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
         found = self.outputs_of(designs, searching=True)
         f, g = self.objective_values(found), self.violations(designs, found)
         for name, values in (("F", f), ("G", g)):
-            if not np.isfinite(values).all():
+            if values.size and not np.isfinite(values).all():
                 row = int(np.argmin(np.all(np.isfinite(values), axis=1)))
                 where = dict(zip(self.names, designs[row].tolist(), strict=True))
                 raise ModelError(f"{name} is not finite at {where}")
