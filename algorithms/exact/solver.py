@@ -32,7 +32,7 @@ FEW, CORRECTED = 40, 200
 CORRECTIONS, FURTHER = 6, 1.0 + 1e-3
 """Times a limit is moved by what a form understates, and how much further than that."""
 SOME = 3
-"""Points of a front that are looked at: if none keeps the limits in truth, these are moved."""
+"""Points of a front that are looked at: if one breaks limits in truth, these are moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     for _ in range(CORRECTIONS):
         x = search_vectors(problem, form, front(form, points, limit, swept, most))
         kept, excess = _in_truth(problem, form, x[:: max(1, len(x) // SOME)], upper)
-        if not form.exact or not len(kept) or kept.any():
+        if not form.exact or kept.all():
             return x
         limit = limit - excess.max(axis=0) * FURTHER
     return x
