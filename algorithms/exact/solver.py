@@ -94,8 +94,10 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     limit, x = upper.copy(), np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
         x = search_vectors(problem, form, front(form, points, limit, swept, most))
+        if not form.exact:
+            return x
         kept, excess = _in_truth(problem, form, x[:: max(1, len(x) // SOME)], upper)
-        if not form.exact or kept.all():
+        if kept.all():
             return x
         limit = limit - excess.max(axis=0) * FURTHER
     return x
