@@ -38,8 +38,16 @@ lint: $(READY)  ## style, types and the arrows between the rooms
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python tools/link_packages.py
-	$(BIN)/mypy
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target lint-pyright lint-mypy lint-imports
+
+.PHONY: lint-pyright lint-mypy lint-imports
+lint-pyright:
 	$(BIN)/pyright --project .links --pythonpath $(BIN)/python
+
+lint-mypy:
+	$(BIN)/mypy
+
+lint-imports:
 	PYTHONPATH=.links $(BIN)/lint-imports --no-cache
 
 coverage: $(READY)  ## the tests, with the lines and branches they miss

@@ -1,4 +1,4 @@
-"""Models, problems, algorithms and effects by name, ours and those of plugins.
+"""Models, problems, algorithms, effects, cost curves and distributions by name, ours and plugins'.
 
 Names, origins and summaries come from the metadata of installed distributions (entry points) and
 from source text; a plugin is imported only when it is used.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from importlib.machinery import ModuleSpec
 from importlib.metadata import (
@@ -20,11 +21,12 @@ from importlib.metadata import (
 )
 from importlib.util import resolve_name
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from .errors import Fault, nearest, refuse
+from .errors import Fault, InputError, nearest, refuse
 
-GROUPS = ("models", "problems", "algorithms", "effects", "calculations")
+Kind = TypeVar("Kind")
+GROUPS = ("models", "problems", "algorithms", "effects", "calculations", "curves", "distributions")
 PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError,
                  RuntimeError, SyntaxError, TypeError, ValueError)  # fmt: skip
 """What importing a plugin that is broken may raise; it is the user's to mend, with a name."""
@@ -93,6 +95,49 @@ def load(group: str, name: str) -> Any:
             command = f"pip install '{offer.dist.name}[{extra}]'"
             raise refuse(kind, f'"{name}" needs {", ".join(missing)}: {command}')
     return found
+
+
+class Kinds(Mapping[str, type[Kind]]):
+    """The classes of a group by their names in configurations; each is imported when it is used.
+
+    All are subclasses of `base`: another one is refused with its origin when it is asked for.
+    """
+
+    def __init__(self, group: str, base: Any) -> None:
+        self.group, self.base = group, base
+
+    def __getitem__(self, name: str) -> type[Kind]:
+        if name not in names(self.group):
+            raise KeyError(name)
+        found = load(self.group, name)
+        if not (isinstance(found, type) and issubclass(found, self.base)):
+            text = f'"{name}" of {origin(self.group, name)} is no {self.base.__name__}: '
+            raise refuse(self.group.removesuffix("s"), f"{text}it must be a subclass of it")
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(names(self.group))
+
+    def __len__(self) -> int:
+        return len(names(self.group))
+
+    def sound(self) -> dict[str, type[Kind]]:
+        """Those that can be imported: one that cannot is named when it is asked for."""
+        found = {}
+        for name in self:
+            try:
+                found[name] = self[name]
+            except InputError:
+                continue
+        return found
+
+    def name_of(self, kind: type) -> str:
+        """The name of a class in configurations. Raises LookupError where it is not registered."""
+        for name, one in self.sound().items():
+            if one is kind:
+                return name
+        text = f"{kind.__module__}.{kind.__qualname__} is no entry point of tolevo.{self.group}"
+        raise LookupError(text)
 
 
 def needed(extra: str) -> list[Fault]:

@@ -9,7 +9,7 @@ from typing import Any
 from ..declarations import TOLERANCES, Kind, Value, Variable
 from ..likely_units import unit_hint
 from ..models.inputs import Distribution, Zone
-from ..models.inputs.reading import KEYS, read_distribution
+from ..models.inputs.reading import keys, read_distribution
 from ..problems.settings import VariableSetting
 from ..section import Range, Section
 from ..units import split_unit
@@ -109,7 +109,7 @@ def _agreed(
 
 def _distribution(section: Section, variable: Variable) -> Distribution | None:
     if not variable.random:
-        for key in KEYS:
+        for key in keys():
             if section.take(key) is not None:
                 section.fault(key, f"{variable.name} ({variable.kind}) has no distribution to set")
         return None

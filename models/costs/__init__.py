@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ...registry import Kinds
 from .combined import Combined
 from .curve import CostCurve
 from .exponential import Exponential
@@ -10,14 +11,8 @@ from .reciprocal_power import ReciprocalPower
 from .reciprocal_squared import ReciprocalSquared
 from .table import Table
 
-CURVES: dict[str, type[CostCurve]] = {
-    "reciprocal": Reciprocal,
-    "reciprocal_squared": ReciprocalSquared,
-    "reciprocal_power": ReciprocalPower,
-    "exponential": Exponential,
-    "combined": Combined,
-    "table": Table,
-}
+CURVES: Kinds[CostCurve] = Kinds("curves", CostCurve)
+"""Those of plugins included."""
 
 __all__ = [
     "CURVES",

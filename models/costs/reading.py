@@ -39,7 +39,7 @@ def read_curve(section: Section, default: CostCurve | None = None) -> CostCurve 
 
 def name_of(curve: CostCurve) -> str:
     """The configuration name of a curve."""
-    return next(name for name, kind in CURVES.items() if type(curve) is kind)
+    return CURVES.name_of(type(curve))
 
 
 def curve_table(curve: CostCurve) -> dict[str, Any]:

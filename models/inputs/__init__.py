@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ...registry import Kinds
 from .beta import Beta
 from .distribution import Distribution
 from .empirical import Empirical
@@ -14,17 +15,8 @@ from .truncated_normal import TruncatedNormal
 from .uniform import Uniform
 from .zone import Zone
 
-DISTRIBUTIONS: dict[str, type[Distribution]] = {
-    "uniform": Uniform,
-    "triangular": Triangular,
-    "trapezoid": Trapezoid,
-    "beta": Beta,
-    "normal": Normal,
-    "truncated_normal": TruncatedNormal,
-    "skew_normal": SkewNormal,
-    "rayleigh": Rayleigh,
-    "empirical": Empirical,
-}
+DISTRIBUTIONS: Kinds[Distribution] = Kinds("distributions", Distribution)
+"""Those of plugins included."""
 
 __all__ = [
     "DISTRIBUTIONS",

@@ -17,26 +17,25 @@ def _parameters(kind: type[Distribution]) -> dict[str, Field[Any]]:
     return {parameter.name: parameter for parameter in fields(kind)}  # type: ignore[arg-type]
 
 
-KEYS = (
-    "distribution",
-    *dict.fromkeys(name for kind in DISTRIBUTIONS.values() for name in _parameters(kind)),
-    "cpk",
-)
-"""Every key that `read_distribution` takes from a table."""
+def keys() -> tuple[str, ...]:
+    """Every key that `read_distribution` takes from a table."""
+    parameters = (name for kind in DISTRIBUTIONS.sound().values() for name in _parameters(kind))
+    return ("distribution", *dict.fromkeys(parameters), "cpk")
 
 
 def read_distribution(section: Section, default: Distribution | None = None) -> Distribution | None:
-    """The distribution that `section` states by `KEYS`, which are then known to it.
+    """The distribution that `section` states by `keys`, which are then known to it.
 
     Without `distribution` its other keys change parameters of `default`, which comes back as it is
     where nothing is stated. None after a fault; every fault is reported at its key.
     """
+    known = keys()
     name = section.text("distribution", DISTRIBUTIONS)
     kind = None if default is None else type(default)
     if "distribution" in section:
         kind, default = (DISTRIBUTIONS[name] if name else None), None
-    stated = {key: _value(section, key, kind) for key in KEYS[1:] if key in section}
-    section.known(KEYS)
+    stated = {key: _value(section, key, kind) for key in known[1:] if key in section}
+    section.known(known)
     if kind is not None:
         return _built(section, kind, default, stated)
     for key in stated if "distribution" not in section else ():
@@ -54,13 +53,15 @@ def written(distribution: Distribution) -> dict[str, Any]:
 
 def name_of(kind: type[Distribution]) -> str:
     """The configuration name of a distribution."""
-    return next(name for name, one in DISTRIBUTIONS.items() if one is kind)
+    return DISTRIBUTIONS.name_of(kind)
 
 
 def _taking(key: str) -> str:
     """The settings of `distribution` that make `key` valid."""
     needed = "shift" if key == "cpk" else key
-    named = [f'"{name}"' for name, kind in DISTRIBUTIONS.items() if needed in _parameters(kind)]
+    named = [
+        f'"{name}"' for name, kind in DISTRIBUTIONS.sound().items() if needed in _parameters(kind)
+    ]
     return f"set distribution = {' or '.join(named)}"
 
 
@@ -68,7 +69,7 @@ def _value(section: Section, key: str, kind: type[Distribution] | None) -> Any:
     """What `key` states, within the range of the parameter; None after a fault."""
     if key == "cpk":
         return section.number(key, within=Range(low=0.0))
-    kinds = ([] if kind is None else [kind]) + list(DISTRIBUTIONS.values())
+    kinds = ([] if kind is None else [kind]) + list(DISTRIBUTIONS.sound().values())
     parameter = next(found[key] for found in map(_parameters, kinds) if key in found)
     if key == "values":
         return section.numbers(key)

@@ -54,6 +54,7 @@ class StackKind:
     default_limits: Mapping[str, Bound] = field(default_factory=dict)
     default_objectives: tuple[str, ...] = OBJECTIVES
     default_model: str = ""
+    default_algorithm: ClassVar[str] = "exact"
 
     def __call__(self, settings: Settings) -> Stack:
         return Stack(replace(settings, definition=self.definition))
@@ -70,6 +71,7 @@ class Stack(ToleranceProblem):
     default_costs: Mapping[str, CostCurve] = MappingProxyType({})
     default_limits: ClassVar[Mapping[str, Bound]] = {}
     default_objectives = OBJECTIVES
+    default_algorithm = "exact"
 
     def __init__(self, settings: Settings | None = None) -> None:
         definition = None if settings is None else settings.definition

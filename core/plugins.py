@@ -1,0 +1,39 @@
+"""All that a plugin builds on: base classes and declarations, by one import."""
+
+from __future__ import annotations
+
+from .algorithms.settings import AlgorithmSettings, Crossover, Mutation
+from .declarations import Kind, Output, Parameter, Value, Variable
+from .models.costs import CostCurve
+from .models.effects.effect import Action, Effect, EffectParameter, Readings, Target
+from .models.effects.shapes import OneColumn, Weight
+from .models.inputs import Distribution
+from .models.measurable import Changeable, Column, MeasurableModel, Role
+from .problems.settings import Settings
+from .problems.tolerance_problem import ToleranceProblem
+
+__all__ = [
+    "Action",
+    "AlgorithmSettings",
+    "Changeable",
+    "Column",
+    "CostCurve",
+    "Crossover",
+    "Distribution",
+    "Effect",
+    "EffectParameter",
+    "Kind",
+    "MeasurableModel",
+    "Mutation",
+    "OneColumn",
+    "Output",
+    "Parameter",
+    "Readings",
+    "Role",
+    "Settings",
+    "Target",
+    "ToleranceProblem",
+    "Value",
+    "Variable",
+    "Weight",
+]

@@ -1,0 +1,24 @@
+"""Contract tests that plugins inherit, ours first.
+
+class TestMyProblem(ProblemContract):
+    problem_type = MyProblem
+"""
+
+from __future__ import annotations
+
+from .algorithm import AlgorithmContract
+from .curve import CurveContract
+from .distribution import DistributionContract
+from .effect import COLUMNS, EffectContract
+from .model import ModelContract
+from .problem import ProblemContract
+
+__all__ = [
+    "COLUMNS",
+    "AlgorithmContract",
+    "CurveContract",
+    "DistributionContract",
+    "EffectContract",
+    "ModelContract",
+    "ProblemContract",
+]
