@@ -29,7 +29,9 @@ class Source:
 
     def settings(self) -> Settings:
         """The settings of the configured problem."""
-        return read(CONFIGS / self.configuration).problem.given
+        problem = read(CONFIGS / self.configuration).problem
+        assert problem is not None
+        return problem.given
 
     def task(self, name: str, note: str, front: Array, patience: float = 1.0) -> Task:
         """The task, whose best front (k, 2) is known."""
