@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .indicators import REFERENCE, hypervolume, nondominated
+from .indicators import REFERENCE, area, hypervolume, nondominated
 
 Array = NDArray[np.float64]
 State = dict[str, NDArray[Any]]
@@ -119,15 +119,3 @@ def _in_order(front: Array, batches: Sequence[Array]) -> tuple[Array, NDArray[np
         points, since = points.compress(new, axis=1), since.compress(new)
     order = np.lexsort((since, points[1], points[0]))
     return points.take(order, axis=1), since.take(order)
-
-
-def area(first: Array, second: Array) -> float:
-    """Hypervolume of a front of two objectives (n,) each, normalised, sorted by the first, all of
-    it below the reference point.
-    """
-    if not len(first):
-        return 0.0
-    widths = np.empty(len(first))
-    np.subtract(first[1:], first[:-1], out=widths[:-1])
-    widths[-1] = REFERENCE - first[-1]
-    return float(widths @ (REFERENCE - second))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 from collections.abc import Callable
 from dataclasses import asdict
@@ -18,6 +19,8 @@ from .files import write_text
 from .options import Asked, Dialect, Into, grouped
 from .results import Finished
 
+GARBAGE = 50_000
+"""New objects between two searches for cycles: imports make many objects and no garbage."""
 STATUS = {"done": 0, "no_feasible_point": 1, "interrupted": INTERRUPTED}
 
 app = typer.Typer(
@@ -34,6 +37,7 @@ Table = Annotated[Path, typer.Option("--out", help="The table that is written.")
 def main() -> None:
     """Entry point of the `tolevo` command."""
     signal.signal(signal.SIGTERM, _terminated)
+    gc.set_threshold(GARBAGE)
     app()
 
 

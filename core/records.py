@@ -211,6 +211,7 @@ class StudyResult:
     has the columns response, point, median, low, high, level, n, failed, reached. `courses` has,
     per key and level of a design that changes one key at a time, the course of a run over its
     generations: key, level, generation, median, low, high, and `optimum` where one is proven.
+    `mechanism` is what readers know it by, as far as that is stated.
     """
 
     title: str
@@ -228,6 +229,7 @@ class StudyResult:
     verdicts: tuple[Verdict, ...] = ()
     notes: tuple[str, ...] = ()
     configuration: str = field(default="", repr=False)
+    mechanism: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import moocore
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +20,8 @@ def ranks(f: Array) -> Indices:
     """Non-domination rank (n,) of objectives (n, m), the best is 0; equal points rank equally."""
     if f.shape[1] == 1:
         return np.unique(f[:, 0], return_inverse=True)[1].astype(np.int64)
+    import moocore
+
     return np.asarray(moocore.pareto_rank(f), dtype=np.int64)
 
 

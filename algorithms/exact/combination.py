@@ -124,11 +124,12 @@ class Combination:
             found = self._joint.stationary(linear / self.counts, square / self.counts)
             if found is not None:
                 return np.clip(found, self.low, self.high)
-        each = [
-            way.curve.best(linear[:, at] / count, square[:, at] / count, way.low, way.high)
-            for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True))
-        ]
-        return np.stack(each, axis=1)
+        found = np.empty_like(linear)
+        for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True)):
+            own = linear[:, at] / count, square[:, at] / count
+            fixed = way.low == way.high
+            found[:, at] = way.low if fixed else way.curve.best(*own, way.low, way.high)
+        return found
 
     def dual(self, multiplier: Array, limit: Array, t: Array) -> Array:
         """A proven lower bound (n,) of the cost at limits (n, r), for any multipliers (n, r) >= 0.

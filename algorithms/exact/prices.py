@@ -70,7 +70,8 @@ class Prices:
         m, a = np.array(way.linear), np.array(way.spread)
         linear = np.sum(self.linear * (m + self.direction[:, :, feature] * a), axis=1)
         square = self.square @ (a * a)
-        t = way.curve.best(linear / count, square / count, way.low, way.high)
+        t = (np.full_like(square, way.low) if way.low == way.high
+             else way.curve.best(linear / count, square / count, way.low, way.high))  # fmt: skip
         offset = self.linear @ np.array(way.offset) if way.offset else 0.0
         return t, count * way.curve.cost(t) + linear * t + square * t * t + offset
 

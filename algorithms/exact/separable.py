@@ -21,15 +21,14 @@ from heapq import heappop, heappush
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from ...models.costs import Reciprocal
 from ...problems.forms import Form
 from .prices import ROUNDING, only_roots
 
 Array = NDArray[np.float64]
-_minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
 STEPS = 60
 CLOSE = 1e-13
 """Relative distance of a square from its limit that counts as none."""
@@ -213,9 +212,10 @@ class _Choice:
             return -self.dual(own, room), -slope * own
 
         first = np.log(np.maximum(mu, 1e-9 * worth))
-        bounds = optimize.Bounds(np.log(LEAST * worth), np.log(1e6 * worth))
+        minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
+        bounds = scipy.optimize.Bounds(np.log(LEAST * worth), np.log(1e6 * worth))
         options = {"ftol": 1e-16, "gtol": 1e-12, "maxiter": 500}
-        found = _minimize(negative, first, jac=True, bounds=bounds, method="L-BFGS-B",
+        found = minimize(negative, first, jac=True, bounds=bounds, method="L-BFGS-B",
                          options=options)  # fmt: skip
         return np.where(asked, np.exp(found.x), 0.0)
 

@@ -13,10 +13,12 @@ from ..counts import PLAIN, Need
 from ..declarations import completed
 from ..errors import Fault, InputError, nearest, raise_all
 from ..models.measurable import MeasurableModel
+from ..problems.settings import Labels
 from ..section import POSITIVE, Range, Section, shown
 from ..workflows.gap.plan import GapPlan, GapSettings
 from .configuration import Configuration
 from .effects import resolved_effects
+from .gap_contradictions import Run
 from .gap_drawing import as_drawn
 from .gap_free import read_free
 from .gap_kind import OWN
@@ -112,7 +114,10 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
         counterparts=counterparts if run else None,
         next_measurement=planned,
         drawing=drawing,
-        tables=resolved_gear(found.settings.gear) | resolved_effects(active)
+        labels=_labels(found, of_run),
+        tables=found.settings.labels.stated()
+        | resolved_gear(found.settings.gear)
+        | resolved_effects(active)
         if of_table
         else dict(found.resolved),
     )
@@ -134,6 +139,12 @@ def _configuration(
     except InputError as error:
         faults += error.faults
         return None
+
+
+def _labels(found: Configuration, run: Run | None) -> Labels:
+    """What readers know the mechanism by: as the analysis states it, else as its run does."""
+    own = found.settings.labels
+    return own if own != Labels() or run is None else run.configuration.settings.labels
 
 
 def _kind(name: str) -> Any:

@@ -1,7 +1,8 @@
-"""`[part.measured] file`: measured parts from a table or a Q-DAS file, put in its place."""
+"""`measured` tables of parts and machines: what stands in their files, put in its place."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,10 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
     Of a Q-DAS file lots, nominal and half the distance of its limits (`made_to`) come along where
     the configuration does not state them.
     """
-    for at, part in tables_in(table, "part"):
-        own = part.get("measured")
+    for owner_place, owner in _owners(table):
+        own = owner.get("measured")
         if isinstance(own, dict) and "file" in own:
-            place = f"part[{at}].measured.file"
+            place = f"{owner_place}.measured.file"
             name = own.pop("file")
             options = tables.ReadOptions(*(own.pop(key, None) for key in OPTIONS))
             if not isinstance(name, str):
@@ -35,9 +36,21 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
                 filled = _filled(folder / name, own.get("characteristic"), options)
             except InputError as error:
                 faults += [Fault(place, f"{one.place} {one.message}") for one in error.faults]
-                own["values"] = []
+                own["values"] = None  # nothing more is said of them
                 continue
-            part["measured"] = filled | own
+            owner["measured"] = filled | own
+
+
+def _owners(table: Raw) -> Iterator[tuple[str, Raw]]:
+    """Every table that may have a `measured` one, with its place: parts, and all machines."""
+    for at, part in tables_in(table, "part"):
+        yield f"part[{at}]", part
+        for number, machine in tables_in(part, "machine"):
+            yield f"part[{at}].machine[{number}]", machine
+    variables = table.get("variables")
+    for name, own in (variables if isinstance(variables, dict) else {}).items():
+        for number, machine in tables_in(own if isinstance(own, dict) else {}, "machine"):
+            yield f"variables.{name}.machine[{number}]", machine
 
 
 def _filled(path: Path, wanted: Any, options: tables.ReadOptions) -> Raw:

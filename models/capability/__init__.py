@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .indices import Index, capability
 from .knowledge import Gauge, Knowledge, Prior, knowledge_of
+from .reading import PartSample, read_sample
 from .stability import Finding, distribution_type, findings
 
 __all__ = [
@@ -11,9 +12,11 @@ __all__ = [
     "Gauge",
     "Index",
     "Knowledge",
+    "PartSample",
     "Prior",
     "capability",
     "distribution_type",
     "findings",
     "knowledge_of",
+    "read_sample",
 ]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 Array = NDArray[np.float64]
 LEAST = 5
@@ -75,12 +75,12 @@ def knowledge_of(
     surplus_of_gauge = 0.0
     if gauge is not None:
         limit = upper_of_difference(seen, df, gauge.sigma**2, gauge.df)
-        surplus_of_gauge = limit / own - df / float(stats.chi2.ppf(1.0 - CONFIDENCE, df))
+        surplus_of_gauge = limit / own - df / float(scipy.stats.chi2.ppf(1.0 - CONFIDENCE, df))
     if prior is not None:
         own = (prior.parts * prior.sigma**2 + df * own) / (prior.parts + df)
         df += prior.parts
     inflation = df / (df - 2.0)
-    surplus = df / float(stats.chi2.ppf(1.0 - CONFIDENCE, df)) - inflation
+    surplus = df / float(scipy.stats.chi2.ppf(1.0 - CONFIDENCE, df)) - inflation
     surplus += max(surplus_of_gauge, 0.0)
     return Knowledge(mean, float(np.sqrt(own)), float(n), df, inflation, surplus)
 
@@ -95,14 +95,14 @@ def upper_of_difference(
     and Simulation 35(1-2), 135-143.
     """
     if second <= 0.0:
-        return first * first_df / float(stats.chi2.ppf(1.0 - confidence, first_df))
-    above = first_df / float(stats.chi2.ppf(1.0 - confidence, first_df)) - 1.0
+        return first * first_df / float(scipy.stats.chi2.ppf(1.0 - confidence, first_df))
+    above = first_df / float(scipy.stats.chi2.ppf(1.0 - confidence, first_df)) - 1.0
     if np.isfinite(second_df):
-        below = 1.0 - second_df / float(stats.chi2.ppf(confidence, second_df))
-        f = float(stats.f.ppf(1.0 - confidence, first_df, second_df))
+        below = 1.0 - second_df / float(scipy.stats.chi2.ppf(confidence, second_df))
+        f = float(scipy.stats.f.ppf(1.0 - confidence, first_df, second_df))
     else:
         below = 0.0
-        f = float(stats.chi2.ppf(1.0 - confidence, first_df)) / first_df
+        f = float(scipy.stats.chi2.ppf(1.0 - confidence, first_df)) / first_df
     mixed = ((1.0 - f) ** 2 - (above * f) ** 2 - below**2) / f
     variance = (above * first) ** 2 + (below * second) ** 2 + mixed * first * second
     return first - second + float(np.sqrt(max(variance, 0.0)))

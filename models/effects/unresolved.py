@@ -13,7 +13,7 @@ from hashlib import sha256
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy
 
 from ..inputs.distribution import Array
 from ..measurable import Role
@@ -91,7 +91,7 @@ class Term:
         if self.shape == "spline":
             ends = np.r_[[self.knots[0]] * 3, self.knots, [self.knots[-1]] * 3]
             inside = np.clip(x, self.knots[0], self.knots[-1])
-            return np.asarray(BSpline.design_matrix(inside, ends, 3).toarray())
+            return np.asarray(scipy.interpolate.BSpline.design_matrix(inside, ends, 3).toarray())
         if self.shape == "step":
             return np.asarray(x >= self.zero, dtype=float)[:, None]
         z = (x - self.zero) / self.scale

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from ...declarations import Kind, Value, Variable, number
 from ...models.robot.sample import smooth_root
@@ -190,7 +190,7 @@ class Gears:
             if ends[0] >= 0.0 or ends[1] <= 0.0:
                 found.append(low if ends[0] >= 0.0 else high)
                 continue
-            found.append(float(brentq(_excess, low, high, args=(one, most))))
+            found.append(float(scipy.optimize.brentq(_excess, low, high, args=(one, most))))
         return min(found)
 
     # ---------------------------------------------------------------- Monte Carlo

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from ...declarations import Assumption
+from ...models.machines.offers import PLUG_IN, samples_of
 from .build import nominal_sum
 from .definition import Definition
-
-PLUG_IN = "the standard deviation of the sample counts as that of all later parts"
 
 
 def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
@@ -17,6 +16,9 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
         if part.sample is not None:
             known = part.sample.statement(part.unit)
             found.append(Assumption(f"part.{part.name}.measured", known, "", PLUG_IN))
+        for machine, sample in samples_of(part.machines):
+            place = f"part.{part.name}.machine.{machine}.measured"
+            found.append(Assumption(place, sample.statement(part.unit), "", PLUG_IN))
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
             found.append(Assumption(f"part.{part.name}.{key}", value, "", why))

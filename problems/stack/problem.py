@@ -123,7 +123,8 @@ class Stack(ToleranceProblem):
 
     def tolerances(self, designs: Array) -> Array:
         """Half-widths (n, parts) of full designs, each in the unit of its part."""
-        return designs[:, [self.names.index(f"{part.name}_t") for part in self._parts]]
+        names = self.names
+        return designs[:, [names.index(f"{part.name}_t") for part in self._parts]]
 
     def _chosen(self, designs: Array, part: Part) -> NDArray[np.int64]:
         """Number of the process (n,) that a part is made by."""

@@ -15,6 +15,7 @@ from ...models.stack.linear import SIGMAS
 from ..forms import Piece, Quantile
 from .joint import VARIATIONS
 from .measured import Measured
+from .two_sided import tangents
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -119,14 +120,17 @@ def signed(one: Measured) -> Array:
 
 def _at(
     output: str, one: Measured, p: float, weight: float = 1.0, side: float = 0.0,
-    most: float = np.inf,
+    most: float = np.inf, z: float | None = None,
 ) -> Row:  # fmt: skip
-    """side * mean + the p-quantile of the deviations: a root where all parts are normal."""
+    """side * mean + the p-quantile of the deviations: a root where all parts are normal, which may
+    have another factor `z` than that of p.
+    """
     law = one.law
     assert isinstance(law, Law)
     linear, bias = weight * side * law.mean, weight * side * one.linear.slope
     if law.covariance is not None:
-        spread = np.asarray(weight * float(ndtri(p)) * signed(one), dtype=float)
+        factor = float(ndtri(p)) if z is None else z
+        spread = np.asarray(weight * factor * signed(one), dtype=float)
         return Row(output, one, "monte_carlo", linear, spread, None, most, bias)
     matters = np.isin(np.arange(len(linear)), law.mechanism.owners)
     spread = np.asarray(weight * matters, dtype=float)
@@ -153,30 +157,30 @@ def least_yield(stack: Stack, name: str) -> float:
 
 
 def _kept_limits(one: Measured, output: str, p: float) -> list[Row]:
-    """The limits of a requirement, each at a share p of the units.
+    """The limits of a requirement at a share p of the units.
 
-    Exact for one limit, and for two about a mean that does not move with the tolerances; else both
-    are kept at the whole yield, which any design does that keeps it.
+    Exact for one limit, and for two about a mean that does not move with the tolerances; else what
+    any design keeps that keeps both: each of them at the whole share, both about the mean, and,
+    where all deviations are normal, the tangents between (`two_sided`).
     """
     law = one.law
     if not isinstance(law, Law) or not 0.5 <= p < 1.0:
         return []
     mechanism = law.mechanism
     above, below = mechanism.upper - mechanism.centre, mechanism.centre - mechanism.lower
-    two = bool(np.isfinite(above) and np.isfinite(below))
+    sides = [(side, room) for side, room in ((1.0, above), (-1.0, below)) if np.isfinite(room)]
+    if len(sides) < 2:
+        return [_at(output, one, p, side=side, most=room) for side, room in sides]
+    half, off = 0.5 * (above + below), 0.5 * (above - below)
+    middle = _at(output, one, 0.5 * (1.0 + p), most=half)
     off_centre = any(offer.machine.mean for part in one.parts for offer in part.machines)
-    if (
-        two
-        and abs(above - below) <= CENTRED * (above + below)
-        and not np.any(law.mean)
-        and not off_centre
-    ):
-        return [_at(output, one, 0.5 * (1.0 + p), most=max(above, below))]
-    return [
-        _at(output, one, p, side=side, most=room)
-        for side, room in ((1.0, above), (-1.0, below))
-        if np.isfinite(room)
-    ]
+    moves = bool(np.any(law.mean)) or off_centre
+    if not moves and abs(off) <= CENTRED * half:
+        return [middle]
+    lines = tangents(p) if moves and law.covariance is not None else ()
+    rows = [_at(output, one, p, 1.0 / room, side, half + side * off / room, z)
+            for z, room in ((None, 1.0), *lines) for side in (1.0, -1.0)]  # fmt: skip
+    return [middle, *rows] if moves else rows
 
 
 def quantile_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) -> Quantile | None:
