@@ -39,18 +39,20 @@ def hypervolume(values: Array, ideal: Array, nadir: Array) -> float:
     if scaled.shape[1] == 1:
         return float(REFERENCE - inside.min())
     if scaled.shape[1] == 2:
-        front = values[nondominated(values)]
-        return area(front[np.argsort(front[:, 0])], ideal, nadir)
+        front = inside[nondominated(inside)]
+        return area(*front[np.argsort(front[:, 0])].T)
     import moocore
 
     return float(moocore.hypervolume(inside, ref=np.full(scaled.shape[1], REFERENCE)))
 
 
-def area(front: Array, ideal: Array, nadir: Array) -> float:
-    """`hypervolume` of two objectives for a front (n, 2) sorted by the first, none dominated."""
-    scaled = (front - ideal) / (nadir - ideal)
-    inside = scaled[np.all(scaled < REFERENCE, axis=1)]
-    if not len(inside):
+def area(first: Array, second: Array) -> float:
+    """Hypervolume of a front of two objectives (n,) each, normalised, sorted by the first, all of
+    it below the reference point.
+    """
+    if not len(first):
         return 0.0
-    widths = np.diff(inside[:, 0], append=REFERENCE)
-    return float(widths @ (REFERENCE - inside[:, 1]))
+    widths = np.empty(len(first))
+    np.subtract(first[1:], first[:-1], out=widths[:-1])
+    widths[-1] = REFERENCE - first[-1]
+    return float(widths @ (REFERENCE - second))
