@@ -5,56 +5,52 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import moocore
 import numpy as np
 from numpy.typing import NDArray
 
-from .indicators import nondominated
+from .engine.survival import ranks
 
 Array = NDArray[np.float64]
 State = dict[str, NDArray[Any]]
 ROOM = 1000
 """Feasible designs that are kept at least: as many as a report recomputes at full accuracy."""
-
-ODD = np.uint64(0x9E3779B97F4A7C15)
-"""Factor of a multiplicative hash (Knuth, TAOCP 3, section 6.4)."""
+GROWTH = 4
+"""Times its size to which an archive grows before it is pruned."""
 
 
 class Archive:
-    """The feasible designs of the lowest ranks, the front, and the least violating design.
+    """The feasible designs of the lowest ranks, and the least violating design.
 
     Every feasible non-dominated design is kept, and dominated ones by rank, the earlier first, up
-    to `room`. It is pruned when it has grown to twice the size, so that a batch costs little; what
+    to `room`. It is pruned when it has grown to four times that, so that a batch costs little; what
     is kept depends on the batches alone.
     """
 
     def __init__(self, variables: int, objectives: int, room: int = ROOM) -> None:
         self.room = room
-        self.limit = 2 * room
+        self.limit = GROWTH * room
         self.x = np.empty((0, variables))
         self.f = np.empty((0, objectives))
-        self.front = np.empty((0, objectives))
         self.miss = np.empty((0, variables))
         self.violation = np.inf
-        self.changes = 0
         self._new: list[tuple[Array, Array]] = []
         self._count = 0
 
-    def add(self, x: Array, f: Array, violation: Array) -> NDArray[np.bool_]:
+    def add(self, x: Array, f: Array, violation: Array) -> Array:
         """Take in a batch: designs (n, variables), objectives, total violation (n,).
 
-        Returns which are feasible.
+        Returns the objectives of the feasible ones.
         """
         feasible = violation <= 0.0
         self._note_miss(x, violation)
-        if feasible.any():
-            x, f = (x, f) if feasible.all() else (x[feasible], f[feasible])
+        if not feasible.all():
+            x, f = x[feasible], f[feasible]
+        if len(x):
             self._new.append((x, f))
             self._count += len(x)
-            self._widen(f)
             if self._count > self.limit:
                 self._prune()
-        return feasible
+        return f
 
     def arrays(self) -> tuple[Array, Array]:
         """Designs (n, variables) and objectives (n, objectives) of what is kept, oldest first."""
@@ -67,20 +63,6 @@ class Archive:
             if violation[least] < self.violation:
                 self.violation, self.miss = float(violation[least]), x[least : least + 1].copy()
 
-    def _widen(self, f: Array) -> None:
-        """Join objectives to the front; `changes` counts how often that changed it."""
-        if self.front.shape[1] == 2:
-            joined = joined_front(self.front, f)
-            if joined is not self.front:
-                self.front = joined
-                self.changes += 1
-            return
-        merged = np.concatenate([self.front, f])
-        kept = nondominated(merged)
-        if kept[len(self.front) :].any():
-            self.front = merged[kept]
-            self.changes += 1
-
     def _collect(self) -> None:
         if self._new:
             self.x = np.concatenate([self.x, *(x for x, _ in self._new)])
@@ -90,43 +72,23 @@ class Archive:
     def _prune(self) -> None:
         self._collect()
         rows = lowest_ranks(self.x, self.f, self.room)
-        self.x, self.f = self.x[rows], self.f[rows]
+        self.x, self.f = self.x.take(rows, axis=0), self.f.take(rows, axis=0)
         self._count = len(rows)
-        self.limit = 2 * max(self.room, self._count)
+        self.limit = GROWTH * max(self.room, self._count)
 
     def state(self) -> State:
         """Everything as arrays."""
         x, f = self.arrays()
-        numbers = np.array([self.violation, self.limit, self.changes])
-        return {"x": x, "f": f, "front": self.front, "miss": self.miss, "numbers": numbers}
+        numbers = np.array([self.violation, self.limit])
+        return {"x": x, "f": f, "miss": self.miss, "numbers": numbers}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on from a `state()`."""
         self.x, self.f = state["x"], state["f"]
-        front, self.miss = state["front"], state["miss"]
-        self.front = joined_front(front[:0], front) if front.shape[1] == 2 else front
-        self.violation = float(state["numbers"][0])
-        self.limit, self.changes = (int(number) for number in state["numbers"][1:])
+        self.miss = state["miss"]
+        self.violation, self.limit = float(state["numbers"][0]), int(state["numbers"][1])
         self._new.clear()
         self._count = len(self.x)
-
-
-def joined_front(front: Array, f: Array) -> Array:
-    """A front of two objectives, sorted by the first, joined by points (n, 2); itself if by none.
-
-    Only points that no point of the front dominates or equals take part, which are few.
-    """
-    if len(front):
-        at = np.searchsorted(front[:, 0], f[:, 0], side="right") - 1
-        f = f[(at < 0) | (f[:, 1] < front[at, 1])]
-        if not len(f):
-            return front
-    merged = np.concatenate([front, f])
-    merged = merged[np.lexsort((merged[:, 1], merged[:, 0]))]
-    least = np.minimum.accumulate(merged[:, 1])
-    kept = np.ones(len(merged), dtype=bool)
-    kept[1:] = merged[1:, 1] < least[:-1]
-    return np.asarray(merged[kept])
 
 
 def lowest_ranks(x: Array, f: Array, room: int) -> NDArray[np.int64]:
@@ -137,18 +99,33 @@ def lowest_ranks(x: Array, f: Array, room: int) -> NDArray[np.int64]:
     rows = _distinct(x, f)
     if len(rows) <= room:
         return rows
-    values = f[rows]
-    rank = values[:, 0] if values.shape[1] == 1 else moocore.pareto_rank(values)
-    best = int(np.count_nonzero(rank == rank.min()))
-    return np.sort(rows[np.argsort(rank, kind="stable")[: max(room, best)]])
+    rank = ranks(f.take(rows, axis=0))
+    reached = np.bincount(rank).cumsum()
+    room = max(room, int(reached[0]))
+    last = int(reached.searchsorted(room))
+    over = int(reached[last]) - room
+    kept = rank <= last
+    if over:
+        kept[(rank == last).nonzero()[0][-over:]] = False
+    return rows[kept]
 
 
 def _distinct(x: Array, f: Array) -> NDArray[np.int64]:
     """The first row of each design, in order: equal designs have equal objectives."""
-    if not len(x):
-        return np.empty(0, dtype=np.int64)
-    order = np.lexsort((*x.T[:2], *f.T))  # stable, so that the first of equal rows comes first
+    kept = np.ones(len(x), dtype=bool)
+    rows = _alike(f[:, 0])
+    kept[rows] = False
+    order = rows[np.lexsort((*x[rows, :2].T, *f[rows].T))]  # stable: the first of equal rows first
     near, before = order[1:], order[:-1]
     same = np.all(f[near] == f[before], axis=1)
     same[same] = np.all(x[near[same]] == x[before[same]], axis=1)
-    return np.sort(np.concatenate([order[:1], near[~same]]))
+    kept[order[:1]] = kept[near[~same]] = True
+    return kept.nonzero()[0]
+
+
+def _alike(values: Array) -> NDArray[np.int64]:
+    """Rows whose value (n,) is not the only one of its kind, in order."""
+    order = values.argsort()
+    value = values.take(order)
+    twins = (value[1:] == value[:-1]).nonzero()[0]
+    return np.unique(order[np.concatenate([twins, twins + 1])])

@@ -23,7 +23,7 @@ from ..files import write_bytes
 from ..sealed import sealed, unsealed
 
 State = dict[str, NDArray[Any]]
-FORMAT = 2
+FORMAT = 3
 EVERY = 2.0
 """Least time between two saved states [s]."""
 

@@ -1,8 +1,7 @@
-"""Dominance and hypervolume, over moocore."""
+"""Dominance and hypervolume: of two objectives by sorting, of more over moocore."""
 
 from __future__ import annotations
 
-import moocore
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +17,15 @@ def nondominated(values: Array) -> NDArray[np.bool_]:
         if len(values):
             best[int(np.argmin(values[:, 0]))] = True
         return best
+    if values.shape[1] == 2:
+        order = np.lexsort((values[:, 1], values[:, 0]))  # stable: the first of equal rows leads
+        second = values[order, 1]
+        before = np.minimum.accumulate(np.concatenate([[np.inf], second[:-1]]))
+        kept = np.zeros(len(values), dtype=bool)
+        kept[order] = second < before
+        return kept
+    import moocore
+
     found = moocore.is_nondominated(values, keep_weakly=False)
     return np.asarray(found, dtype=bool)
 
@@ -30,14 +38,21 @@ def hypervolume(values: Array, ideal: Array, nadir: Array) -> float:
         return 0.0
     if scaled.shape[1] == 1:
         return float(REFERENCE - inside.min())
+    if scaled.shape[1] == 2:
+        front = inside[nondominated(inside)]
+        return area(*front[np.argsort(front[:, 0])].T)
+    import moocore
+
     return float(moocore.hypervolume(inside, ref=np.full(scaled.shape[1], REFERENCE)))
 
 
-def area(front: Array, ideal: Array, nadir: Array) -> float:
-    """`hypervolume` of two objectives for a front (n, 2) sorted by the first, none dominated."""
-    scaled = (front - ideal) / (nadir - ideal)
-    inside = scaled[np.all(scaled < REFERENCE, axis=1)]
-    if not len(inside):
+def area(first: Array, second: Array) -> float:
+    """Hypervolume of a front of two objectives (n,) each, normalised, sorted by the first, all of
+    it below the reference point.
+    """
+    if not len(first):
         return 0.0
-    widths = np.diff(inside[:, 0], append=REFERENCE)
-    return float(widths @ (REFERENCE - inside[:, 1]))
+    widths = np.empty(len(first))
+    np.subtract(first[1:], first[:-1], out=widths[:-1])
+    widths[-1] = REFERENCE - first[-1]
+    return float(widths @ (REFERENCE - second))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ..problems.tolerance_problem import ToleranceProblem
 from .archive import Archive
+from .attained import Attained
 from .engine.survival import violation_of
-from .indicators import area, hypervolume
 from .settings import Budget
 
 Array = NDArray[np.float64]
@@ -44,6 +44,10 @@ class Progress:
     share: float | None = None
 
 
+Row = tuple[int, float, float | None, float, str, float | None]
+"""Of a batch: evaluations, seconds, seconds left, share that is feasible, phase, share done."""
+
+
 class Run:
     """What an algorithm works with: the problem, the budget, a generator, and `evaluate`.
 
@@ -63,24 +67,24 @@ class Run:
         self.budget = budget
         self.rng = np.random.default_rng(seed)
         self.archive = Archive(problem.n_var, problem.n_obj)
-        self.history: list[Progress] = []
+        self.attained = Attained(problem.n_obj, cache(problem.box))
         self.chosen = np.empty((0, problem.n_var))
         self.evaluations = 0
         self.generations = budget.generations if counts_generations else None
         self._report = report
         self._phase: tuple[str, float | None] = ("", None)
         self._start = time.monotonic()
-        self._seen = 0
-        self._hypervolume = 0.0
-
-    @cached_property
-    def _box(self) -> tuple[Array, Array]:
-        return self.problem.box()
+        self._rows: list[Row] = []
 
     @property
     def generation(self) -> int:
         """Batches evaluated so far."""
-        return len(self.history)
+        return len(self._rows)
+
+    @property
+    def history(self) -> tuple[Progress, ...]:
+        """The state after each batch so far."""
+        return tuple(map(self._progress, range(len(self._rows)), self.attained.values()))
 
     @property
     def seconds(self) -> float:
@@ -120,14 +124,25 @@ class Run:
         return f, g
 
     def _values(self, x: Array) -> tuple[Array, Array]:
-        """Objectives and constraints, by pymoo's way, so that pymoo problems may be wrapped."""
-        out = self.problem.evaluate(x, return_values_of=["F", "G"], return_as_dictionary=True)
-        f = np.asarray(out["F"], dtype=float)
-        return f, np.asarray(out["G"], dtype=float).reshape(len(x), self.problem.n_ieq_constr)
+        """Objectives and constraints by pymoo's `_evaluate`, which a problem may have wrapped."""
+        out: dict[str, Array] = {}
+        self.problem._evaluate(x, out)
+        return out["F"], out.get("G", np.empty((len(x), 0)))
 
     def _remember(self, x: Array, f: Array, violation: Array) -> None:
-        feasible = self.archive.add(x, f, violation)
-        self._note(float(feasible.mean()) if len(feasible) else 0.0)
+        found = self.archive.add(x, f, violation)
+        self.attained.add(found)
+        remaining = self._remaining()
+        share = len(found) / len(f) if len(f) else 0.0
+        self._rows.append((self.evaluations, self.seconds, remaining, share, *self._phase))
+        if self._report is not None:
+            self._report(self._progress(len(self._rows) - 1, self.attained.values()[-1]))
+
+    def _progress(self, at: int, value: float) -> Progress:
+        """The state after the batch `at`, with its hypervolume."""
+        evaluations, seconds, remaining, share, phase, done = self._rows[at]
+        return Progress(at + 1, self.generations, evaluations, self.budget.evaluations, seconds,
+                        remaining, value, share, phase, done)  # fmt: skip
 
     def choose(self, x: Array) -> None:
         """Add search vectors (n, variables) to those that the algorithm gives as its result."""
@@ -136,26 +151,6 @@ class Run:
     def phase(self, name: str, share: float | None = None) -> None:
         """Say what is being done, and the share of the whole that is done."""
         self._phase = name, share
-
-    def _note(self, feasible_fraction: float) -> None:
-        if self.archive.changes != self._seen:
-            self._seen = self.archive.changes
-            measure = area if self.problem.n_obj == 2 else hypervolume
-            self._hypervolume = measure(self.archive.front, *self._box)
-        state = Progress(
-            self.generation + 1,
-            self.generations,
-            self.evaluations,
-            self.budget.evaluations,
-            self.seconds,
-            self._remaining(),
-            self._hypervolume,
-            feasible_fraction,
-            *self._phase,
-        )
-        self.history.append(state)
-        if self._report is not None:
-            self._report(state)
 
     def _remaining(self) -> float | None:
         """Seconds left, by the budget that will be used up first."""
@@ -178,21 +173,23 @@ class Run:
         ]
         own = {
             "history": np.array(table, dtype=float).reshape(-1, 5),
-            "counts": np.array([self.evaluations, self._seen, self._hypervolume, self.seconds]),
+            "counts": np.array([self.evaluations, self.seconds]),
         }
-        return own | {f"archive.{key}": value for key, value in self.archive.state().items()}
+        parts = {"archive": self.archive.state(), "attained": self.attained.state()}
+        return own | {f"{part}.{key}": value for part, state in parts.items()
+                      for key, value in state.items()}  # fmt: skip
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on from a `state()`; the clock goes on from its seconds."""
-        total = self.budget.evaluations
-        self.history = [
-            Progress(int(g), self.generations, int(n), total, s, None, h, share)
-            for g, n, s, h, share in state["history"].tolist()
-        ]
-        evaluations, seen, self._hypervolume, seconds = state["counts"].tolist()
-        self.evaluations, self._seen = int(evaluations), int(seen)
+        self._rows = [(int(n), s, None, share, "", None)
+                      for _, n, s, _, share in state["history"].tolist()]  # fmt: skip
+        evaluations, seconds = state["counts"].tolist()
+        self.evaluations = int(evaluations)
         self._start = time.monotonic() - seconds
-        prefix = "archive."
-        self.archive.restore(
-            {key[len(prefix):]: value for key, value in state.items() if key.startswith(prefix)}
-        )  # fmt: skip
+        self.archive.restore(part(state, "archive."))
+        self.attained.restore(part(state, "attained."))
+
+
+def part(state: Mapping[str, NDArray[Any]], prefix: str) -> State:
+    """What of a state has names with a prefix, without it."""
+    return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}

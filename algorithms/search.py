@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..problems.tolerance_problem import ToleranceProblem
 from .drivers import Driver, Unsavable, driver
 from .exact.finish import finished
-from .run import BudgetSpent, Progress, Run
+from .run import BudgetSpent, Progress, Run, part
 from .settings import AlgorithmSettings, Budget, Solver
 
 Array = NDArray[np.float64]
@@ -85,9 +85,8 @@ def search(
     except KeyboardInterrupt:
         interrupted = True
     x, f = run.archive.arrays()
-    history = tuple(run.history)
     chosen = run.chosen[:0] if interrupted else run.chosen
-    return SearchResult(x, f, run.archive.miss, run.evaluations, history, interrupted, chosen)
+    return SearchResult(x, f, run.archive.miss, run.evaluations, run.history, interrupted, chosen)
 
 
 def drive(
@@ -133,11 +132,11 @@ def _begun(run: Run, fresh: Callable[[], Driver], keeper: Keeper | None) -> Driv
     if keeper is None or state is None:
         return population
     try:
-        population.restore(_part(state, "driver."))
+        population.restore(part(state, "driver."))
     except Unsavable:
         keeper.cannot_save()
         return fresh()
-    run.restore(_part(state, "run."))
+    run.restore(part(state, "run."))
     return population
 
 
@@ -149,7 +148,3 @@ def _save(keeper: Keeper, run: Run, population: Driver) -> None:
         return
     state = {f"run.{key}": value for key, value in run.state().items()}
     keeper.save(state | {f"driver.{key}": value for key, value in driven.items()})
-
-
-def _part(state: Mapping[str, NDArray[Any]], prefix: str) -> State:
-    return {key[len(prefix) :]: value for key, value in state.items() if key.startswith(prefix)}

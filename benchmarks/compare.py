@@ -30,6 +30,7 @@ from .task import Array, OutOfTime, Recorder, Task
 from .tasks.cost_rss import cost_rss
 from .tasks.mixed_process import mixed_process
 from .tasks.rv_backlash import rv_backlash
+from .tasks.rv_reducer import rv_reducer
 
 LEVELS = (0.99, 0.999)
 SHORT = 0.5
@@ -94,7 +95,8 @@ def once(
     module: ModuleType, task: Task, seed: int, effort: Effort
 ) -> tuple[Recorder, Array | None]:
     """What was recorded, and the front that was returned; None where the time was over before."""
-    recorder = Recorder(task, effort.seconds)
+    limit = np.inf if getattr(module, "UNCUT", False) else effort.seconds * task.patience
+    recorder = Recorder(task, limit)
     try:
         return recorder, module.run(recorder, seed, effort.evaluations)
     except OutOfTime:
@@ -169,6 +171,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Optimisers side by side.")
     parser.add_argument("--quick", action="store_true", help="one seed, small budgets")
     parser.add_argument("--minutes", type=float, help="after which no round of seeds begins")
+    parser.add_argument("--tasks", nargs="+", help="only those whose name has one of these words")
     given = parser.parse_args()
     quick, effort = given.quick, QUICK if given.quick else Effort()
     if given.minutes is not None:
@@ -178,7 +181,9 @@ def main() -> None:
         name: f"{module.DISTRIBUTION} {release(module)} {module.LABEL}"
         for name, module in found.items()
     }
-    tasks = [cost_rss(9), cost_rss(12), mixed_process(), rv_backlash()]
+    tasks = [cost_rss(9), cost_rss(12), mixed_process(), rv_backlash(), rv_reducer()]
+    if given.tasks:
+        tasks = [task for task in tasks if any(word in task.name for word in given.tasks)]
     results: Results = defaultdict(list)
     for place, name, measured in rounds(found, tasks, effort):
         results[place, name].append(measured)
@@ -187,7 +192,8 @@ def main() -> None:
           f"{effort.seconds:g} CPU s a run; one thread.")  # fmt: skip
     for task in tasks:
         print(table(task, results, labels))
-    print(promised.table(promised.figures(results, tasks, quick)))
+    if not given.tasks:
+        print(promised.table(promised.figures(results, tasks, quick)))
     for name, reason in missing.items():
         print(f"\n{name}: not run ({reason})")
 

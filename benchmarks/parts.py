@@ -81,11 +81,13 @@ class Parts:
 class Watched(ToleranceProblem):
     """A problem that tells `note` the objectives (n, m) of every batch that it evaluates.
 
-    One that is `formless` knows no convex form of itself.
+    One that is `formless` knows no convex form of itself. Designs that break a limit are told of
+    as lying beyond `edge` (m,), where there is one.
     """
 
     note: Callable[[Array], None]
     formless = False
+    edge: Array | None = None
 
     def watched(self, note: Callable[[Array], None], formless: bool = False) -> Self:
         self.note, self.formless = note, formless
@@ -93,10 +95,22 @@ class Watched(ToleranceProblem):
 
     def _evaluate(self, x: Array, out: dict[str, Any], *args: Any, **kwargs: Any) -> None:
         super()._evaluate(x, out, *args, **kwargs)
-        self.note(out["F"])
+        self.note(out["F"] if self.edge is None else beyond(out["F"], out["G"], self.edge))
 
     def form(self) -> Form | None:
         return None if self.formless else super().form()
+
+    def guide(self) -> Form | None:
+        return None if self.formless else super().guide()
+
+
+def beyond(f: Array, g: Array, edge: Array) -> Array:
+    """Objectives (n, m), beyond `edge` (m,) where a constraint (n, any number) is broken.
+
+    The further the more it breaks, so that all designs that keep the limits come first (Deb 2000).
+    """
+    broken = np.maximum(g, 0.0).sum(axis=1)[:, None]
+    return np.where(broken > 0.0, edge * (1.0 + broken), f)
 
 
 class PartsProblem(ToleranceProblem):

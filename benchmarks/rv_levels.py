@@ -28,6 +28,8 @@ from tolevo.declarations import Value
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, Settings
 
+from .outcome import kept_values, verdict
+
 Array = NDArray[np.float64]
 Parameters = Mapping[str, Value]
 HALVED: Parameters = {
@@ -89,10 +91,8 @@ def front(algorithm: AlgorithmSettings, budget: Budget) -> tuple[Array, Array, f
     start = time.process_time()
     found = search(problem, algorithm, budget, seed=1)
     seconds = time.process_time() - start
-    designs = problem.complete(found.chosen if len(found.chosen) else found.x)
-    out = problem.outputs_of(designs, errors=False)
-    kept = np.all(problem.violations(designs, out) <= 0.0, axis=1)
-    return out["backlash_arcmin"][kept], out["cost"][kept], seconds
+    out = kept_values(problem, found.chosen if len(found.chosen) else found.x)
+    return out["backlash_arcmin"], out["cost"], seconds
 
 
 def cheapest(found: tuple[Array, Array, float], asked: Array) -> Array:
@@ -120,9 +120,9 @@ def _row(name: str, found: list[Level], median: float, most: float) -> str:
     seconds = np.array([one.seconds for one in found])
     kept = (np.median(gap) <= median and gap.max() <= most
             and np.median(seconds) <= SECONDS[0] and seconds.max() <= SECONDS[1])  # fmt: skip
-    verdict = ("met" if kept else "MISSED") if np.isfinite(median) else ""
+    word = verdict(bool(kept) if np.isfinite(median) else None)
     return (f"| {name} | {np.median(gap):.3f} % | {gap.max():.3f} % | {np.median(seconds):.2f} "
-            f"| {seconds.max():.2f} | {verdict} |")  # fmt: skip
+            f"| {seconds.max():.2f} | {word} |")  # fmt: skip
 
 
 def _fronts(asked: Array) -> None:
@@ -145,9 +145,9 @@ def _fronts(asked: Array) -> None:
         saved = 100.0 * (1.0 - cost[known] / own[known])
         reach = float(found[0].min()) / least
         kept = bool(np.all(cost <= own)) and reach <= LEAST
-        verdict = "" if name == "nsga2" else ("met" if kept else "MISSED")
+        word = verdict(None if name == "nsga2" else kept)
         print(f"| `{name}` | {len(found[0])} | {found[2]:.0f} | {reach:.4f} "
-              f"| {np.median(saved):.2f} % | {saved.min():.2f} % | {verdict} |",
+              f"| {np.median(saved):.2f} % | {saved.min():.2f} % | {word} |",
               flush=True)  # fmt: skip
     backlash, cost, seconds = fronts["exact"]
     start = time.process_time()

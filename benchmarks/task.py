@@ -25,7 +25,7 @@ class Task:
     """Minimise `evaluate`, (n, variables) to (n, 2), in the box; `front` (k, 2) is the best.
 
     `problem` makes the same as a problem of tolevo, `parts` are its coefficients where cost and
-    variation are separable.
+    variation are separable. A run may take `patience` times the CPU time of others.
     """
 
     name: str
@@ -36,6 +36,7 @@ class Task:
     note: str
     problem: Callable[[], Watched] | None = None
     parts: Parts | None = None
+    patience: float = 1.0
 
     def share(self, values: Array) -> float:
         """Hypervolume of `values` over that of the front, both normalised by the front's box."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 from collections.abc import Callable
 from dataclasses import asdict
@@ -18,6 +19,8 @@ from .files import write_text
 from .options import Asked, Dialect, Into, grouped
 from .results import Finished
 
+GARBAGE = 50_000
+"""New objects between two searches for cycles: imports make many objects and no garbage."""
 STATUS = {"done": 0, "no_feasible_point": 1, "interrupted": INTERRUPTED}
 
 app = typer.Typer(
@@ -34,6 +37,7 @@ Table = Annotated[Path, typer.Option("--out", help="The table that is written.")
 def main() -> None:
     """Entry point of the `tolevo` command."""
     signal.signal(signal.SIGTERM, _terminated)
+    gc.set_threshold(GARBAGE)
     app()
 
 
@@ -230,6 +234,25 @@ def template(
     raise_all(template_faults(out))
     write_text(out, text)
     typer.echo(f"written: {out}")
+
+
+@command("review")
+def review(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="Result of a run of a stack.")],
+    parts: Annotated[
+        list[Path], typer.Argument(help="Measured parts (table or Q-DAS), a result of gap.")
+    ],
+    *,
+    since: Annotated[
+        list[Path] | None, typer.Option("--since", help="Earlier parts; may be repeated.")
+    ] = None,
+    dialect: Dialect,
+) -> None:
+    """Say what the promise of a run is worth by parts that were made to its drawing."""
+    from .configuration.reviewed import reviewed
+    from .tables import ReadOptions
+
+    typer.echo(reviewed(folder, parts, since or (), ReadOptions(**asdict(dialect))))
 
 
 @command("list")

@@ -74,8 +74,12 @@ def gap_fraction(progress: GapProgress) -> float | None:
 
 
 def describe_claims(progress: ClaimsProgress) -> str:
-    """Claims checked, and which one was the last."""
+    """Claims checked, the time left, and which one was the last."""
     told = f"claims {progress.done}/{progress.total} checked, {progress.seconds:.0f} s"
+    if progress.remaining is not None:
+        told += f", some {progress.remaining:.0f} s left"
+    elif progress.done < progress.total:
+        told += ", all of them take some minutes"
     return f"{told}, {progress.note}" if progress.note else told
 
 

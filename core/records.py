@@ -57,7 +57,8 @@ class RunResult:
     the files of these names, of problems that know units; `requirements` and `drivers` of those
     with several requirements. `prices` and `relaxed` (the fronts whose limits are as loose as those
     of a reference, under its `label`) are those of these names, and `tolerances` the records of
-    `tolerances.json`: what a drawing and a price need to know of each variable.
+    `tolerances.json`: what a drawing and a price need to know of each variable. `promise`,
+    `next_parts` and `capability` are the tables of these names, of runs that promise a yield.
     """
 
     title: str
@@ -86,11 +87,14 @@ class RunResult:
     prices: pd.DataFrame | None = None
     relaxed: pd.DataFrame | None = None
     tolerances: tuple[Mapping[str, Any], ...] = ()
+    promise: pd.DataFrame | None = None
+    next_parts: pd.DataFrame | None = None
+    capability: pd.DataFrame | None = None
 
     @property
     def answers(self) -> Mapping[str, str]:
         """What was asked and what was found, a sentence each: `asked`, `found`, `published`,
-        `limits` and `proof`, as far as the summary has them.
+        `limits`, `promise` and `proof`, as far as the summary has them.
         """
         found = self.summary.get("answers")
         return found if isinstance(found, Mapping) else {}
@@ -211,6 +215,7 @@ class StudyResult:
     has the columns response, point, median, low, high, level, n, failed, reached. `courses` has,
     per key and level of a design that changes one key at a time, the course of a run over its
     generations: key, level, generation, median, low, high, and `optimum` where one is proven.
+    `mechanism` is what readers know it by, as far as that is stated.
     """
 
     title: str
@@ -228,6 +233,7 @@ class StudyResult:
     verdicts: tuple[Verdict, ...] = ()
     notes: tuple[str, ...] = ()
     configuration: str = field(default="", repr=False)
+    mechanism: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
+from .common_units import COMMON, RATES, ZEROS
 from .unit_grammar import Factors, UnitError, factors
 
 ANGLE, TIME = "radian", "second"
@@ -104,7 +105,7 @@ def _longhand(name: str) -> str:
     """What a name stands for: "kN m" for "kNm", "N/mm" for "N_per_mm", as names of keys end."""
     name = name.replace("μ", "µ")
     above, per, below = name.rpartition("_per_")
-    if per and name not in _names():
+    if per and name not in RATES:
         return f"{above}/{below}"
     return _TORQUES.get(name) or _OURS.get(name, name)
 
@@ -135,6 +136,13 @@ def _names() -> frozenset[str]:
 @lru_cache(maxsize=1024)
 def _named(name: str) -> Unit:
     """The unit of one name, with or without a prefix or a plural's s."""
+    if name in COMMON:
+        return Unit(*COMMON[name], ZEROS.get(name, Fraction(0)))
+    return looked_up(name)
+
+
+def looked_up(name: str) -> Unit:
+    """The unit of one name by the definitions of pint."""
     prefix, stem = _split(name)
     found = _defined(stem)
     if prefix and found.zero:

@@ -16,8 +16,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize.elementwise import find_root
 from scipy.special import chdtri, dawsn, erfc, ndtri
+
+from .roots import bracketed_roots
 
 Array = NDArray[np.float64]
 ANGLES = 16
@@ -70,5 +71,5 @@ def quantile(variances: Array, coverage: float) -> Array:
 
     low, high = ndtri(0.5 * (1.0 + coverage)), np.sqrt(chdtri(3.0, 1.0 - coverage))
     bracket = np.full(scale.shape, 0.999 * low), np.full(scale.shape, 1.001 * high)
-    found = find_root(excess, bracket, args=(relative[..., 1], relative[..., 2]))
+    found = bracketed_roots(excess, bracket, relative[..., 1], relative[..., 2])
     return np.asarray(scale * found.x)

@@ -4,7 +4,8 @@ Cost is separable, and every requirement is convex in the tolerances t_j:
 
     cost      = base + sum_j count_j C_j(t_j)
     value_i   = offset_i + sum_j (o_ij + m_ij t_j) + S_i,  s_ij = a_ij t_j
-    S_i       = sqrt(constant_i + s_i' R s_i), or
+    S_i       = sqrt(constant_i + s_i' R s_i), with a `Surplus` of the squares of s_i under the root
+                where processes are known from samples (a norm, docs/proofs.md), or
                 the p_i-quantile of sum_j s_ij D_ij + fixed deviations, p_i >= 1/2
 
 Worst case is a = 0, root sum square is m = 0, an estimated mean shift (Cpk) and "mean plus k
@@ -23,6 +24,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..models.capability.norm import Surplus
 from ..models.costs import CostCurve
 from ..models.propagation.even import Even
 from ..models.propagation.symmetric_sum import SymmetricSum, Tangent
@@ -157,6 +159,8 @@ class Form:
     tested: tuple[str, ...] = ()
     stands: Mapping[str, str] = field(default_factory=dict)
     """By requirement, an output that it stands for: what is proven holds at equal requirements."""
+    surpluses: tuple[Surplus | None, ...] = ()
+    """By requirement, what doubt of the processes adds under its root; empty: nothing anywhere."""
 
     @property
     def rows(self) -> tuple[Quantile | None, ...]:
@@ -180,7 +184,8 @@ class Form:
     @property
     def separable(self) -> bool:
         """Whether prices alone make it separable: one root without correlation."""
-        return len(self.outputs) == 1 and self.correlation is None and self.rows == (None,)
+        alone = len(self.outputs) == 1 and self.correlation is None and self.rows == (None,)
+        return alone and not self.surpluses
 
     @property
     def combinations(self) -> int:

@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..declarations import Kind, Value, Variable
+from ..declarations import Assumption, Kind, Value, Variable
 from ..models.costs import CostCurve
 from ..models.inputs import Normal
 from ..models.inputs.reading import read_distribution
 from ..models.machines import GoodPartsBySpread
-from ..models.machines.reading import Offer, Way, read_offers
+from ..models.machines.offers import PLUG_IN, Offer, Way, departures, samples_of
+from ..models.machines.reading import Owner, read_offers
 from ..section import Section
+from ..units import split_unit
 from .settings import Settings, VariableSetting
 from .tolerance_problem import Interval, ToleranceProblem
 
@@ -138,12 +140,11 @@ def with_choices(
 class Machined(ToleranceProblem):
     """A problem with tolerances that machines may make: `[[variables.NAME.machine]]`.
 
-    Good parts count as normal with their own mean and standard deviation. `centred_only` names
-    variables of which the machines must be centred, `machinable` those that may have any.
+    Good parts count as normal with their own mean and standard deviation. `machinable` names the
+    variables that may have machines.
     """
 
     machinable: frozenset[str] = frozenset()
-    centred_only: frozenset[str] = frozenset()
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings or Settings()
@@ -157,7 +158,7 @@ class Machined(ToleranceProblem):
         section = top.section("variables")
         stated = [name for name in (v.name for v in cls.variables) if name in section
                   and "machine" in section.section(name)]  # fmt: skip
-        units = {v.name: v.unit for v in cls.variables}
+        declared = {v.name: v for v in cls.variables}
         machines = {}
         for name in stated:
             own = section.section(name)
@@ -165,9 +166,8 @@ class Machined(ToleranceProblem):
                 own.fault("machine", f"{name} has no machines here; these may have some: "
                           f"{', '.join(sorted(cls.machinable))}")  # fmt: skip
                 continue
-            ends = [own.number(key, units[name]) for key in ("low", "high")]
-            offers = read_offers(own, units[name], (ends[0], ends[1]))
-            cls._check(own, name, offers)
+            offers = read_offers(own, _owner(own, declared[name], top.section("parameters")))
+            cls._check(own)
             if name in top.section("costs"):
                 top.section("costs").fault(name, "is stated beside machines, which have prices: "
                                            "leave it out")  # fmt: skip
@@ -176,7 +176,7 @@ class Machined(ToleranceProblem):
         return MachinedKind(cls, machines, tuple(stated)) if stated else cls
 
     @classmethod
-    def _check(cls, own: Section, name: str, offers: tuple[Offer, ...] | None) -> None:
+    def _check(cls, own: Section) -> None:
         """Faults of what stands beside the machines of a variable."""
         if "value" in own:
             own.fault("value", "is fixed beside machines: limits of inspection are low and high")
@@ -184,11 +184,6 @@ class Machined(ToleranceProblem):
         if given != Normal():
             own.fault("distribution", "must be left out beside machines, whose good parts count as "
                       "normal with a mean and scatter of their own")  # fmt: skip
-        for at, offer in enumerate(offers or ()):
-            if name in cls.centred_only and offer.machine.mean != 0.0:
-                text = (f"must be 0: machines for {name} are centred here; correct the mean, or "
-                        "state the mid-limit that it has (mid)")  # fmt: skip
-                own.fault(f"machine[{at}].mean", text)
 
     def _completed(self, given: Settings) -> Settings:
         variables = dict(given.variables)
@@ -209,6 +204,14 @@ class Machined(ToleranceProblem):
             return found
         costs = {name: curve for name, curve in found.costs.items() if name not in self.made}
         return replace(found, costs=costs)
+
+    def assumptions(self) -> tuple[Assumption, ...]:
+        return (*super().assumptions(), *(
+            assumed for one in self.made.values() for assumed in _assumptions(one)))  # fmt: skip
+
+    def cautions(self) -> tuple[str, ...]:
+        told = (departures(one.offers, name) for name, one in self.made.items())
+        return (*super().cautions(), *(text for each in told for text in each))
 
     # ---------------------------------------------------------------- designs
 
@@ -238,10 +241,16 @@ class Machined(ToleranceProblem):
         if not self.made:
             return designs
         found = np.array(designs, dtype=float)
-        for one in self.made.values():
-            at = self.names.index(one.name)
-            found[:, at] = one.spread_and_mean(found[:, at], self.chosen(designs, one))[0]
+        for name, (spread, _) in self.as_made(designs).items():
+            found[:, self.names.index(name)] = spread
         return found
+
+    def as_made(self, designs: Array) -> dict[str, tuple[Array, Array]]:
+        """Spread and mean (n,) of good parts of each tolerance that machines make."""
+        return {
+            one.name: one.spread_and_mean(self.column(designs, one.name), self.chosen(designs, one))
+            for one in self.made.values()
+        }
 
     def interval(self, output: str) -> Interval:
         for one in self.made.values():
@@ -249,13 +258,18 @@ class Machined(ToleranceProblem):
                 return 0.0, float(len(one.ways) - 1)
         return super().interval(output)
 
-    def by_limits(self, designs: Array, slopes: dict[str, Array]) -> dict[str, Array]:
-        """Derivatives (n, all variables) by limits from those by the spreads of good parts."""
+    def by_limits(
+        self, designs: Array, slopes: dict[str, Array], by_mean: dict[str, dict[str, Array]]
+    ) -> dict[str, Array]:
+        """Derivatives (n, all variables) by limits from those by the spreads of good parts.
+
+        `by_mean` are those by the means (n,), by output and tolerance.
+        """
         for one in self.made.values():
             at = self.names.index(one.name)
-            rise = one.slopes(self.column(designs, one.name), self.chosen(designs, one))[0]
-            for slope in slopes.values():
-                slope[:, at] *= rise
+            rise, moved = one.slopes(self.column(designs, one.name), self.chosen(designs, one))
+            for name, slope in slopes.items():
+                slope[:, at] = rise * slope[:, at] + moved * by_mean[name].get(one.name, 0.0)
         return slopes
 
     def room(self, name: str, design: Array) -> Interval:
@@ -308,3 +322,23 @@ class Machined(ToleranceProblem):
 def curve_of(one: Made, way: Way, low: float, high: float) -> CostCurve:
     """Cost of a way against the spread of its good parts."""
     return way.curve if low == high else one.by_spread(way)
+
+
+def _owner(own: Section, variable: Variable, parameters: Section) -> Owner:
+    """What machines of a variable make: limits of inspection, and the mid-limit."""
+    ends = [own.number(key, variable.unit) for key in ("low", "high")]
+    mid = own.number("mid", variable.unit)
+    if mid is None:
+        stem, unit = split_unit(variable.name)
+        mid = parameters.quantity(f"{stem}_mid_{unit}", unit)
+    return Owner(variable.unit, (ends[0], ends[1]), mid=variable.mid or 0.0 if mid is None else mid)
+
+
+def _assumptions(one: Made) -> list[Assumption]:
+    """What is taken for granted of the machines of a tolerance."""
+    place = f"variables.{one.name}.machine"
+    unit = split_unit(one.name)[1]
+    found = [Assumption(f"{place}.{name}.measured", sample.statement(unit), "", PLUG_IN)
+             for name, sample in samples_of(one.offers)]  # fmt: skip
+    open_ = "; ".join(offer.assumed for offer in one.offers if offer.assumed)
+    return found + ([Assumption(place, "", "", open_)] if open_ else [])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from math import inf
 from typing import Any
 
@@ -12,7 +12,7 @@ from ..models.costs import CostCurve
 from ..models.effects.compose import Active
 from ..models.gear import Gear
 from ..models.inputs import Distribution
-from ..models.machines.reading import Offer
+from ..models.machines.offers import Offer
 from ..tables import ColumnUse
 
 METHODS = ("moments", "convolution", "monte_carlo")
@@ -53,6 +53,10 @@ class Labels:
     name: str = ""
     description: str = ""
     drawing: str = ""
+
+    def stated(self) -> dict[str, str]:
+        """Those that are stated, by key."""
+        return {key: value for key, value in asdict(self).items() if value}
 
 
 @dataclass(frozen=True, slots=True)

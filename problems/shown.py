@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -92,8 +92,7 @@ class Shown:
         """What readers know the mechanism by, for pages, terminal and exports: `name`,
         `description`, `drawing`, as far as they are stated.
         """
-        labels = asdict(self.settings.labels) | {"name": self.title()}
-        return {key: value for key, value in labels.items() if value}
+        return {**replace(self.settings.labels, name=self.title()).stated()}
 
     def curves_of(self, name: str) -> tuple[tuple[CostCurve, float], ...]:
         """The cost curve of a variable and how often it is paid, one for each way of making it.

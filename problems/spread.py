@@ -12,6 +12,8 @@ from .forms import Form
 Array = NDArray[np.float64]
 LEAST = 1e-100
 """What is below counts as no spread: a price per square of it would overflow."""
+ROUNDING = 1e-14
+"""Relative allowance for the rounding of the tangent of a norm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +36,15 @@ def spread_of(form: Form, s: Array, most: Array | None = None) -> Spread:
     value = np.sqrt(square)
     safe = np.where(value > 0.0, value, 1.0)
     direction, intercept = towards / safe[..., None], form.constant / safe
+    for row, surplus in enumerate(form.surpluses):
+        if surplus is not None:  # a norm: its tangent planes lie below it
+            more, rise = surplus.value(s[:, row] ** 2)
+            root = np.sqrt(square[:, row] + more)
+            safe_root = np.where(root > 0.0, root, 1.0)[:, None]
+            value[:, row] = root
+            direction[:, row] = (towards[:, row] + s[:, row] * rise) / safe_root
+            along = np.sum(direction[:, row] * s[:, row], axis=1)
+            intercept[:, row] = (root - along) - ROUNDING * (root + np.abs(along))
     if form.joint is not None:
         rows = form.joint.rows
         found = form.joint.tangent(s[:, rows])

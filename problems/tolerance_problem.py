@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -236,13 +237,23 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
 
     def complete(self, x: Array) -> Array:
         """Full designs (n, all variables) of search vectors (n, free variables)."""
-        designs = np.empty((len(x), len(self.variables)))
-        free = {v.name: i for i, v in enumerate(self.free)}
-        for at, v in enumerate(self.variables):
-            designs[:, at] = x[:, free[v.name]] if v.name in free else self.fixed[v.name]
-            if v.integer:
-                designs[:, at] = np.rint(designs[:, at])
+        set_to, columns, whole = self._columns
+        designs = set_to[None, :].repeat(len(x), axis=0)
+        designs[:, columns] = x
+        if len(whole):
+            designs[:, whole] = np.rint(designs[:, whole])
         return designs
+
+    @cached_property
+    def _columns(self) -> tuple[Array, NDArray[np.int64], NDArray[np.int64]]:
+        """Of a full design: the values (all,) that are set, 0 for the others, the columns of the
+        free variables, and those of whole numbers.
+        """
+        at = {name: column for column, name in enumerate(self.names)}
+        set_to = np.array([self.fixed.get(name, 0.0) for name in self.names])
+        free = np.array([at[v.name] for v in self.free], dtype=np.int64)
+        whole = np.array([at[v.name] for v in self.variables if v.integer], dtype=np.int64)
+        return set_to, free, whole
 
     def outputs_of(
         self, designs: Array, searching: bool = False, errors: bool = True
@@ -267,7 +278,7 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
 
     def objective_values(self, found: Mapping[str, Array]) -> Array:
         """F, shape (n, objectives)."""
-        return np.stack([found[name] for name in self.objectives], axis=1)
+        return np.array([found[name] for name in self.objectives]).T
 
     def violations(self, designs: Array, found: Mapping[str, Array]) -> Array:
         """G, shape (n, constraints): normalised by the bound, above 0 where a limit is broken."""
@@ -293,7 +304,7 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
         found = self.outputs_of(designs, searching=True)
         f, g = self.objective_values(found), self.violations(designs, found)
         for name, values in (("F", f), ("G", g)):
-            if not np.all(np.isfinite(values)):
+            if values.size and not np.isfinite(values).all():
                 row = int(np.argmin(np.all(np.isfinite(values), axis=1)))
                 where = dict(zip(self.names, designs[row].tolist(), strict=True))
                 raise ModelError(f"{name} is not finite at {where}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from html import escape
 from typing import Any
@@ -22,7 +21,7 @@ from .explained import (
     units_of,
     words,
 )
-from .scripts import data, own, short
+from .scripts import data, own
 
 MOST = 5000
 """Points on a page at most."""
@@ -69,15 +68,16 @@ def scripts() -> tuple[Any, ...]:
 def explorer(result: RunResult) -> str:
     """The part of the page that the scripts fill."""
     content = content_of(result, MOST)
-    size = len(json.dumps(short(content), separators=(",", ":")))
-    if size > ROOM:
-        content = content_of(result, max(1, int(len(content["rows"]) * ROOM / size)))
+    text = data(content)
+    if len(text) > ROOM:
+        content = content_of(result, max(1, int(len(content["rows"]) * ROOM / len(text))))
+        text = data(content)
     count, whole = len(content["rows"]), len(result.front)
     rule = f"All {whole} points." if count == whole else (
         f"{count} of {whole} points: every choice, and others evenly along the front "
         f"(at most {MOST}, and what fits into {ROOM // 1000} kB); front.csv has all."
     )  # fmt: skip
-    return SKELETON.format(rule=escape(rule)) + "\n" + data(content)
+    return SKELETON.format(rule=escape(rule)) + "\n" + text
 
 
 def content_of(result: RunResult, most: int) -> dict[str, Any]:

@@ -35,14 +35,10 @@ def front_figure(result: RunResult) -> Figure:
     return figure
 
 
-def png(result: RunResult) -> bytes:
-    """`front.png`."""
-    return as_png(front_figure(result))
-
-
-def svg(result: RunResult) -> bytes:
-    """`front.svg`."""
-    return as_svg(front_figure(result))
+def pictures(result: RunResult) -> dict[str, bytes]:
+    """`front.svg` and `front.png`, by name."""
+    figure = front_figure(result)
+    return {"front.svg": as_svg(figure), "front.png": as_png(figure)}
 
 
 def _draw_plane(axes: Axes, result: RunResult) -> None:

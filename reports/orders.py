@@ -13,7 +13,8 @@ COLUMNS = {
     "nominal": "nominal", "upper_deviation": "upper deviation",
     "lower_deviation": "lower deviation", "upper_limit": "upper limit",
     "lower_limit": "lower limit", "unit": "unit", "grade": "grade, class", "symbol": "symbol",
-    "process": "process", "cpk_wanted": "Cpk wanted", "inspection": "inspection",
+    "process": "process", "roughness_Ra_um": "Ra [um]",
+    "cpk_wanted": "Cpk wanted", "inspection": "inspection",
     "unrounded": "before rounding", "rounded": "value", "drawing": "drawing",
     "characteristic": "characteristic",
 }  # fmt: skip
@@ -63,13 +64,17 @@ def orders(result: RunResult) -> list[Order]:
 
 def _order(points: list[int], found: pd.DataFrame, choices: pd.DataFrame) -> Order:
     own = found[found["point"] == points[0]]
-    kept = [name for name in COLUMNS if name in own and own[name].notna().any()
-            and not (own[name].astype(str) == "").all()]  # fmt: skip
+    kept = [name for name in COLUMNS if name in own and any(map(_given, own[name]))]
     table = own[kept].rename(columns=COLUMNS).reset_index(drop=True)
     rows = choices[choices["point"].isin(points)]
     outcome = {str(k): v for k, v in rows.iloc[0].items()} if len(rows) else {}
     rules = tuple(map(str, rows["choice"])) or (f"point {points[0]}",)
     return Order(rules, tuple(points), table, outcome)
+
+
+def _given(value: object) -> bool:
+    """Whether a cell has something in it."""
+    return value is not None and value is not pd.NA and value == value and value != ""
 
 
 def comparison(result: RunResult, found: list[Order]) -> pd.DataFrame:

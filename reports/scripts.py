@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -59,7 +60,7 @@ def short(value: Any) -> Any:
     if isinstance(value, np.generic):
         return short(value.item())
     if isinstance(value, float):
-        if not np.isfinite(value):
+        if not math.isfinite(value):
             return None
         shown = float(f"{value:.{DIGITS}g}")
         return int(shown) if shown.is_integer() and abs(shown) < 1e15 else shown

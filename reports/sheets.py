@@ -10,7 +10,7 @@ from .orders import Order, orders
 from .tables import chosen, shown, table
 
 COLUMNS = ("tolerance", "on the drawing", "upper deviation", "lower deviation", "nominal", "unit",
-           "grade, class", "symbol", "process", "Cpk wanted", "inspection")  # fmt: skip
+           "grade, class", "symbol", "process", "Ra [um]", "Cpk wanted", "inspection")  # fmt: skip
 
 
 def drawing_page(result: RunResult) -> str | None:
@@ -33,6 +33,8 @@ def _sheet(result: RunResult, order: Order) -> str:
     broken = shown(order.outcome.get("rounded_violated_limits"))
     verdict = "keeps all limits" if kept else f"breaks {broken}" if broken else ""
     told = f"Verified by the full model: {values}{f'; {verdict}' if verdict else ''}."
-    shown_table = table(chosen(order.table, COLUMNS))
+    parts = order.table[~order.table["tolerance"].astype(str).str.endswith("_process")]
+    words = parts["tolerance"].map(lambda name: str(name).removesuffix("_t").replace("_", " "))
+    shown_table = table(chosen(parts.assign(tolerance=words), COLUMNS))
     return (f'<section class="sheet">\n<h2>{escape(order.title)}</h2>\n<p>{escape(order.note)}</p>'
             f"\n<p>{escape(told)}</p>\n{shown_table}\n</section>")  # fmt: skip

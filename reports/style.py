@@ -113,10 +113,12 @@ details { margin: var(--s1) 0; }
   .plot { height: 26rem; }
 }
 @media (max-width: 999px) { #allocation { max-height: none; } }
+@media print, (min-width: 601px) { section.sheet td:nth-child(2) { white-space: nowrap; } }
 @media (max-width: 600px) {
   .cards thead { position: absolute; width: 1px; height: 1px; overflow: hidden;
     clip-path: inset(50%); }
-  .cards, .cards tbody, .cards tr, .cards td, .cards th { display: block; width: 100%; }
+  .cards, .cards caption, .cards tbody, .cards tr, .cards td, .cards th { display: block;
+    width: 100%; }
   .cards tr { border-bottom: 2px solid var(--line); padding: var(--s1) 0; }
   .cards th, .cards td { border: 0; padding: 1px var(--s2); overflow-wrap: anywhere; }
   .cards tbody th { font-weight: 600; }
@@ -129,8 +131,9 @@ details { margin: var(--s1) 0; }
 @media print {
   body { max-width: none; padding: 0; font-size: 10pt; }
   .scroll { overflow: visible; max-height: none !important; border: 0; }
-  .work { grid-template-columns: minmax(0, 1fr); border: 0; background: none; }
-  #asks, #controls, #views, #exports, #parallel, .key summary { display: none; }
+  .work { grid-template-columns: minmax(0, 1fr); border: 0; background: none; padding: 0; }
+  #asks, #controls, #views, #exports, #parallel, .work .hint, .key summary { display: none; }
+  .key:not([open]) { display: none; }
   .plot { height: 11cm; break-inside: avoid; }
   tr, figure, section.sheet { break-inside: avoid; }
   section.sheet { break-after: page; }

@@ -14,6 +14,7 @@ pytest.importorskip("benchmarks.task", reason="the benchmarks are not shipped")
 pytestmark = pytest.mark.source_tree
 
 from benchmarks import compare, dynamics, promised, proven  # noqa: E402
+from benchmarks.parts import beyond  # noqa: E402
 from benchmarks.peers import tolevo_exact  # noqa: E402
 from benchmarks.task import Array, OutOfTime, Recorder, Task  # noqa: E402
 from benchmarks.tasks.cost_rss import B, S, cost_rss  # noqa: E402
@@ -21,6 +22,7 @@ from benchmarks.tasks.mixed_process import PART, PARTS, PROCESSES, mixed_process
 from benchmarks.tasks.mixed_process import A as PROCESS_A  # noqa: E402
 from benchmarks.tasks.mixed_process import B as PROCESS_B  # noqa: E402
 from benchmarks.tasks.mixed_process import S as PART_S  # noqa: E402
+from benchmarks.tasks.rv_backlash import rv_backlash, stored  # noqa: E402
 from tolevo.models.rv_reducer.dynamics.contact_mesh import tabulated  # noqa: E402
 from tolevo.models.rv_reducer.loaded_unit import loaded_unit  # noqa: E402
 
@@ -127,6 +129,32 @@ def test_exact_contender_returns_the_front(task: Task) -> None:
     np.testing.assert_allclose(returned[:, 0], cost, atol=1e-4 * (nadir - ideal)[0])
     assert task.share(returned) > 0.9995
     assert recorder.count == len(returned)
+
+
+def test_designs_that_break_a_limit_lie_beyond_all_others() -> None:
+    """In order of their violation; beyond the dearest and the coarsest design as well."""
+    f, edge = np.array([[1.0, 2.0], [0.5, 0.5], [0.1, 0.1]]), np.array([10.0, 20.0])
+    g = np.array([[-1.0, 0.0], [0.1, -1.0], [0.1, 0.2]])
+    np.testing.assert_allclose(beyond(f, g, edge), [[1.0, 2.0], [11.0, 22.0], [13.0, 26.0]])
+    task = rv_backlash()
+    x = np.random.default_rng(0).uniform(task.low, task.high, (200, len(task.low)))
+    values = task.evaluate(np.vstack([task.low, task.high, x]))
+    edge = 10.0 * task.front.max(axis=0)
+    outside = np.all(values > edge, axis=1)
+    assert 0 < outside.sum() < len(values)
+    assert np.all(values[~outside] < edge)
+    assert task.problem is not None
+    noted: list[Array] = []
+    task.problem().watched(noted.append).evaluate(x)
+    np.testing.assert_array_equal(noted[0], values[2:])
+
+
+def test_front_of_rv_backlash_is_proven() -> None:
+    cost, backlash, bound = stored().T
+    assert np.all(np.diff(backlash) > 0.0) and np.all(np.diff(cost) < 0.0)
+    gap = cost / bound - 1.0
+    assert gap.min() >= 0.0
+    assert np.median(gap) < 0.005
 
 
 def test_true_share_counts_the_area_under_the_chords() -> None:

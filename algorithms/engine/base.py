@@ -6,6 +6,7 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ Array = NDArray[np.float64]
 State = dict[str, NDArray[Any]]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Space:
     """A box: bounds (variables,), which variables are whole numbers, and how many objectives."""
 
@@ -25,6 +26,16 @@ class Space:
     high: Array
     integer: NDArray[np.bool_]
     objectives: int
+
+    @cached_property
+    def ends(self) -> Array:
+        """Lower and upper bounds (2, variables)."""
+        return np.stack([self.low, self.high])
+
+    @cached_property
+    def wide(self) -> NDArray[np.bool_]:
+        """Which variables (variables,) have more than one value."""
+        return self.low < self.high
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """Uniformly drawn points (count, variables)."""
@@ -86,7 +97,7 @@ class ArrayEngine(ABC):
             f[candidates], v[candidates], self.population, self.rng
         )
         rows = best if isinstance(candidates, slice) else candidates[best]
-        self.x, self.f, self.v = x[rows], f[rows], v[rows]
+        self.x, self.f, self.v = x.take(rows, axis=0), f.take(rows, axis=0), v.take(rows)
         return rows
 
     def state(self) -> State:

@@ -29,8 +29,8 @@ class NSGA2Engine(ArrayEngine):
 
     def _offspring(self) -> Array:
         pairs = -(-self.population // 2)
-        parents = tournament(self.f, self.v, self.crowding, 2 * pairs, self.rng)
-        first, second = self.x[parents].reshape(pairs, 2, -1).swapaxes(0, 1)
+        parents = tournament(self.f, self.v, self.rank, self.crowding, 2 * pairs, self.rng)
+        first, second = self.x.take(parents[::2], axis=0), self.x.take(parents[1::2], axis=0)
         children = crossover(first, second, self.space, *self.mating, self.rng)
         return mutate(children[: self.population], self.space, *self.mutation, self.rng)
 

@@ -13,25 +13,30 @@ CROSSED = 0.5
 """Probability per variable that simulated binary crossover changes it, as pymoo has it."""
 CLOSE = 1e-14
 """Parents' values nearer than this are not crossed."""
+OUTWARD = np.array([[-0.5], [0.5]])
+"""Half the senses in which the smaller and the larger of two children lie from their middle."""
 
 
 def tournament(
-    f: Array, v: Array, crowding: Array, count: int, rng: np.random.Generator
+    f: Array, v: Array, rank: Indices, crowding: Array, count: int, rng: np.random.Generator
 ) -> Indices:
     """Winners (count,) of binary tournaments in which every point takes part equally often.
 
     The smaller violation wins; of two feasible points the one that dominates, else the less
-    crowded one; ties are drawn.
+    crowded one; ties are drawn. None dominates another where all ranks are 0.
     """
     n = len(f)
     rounds = np.concatenate([rng.permutation(n) for _ in range(-(-2 * count // n))])
-    a, b = rounds[: 2 * count].reshape(count, 2).T
-    fa, fb, ca, cb = f[a], f[b], crowding[a], crowding[b]
-    below, above = (fa <= fb).all(axis=1), (fb <= fa).all(axis=1)
-    same = below == above  # neither dominates, or the objectives are equal
-    first, second = np.where(same, ca > cb, below), np.where(same, cb > ca, above)
+    a, b = rounds[: 2 * count : 2], rounds[1 : 2 * count : 2]
+    ca, cb = crowding.take(a), crowding.take(b)
+    first, second = ca > cb, cb > ca
+    if rank.any():
+        fa, fb = f.take(a, axis=0), f.take(b, axis=0)
+        below, above = (fa <= fb).all(axis=1), (fb <= fa).all(axis=1)
+        same = below == above  # neither dominates, or the objectives are equal
+        first, second = np.where(same, first, below), np.where(same, second, above)
     if v.any():
-        va, vb = v[a], v[b]
+        va, vb = v.take(a), v.take(b)
         broken = (va > 0.0) | (vb > 0.0)
         first, second = np.where(broken, va < vb, first), np.where(broken, vb < va, second)
     return np.where(first | (~second & (rng.random(count) < 0.5)), a, b)
@@ -45,27 +50,28 @@ def crossover(
 
     `probability` is that of a mating to be crossed at all.
     """
-    mated = rng.random((len(first), 1)) < probability
-    crossed = mated & (rng.random(first.shape) < CROSSED) & (np.abs(first - second) > CLOSE)
-    at = np.flatnonzero(crossed)
-    column = at % first.shape[1]
-    p, q = first.ravel()[at], second.ravel()[at]
-    low, high = np.minimum(p, q), np.maximum(p, q)
-    ends = space.low[column], space.high[column]
-    delta, u, power = high - low, rng.random(len(at)), eta + 1.0
-    gap = np.stack([low - ends[0], ends[1] - high])
-    alpha = 2.0 - (1.0 + 2.0 * gap / delta) ** -power
-    scaled = u * alpha
-    inner = scaled <= 1.0
-    spread = np.where(inner, scaled, 1.0 / np.where(inner, 1.0, 2.0 - scaled)) ** (1.0 / power)
-    step = 0.5 * delta * spread
-    middle = 0.5 * (low + high)
-    smaller, larger = (_within(value, *ends) for value in (middle - step[0], middle + step[1]))
-    swapped = rng.random(len(at)) < 0.5
+    k, variables = first.shape
+    drawn = rng.random(k * (1 + variables))
+    crossed = drawn[k:].reshape(k, variables) < CROSSED
+    crossed &= (drawn[:k] < probability)[:, None]
+    crossed &= np.abs(first - second) > CLOSE
+    at = crossed.ravel().nonzero()[0]
     found = np.concatenate([first, second])
     flat = found.reshape(-1)
-    flat[at] = np.where(swapped, larger, smaller)
-    flat[at + first.size] = np.where(swapped, smaller, larger)
+    other = at + k * variables
+    p, q = flat.take(at), flat.take(other)
+    pair = np.empty((2, len(at)))
+    np.minimum(p, q, out=pair[0])
+    np.maximum(p, q, out=pair[1])
+    ends = space.ends.take(at % variables, axis=1)
+    u, swapped = rng.random((2, len(at)))
+    delta, power = pair[1] - pair[0], eta + 1.0
+    alpha = 2.0 - (1.0 + 2.0 * np.abs(pair - ends) / delta) ** -power
+    scaled = u * alpha
+    np.reciprocal(2.0 - scaled, out=scaled, where=scaled > 1.0)
+    moved = 0.5 * (pair[0] + pair[1]) + OUTWARD * (delta * scaled ** (1.0 / power))
+    moved = _within(moved, ends[0], ends[1])
+    flat[at], flat[other] = np.where(swapped < 0.5, moved[::-1], moved)
     return found
 
 
@@ -78,17 +84,17 @@ def mutate(
     x: Array, space: Space, probability: float, eta: float, rng: np.random.Generator
 ) -> Array:
     """Polynomial mutation (Deb & Goyal 1996) of points (n, variables), bounded; as a copy."""
-    changed = (rng.random(x.shape) < probability) & (space.low < space.high)
-    at = np.flatnonzero(changed)
-    column = at % x.shape[1]
-    low, high = space.low[column], space.high[column]
-    old, u, power = x.ravel()[at], rng.random(len(at)), eta + 1.0
-    down, span = u <= 0.5, high - low
-    share = np.where(down, old - low, high - old) / span
-    base = np.where(down, u, 1.0 - u)
-    step = (2.0 * base + (1.0 - 2.0 * base) * (1.0 - share) ** power) ** (1.0 / power) - 1.0
+    changed = rng.random(x.shape) < probability
+    changed &= space.wide
     found = x.copy()
-    found.reshape(-1)[at] = _within(old + np.where(down, step, -step) * span, low, high)
+    flat, at = found.reshape(-1), changed.ravel().nonzero()[0]
+    low, high = space.ends.take(at % x.shape[1], axis=1)
+    old, u, power = flat.take(at), rng.random(len(at)), eta + 1.0
+    down, span = u <= 0.5, high - low
+    share = np.abs(old - np.where(down, low, high)) / span
+    base = np.minimum(u, 1.0 - u)
+    step = (2.0 * base + (1.0 - 2.0 * base) * (1.0 - share) ** power) ** (1.0 / power) - 1.0
+    flat[at] = _within(old + np.where(down, step, -step) * span, low, high)
     return found
 
 

@@ -11,15 +11,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from ...problems.forms import Form
 from ...problems.spread import Spread
 from .prices import Prices, only_roots
 
 Array = NDArray[np.float64]
-_minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
 STEPS = 200
 """Evaluations of the dual at most."""
 
@@ -42,9 +41,10 @@ class Ascent:
             value, slope = self.value(y * unit)
             return -value / scale, -slope * unit / scale
 
-        bounds = optimize.Bounds(np.zeros(len(unit)), np.where(asked, np.inf, 0.0))
-        found = _minimize(negative, np.where(asked, first / unit, 0.0), jac=True, bounds=bounds,
-                          method="L-BFGS-B", options={"maxfun": STEPS})  # fmt: skip
+        minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
+        bounds = scipy.optimize.Bounds(np.zeros(len(unit)), np.where(asked, np.inf, 0.0))
+        found = minimize(negative, np.where(asked, first / unit, 0.0), jac=True, bounds=bounds,
+                         method="L-BFGS-B", options={"maxfun": STEPS})  # fmt: skip
         better = np.maximum(np.asarray(found.x, dtype=float), 0.0) * unit
         return better if self.value(better)[0] >= self.value(first)[0] else first
 

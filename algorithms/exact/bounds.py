@@ -154,6 +154,7 @@ def _own(
 def restricted(form: Form, used: NDArray[np.bool_]) -> Form:
     """The form with some of its requirements only."""
     kept = np.flatnonzero(used).tolist()
+    surpluses = tuple(form.surpluses[i] for i in kept) if form.surpluses else ()
 
     def way(one: Way) -> Way:
         linear, spread = (tuple(part[i] for i in kept) for part in (one.linear, one.spread))
@@ -168,6 +169,7 @@ def restricted(form: Form, used: NDArray[np.bool_]) -> Form:
         form,
         outputs=tuple(form.outputs[i] for i in kept),
         quantiles=tuple(form.quantiles[i] for i in kept) if form.quantiles else (),
+        surpluses=surpluses if any(one is not None for one in surpluses) else (),
         most=tuple(form.most[i] for i in kept) if form.most else (),
         features=features,
         offset=form.offset[kept],

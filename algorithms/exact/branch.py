@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from ..indicators import nondominated
 from ..run import Run
@@ -194,7 +194,7 @@ class Branch:
             return self.smooth.vectors(np.array(self.y))
         steps = np.hypot(*np.diff(f, axis=0).T)
         length = np.concatenate([[0.0], np.cumsum(np.maximum(steps, 1e-12))])
-        course = PchipInterpolator(length, np.array(self.y), axis=0)
+        course = scipy.interpolate.PchipInterpolator(length, np.array(self.y), axis=0)
         return self.smooth.vectors(course(np.linspace(0.0, length[-1], count)))
 
 

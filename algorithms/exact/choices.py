@@ -19,11 +19,13 @@ from ...problems.forms import Feature, Form
 from ...problems.spread import Spread, largest_parts, spread_of
 from .ascent import Ascent
 from .combination import Combination
+from .combination import Optimum as Optimum
+from .doubt import least_under_doubt
 from .master import Master
 from .path import Path
 from .prices import ROUNDING, Prices
 from .programme import Programme
-from .separable import Squares, least_leaf, separable
+from .separable import Squares, least_leaf, separable, separable_but_for_doubt
 
 Array = NDArray[np.float64]
 GRID = np.unique(np.concatenate([np.geomspace(0.02, 50.0, 15), np.geomspace(0.7, 1.4, 13)]))
@@ -42,22 +44,6 @@ CLOSE = 1e-10
 """A node whose bound is this close to the best cost cannot improve it noticeably."""
 
 
-@dataclass(frozen=True, slots=True)
-class Optimum:
-    """Least cost at n sets of r limits: a `Solved` with the ways `chosen` (n, features)."""
-
-    chosen: NDArray[np.int64]
-    t: Array
-    cost: Array
-    bound: Array
-    multiplier: Array
-
-    def at(self, rows: NDArray[np.intp]) -> Optimum:
-        """Those of some limits."""
-        return Optimum(self.chosen[rows], self.t[rows], self.cost[rows], self.bound[rows],
-                       self.multiplier[rows])  # fmt: skip
-
-
 def least_cost(form: Form, limits: Array) -> Optimum:
     """The cheapest allocation that keeps each set of upper limits (n, r) of a form.
 
@@ -66,8 +52,14 @@ def least_cost(form: Form, limits: Array) -> Optimum:
     limits = np.asarray(limits, dtype=float)
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
         return _by_master(form, limits)
+<<<<<<< HEAD
     several = not form.separable and len(form.outputs) > 1
     if (several or form.combinations > MANY) and _priced(form):
+=======
+    if separable_but_for_doubt(form):
+        return least_under_doubt(form, limits, cost_range(form)[0])
+    if not form.separable and len(form.outputs) > 1 and _priced(form):
+>>>>>>> main
         return _by_squares(form, limits)
     if form.combinations == 1 or form.separable or len(limits) < 2:
         return _least_cost(form, limits, None)

@@ -31,6 +31,22 @@ class Solved:
     multiplier: Array
 
 
+@dataclass(frozen=True, slots=True)
+class Optimum:
+    """Least cost at n sets of r limits: a `Solved` with the ways `chosen` (n, features)."""
+
+    chosen: NDArray[np.int64]
+    t: Array
+    cost: Array
+    bound: Array
+    multiplier: Array
+
+    def at(self, rows: NDArray[np.intp]) -> Optimum:
+        """Those of some limits."""
+        return Optimum(self.chosen[rows], self.t[rows], self.cost[rows], self.bound[rows],
+                       self.multiplier[rows])  # fmt: skip
+
+
 @dataclass(frozen=True, eq=False)
 class Combination:
     """A `Form` with one way chosen per feature (`chosen`: index per feature).
@@ -124,11 +140,12 @@ class Combination:
             found = self._joint.stationary(linear / self.counts, square / self.counts)
             if found is not None:
                 return np.clip(found, self.low, self.high)
-        each = [
-            way.curve.best(linear[:, at] / count, square[:, at] / count, way.low, way.high)
-            for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True))
-        ]
-        return np.stack(each, axis=1)
+        found = np.empty_like(linear)
+        for at, (way, count) in enumerate(zip(self.ways, self.counts, strict=True)):
+            own = linear[:, at] / count, square[:, at] / count
+            fixed = way.low == way.high
+            found[:, at] = way.low if fixed else way.curve.best(*own, way.low, way.high)
+        return found
 
     def dual(self, multiplier: Array, limit: Array, t: Array) -> Array:
         """A proven lower bound (n,) of the cost at limits (n, r), for any multipliers (n, r) >= 0.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from ...problems.forms import Form
 from .choices import Optimum, contributions, least_cost
@@ -48,7 +48,9 @@ def front(
     if len(rows) == 1:
         coarse = np.linspace(*ends[0], min(COARSE, 2 * points))
         return _by_limits(form, points, rows[0], coarse, upper, most)
-    sample = qmc.Sobol(len(rows), scramble=False).random_base2(int(np.ceil(np.log2(points))))
+    sample = scipy.stats.qmc.Sobol(len(rows), scramble=False).random_base2(
+        int(np.ceil(np.log2(points)))
+    )
     limits = np.tile(upper, (points, 1))
     for own, (first, last), share in zip(rows, ends, sample[:points].T, strict=True):
         limits[:, own] = (first + (last - first) * share)[:, None]

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize, sparse
 
 from ...problems.forms import Form
 from ...problems.spread import largest_parts, spread_of
@@ -24,7 +24,6 @@ from .prices import ROUNDING
 from .programme import Programme
 
 Array = NDArray[np.float64]
-linprog: Any = optimize.linprog  # its stubs know arrays of one fixed dimension only
 GAP = 1e-4
 """Relative gap at which the search ends."""
 NODES, ROUNDS = 60, 60
@@ -177,10 +176,11 @@ class Master:
         scale = np.maximum(np.abs(room), 1e-12)
         price = PENALTY * max(self.ceiling - self.floor, 1e-12)
         whole = np.hstack([parts / scale[:, None], -np.eye(len(which))])
-        one = sparse.csr_matrix(
+        one = scipy.sparse.csr_matrix(
             (np.ones(len(used)), (owner, np.arange(len(used)))),
             shape=(len(self.form.features), len(used) + len(which)),
         )
+        linprog: Any = scipy.optimize.linprog  # its stubs know arrays of one dimension only
         found = linprog(
             np.concatenate([cost, np.full(len(which), price)]), A_ub=whole, b_ub=room / scale,
             A_eq=one, b_eq=np.ones(len(self.form.features)), method="highs",

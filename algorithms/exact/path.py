@@ -18,8 +18,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize.elementwise import find_root
 
+from ...models.roots import bracketed_roots
 from .combination import Combination, Solved
 
 Array = NDArray[np.float64]
@@ -84,7 +84,7 @@ class Path:
             t = c.best(2.0 * flat * nu * c.linear[0], nu * c.spread[0] ** 2)
             return root - c.root(t)[:, 0].reshape(root.shape)
 
-        found = find_root(excess, (low * (1.0 - 1e-9), high * (1.0 + 1e-9)), args=(price,))
+        found = bracketed_roots(excess, (low * (1.0 - 1e-9), high * (1.0 + 1e-9)), price)
         return np.asarray(found.x)
 
     # ---------------------------------------------------------------- at given limits
@@ -106,7 +106,7 @@ class Path:
     def _inside(self, limits: Array) -> tuple[Array, Array, Array]:
         """Tolerances, bounds and multipliers at limits that bind."""
         limit = limits[:, 0]
-        found = find_root(self._excess, self.ends, args=(limit,))
+        found = bracketed_roots(self._excess, self.ends, limit)
         prices = tuple(np.exp(np.asarray(end)) for end in found.bracket)
         outside, inside = (self.at(price) for price in prices)
         met = self.value(outside) <= limit  # a root to the last digit
@@ -163,7 +163,7 @@ class Path:
         value = self.value(self.at(np.exp(np.array(self.ends))))
         if not value[1] < upper < value[0]:
             return self.ends[0]
-        return float(find_root(self._excess, self.ends, args=(upper,)).bracket[1])
+        return float(bracketed_roots(self._excess, self.ends, upper).bracket[1])
 
     def _end(self, most: float) -> float:
         """Logarithm of the largest price at which the cost keeps a limit."""
@@ -175,7 +175,7 @@ class Path:
             t = self.at(np.exp(x.ravel()))
             return self.combination.cost(t).reshape(x.shape) - most
 
-        found = find_root(excess, self.ends)
+        found = bracketed_roots(excess, self.ends)
         return float(found.bracket[0])
 
 

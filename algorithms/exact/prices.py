@@ -34,6 +34,8 @@ def only_roots(form: Form) -> NDArray[np.bool_]:
     offset = np.any(np.array([way.offset or nothing for way in ways]), axis=0)
     spread = np.any(np.array([way.spread for way in ways]), axis=0) | (form.constant > 0.0)
     root = np.array([one is None for one in form.rows])
+    if form.surpluses:
+        root &= np.array([one is None for one in form.surpluses])
     return np.asarray(root & ~linear & ~offset & spread & (form.correlation is None))
 
 
@@ -70,7 +72,8 @@ class Prices:
         m, a = np.array(way.linear), np.array(way.spread)
         linear = np.sum(self.linear * (m + self.direction[:, :, feature] * a), axis=1)
         square = self.square @ (a * a)
-        t = way.curve.best(linear / count, square / count, way.low, way.high)
+        t = (np.full_like(square, way.low) if way.low == way.high
+             else way.curve.best(linear / count, square / count, way.low, way.high))  # fmt: skip
         offset = self.linear @ np.array(way.offset) if way.offset else 0.0
         return t, count * way.curve.cost(t) + linear * t + square * t * t + offset
 

@@ -15,21 +15,20 @@ what has been gained are solved.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import heappop, heappush
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from ...models.costs import Reciprocal
 from ...problems.forms import Form
 from .prices import ROUNDING, only_roots
 
 Array = NDArray[np.float64]
-_minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
 STEPS = 60
 CLOSE = 1e-13
 """Relative distance of a square from its limit that counts as none."""
@@ -48,6 +47,11 @@ def separable(form: Form) -> bool:
     return bool(len(form.outputs)) and bool(np.all(only_roots(form)))
 
 
+def separable_but_for_doubt(form: Form) -> bool:
+    """Whether it would be `separable` without the doubt of its processes, and has some."""
+    return bool(form.surpluses) and separable(replace(form, surpluses=()))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Leaf:
     """One choice of ways at one set of limits: tolerances (features,), cost, bound, prices (r,) of
@@ -62,12 +66,20 @@ class Leaf:
 
 
 class Squares:
-    """A form's features as arrays, for one set of limits after the other."""
+    """A form's features as arrays, for one set of limits after the other.
 
-    def __init__(self, form: Form) -> None:
+    `weights` (r, features) multiply the squares, `constant` (r,) stands for that of the form.
+    """
+
+    def __init__(
+        self, form: Form, weights: Array | None = None, constant: Array | None = None
+    ) -> None:
         self.form = form
         self.counts = np.array([float(feature.count) for feature in form.features])
         self.squares = [np.array([way.spread for way in f.ways]) ** 2 for f in form.features]
+        if weights is not None:
+            self.squares = [own * weights[:, at] for at, own in enumerate(self.squares)]
+        self.constant = form.constant if constant is None else constant
 
     @cached_property
     def several(self) -> list[int]:
@@ -76,7 +88,7 @@ class Squares:
 
     def room(self, limit: Array) -> Array:
         """What squares may sum up to (r,); inf without a limit."""
-        room = np.maximum(limit - self.form.offset, 0.0) ** 2 - self.form.constant
+        room = np.maximum(limit - self.form.offset, 0.0) ** 2 - self.constant
         return np.where(np.isfinite(limit), room, np.inf)
 
     def worth(self, limit: Array) -> Array:
@@ -213,9 +225,10 @@ class _Choice:
             return -self.dual(own, room), -slope * own
 
         first = np.log(np.maximum(mu, 1e-9 * worth))
-        bounds = optimize.Bounds(np.log(LEAST * worth), np.log(1e6 * worth))
+        minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
+        bounds = scipy.optimize.Bounds(np.log(LEAST * worth), np.log(1e6 * worth))
         options = {"ftol": 1e-16, "gtol": 1e-12, "maxiter": 500}
-        found = _minimize(negative, first, jac=True, bounds=bounds, method="L-BFGS-B",
+        found = minimize(negative, first, jac=True, bounds=bounds, method="L-BFGS-B",
                          options=options)  # fmt: skip
         return np.where(asked, np.exp(found.x), 0.0)
 

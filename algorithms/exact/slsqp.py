@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 Array = NDArray[np.float64]
-_minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +59,13 @@ def slsqp(
     """
     low, high = ends
     steps = _Steps(objective, np.clip(start, low, high), evaluations)
+    minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
     try:
-        found = _minimize(
+        found = minimize(
             steps.objective,
             steps.last,
             jac=slopes,
-            bounds=optimize.Bounds(low, high),
+            bounds=scipy.optimize.Bounds(low, high),
             constraints=[{"type": "ineq", "fun": margins, "jac": margin_slopes}],
             method="SLSQP",
             options={"ftol": tolerance, "maxiter": iterations},
@@ -79,6 +79,7 @@ def slsqp(
 
 def ascend(dual: Callable[[Array], float], start: Array) -> Array:
     """Maximise a concave function of x >= 0 by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995)."""
-    bounds = optimize.Bounds(np.zeros(len(start)), np.full(len(start), np.inf))
-    found = _minimize(lambda x: -dual(x), start, bounds=bounds, method="L-BFGS-B")
+    bounds = scipy.optimize.Bounds(np.zeros(len(start)), np.full(len(start), np.inf))
+    minimize: Any = scipy.optimize.minimize
+    found = minimize(lambda x: -dual(x), start, bounds=bounds, method="L-BFGS-B")
     return np.asarray(np.maximum(found.x, 0.0), dtype=float)

@@ -29,8 +29,10 @@ POINTS_BY_DEFAULT = 1000
 """Points of an exact front."""
 FEW, CORRECTED = 40, 200
 """Points of a front that is corrected by the full model, by default and at most."""
-CORRECTIONS = 6
-"""Times a limit is moved by what a form understates."""
+CORRECTIONS, FURTHER = 6, 1.0 + 1e-3
+"""Times a limit is moved by what a form understates, and how much further than that."""
+SOME = 3
+"""Points of a front that are looked at: if one breaks limits in truth, these are moved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +91,16 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     swept = np.array([not set(form.asked(name)).isdisjoint(problem.objectives)
                       for name in form.outputs])  # fmt: skip
     most = upper_limit(problem, "cost")
-    return search_vectors(problem, form, front(form, points, upper, swept, most))
+    limit, x = upper.copy(), np.empty((0, problem.n_var))
+    for _ in range(CORRECTIONS):
+        x = search_vectors(problem, form, front(form, points, limit, swept, most))
+        if not form.exact:
+            return x
+        kept, excess = _in_truth(problem, form, x[:: max(1, len(x) // SOME)], upper)
+        if kept.all():
+            return x
+        limit = limit - excess.max(axis=0) * FURTHER
+    return x
 
 
 def _solved_limits(problem: ToleranceProblem, form: Form) -> Array:
@@ -115,17 +126,26 @@ def _corner(problem: ToleranceProblem, form: Form) -> Array:
 def _cheapest(problem: ToleranceProblem, form: Form, upper: Array) -> Array:
     """The search vector (at most one) of least cost that keeps the limits.
 
-    A form that understates the outputs is asked again with limits moved by as much.
+    A form that understates the outputs, be it by the rounding of these, is asked again with limits
+    moved by as much.
     """
     limit, x = upper.copy(), np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):
         x = search_vectors(problem, form, least_cost(form, limit[None, :]))
-        if form.exact or not len(x):
+        kept, excess = _in_truth(problem, form, x, upper)
+        if (form.exact and kept.all()) or not np.any(excess > 0.0):
             return x
-        designs = problem.complete(x)
-        found = problem.outputs_of(designs)
-        excess = problem.form_values(form, designs, found)[0] - upper
-        if np.all(excess <= 0.0):
-            return x
-        limit = limit - np.maximum(excess, 0.0) * (1.0 + 1e-3)
+        limit = limit - excess[0] * FURTHER
     return x
+
+
+def _in_truth(
+    problem: ToleranceProblem, form: Form, x: Array, upper: Array
+) -> tuple[NDArray[np.bool_], Array]:
+    """Which search vectors (k, variables) keep all limits, and by what each breaks those of the
+    form (k, r), 0 where it does not.
+    """
+    designs = problem.complete(x)
+    found = problem.outputs_of(designs, errors=False)
+    excess = np.maximum(problem.form_values(form, designs, found) - upper, 0.0)
+    return np.all(problem.violations(designs, found) <= 0.0, axis=1), excess

@@ -17,6 +17,7 @@ from tempfile import gettempdir
 
 import numpy as np
 
+from ..outcome import verdict
 from .drawn import Drawn, run
 
 PROMISED = 0.1
@@ -82,9 +83,9 @@ def table(found: Sequence[Drawn]) -> str:
             lines.append(f"| {name} | {len(own)} | {sum(not one.sound for one in own)} "
                          f"| {np.median(gap):.2g} % | {gap.max():.2g} % |")  # fmt: skip
     worst = max((one.gap for one in found if one.exact), default=0.0)
-    verdict = "met" if worst <= PROMISED and all(one.sound for one in found) else "MISSED"
+    kept = worst <= PROMISED and all(one.sound for one in found)
     return "\n".join(
-        [*lines, "", f"Promised: none above, {PROMISED} % in the first row: {verdict}."]
+        [*lines, "", f"Promised: none above, {PROMISED} % in the first row: {verdict(kept)}."]
     )
 
 

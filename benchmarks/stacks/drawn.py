@@ -21,6 +21,8 @@ from tolevo.problems.forms import Form
 from tolevo.problems.stack.problem import Stack
 from tolevo.problems.tolerance_problem import ToleranceProblem
 
+from ..outcome import kept_values
+
 EVEN = ("uniform", "triangular", "trapezoid", "normal", "truncated_normal")
 LIMITS = ("half-width", "root sum square", "worst case", "centred yield", "one-sided yield",
           "yield off the middle")  # fmt: skip
@@ -169,7 +171,4 @@ def _cheapest(problem: ToleranceProblem, budget: Budget, seed: int) -> float:
     x = np.vstack([found.x, found.chosen])
     if not len(x):
         return float("inf")
-    designs = problem.complete(x)
-    out = problem.outputs_of(designs)
-    kept = np.all(problem.violations(designs, out) <= 0.0, axis=1)
-    return float(np.min(out["cost"], where=kept, initial=np.inf))
+    return float(np.min(kept_values(problem, x)["cost"], initial=np.inf))

@@ -19,6 +19,7 @@ import pandas as pd
 
 from .. import tables
 from ..errors import Fault, InputError, nearest
+from ..models.costs.extras import EXTRAS
 from ..models.iso286 import GRADES
 from ..units import converted, fits, split_unit
 
@@ -212,12 +213,12 @@ def _fill_variables(filled: Filled, prices: Prices, faults: list[Fault]) -> None
             elif process is not None:
                 faults.append(Fault(prices.place, f'{name} has no machine "{process}"'
                                     f"{nearest(process, [str(m) for m in machines])}"))  # fmt: skip
-            elif name in costs:
-                faults.append(Fault(f"costs.{name}", "is stated here and in the file: keep one"))
-            else:
+            elif isinstance(costs.get(name, {}), dict) and costs.get(name, {}).keys() <= {*EXTRAS}:
                 unit = split_unit(name)[1]
                 if (curve := _curve(some, prices, unit, name, faults)) is not None:
-                    costs[name] = curve
+                    costs[name] = curve | costs.get(name, {})
+            else:
+                faults.append(Fault(f"costs.{name}", "is stated here and in the file: keep one"))
 
 
 def _fill_parts(filled: Filled, prices: Prices, faults: list[Fault]) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from ..declarations import Variable
 from ..errors import nearest
 from ..models.costs import CostCurve, Table
+from ..models.costs.extras import EXTRAS, dearer, read_extras
 from ..models.costs.reading import name_of, read_curve
 from ..problems.settings import VariableSetting
 from ..section import Section
@@ -18,13 +19,25 @@ from ..section import Section
 def read_costs(section: Section, defaults: Mapping[str, CostCurve]) -> dict[str, CostCurve]:
     """The curves that the configuration sets; only variables with a cost may have one."""
     found = {
-        name: read_curve(section.section(name), default)
+        name: _read(section.section(name), default)
         for name, default in defaults.items()
         if name in section
     }
     section.known((*defaults, "scale_assumed", "assumed"))
     section.finish()
     return {name: curve for name, curve in found.items() if curve is not None}
+
+
+def _read(own: Section, default: CostCurve) -> CostCurve | None:
+    """A curve with its share of a set-up and its inspection, which need a stated one."""
+    added = [key for key in EXTRAS if key in own]
+    more = read_extras(own)
+    if added and "model" not in own:
+        own.fault(added[0], "is added to a stated cost: give its model and coefficients as well")
+        own.known(own.given())
+        return None
+    curve = read_curve(own, default)
+    return None if curve is None else dearer(curve, more)
 
 
 def narrowed(

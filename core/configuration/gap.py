@@ -13,10 +13,12 @@ from ..counts import PLAIN, Need
 from ..declarations import completed
 from ..errors import Fault, InputError, nearest, raise_all
 from ..models.measurable import MeasurableModel
+from ..problems.settings import Labels
 from ..section import POSITIVE, Range, Section, shown
 from ..workflows.gap.plan import GapPlan, GapSettings
 from .configuration import Configuration
 from .effects import resolved_effects
+from .gap_contradictions import Run
 from .gap_drawing import as_drawn
 from .gap_free import read_free
 from .gap_kind import OWN
@@ -86,37 +88,53 @@ def gap_plan(source: Source, overrides: Sequence[str] = ()) -> tuple[GapPlan | N
     top.finish()
     if found is None:
         return None, faults
-    active = tuple(found.settings.effects)
-    in_model = {one.effect.name for one in active}
-    of_table = name == TABLE
-    plan = GapPlan(
+    plan = _of_model(found, model, name, table, configuration is not None)
+    library = tuple(one for one in library if one not in {kept.effect.name for kept in plan.active})
+    plan = replace(
+        plan,
+        free=free,
+        library=library,
+        noise=noise,
+        blocks=blocks,
+        drop_bad_rows=drop,
+        settings=settings,
+        run=run,
+        counterparts=counterparts if run else None,
+        next_measurement=planned,
+        drawing=drawing,
+        labels=_labels(found, of_run),
+    )
+    return _with_text(plan, table), faults
+
+
+def _of_model(
+    found: Configuration,
+    model: MeasurableModel | None,
+    name: str | None,
+    table: Mapping[str, Any],
+    whole: bool,
+) -> GapPlan:
+    """The part of a plan that says what is simulated; `whole` where nothing stands in for it."""
+    of_table, active = name == TABLE, tuple(found.settings.effects)
+    return GapPlan(
         model_name=str(name),
         model=None if of_table else model,
         seed=found.seed,
         parameters=_parameters(found),
-        given=dict(table.get("parameters", {})) if configuration and not of_table else {},
-        free=free,
-        library=tuple(name for name in library if name not in in_model),
-        noise=noise,
-        blocks=blocks,
+        given=dict(table.get("parameters", {})) if whole and not of_table else {},
         columns=found.settings.definition if of_table else {},
-        drop_bad_rows=drop,
-        settings=settings,
-        run=run,
         rebuild=None if of_table else Rebuilt(found),
         active=active,
         zero=dict(found.settings.zero),
         sense=dict(found.settings.sense),
         gear=found.settings.gear,
         uses=dict(found.settings.columns),
-        counterparts=counterparts if run else None,
-        next_measurement=planned,
-        drawing=drawing,
-        tables=resolved_gear(found.settings.gear) | resolved_effects(active)
+        tables=found.settings.labels.stated()
+        | resolved_gear(found.settings.gear)
+        | resolved_effects(active)
         if of_table
         else dict(found.resolved),
     )
-    return _with_text(plan, table), faults
 
 
 def _configuration(
@@ -134,6 +152,12 @@ def _configuration(
     except InputError as error:
         faults += error.faults
         return None
+
+
+def _labels(found: Configuration, run: Run | None) -> Labels:
+    """What readers know the mechanism by: as the analysis states it, else as its run does."""
+    own = found.settings.labels
+    return own if own != Labels() or run is None else run.configuration.settings.labels
 
 
 def _kind(name: str) -> Any:

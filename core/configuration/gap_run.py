@@ -14,12 +14,13 @@ from ..section import Section
 from .configuration import Configuration
 from .files import with_files
 from .gap_contradictions import Run
+from .labels import KEYS as LABELS
 from .pairs import belongs, stranger
 from .reader import PROBLEM_ONLY, read_table
 from .source import load
 from .table import TABLE
 
-OF_A_RUN = ("problem", "model", "seed", "parameters", "variables", *PROBLEM_ONLY)
+OF_A_RUN = ("problem", "model", "seed", "parameters", "variables", *LABELS, *PROBLEM_ONLY)
 
 
 def read_run(

@@ -1,7 +1,8 @@
-"""`[part.measured] file`: measured parts from a table or a Q-DAS file, put in its place."""
+"""`measured` tables of parts and machines: what stands in their files, put in its place."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from .cost_files import Raw, tables_in
 
 SUFFIXES = (".dfq", ".dfd")
 OPTIONS = ("encoding", "delimiter", "decimal")
+REVISED = {"nominal": "nominal sizes", "made_to": "limits", "unit": "units"}
+"""What files of one characteristic must have in common."""
 
 
 def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
@@ -19,28 +22,83 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
     Of a Q-DAS file lots, nominal and half the distance of its limits (`made_to`) come along where
     the configuration does not state them.
     """
-    for at, part in tables_in(table, "part"):
-        own = part.get("measured")
+    for owner_place, owner in _owners(table):
+        own = owner.get("measured")
         if isinstance(own, dict) and "file" in own:
-            place = f"part[{at}].measured.file"
-            name = own.pop("file")
+            place = f"{owner_place}.measured.file"
+            names = own.pop("file")
+            names = [names] if isinstance(names, str) else names
             options = tables.ReadOptions(*(own.pop(key, None) for key in OPTIONS))
-            if not isinstance(name, str):
-                faults.append(Fault(place, f"must be the name of a file, got {name}"))
+            if not _are_names(names):
+                text = f"must be the name of a file, or a list of them, got {names}"
+                faults.append(Fault(place, text))
                 continue
             if "values" in own:
                 faults.append(Fault(place, "is given beside values: keep one"))
                 continue
-            try:
-                filled = _filled(folder / name, own.get("characteristic"), options)
-            except InputError as error:
-                faults += [Fault(place, f"{one.place} {one.message}") for one in error.faults]
-                own["values"] = []
+            wanted, before = own.get("characteristic"), len(faults)
+            found = [_read(folder / name, wanted, options, place, faults) for name in names]
+            filled = together([one for one in found if one is not None], names, place, faults)
+            if len(faults) > before:
+                own["values"] = None  # nothing more is said of them
                 continue
-            part["measured"] = filled | own
+            owner["measured"] = filled | own
 
 
-def _filled(path: Path, wanted: Any, options: tables.ReadOptions) -> Raw:
+def _owners(table: Raw) -> Iterator[tuple[str, Raw]]:
+    """Every table that may have a `measured` one, with its place: parts, and all machines."""
+    for at, part in tables_in(table, "part"):
+        yield f"part[{at}]", part
+        for number, machine in tables_in(part, "machine"):
+            yield f"part[{at}].machine[{number}]", machine
+    variables = table.get("variables")
+    for name, own in (variables if isinstance(variables, dict) else {}).items():
+        for number, machine in tables_in(own if isinstance(own, dict) else {}, "machine"):
+            yield f"variables.{name}.machine[{number}]", machine
+
+
+def _are_names(names: Any) -> bool:
+    return isinstance(names, list) and bool(names) and all(isinstance(one, str) for one in names)
+
+
+def _read(
+    path: Path, wanted: Any, options: tables.ReadOptions, place: str, faults: list[Fault]
+) -> Raw | None:
+    try:
+        return measured_in(path, wanted, options)
+    except InputError as error:
+        faults += [Fault(place, f"{one.place} {one.message}") for one in error.faults]
+        return None
+
+
+def together(found: list[Raw], names: Sequence[str], place: str, faults: list[Fault]) -> Raw:
+    """The values of several files of one characteristic, in their order, each file a lot of its own
+    where it names none. Files of different revisions of the drawing, or units, are a fault.
+    """
+    if len(found) < 2:
+        return found[0] if found else {}
+    for key, what in REVISED.items():
+        stated = {str(one[key]): name for one, name in zip(found, names, strict=False)
+                  if key in one}  # fmt: skip
+        if len(stated) > 1:
+            each = ", ".join(f"{value} in {name}" for value, name in stated.items())
+            faults.append(Fault(place, f"mixes files of different {what} ({each}): of several "
+                                "revisions of the drawing? Measure against one"))  # fmt: skip
+    whole: Raw = {}
+    for one in found:
+        whole |= one
+    whole["values"] = [value for one in found for value in one["values"]]
+    whole["lots"] = []
+    for one, name in zip(found, names, strict=False):
+        whole["lots"] += one.get("lots") or [Path(name).stem] * len(one["values"])
+    return whole
+
+
+def measured_in(path: Path, wanted: Any, options: tables.ReadOptions) -> Raw:
+    """The values of one characteristic of a file, and what the file says of them.
+
+    Raises InputError where the file or the characteristic is not there.
+    """
     if path.suffix.lower() in SUFFIXES:
         return _of_aqdef(path, wanted, options)
     found = tables.opened_whole(path, path.name, options)

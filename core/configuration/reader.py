@@ -21,7 +21,7 @@ from .costs import check_ends, narrowed, read_costs
 from .effects import read_effects, resolved_effects
 from .files import with_files
 from .goals import read_limits, read_objectives, read_propagation
-from .labels import read_labels, resolved_labels
+from .labels import read_labels
 from .model_columns import read_design_columns, read_model_columns, resolved_columns
 from .money import read_money, resolved_money
 from .pairs import belongs, stranger
@@ -115,7 +115,7 @@ def _read_problem(
     resolved = {
         "problem": top.take("problem"),
         **({"model": model_name} if model_name else {}),
-        **resolved_labels(labels),
+        **labels.stated(),
         "seed": seed,
         "references": references,
         **resolved_money(problem.settings.money, resolved_problem(problem)),
@@ -201,7 +201,7 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
     if top.take("model") == TABLE:
         return read_table_model(top, _seed(top), faults)
     kind = load_named(top, "model", "models")
-    seed = _seed(top)
+    seed, labels = _seed(top), read_labels(top)
     for key in PROBLEM_ONLY:
         if top.take(key) is not None:
             top.fault(key, "needs a problem: a model alone takes seed, parameters and variables")
@@ -232,11 +232,13 @@ def _read_model(top: Section, faults: list[Fault]) -> Configuration:
         effects=effects,
         zero=zero,
         sense=sense,
+        labels=labels,
         columns=columns,
     )
     name = top.take("model")
     resolved = {
         "model": name,
+        **labels.stated(),
         "seed": seed,
         "parameters": dict(settings.parameters),
         "variables": resolved_variables(complete, kind.variables),

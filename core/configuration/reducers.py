@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from .. import tables
 from ..directory import not_whole
 from ..errors import Fault, InputError
-from ..problems.reducers.block import block_of
-from ..problems.reducers.nested import Nested
-from ..problems.rv_backlash import RvBacklash
 from ..section import POSITIVE, Section
 from .source import load
+
+if TYPE_CHECKING:  # a problem that few configurations have, with all its physics
+    from ..problems.reducers.nested import Nested
 
 KEPT = ("problem", "parameters", "variables", "costs", "propagation", "objectives", "limits")
 """The tables of a run configuration that mean its reducer."""
@@ -98,6 +98,9 @@ def _of_tables(
     section: Section, key: str, table: dict[str, Any], source: str, folder: Path
 ) -> Nested | None:
     """A reducer by the tables of a run configuration, whose files are looked for in `folder`."""
+    from ..problems.reducers.block import block_of
+    from ..problems.reducers.nested import Nested
+    from ..problems.rv_backlash import RvBacklash
     from .reader import read_tables
 
     name = table.get("problem")
@@ -195,5 +198,7 @@ def _pointed(
     if text:
         section.fault(key, f"{source}: {text}")
         return None
+    from ..problems.reducers.nested import Nested
+
     known = {"rms_arcmin": rms, "cost": cost, "source": source}
     return Nested(source, known, None, (tuple(rms), tuple(cost)))

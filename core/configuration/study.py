@@ -13,6 +13,7 @@ import tomli_w
 
 from ..counts import EVALUATIONS, RUNS, SETTINGS, too_many
 from ..errors import Fault, InputError, nearest, raise_all
+from ..problems.settings import Labels
 from ..section import POSITIVE, Range, Section, flat
 from ..workflows.study.designs import DESIGNS
 from ..workflows.study.plan import StudyPlan
@@ -20,6 +21,7 @@ from ..workflows.study.records import RESPONSES, Design, Factor, Reading, StudyS
 from ..workflows.study.responses import unsuitable
 from .configuration import Configuration
 from .files import with_files
+from .labels import read_labels
 from .reader import read_table
 from .readings import read_readings, written
 from .search import by_default, evaluations, settings_of
@@ -54,7 +56,7 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
     top = Section(table, "", faults)
     run = _run_table(top, table, folder_of(source), overrides, faults)
     base = None if run is None else _base(run, top.take("vary"), faults)
-    seed = top.integer("seed", Range(low=0), None)
+    seed, labels = top.integer("seed", Range(low=0), None), read_labels(top)
     seeds = top.integer("seeds", Range(low=1), RUNS)
     limit = top.number("time_limit_s", within=POSITIVE)
     responses = _responses(top, base)
@@ -73,8 +75,9 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
     assert base is not None
     assert design is not None
     values = base_values(run or {}, base.resolved)
+    known = base.settings.labels if labels == Labels() else labels
     settings = StudySettings(
-        title=source.stem if isinstance(source, Path) else STUDY,
+        title=known.name or (source.stem if isinstance(source, Path) else STUDY),
         factors=factors,
         design=design,
         responses=responses,
@@ -83,7 +86,10 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
         base={factor.key: values[factor.key] for factor in factors},
         objectives=base.settings.objectives,
         readings=readings,
-        configuration=_resolved(base, factors, design, responses, seeds, seed, limit, readings),
+        configuration=_resolved(
+            base, factors, design, responses, seeds, seed, limit, readings, labels
+        ),
+        labels=known,
     )
     return _planned(settings, base, run or {}, limit, most)
 
@@ -241,10 +247,16 @@ def _resolved(
     seed: int,
     limit: float | None,
     readings: tuple[Reading, ...],
+    labels: Labels,
 ) -> str:
     """The study as TOML, every default included; reading it again gives the same study."""
     vary = {factor.key: _vary(factor) for factor in factors}
-    table: dict[str, Any] = {"seed": seed, "seeds": seeds, "response": list(responses)}
+    table: dict[str, Any] = {
+        **labels.stated(),
+        "seed": seed,
+        "seeds": seeds,
+        "response": list(responses),
+    }
     table |= {} if limit is None else {"time_limit_s": limit}
     kind = {"kind": design.kind} | asdict(design)  # type: ignore[call-overload]
     table |= {"reading": written(readings)} if readings else {}

@@ -18,6 +18,7 @@ from .configuration import Configuration
 from .effects import read_effects, resolved_effects
 from .gap_columns import read_columns
 from .gear import GEAR, read_gear, resolved_gear
+from .labels import read_labels
 from .sense import SENSE, read_sense
 from .unresolved import UNRESOLVED, read_unresolved
 from .zero import ZERO, read_zero, resolved_zero
@@ -32,7 +33,7 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
     for key in ("parameters", "variables"):
         if top.take(key) is not None:
             top.fault(key, 'belongs to a model; model = "table" has none')
-    before = len(faults)
+    labels, before = read_labels(top), len(faults)
     columns = read_columns(top)
     gear = read_gear(top)
     unknown = [
@@ -49,13 +50,15 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
     raise_all(faults)
     resolved = {
         "model": TABLE,
+        **labels.stated(),
         "seed": seed,
         "columns": {name: _written(one) for name, one in columns.items()},
         **resolved_gear(gear),
         **resolved_zero(zero),
         **resolved_effects(effects),
     }
-    settings = Settings(seed=seed, effects=effects, definition=columns, zero=zero, gear=gear)
+    settings = Settings(seed=seed, effects=effects, definition=columns, zero=zero, gear=gear,
+                        labels=labels)  # fmt: skip
     return Configuration(model_name=TABLE, settings=settings, resolved=resolved)
 
 

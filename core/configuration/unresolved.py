@@ -13,7 +13,7 @@ from ..section import Section, shown
 
 UNRESOLVED = "unresolved"
 TEXTS, FLAGS = ("output", "variable", "shape", "times"), ("signed", "turns", "times_magnitude")
-LISTS = ("knots", "coefficients")
+LISTS = ("knots", "heights", "coefficients", "labels")
 
 
 def read_unresolved(top: Section, model: Any, name: str) -> tuple[Active, ...]:
@@ -44,6 +44,12 @@ def _term(section: Section) -> Active | None:
             value = _value(section, key)
             faulty |= value is None
             given[key] = value
+    if not faulty and len(given.get("heights", ())) != len(given.get("knots", ())) * (
+        given["shape"] == "curve"
+    ):
+        section.fault("heights", "must be one for each of the knots of a curve, and of no other "
+                      "shape")  # fmt: skip
+        faulty = True
     section.finish()
     if faulty:
         return None
@@ -65,10 +71,11 @@ def _value(section: Section, key: str) -> Any:
     if key not in LISTS:
         return section.number(key, "")
     value = section.take(key)
-    if not isinstance(value, list) or not all(type(one) in (int, float) for one in value):
-        section.fault(key, f"must be a list of numbers, got {shown(value)}")
+    kinds, what = ((str,), "texts") if key == "labels" else ((int, float), "numbers")
+    if not isinstance(value, list) or not all(type(one) in kinds for one in value):
+        section.fault(key, f"must be a list of {what}, got {shown(value)}")
         return None
-    return [float(one) for one in value]
+    return value if key == "labels" else [float(one) for one in value]
 
 
 def resolved_unresolved(effects: Iterable[Active]) -> dict[str, list[Mapping[str, Any]]]:

@@ -19,7 +19,7 @@ from .record import Dialect, Table
 from .signs import Evidence, canonical, decide, evidence
 from .text import rows_of
 from .typed import is_label
-from .unit_text import split_header, unit_of_cell
+from .unit_text import names_of, split_header, unit_of_cell
 
 SHOWN = 100
 """Bad rows of a table, or bad cells of one column, that are named; the rest is counted."""
@@ -93,7 +93,7 @@ def _table(
     quick: dict[str, NDArray[Any]],
 ) -> Table:
     """The table with its names apart from their units."""
-    names = _names(header)
+    names = names_of(header)
     units = {names[n]: unit for n in columns if (unit := split_header(n)[1]) and names[n] != n}
     if layout.units is not None:
         for name, cell in zip(header, layout.units[1], strict=False):
@@ -122,14 +122,6 @@ def _table(
     headers = {names[n]: n for n in columns}
     columns_of = Columns(own, lines)
     return Table(columns_of, found, units, tuple(notes), numeric, headers, values)
-
-
-def _names(header: list[str]) -> dict[str, str]:
-    """Column names without their units; whole where two would then be the same."""
-    short = {name: split_header(name)[0] for name in header}
-    taken = list(short.values()) + list(short)
-    return {name: one if one == name or taken.count(one) == 1 else name
-            for name, one in short.items()}  # fmt: skip
 
 
 def _squared(layout: Layout) -> tuple[list[str], list[Row]]:

@@ -18,6 +18,9 @@ from .options import AS_DETECTED, ReadOptions
 from .reading import opened
 from .record import Table
 
+AQDEF = "aqdef"
+OF_AQDEF = {"time": "time_s", "batch": "lot"}
+"""What the times and batches of a Q-DAS file are."""
 Tell = Callable[[Iterable[str]], None]
 """Takes what was understood of a table, line by line."""
 
@@ -90,6 +93,7 @@ def fitted(
             names[name] = wanted
             cells[name] = _in_unit(cells[name], found.units[name], unit, 1)
             notes.append(f'"{found.headers[name]}" is read as {wanted}')
+    names |= _of_aqdef(found, names, free)
     for name, target in names.items():
         if known.get(target) == "s":
             cells[name], told, wrong = _clock(cells[name])
@@ -106,6 +110,14 @@ def fitted(
     return Fitted(pd.DataFrame(kept, index=found.cells.index), tuple(notes), tuple(faults))
 
 
+def _of_aqdef(found: Table, names: Mapping[str, str], free: Mapping[str, str]) -> dict[str, str]:
+    """Times and batches of a Q-DAS file that nobody mapped."""
+    if found.dialect.kind != AQDEF:
+        return {}
+    return {name: target for name, target in OF_AQDEF.items() if name in found.cells
+            and name not in names and target in free and target not in names.values()}  # fmt: skip
+
+
 def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], list[str], list[str]]:
     """Dates and times of day as seconds since the earliest, a note, and what is wrong; numbers stay
     as they are.
@@ -115,8 +127,8 @@ def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], list[str], list[str]]
         return cells, [], []
     try:
         found, start = seconds(texts)
-    except ValueError as error:
-        return cells, [], [str(error)]
+    except ValueError as error:  # said once, not of every row
+        return pd.Series(np.arange(len(cells), dtype=float), index=cells.index), [], [str(error)]
     return pd.Series(found, index=cells.index), [f"seconds since {start:%Y-%m-%d %H:%M:%S}"], []
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -14,6 +15,7 @@ from .columns import Columns
 from .options import AS_DETECTED, ReadOptions
 from .record import Dialect, Table
 from .text import rows_of_text
+from .unit_text import names_of, split_header
 
 PARQUET = (".parquet", ".pq")
 WORKBOOKS = (".xlsx", ".xlsm")
@@ -93,7 +95,13 @@ def _from_parquet(content: bytes, place: str) -> tuple[Table, list[Fault]]:
         frame = pd.read_parquet(io.BytesIO(content))
     except (OSError, ValueError) as error:
         raise refuse(place, f"is not a Parquet file ({error})") from error
-    return table_of(frame, place, "parquet")
+    table, faults = table_of(frame, place, "parquet")
+    names = names_of(list(table.headers))
+    units = {names[n]: split_header(n)[1] for n in names if names[n] != n}
+    columns = Columns({names[str(n)]: frame[n].to_numpy() for n in frame}, range(1, len(frame) + 1))
+    own = {names[n]: n for n in table.headers}
+    numeric = tuple(names[n] for n in table.numeric)
+    return replace(table, columns=columns, units=units, numeric=numeric, headers=own), faults
 
 
 def table_of(frame: pd.DataFrame, place: str, kind: str = "frame") -> tuple[Table, list[Fault]]:

@@ -48,6 +48,14 @@ def split_header(header: str) -> tuple[str, str]:
     return header, ""
 
 
+def names_of(header: list[str]) -> dict[str, str]:
+    """Column names without their units; whole where two would then be the same."""
+    short = {name: split_header(name)[0] for name in header}
+    taken = list(short.values()) + list(short)
+    return {name: one if one == name or taken.count(one) == 1 else name
+            for name, one in short.items()}  # fmt: skip
+
+
 def is_unit_cell(cell: str) -> bool:
     """Whether a cell of a row of units is one: "mm", "[mm]", "-"."""
     bare = cell.strip().strip("[]()（）［］【】").strip()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtri
-from scipy.stats.qmc import Sobol
 
 Array = NDArray[np.float64]
 DIRECTIONS = 64
@@ -40,8 +40,8 @@ def radius_quantile(covariance: Array, coverage: float) -> Array:
 def normals(count: int, dimensions: int, seed: int = 0) -> Array:
     """A scrambled Sobol sample of independent standard normals (count, dimensions)."""
     bits = int(np.ceil(np.log2(max(count, 2))))
-    points = Sobol(dimensions, rng=np.random.default_rng(seed)).random_base2(bits)[:count]
-    return np.asarray(ndtri(np.clip(points, 1e-12, 1.0 - 1e-12)))
+    points = scipy.stats.qmc.Sobol(dimensions, rng=np.random.default_rng(seed)).random_base2(bits)
+    return np.asarray(ndtri(np.clip(points[:count], 1e-12, 1.0 - 1e-12)))
 
 
 def root(covariance: Array) -> Array:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from .bootstrap import cumulants_drawn, kept
 from .indices import Index, capability
 from .knowledge import Gauge, Knowledge, Prior, knowledge_of
+from .norm import Norm, Surplus, norm_of
+from .reading import PartSample, read_sample
 from .stability import Finding, distribution_type, findings
 
 __all__ = [
@@ -11,9 +14,16 @@ __all__ = [
     "Gauge",
     "Index",
     "Knowledge",
+    "Norm",
+    "PartSample",
     "Prior",
+    "Surplus",
     "capability",
+    "cumulants_drawn",
     "distribution_type",
     "findings",
+    "kept",
     "knowledge_of",
+    "norm_of",
+    "read_sample",
 ]

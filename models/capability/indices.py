@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 Array = NDArray[np.float64]
 CONFIDENCE = 0.95
@@ -36,7 +36,7 @@ def capability(values: Array, lower: float | None, upper: float | None) -> dict[
     if lower is not None and upper is not None:
         cp = (upper - lower) / (6.0 * std)
         shares = [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]
-        ends = np.sqrt(stats.chi2.ppf(shares, n - 1) / (n - 1))
+        ends = np.sqrt(scipy.stats.chi2.ppf(shares, n - 1) / (n - 1))
         found["Cp"] = Index(cp, cp * float(ends[0]), cp * float(ends[1]))
     sides = [side for side in (
         None if upper is None else (upper - mean) / (3.0 * std),
@@ -44,7 +44,7 @@ def capability(values: Array, lower: float | None, upper: float | None) -> dict[
     ) if side is not None]  # fmt: skip
     if sides:
         cpk = min(sides)
-        error = float(stats.norm.ppf(0.5 + CONFIDENCE / 2)) * np.sqrt(
+        error = float(scipy.stats.norm.ppf(0.5 + CONFIDENCE / 2)) * np.sqrt(
             1.0 / (9.0 * n) + cpk**2 / (2.0 * (n - 1))
         )
         found["Cpk"] = Index(cpk, cpk - error, cpk + error)

@@ -5,14 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 Array = NDArray[np.float64]
 LEAST = 5
 """Parts from which a sample is used; the posterior mean of a variance needs 4 of them."""
 CONFIDENCE = 0.95
 """Confidence of the upper limit on a variance in an assured allocation."""
+
+
+CONTRADICTED = 1e-6
+"""Probability below which a sample contradicts a prior."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +36,30 @@ class Prior:
 
 
 @dataclass(frozen=True, slots=True)
+class Difference:
+    """The variances of readings and gauge, of which the parts' is the difference.
+
+    Each is an estimate with its degrees of freedom.
+    """
+
+    seen: float
+    seen_df: float
+    gauge: float
+    gauge_df: float
+
+    @property
+    def own(self) -> float:
+        """The variance of the parts alone."""
+        return self.seen - self.gauge
+
+
+@dataclass(frozen=True, slots=True)
 class Knowledge:
     """Posterior of a normal process: variance scaled-inverse-chi-square (df, std^2), mean given the
     variance normal about the sample's with variance sigma^2/n.
 
-    `inflation` is E, the posterior mean of the variance over std^2, `surplus` is G, its upper limit
-    at `CONFIDENCE` over std^2, less E. A known process has infinite `n` and `df`.
+    A known process has infinite `n` and `df`. `prior_parts` is what a stated prior is worth,
+    `difference` what the gauge adds to the doubt.
 
     Reference: Gelman et al. (2013), Bayesian Data Analysis, 3rd ed., section 3.3, with the prior
     density 1/sigma^2 or a scaled-inverse-chi-square one.
@@ -47,8 +69,54 @@ class Knowledge:
     std: float
     n: float = np.inf
     df: float = np.inf
-    inflation: float = 1.0
-    surplus: float = 0.0
+    prior_parts: float = 0.0
+    difference: Difference | None = None
+
+    @property
+    def inflation(self) -> float:
+        """E, the posterior mean of the variance over std^2."""
+        return 1.0 if np.isinf(self.df) else self.df / (self.df - 2.0)
+
+    @property
+    def surplus(self) -> float:
+        """`surplus_at` the usual confidence."""
+        return self.surplus_at(CONFIDENCE)
+
+    def surplus_at(self, confidence: float) -> float:
+        """G, the upper limit of the variance at a confidence over std^2, less E; at least 0."""
+        if np.isinf(self.df):
+            return 0.0
+        found = _factor(self.df, confidence) - self.inflation
+        if (one := self.difference) is not None:
+            limit = upper_of_difference(one.seen, one.seen_df, one.gauge, one.gauge_df, confidence)
+            found += max(limit / one.own - _factor(one.seen_df, confidence), 0.0)
+        return max(found, 0.0)
+
+    def drawn(self, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Variances over std^2 and errors of the mean over std, (count,) each, of the posterior.
+
+        Of a gauge the generalised pivotal quantity of the difference: what its own variance may be
+        is taken off the readings', a negative rest counts as a thousandth.
+        Reference: Weerahandi (1993), Generalized confidence intervals, J. American Statistical
+        Association 88(423), 899-905.
+        """
+        if np.isinf(self.df):
+            return np.ones(count), np.zeros(count)
+        variance = self.df / rng.chisquare(self.df, count)
+        readings = variance
+        if (one := self.difference) is not None:
+            share = one.seen_df / self.df
+            gauge = np.full(count, one.gauge) if np.isinf(one.gauge_df) else (
+                one.gauge * one.gauge_df / rng.chisquare(one.gauge_df, count))  # fmt: skip
+            whole = variance * (self.std**2 + share * one.gauge)
+            variance = np.maximum(whole - share * gauge, 1e-3 * self.std**2) / self.std**2
+            readings = variance + gauge / self.std**2
+        return variance, np.sqrt(readings / self.n) * rng.standard_normal(count)
+
+
+def _factor(df: float, confidence: float) -> float:
+    """The upper limit of a variance over its estimate."""
+    return df / float(scipy.stats.chi2.ppf(1.0 - confidence, df))
 
 
 def knowledge_of(
@@ -57,8 +125,8 @@ def knowledge_of(
     """What `values` (n,) of one characteristic tell.
 
     The variance of a gauge is subtracted, and the upper limit that of the difference. Raises
-    ValueError for fewer than `LEAST` values, values that are all equal, and a gauge that scatters
-    at least as much as the readings.
+    ValueError for fewer than `LEAST` values, values that are all equal, a gauge that scatters
+    at least as much as the readings, and a prior that they contradict.
     """
     n = len(values)
     if n < LEAST:
@@ -71,18 +139,24 @@ def knowledge_of(
     if gauge is not None and own <= 0.0:
         raise ValueError(f"scatters by {np.sqrt(seen):.4g}, its gauge alone by {gauge.sigma:.4g}: "
                          "the gauge is unfit for these parts")  # fmt: skip
-    df = n - 1.0
-    surplus_of_gauge = 0.0
-    if gauge is not None:
-        limit = upper_of_difference(seen, df, gauge.sigma**2, gauge.df)
-        surplus_of_gauge = limit / own - df / float(stats.chi2.ppf(1.0 - CONFIDENCE, df))
+    df, parts = n - 1.0, 0.0
+    difference = None if gauge is None else Difference(seen, df, gauge.sigma**2, gauge.df)
     if prior is not None:
+        _agreeing(own, df, prior)
         own = (prior.parts * prior.sigma**2 + df * own) / (prior.parts + df)
-        df += prior.parts
-    inflation = df / (df - 2.0)
-    surplus = df / float(stats.chi2.ppf(1.0 - CONFIDENCE, df)) - inflation
-    surplus += max(surplus_of_gauge, 0.0)
-    return Knowledge(mean, float(np.sqrt(own)), float(n), df, inflation, surplus)
+        df, parts = df + prior.parts, prior.parts
+    return Knowledge(mean, float(np.sqrt(own)), float(n), df, parts, difference)
+
+
+def _agreeing(variance: float, df: float, prior: Prior) -> None:
+    """Raises ValueError where a sample contradicts a prior that claims to be worth more."""
+    below = float(scipy.stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
+    chance = 2.0 * min(below, 1.0 - below)
+    if chance < CONTRADICTED:
+        raise ValueError(f"scatters by {np.sqrt(variance):.4g}, the prior says {prior.sigma:.4g} "
+                         f"and claims to be worth {prior.parts:g} parts: as far apart by chance "
+                         f"once in {1.0 / max(chance, 1e-12):.2g}; lower prior.parts, or leave it "
+                         "out")  # fmt: skip
 
 
 def upper_of_difference(
@@ -95,14 +169,14 @@ def upper_of_difference(
     and Simulation 35(1-2), 135-143.
     """
     if second <= 0.0:
-        return first * first_df / float(stats.chi2.ppf(1.0 - confidence, first_df))
-    above = first_df / float(stats.chi2.ppf(1.0 - confidence, first_df)) - 1.0
+        return first * first_df / float(scipy.stats.chi2.ppf(1.0 - confidence, first_df))
+    above = first_df / float(scipy.stats.chi2.ppf(1.0 - confidence, first_df)) - 1.0
     if np.isfinite(second_df):
-        below = 1.0 - second_df / float(stats.chi2.ppf(confidence, second_df))
-        f = float(stats.f.ppf(1.0 - confidence, first_df, second_df))
+        below = 1.0 - second_df / float(scipy.stats.chi2.ppf(confidence, second_df))
+        f = float(scipy.stats.f.ppf(1.0 - confidence, first_df, second_df))
     else:
         below = 0.0
-        f = float(stats.chi2.ppf(1.0 - confidence, first_df)) / first_df
+        f = float(scipy.stats.chi2.ppf(1.0 - confidence, first_df)) / first_df
     mixed = ((1.0 - f) ** 2 - (above * f) ** 2 - below**2) / f
     variance = (above * first) ** 2 + (below * second) ** 2 + mixed * first * second
     return first - second + float(np.sqrt(max(variance, 0.0)))

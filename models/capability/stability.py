@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 Array = NDArray[np.float64]
 LEVEL = 0.01
@@ -68,7 +68,7 @@ def distribution_type(found: Sequence[Finding]) -> str:
 
 
 def _drift(values: Array) -> Finding:
-    found = stats.linregress(np.arange(len(values), dtype=float), values)
+    found = scipy.stats.linregress(np.arange(len(values), dtype=float), values)
     total = float(found.slope) * (len(values) - 1)
     text = f"drifts by {total:.3g} from the first part to the last"
     return Finding("drift", text, float(found.pvalue))
@@ -83,9 +83,9 @@ def _lots(values: Array, lots: Sequence[str]) -> list[Finding]:
     spread = float(np.ptp([group.mean() for group in groups]))
     return [
         Finding("lots", f"has lots whose means differ by up to {spread:.3g}",
-                float(stats.f_oneway(*groups).pvalue)),
+                float(scipy.stats.f_oneway(*groups).pvalue)),
         Finding("scatter", "has lots that scatter differently",
-                float(stats.levene(*groups, center="median").pvalue)),
+                float(scipy.stats.levene(*groups, center="median").pvalue)),
     ]  # fmt: skip
 
 
@@ -95,13 +95,13 @@ def _outlier(values: Array) -> Finding:
     g = float(abs(values[far] - values.mean()) / values.std(ddof=1))
     room = (n - 1) ** 2 - n * g**2
     t = np.inf if room <= 0.0 else np.sqrt(n * (n - 2) * g**2 / room)
-    p = min(1.0, 2.0 * n * float(stats.t.sf(t, n - 2)))
+    p = min(1.0, 2.0 * n * float(scipy.stats.t.sf(t, n - 2)))
     text = f"has an outlier: {values[far]:.6g} (part {far + 1}), {g:.1f} standard deviations off"
     return Finding("outlier", text, p)
 
 
 def _shape(values: Array) -> Finding:
-    skew, excess = float(stats.skew(values)), float(stats.kurtosis(values))
+    skew, excess = float(scipy.stats.skew(values)), float(scipy.stats.kurtosis(values))
     words = "heavy tails, " if excess > abs(skew) else "skew, " if abs(skew) > 0.5 else ""
     text = f"is not normal ({words}skewness {skew:.2f}, excess kurtosis {excess:.2f})"
-    return Finding("shape", text, float(stats.shapiro(values).pvalue))
+    return Finding("shape", text, float(scipy.stats.shapiro(values).pvalue))

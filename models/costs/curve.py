@@ -6,7 +6,8 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize.elementwise import find_root
+
+from ..roots import bracketed_roots
 
 Array = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ class CostCurve(ABC):
         found = np.where(falls, high, low)
         inner = ~(falls | rises)
         if np.any(inner):
-            root = find_root(rise, ends, args=(linear[inner], square[inner]))
+            root = bracketed_roots(rise, ends, linear[inner], square[inner])
             found[inner] = np.exp(root.x)
         return np.clip(found, low, high)
 

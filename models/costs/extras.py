@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,6 +11,8 @@ from .curve import CostCurve
 from .table import Table
 
 NOT_NEGATIVE = Range(low=0.0)
+EXTRAS = ("setup", "inspection")
+"""Keys of what is added to the cost of making a part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +62,28 @@ def read_extras(section: Section) -> float:
         more = price or 0.0
     section.known(("inspection",))
     return more + (setup.per_part if setup else 0.0)
+
+
+def read_extras_by(section: Section, keys: Sequence[str]) -> dict[str, float]:
+    """The same for each of `keys`, for which the price of a set-up may differ:
+    `setup = { price = { IT6 = 240, IT7 = 120 }, lot = 50 }`.
+    """
+    own = section.take("setup")
+    prices = own.get("price") if isinstance(own, dict) else None
+    if not isinstance(prices, dict):
+        return dict.fromkeys(keys, read_extras(section))
+    table, setup = section.section("setup").section("price"), section.of("setup", own)
+    each = {key: table.number(key, within=NOT_NEGATIVE) for key in keys}
+    lot = setup.integer("lot", Range(low=1))
+    setup.known(("price",))
+    if "lot" not in setup:
+        setup.fault("lot", "is missing: how many parts it is for")
+    for key in (key for key in keys if key not in table):
+        table.fault(key, "is missing: state the set-up of each grade, or one price for all")
+    for part in (table, setup):
+        part.finish()
+    rest = read_extras(section.having("setup", {"price": 0.0, "lot": 1}))
+    return {key: rest + (price or 0.0) / (lot or 1) for key, price in each.items()}
 
 
 def dearer(curve: CostCurve, more: float) -> CostCurve:

@@ -13,13 +13,14 @@ from hashlib import sha256
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy
 
 from ..inputs.distribution import Array
 from ..measurable import Role
 from .effect import Action, Effect, EffectParameter, Readings, Target
+from .readings import SESSION, labels_of
 
-SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product")
+SHAPES = ("constant", "spline", "power", "step", "wave", "swing", "product", "levels", "curve")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,10 +29,14 @@ class Term:
 
     - `constant`: 1;
     - `spline`: cubic B-splines with `knots`;
+    - `curve`: straight from knot to knot, with `heights` there;
     - `power`: z^exponent of z = |x - zero| / scale, with the sign of x - zero where `signed`;
     - `step`: 1 from zero on;
     - `wave`: cosine and sine of `order` times x, an angle;
     - `swing`: cosine and sine of `order` times (x - zero) / scale;
+    - `levels`: a level for each of `labels` in the column, which add up to 0: one column for each
+      label but the first, 1 there and -1 at the first; rows of another label, or of a table
+      without sessions, get none of them;
     - `product`: z w, z^2 w, z w^2, z^2 w^2 of z = (x - zero) / scale and w, which `times` gives.
 
     All of it times w^times_exponent of w = (y - times_zero) / times_scale of the column `times`,
@@ -48,6 +53,8 @@ class Term:
     signed: bool = False
     order: float = 0.0
     knots: tuple[float, ...] = ()
+    heights: tuple[float, ...] = ()
+    labels: tuple[str, ...] = ()
     times: str = ""
     times_exponent: float = 1.0
     times_zero: float = 0.0
@@ -60,6 +67,8 @@ class Term:
         """Columns."""
         if self.shape == "spline":
             return len(self.knots) + 2
+        if self.shape == "levels":
+            return len(self.labels) - 1
         return {"wave": 2, "swing": 2, "product": 4}.get(self.shape, 1)
 
     @property
@@ -87,11 +96,15 @@ class Term:
         if self.shape == "wave":
             turned = self.order * np.asarray(readings[Role.ANGLE], dtype=float)
             return np.column_stack([np.cos(turned), np.sin(turned)])
+        if self.shape == "levels":
+            return self._levels(readings)
         x = np.asarray(readings.table[self.variable], dtype=float)
         if self.shape == "spline":
             ends = np.r_[[self.knots[0]] * 3, self.knots, [self.knots[-1]] * 3]
             inside = np.clip(x, self.knots[0], self.knots[-1])
-            return np.asarray(BSpline.design_matrix(inside, ends, 3).toarray())
+            return np.asarray(scipy.interpolate.BSpline.design_matrix(inside, ends, 3).toarray())
+        if self.shape == "curve":
+            return np.asarray(np.interp(x, self.knots, self.heights))[:, None]
         if self.shape == "step":
             return np.asarray(x >= self.zero, dtype=float)[:, None]
         z = (x - self.zero) / self.scale
@@ -103,11 +116,19 @@ class Term:
         size = np.abs(z) ** self.exponent
         return (np.sign(z) * size if self.signed else size)[:, None]
 
+    def _levels(self, readings: Readings) -> Array:
+        if self.variable not in readings.table:
+            return np.zeros((len(readings), self.count))
+        names, which = labels_of(readings.table[self.variable])
+        each = np.asarray(names[which][:, None] == np.array(self.labels), dtype=float)
+        return np.asarray(each[:, 1:] - each[:, :1])
+
     def table(self, coefficients: Array) -> dict[str, Any]:
         """The `[[unresolved]]` table of it."""
         usual = {one.name: one.default for one in fields(self)}
         given = {k: v for k, v in asdict(self).items() if v != usual[k]}
-        given |= {"knots": list(self.knots)} if self.knots else {}
+        lists = {"knots": self.knots, "heights": self.heights, "labels": self.labels}
+        given |= {name: list(one) for name, one in lists.items() if one}
         return {**given, "coefficients": [float(one) for one in coefficients]}
 
 
@@ -130,7 +151,7 @@ class Unresolved(Effect):
 
     def own_applies(self, target: Target) -> bool:
         """Only where its columns and its output are there."""
-        names = {one.name for one in target.columns}
+        names = {SESSION, *(one.name for one in target.columns)}
         turns = not self.term.turns or Role.DIRECTION in target.roles()
         outputs = {one.name for one in target.outputs}
         return {*self.term.variables} <= names and turns and self.term.output in outputs
@@ -163,6 +184,6 @@ class Unresolved(Effect):
 def unresolved_of(table: Mapping[str, Any]) -> tuple[Unresolved, dict[str, float]]:
     """A term and its parameters from its checked `[[unresolved]]` table."""
     given = {k: v for k, v in table.items() if k != "coefficients"}
-    given |= {"knots": tuple(given["knots"])} if "knots" in given else {}
+    given |= {name: tuple(given[name]) for name in ("knots", "heights", "labels") if name in given}
     values = {f"c{k + 1}": float(one) for k, one in enumerate(table["coefficients"])}
     return Unresolved(Term(**given)), values

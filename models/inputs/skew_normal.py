@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from math import comb, gamma, hypot, pi, sqrt
 
 import numpy as np
+import scipy
 from scipy.special import ndtr, owens_t
-from scipy.stats import skewnorm
 
 from .distribution import Array, Distribution
 from .normal import TAIL, density
@@ -77,7 +77,7 @@ class SkewNormal(Distribution):
 
     def quantile(self, probability: Array) -> Array:
         origin, scale = self._line
-        y = np.asarray(skewnorm.ppf(probability, self.skew))
+        y = np.asarray(scipy.stats.skewnorm.ppf(probability, self.skew))
         return np.clip(origin + scale * y, *self.support)
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from ..costs import CostCurve, Table
 from .machine import Machine
@@ -64,10 +64,10 @@ class GoodPartsBySpread(CostCurve):
         return float(x[0]), float(x[-1])
 
     @cached_property
-    def _inverse(self) -> PchipInterpolator:
+    def _inverse(self) -> scipy.interpolate.PchipInterpolator:
         t, x = self._table
         rising = np.concatenate([[True], np.diff(np.maximum.accumulate(x)) > 0.0])
-        return PchipInterpolator(x[rising], t[rising])
+        return scipy.interpolate.PchipInterpolator(x[rising], t[rising])
 
     def limit(self, x: Array) -> Array:
         """The limit t of an inspection that leaves good parts with the scatter x."""
@@ -89,8 +89,21 @@ class GoodPartsBySpread(CostCurve):
     def best(self, linear: Array, square: Array, low: float, high: float) -> Array:
         """As in the base class, by bisection in the tabulated slope, which rises with x."""
         x, slope = self._slopes
-        first, last = np.zeros(len(linear), np.int64), np.full(len(linear), len(x) - 1)
-        for _ in range(int(np.ceil(np.log2(len(x))))):
+        ends = np.array([low, high])
+        at_low, at_high = np.interp(ends, x, slope)[:, None] + linear + 2.0 * square * ends[:, None]
+        found = np.where(at_high <= 0.0, high, low)
+        inner = np.flatnonzero((at_low < 0.0) & (at_high > 0.0))
+        if len(inner):
+            found[inner] = self._inside(linear[inner], square[inner], ends)
+        return np.clip(found, low, high)
+
+    def _inside(self, linear: Array, square: Array, ends: Array) -> Array:
+        """Where the tabulated slope and prices (n,) add up to 0 between two ends."""
+        x, slope = self._slopes
+        before, after = np.searchsorted(x, ends).tolist()
+        low, high = max(before - 1, 0), min(max(after, before), len(x) - 1)
+        first, last = np.full(len(linear), low), np.full(len(linear), high)
+        for _ in range((high - low).bit_length()):
             middle = (first + last) // 2
             above = slope[middle] + linear + 2.0 * square * x[middle] > 0.0
             first, last = np.where(above, first, middle), np.where(above, middle, last)
@@ -98,8 +111,7 @@ class GoodPartsBySpread(CostCurve):
         left = slope[at] + linear + 2.0 * square * x[at]
         right = slope[at + 1] + linear + 2.0 * square * x[at + 1]
         share = np.clip(-left / np.where(right > left, right - left, 1.0), 0.0, 1.0)
-        found: Array = np.clip(x[at] + share * (x[at + 1] - x[at]), low, high)
-        return found
+        return np.asarray(x[at] + share * (x[at + 1] - x[at]))
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array]:

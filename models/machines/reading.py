@@ -1,17 +1,16 @@
-"""`[[part.machine]]` and `[[variables.NAME.machine]]`: machines from and to their tables."""
+"""Reads `[[part.machine]]` and `[[variables.NAME.machine]]`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...section import POSITIVE, Range, Section
-from ..costs import CostCurve, Reciprocal
-from ..costs.extras import NOT_NEGATIVE, Setup, read_setup
-from .curves import GoodPartsByLimit
+from ..capability import PartSample, read_sample
+from ..costs.extras import NOT_NEGATIVE, read_setup
 from .machine import GUARD, SIDES, Inspection, Machine, Rework
+from .offers import Offer
 
 TIGHTEST, LOOSEST = 0.5, 4.0
 """Limits of inspection from and to which it is searched, in standard deviations of the readings."""
@@ -20,128 +19,86 @@ LEAST_YIELD = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
-    """A machine used in one way: inspected at +-t from `low` to `high`, or without inspection at
-    its natural half-width; cost of a good part against t.
-    """
-
-    machine: Machine
-    low: float
-    high: float
-
-    @property
-    def label(self) -> str:
-        """Name of the way."""
-        return self.machine.name + (", inspected" if self.machine.inspection else "")
-
-    @property
-    def curve(self) -> CostCurve:
-        """Cost of a good part."""
-        if self.machine.inspection is None:
-            return Reciprocal(self.machine.price, 0.0)
-        return GoodPartsByLimit(self.machine)
-
-
-@dataclass(frozen=True, slots=True)
-class Offer:
-    """A machine as a table states it. The price of `machine` has its share of the `setup`.
-
-    `low` and `high` are the limits of inspection that are searched, `required` says that parts are
-    never used without inspection, `assumed` what the table leaves open.
-    """
-
-    machine: Machine
-    price: float
-    low: float = 0.0
-    high: float = 0.0
-    setup: Setup | None = None
-    required: bool = False
-    assumed: str = field(default="", compare=False)
-
-    def ways(self) -> tuple[Way, ...]:
-        """With and without inspection, as far as the table allows it."""
-        natural = self.machine.natural
-        bare = Way(replace(self.machine, inspection=None), natural, natural)
-        if self.machine.inspection is None:
-            return (bare,)
-        inspected = Way(self.machine, self.low, self.high)
-        return (inspected,) if self.required else (bare, inspected)
-
-    def table(self) -> dict[str, Any]:
-        """The table that states it."""
-        one, given = self.machine, self.machine.inspection
-        found: dict[str, Any] = {"name": one.name, "sigma": one.sigma, "mean": one.mean,
-                                 "price": self.price}  # fmt: skip
-        if self.setup is not None:
-            found["setup"] = self.setup.table()
-        if given is None:
-            return found
-        inspection: dict[str, Any] = {"price": given.price, "u": given.u, "guard": given.guard,
-                                      "scrap": given.scrap, "required": self.required}  # fmt: skip
-        if given.rework is not None:
-            again = given.rework
-            inspection["rework"] = {"price": again.price, "success": again.success,
-                                    "side": again.side}  # fmt: skip
-        return found | {"t_min": self.low, "t_max": self.high, "inspection": inspection}
-
-
-def read_offers(
-    section: Section, unit: str, ends: tuple[float | None, float | None] = (None, None)
-) -> tuple[Offer, ...] | None:
-    """The `machine` tables of a part or variable in `unit`; None after a fault.
+class Owner:
+    """What a machine makes: its `unit`, and its nominal and mid-limit, which measured parts need.
 
     `ends` are limits of inspection for machines that state none.
     """
-    return section.named_items("machine", lambda own, name: _offer(own, name, unit, ends))
+
+    unit: str
+    ends: tuple[float | None, float | None] = (None, None)
+    nominal: float | None = None
+    mid: float = 0.0
 
 
-def _offer(
-    own: Section, name: str, unit: str, ends: tuple[float | None, float | None]
-) -> Offer | None:
-    sigma, mean = own.number("sigma", unit, POSITIVE), own.number("mean", unit)
+def read_offers(section: Section, owner: Owner) -> tuple[Offer, ...] | None:
+    """The `machine` tables of a part or variable; None after a fault."""
+    return section.named_items("machine", lambda own, name: _offer(own, name, owner))
+
+
+def _offer(own: Section, name: str, owner: Owner) -> Offer | None:
     price, setup = own.number("price", within=NOT_NEGATIVE), read_setup(own)
-    if "sigma" not in own:
-        own.fault("sigma", "is missing: the standard deviation of what the machine makes")
+    made, sample = _scatter(own, owner)
     if "price" not in own:
         own.fault("price", "is missing: what a part costs on the machine")
     if "cost" in own:
         own.take("cost")
         own.fault("cost", "is no key of a machine, whose scatter does not follow t: give price, or "
                   "state a process")  # fmt: skip
-    inspection = _inspection(own, unit) if "inspection" in own else None
-    limits = [own.number(key, unit, POSITIVE) for key in ("t_min", "t_max")]
+    inspection = _inspection(own, owner.unit) if "inspection" in own else None
+    limits = [own.number(key, owner.unit, POSITIVE) for key in ("t_min", "t_max")]
     if "inspection" not in own:
         for key in ("inspection", "t_min", "t_max"):
             if key in own:
                 own.fault(key, "is the limit of an inspection, and the machine has none: state "
                           "inspection = { price = ... }, or leave it out")  # fmt: skip
-    if sigma is None or price is None or ("inspection" in own and inspection is None):
+    if made is None or price is None or ("inspection" in own and inspection is None):
         return None
-    if ("mean" in own and mean is None) or ("setup" in own and setup is None):
+    if "setup" in own and setup is None:
         return None
     whole = price + (setup.per_part if setup else 0.0)
-    machine = Machine(name, sigma, whole, mean or 0.0, inspection and inspection[0])
-    if inspection is None:
-        return Offer(machine, price, setup=setup)
-    return _searched(own, Offer(machine, price, setup=setup, required=inspection[1]), limits, ends,
-                     unit)  # fmt: skip
+    machine = Machine(name, made[0], whole, made[1], inspection and inspection[0])
+    found = Offer(machine, price, setup=setup, required=bool(inspection and inspection[1]),
+                  assumed=_assumed(name, sample), sample=sample)  # fmt: skip
+    return found if inspection is None else _searched(own, found, limits, owner)
 
 
-def _searched(
-    own: Section, offer: Offer, limits: list[float | None],
-    ends: tuple[float | None, float | None], unit: str,
-) -> Offer | None:  # fmt: skip
+def _scatter(own: Section, owner: Owner) -> tuple[tuple[float, float] | None, PartSample | None]:
+    """Standard deviation and mean of what a machine makes, stated or from parts measured."""
+    sigma, mean = own.number("sigma", owner.unit, POSITIVE), own.number("mean", owner.unit)
+    if "measured" not in own:
+        own.known(("measured",))
+        if "sigma" not in own:
+            own.fault("sigma", "is missing: the standard deviation of what the machine makes, or "
+                      "measured = { file = ... }")  # fmt: skip
+        faulty = sigma is None or ("mean" in own and mean is None)
+        return (None if faulty or sigma is None else (sigma, mean or 0.0)), None
+    stated = [key for key in ("sigma", "mean") if key in own]
+    for key in stated:
+        own.fault(key, "is stated beside measured, which tells it: keep one")
+    sample = read_sample(own, owner.unit, owner.nominal, owner.mid, follows=False)
+    if sample is None or stated:
+        return None, None
+    return (sample.knowledge.std, sample.offset), sample
+
+
+def _assumed(name: str, sample: PartSample | None) -> str:
+    """What the table of measured parts leaves open."""
+    return "; ".join(f"machine {name}: {why}" for why in sample.assumed.values()) if sample else ""
+
+
+def _searched(own: Section, offer: Offer, limits: list[float | None], owner: Owner) -> Offer | None:
     """The offer with the limits of inspection that are searched."""
-    one = offer.machine
+    one, unit, ends = offer.machine, owner.unit, owner.ends
     usual = (one.guard_band + TIGHTEST * one.reading + max(0.0, abs(one.mean) - one.reading),
              one.guard_band + LOOSEST * one.reading + abs(one.mean))  # fmt: skip
     stated = [ends[at] if limits[at] is None else limits[at] for at in (0, 1)]
     low, high = (usual[at] if (end := stated[at]) is None else end for at in (0, 1))
     open_ = [key for key, end in zip(("t_min", "t_max"), stated, strict=True) if end is None]
-    assumed = ""
+    assumed = [offer.assumed] if offer.assumed else []
     if open_:
-        assumed = (f"machine {one.name} is inspected at {low:.4g} to {high:.4g} {unit}; "
-                   f"{' and '.join(open_)} not given")  # fmt: skip
+        assumed.append(f"machine {one.name} is inspected at {low:.4g} to {high:.4g} {unit}; "
+                       f"{' and '.join(open_)} not given")  # fmt: skip
     if low >= high:
         own.fault("t_min" if "t_min" in own else "t_max", f"must leave a range: limits of "
                   f"inspection from {low:g} to {high:g} {unit}")  # fmt: skip
@@ -157,7 +114,7 @@ def _searched(
                   f"at the tightest limits ({low:g} {unit}): correct the mean or widen "
                   "t_min")  # fmt: skip
         return None
-    return replace(offer, low=low, high=high, assumed=assumed)
+    return replace(offer, low=low, high=high, assumed="; ".join(assumed))
 
 
 def _inspection(own: Section, unit: str) -> tuple[Inspection, bool] | None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy.special import ndtri
-from scipy.stats import qmc
 
 from ..inputs.distribution import Array
 from .forward import exact_pose
@@ -46,7 +46,7 @@ def nonlinearity(
     Raises OutOfReach and NoPose.
     """
     power = int(np.ceil(np.log2(max(2, samples))))
-    points = qmc.Sobol(3 + len(NAMES), scramble=True, rng=rng).random_base2(power)
+    points = scipy.stats.qmc.Sobol(3 + len(NAMES), scramble=True, rng=rng).random_base2(power)
     r, z, phi = _poses(ring, points, index)
     errors = sigma * ndtri(np.clip(points[:, 3:], 1e-16, 1.0 - 1e-16))
     exact = exact_pose(manipulator, r, z, phi, errors)

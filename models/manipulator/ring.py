@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.special import ndtri
 
 from ..gaussian_length import exceedance
@@ -142,8 +142,11 @@ class Machines:
         high = WIDER * least
         while share(high) > 1.0 - coverage:
             high *= WIDER
-        found = float(brentq(lambda at: np.log(share(at) / (1.0 - coverage)), SHORT * least, high,
-                             rtol=CLOSE))  # fmt: skip
+        found = float(
+            scipy.optimize.brentq(
+                lambda at: np.log(share(at) / (1.0 - coverage)), SHORT * least, high, rtol=CLOSE
+            )
+        )
         fall = share(found * (1.0 - STEP)) - share(found * (1.0 + STEP))
         return max(found, least), some.beyond(found, own)[1] * 2.0 * STEP * found / fall
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
+import scipy
 
 from ..inputs.distribution import Array
 from .lattice import Integers, spectrum, window
@@ -77,7 +77,7 @@ def _statistics(total: ClippedSum, coverage: float, limit: float, points: int) -
     effective, base = _clip(mass, first)
     free, free_start = spectrum(total.free, step, points)
     begin = base + np.floor(free_low / step).astype(np.int64) - 2 * len(total.free)
-    spread = window(fft.rfft(effective, axis=1) * free, base + free_start, begin, points)
+    spread = window(scipy.fft.rfft(effective, axis=1) * free, base + free_start, begin, points)
     x = (begin[:, None] + np.arange(points)) * step[:, None]
     return np.array([*_moments(spread, x), *_levels(spread, x, step, coverage, limit), negative])
 

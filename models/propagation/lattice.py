@@ -9,8 +9,8 @@ Mathematics and Economics 2(3), 159-177, call it the method of matching the firs
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft
 
 from ..inputs.distribution import Array
 from .sums import Term
@@ -75,7 +75,7 @@ def spectrum(terms: tuple[Term, ...], step: Array, points: int) -> tuple[Spectru
     start = np.zeros(len(step), dtype=np.int64)
     for term in terms:
         mass, first = masses(term, step)
-        one = fft.rfft(_wrapped(mass, points), n=points, axis=1)
+        one = scipy.fft.rfft(_wrapped(mass, points), n=points, axis=1)
         product = one if product is None else product * one
         start += first
     assert product is not None
@@ -94,6 +94,6 @@ def _wrapped(mass: Array, points: int) -> Array:
 
 def window(transform: Spectrum, start: Integers, first: Integers, points: int) -> Array:
     """Masses at lattice indices first .. first + points - 1, shape (n, points)."""
-    periodic = fft.irfft(transform, n=points, axis=1)
+    periodic = scipy.fft.irfft(transform, n=points, axis=1)
     at = (first - start)[:, None] + np.arange(points)
     return np.take_along_axis(periodic, at % points, axis=1)

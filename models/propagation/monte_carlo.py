@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from ..inputs.distribution import Array
 from .method import Propagation
@@ -37,10 +38,10 @@ class MonteCarlo(Propagation):
     @classmethod
     def draw(cls, samples: int, dimensions: int, rng: np.random.Generator) -> MonteCarlo:
         """A scrambled Sobol sample, rounded up to REPLICATES powers of two."""
-        power = max(1, int(np.ceil(np.log2(max(samples, 2 * REPLICATES) / REPLICATES))))
-        seeds = rng.spawn(REPLICATES)
-        sobol = [qmc.Sobol(dimensions, scramble=True, rng=seed) for seed in seeds]
-        return cls(np.stack([one.random_base2(power) for one in sobol]))
+        points = np.empty((REPLICATES, 2 ** power_of(samples), dimensions))
+        for own, drawn in zip(points, replicates(samples, dimensions, rng), strict=True):
+            own[:] = drawn
+        return cls(points)
 
     @property
     def block(self) -> int:
@@ -55,6 +56,18 @@ class MonteCarlo(Propagation):
         error[3:] = np.maximum(error[3:], 1.0 / self.points[..., 0].size)
         estimates = [Estimate(v, e) for v, e in zip(value, error, strict=True)]
         return Propagated(cumulants[0], np.sqrt(cumulants[1]), *estimates)
+
+
+def power_of(samples: int) -> int:
+    """Of how many samples a replicate is, as a power of two."""
+    return max(1, int(np.ceil(np.log2(max(samples, 2 * REPLICATES) / REPLICATES))))
+
+
+def replicates(samples: int, dimensions: int, rng: np.random.Generator) -> Iterator[Array]:
+    """The points (samples per replicate, dimensions) of each replicate, one after the other."""
+    for seed in rng.spawn(REPLICATES):
+        sobol = scipy.stats.qmc.Sobol(dimensions, scramble=True, rng=seed)
+        yield np.asarray(sobol.random_base2(power_of(samples)))
 
 
 def _replicate(total: ClippedSum, points: Array, coverage: float, limit: float) -> Array:

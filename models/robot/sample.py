@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtri
-from scipy.stats.qmc import Sobol
 
 from .drives import Drives
 from .measures import COVERAGE
@@ -43,7 +43,9 @@ class AccuracySample:
     ) -> AccuracySample:
         """A scrambled Sobol sample, rounded up to a power of two, over `poses` in turn."""
         bits = int(np.ceil(np.log2(max(samples, 2 * poses))))
-        points = Sobol(3 + PER_JOINT * joints + dimensions, rng=rng).random_base2(bits)
+        points = scipy.stats.qmc.Sobol(3 + PER_JOINT * joints + dimensions, rng=rng).random_base2(
+            bits
+        )
         points = np.clip(points, 1e-12, 1.0 - 1e-12)
         count, n = 3, len(points)
         side = np.where(points[:, count : count + joints] < 0.5, -1.0, 1.0)
@@ -96,5 +98,5 @@ def sobol_poses(
     low: tuple[float, ...], high: tuple[float, ...], rng: np.random.Generator, count: int = POSES
 ) -> Array:
     """Poses (count, k) spread evenly between `low` and `high` (k,)."""
-    points = Sobol(len(low), rng=rng).random_base2(int(np.ceil(np.log2(count))))
+    points = scipy.stats.qmc.Sobol(len(low), rng=rng).random_base2(int(np.ceil(np.log2(count))))
     return np.asarray(np.array(low) + points * (np.array(high) - np.array(low)))

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.special import ndtr, ndtri
 
 from ..inputs.distribution import Distribution
@@ -172,7 +172,9 @@ def _moments(law: TighterPlanet, planet: Distribution) -> Array:
 def _densities(law: TighterPlanet) -> Array:
     """Cubics (4, CELLS) of f(z): a spline through its values at the ends of the cells."""
     density = _density(np.linspace(-REACH, REACH, CELLS + 1), law)
-    return np.ascontiguousarray(CubicSpline(np.arange(CELLS + 1), density).c[::-1])
+    return np.ascontiguousarray(
+        scipy.interpolate.CubicSpline(np.arange(CELLS + 1), density).c[::-1]
+    )
 
 
 def _hermite(rise: Array, tangent: Array) -> Array:

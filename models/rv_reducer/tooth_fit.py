@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from ...units import UM
 from .clearance_targets import Target
@@ -70,7 +70,7 @@ def fit(geometry: RvGeometry, target: Target, radial_gap: float | None, kind: st
     ArithmeticError where nothing keeps the constraints (a gap beyond `LARGEST`).
     """
     programme = _programme(geometry, target, radial_gap, CLEARANCES[kind])
-    found = linprog(
+    found = scipy.optimize.linprog(
         programme.cost,
         A_ub=programme.above,
         b_ub=programme.below,

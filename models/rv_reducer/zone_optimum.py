@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from .cycloid import LINEAR_ERRORS, EccentricityLaw, coefficients
 from .geometry import RvGeometry
@@ -97,7 +97,7 @@ def least_clipped(stage: Stage, bounds: Bounds) -> ZoneOptimum:
 
     if stage.backlash(middle) <= 0.0:
         return ZoneOptimum(middle, stage.backlash(middle), 0.0)
-    share = brentq(lambda s: stage.backlash(at(s)), 0.0, 1.0, xtol=1e-15)
+    share = scipy.optimize.brentq(lambda s: stage.backlash(at(s)), 0.0, 1.0, xtol=1e-15)
     return ZoneOptimum(at(share), stage.backlash(at(share)), 0.0)
 
 

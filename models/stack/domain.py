@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from ..expressions import domain_margin
 from .made import Tolerances, limit_of
@@ -26,7 +26,7 @@ MEMORY = 2**18
 
 def box(pieces: int, inner: int = INNER) -> Array:
     """Corners of [-1, 1]^k and points between them, shape (k, m); the first is the middle."""
-    drawn = 2.0 * qmc.Sobol(pieces, scramble=False).random(INNER).T - 1.0
+    drawn = 2.0 * scipy.stats.qmc.Sobol(pieces, scramble=False).random(INNER).T - 1.0
     if pieces <= CORNERS:
         corners = np.array(list(product((-1.0, 1.0), repeat=pieces))).T
     else:

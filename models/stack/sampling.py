@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from ..propagation import MonteCarlo
+from ..propagation.monte_carlo import REPLICATES, power_of, replicates
 from .made import Tolerances
 from .mechanism import Mechanism
 
@@ -30,13 +30,17 @@ class Sample:
 
         Correlated pieces are normal: z = mean + std L g with L L' the correlation matrix.
         """
-        points = MonteCarlo.draw(samples, len(mechanism.owner), rng).points
-        if mechanism.correlation is not None:
-            normal = np.clip(ndtri(points), -8.0, 8.0)
-            points = ndtr(normal @ _root(mechanism.correlation).T)
         kinds = [mechanism.inputs[part] for part in mechanism.owner]
-        pieces = [kind.quantile(points[..., i]) for i, kind in enumerate(kinds)]
-        return cls(np.ascontiguousarray(np.stack(pieces, axis=1)))
+        root = None if mechanism.correlation is None else _root(mechanism.correlation)
+        found = np.empty((REPLICATES, len(kinds), 2 ** power_of(samples)))
+        # One replicate after the other: the points of all of them take as much room again.
+        for own, drawn in zip(found, replicates(samples, len(kinds), rng), strict=True):
+            points = drawn
+            if root is not None:
+                points = ndtr(np.clip(ndtri(drawn), -8.0, 8.0) @ root.T)
+            for i, kind in enumerate(kinds):
+                own[i] = kind.quantile(points[:, i])
+        return cls(found)
 
     @property
     def size(self) -> int:

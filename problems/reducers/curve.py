@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from ...models.costs import CostCurve
 
@@ -55,15 +55,17 @@ class PricedCurve(CostCurve):
         return cls(t, cost_at, kappa, max(0.0, float(above.max())), price, label)
 
     @cached_property
-    def _spline(self) -> CubicHermiteSpline:
-        return CubicHermiteSpline(np.log(self.t), self.cost_at, -2.0 * self.kappa * self.t**2)
+    def _spline(self) -> scipy.interpolate.CubicHermiteSpline:
+        return scipy.interpolate.CubicHermiteSpline(
+            np.log(self.t), self.cost_at, -2.0 * self.kappa * self.t**2
+        )
 
     @cached_property
-    def _slope(self) -> CubicHermiteSpline:
+    def _slope(self) -> scipy.interpolate.CubicHermiteSpline:
         return self._spline.derivative()
 
     @cached_property
-    def _bend(self) -> CubicHermiteSpline:
+    def _bend(self) -> scipy.interpolate.CubicHermiteSpline:
         return self._slope.derivative()
 
     @cached_property

@@ -10,9 +10,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
-from scipy.stats import gamma
+from scipy.special import gammaincinv
 
 from ...models.propagation.monte_carlo import units_of
 from ..rv_backlash import RvBacklash
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 SCATTER = 0.4
 """Standard deviation over mean of the backlash of units of which only the rms is known [assumed];
 that of the RV-40E at its least costs is 0.3 to 0.5."""
-RATIO = float(gamma.ppf(0.9973, SCATTER**-2, scale=SCATTER**2) / np.sqrt(1.0 + SCATTER**2))
+RATIO = float(gammaincinv(SCATTER**-2, 0.9973) * SCATTER**2 / np.sqrt(1.0 + SCATTER**2))
 """Their 99.73 % quantile over their rms."""
 KNOTS = 33
 """Root mean squares at which quantiles along a front are tabulated."""
@@ -171,12 +171,12 @@ class Nested:
         return self.block.designs(found.t, found.bearing, grade, found.s)
 
     @cached_property
-    def _quantiles(self) -> PchipInterpolator:
+    def _quantiles(self) -> scipy.interpolate.PchipInterpolator:
         rms = np.geomspace(*self.range, KNOTS)
         if self.problem is None:
-            return PchipInterpolator(rms, rms * RATIO)
+            return scipy.interpolate.PchipInterpolator(rms, rms * RATIO)
         found = self.problem.outputs_of(self.designs(rms), errors=False)["backlash_arcmin"]
-        return PchipInterpolator(rms, found)
+        return scipy.interpolate.PchipInterpolator(rms, found)
 
     def quantile(self, rms: Array) -> Array:
         """Quantile of the backlash (n,) [arcmin] along the front, at the reducer's coverage."""
@@ -190,7 +190,7 @@ class Nested:
             shape = 1.0 / SCATTER**2
             rms = float(np.asarray(design).ravel()[0])
             mean = rms / np.sqrt(1.0 + SCATTER**2)
-            return np.asarray(gamma.ppf(points[:, 0], shape, scale=mean / shape))
+            return np.asarray(gammaincinv(shape, points[:, 0]) * mean / shape)
         total = self.problem.total(np.atleast_2d(design))
         found = units_of(total, points)[0]
         return np.asarray(found * (10800.0 / np.pi) + self.hysteresis)
@@ -213,7 +213,7 @@ def curve_of_points(rms: tuple[float, ...], cost: tuple[float, ...]) -> PricedCu
             kept.pop()
         kept.append(at)
     square, costs = square[kept], costs[kept]
-    kappa = -PchipInterpolator(square, costs).derivative()(square)
+    kappa = -scipy.interpolate.PchipInterpolator(square, costs).derivative()(square)
     return PricedCurve(np.sqrt(square), costs, np.maximum(kappa, 1e-9))
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from ...declarations import Kind, Value, Variable, number
 from ...models.robot.sample import smooth_root
@@ -252,8 +252,13 @@ class Gears:
             if ends[0] >= 0.0 or ends[1] <= 0.0:
                 found.append(factor * (low if ends[0] >= 0.0 else high))
                 continue
+<<<<<<< HEAD:problems/robot/gears.py
             found.append(factor * float(brentq(_excess, low, high, args=(one, most / factor))))
         return float(min(found))
+=======
+            found.append(float(scipy.optimize.brentq(_excess, low, high, args=(one, most))))
+        return min(found)
+>>>>>>> main:problems/robot_joint/gears.py
 
     # ---------------------------------------------------------------- Monte Carlo
 

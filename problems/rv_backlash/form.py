@@ -9,8 +9,6 @@ the eccentricity, whose mean bends down and whose variance grows with t^4. Its r
 
 from __future__ import annotations
 
-from dataclasses import replace
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +20,8 @@ from ...models.propagation.sums import Term
 from ...units import ARCMIN, MM
 from ..forms import Feature, Form, Way
 from ..limits import Limit
-from .made import pieces_of
+from .made import CELLS as CELLS_OF_MEANS
+from .made import Piece, pieces_of
 from .shift import extreme_pair, play_slopes
 from .terms import ends, unit_terms
 
@@ -103,20 +102,23 @@ def _feature(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
 
 def _machines(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
     """A tolerance that machines make, by the spread of its good parts."""
-    one, linear = problem.made[name], float(term.linear[0]) / ARCMIN
-    ways: list[Way] = []
-    for piece in pieces_of(one, ends(problem, name), linear):
-        if term.quadratic is not None:  # the eccentricity, whose machines are centred
-            edges = np.linspace(piece.low, piece.high, CELLS + 1 if piece.low < piece.high else 2)
-            ways += [replace(_cell(term, piece.curve, cell, k), choice=piece.choice)
-                     for cell in pairwise(edges.tolist())]  # fmt: skip
-            continue
-        m1, m2 = term.distribution.raw_moments(2)[1:]
-        slope, offset = piece.least
-        linears, spreads = _rows(slope + linear * m1, abs(linear) * float(np.sqrt(m2 - m1**2)), k)
-        ways.append(Way(piece.curve, piece.low, piece.high, linears, spreads,
-                        (offset, offset, 0.0), piece.choice))  # fmt: skip
-    return Feature(name, tuple(ways), one.choice)
+    one, moves = problem.made[name], problem.model.moves(name.removesuffix("_um"))
+    cells = (CELLS_OF_MEANS if moves else 1, 1) if term.quadratic is None else (CELLS, CELLS)
+    pieces = pieces_of(one, ends(problem, name), *cells)
+    return Feature(name, tuple(_made(term, piece, moves, k) for piece in pieces), one.choice)
+
+
+def _made(term: Term, piece: Piece, moves: bool, k: float) -> Way:
+    """Lower bounds of mean and standard deviation of b y + q y^2, y = mean + x z, z normal."""
+    _, _, m2, _, m4 = term.distribution.raw_moments(4)
+    b = float(term.linear[0]) / ARCMIN
+    q = 0.0 if term.quadratic is None else float(term.quadratic[0]) / ARCMIN
+    x, m = piece.x, piece.means if moves else 0.0 * piece.means
+    slope, offset = piece.line(b * m + q * (m**2 + m2 * x**2), 1.0)
+    std = np.sqrt(m2 * (b + 2.0 * q * m) ** 2 + (m4 - m2**2) * (q * x) ** 2)  # over x
+    rest = float(np.max(np.abs(np.diff(std, 2)), initial=0.0))
+    rows = _rows(slope, float(std.min()) - rest, k)
+    return Way(piece.curve, piece.low, piece.high, *rows, (offset, offset, 0.0), piece.choice)
 
 
 def _cell(term: Term, curve: CostCurve, ends: tuple[float, float], k: float) -> Way:

@@ -34,9 +34,11 @@ def gradients(problem: RvBacklash, designs: Array) -> dict[str, Array]:
     for one in problem.made.values():
         t, chosen = problem.column(designs, one.name), problem.chosen(designs, one)
         rise, shift = one.slopes(t, chosen)
-        term, (by_mean, by_variance) = terms[one.name], slopes[one.name]
-        per_unit = term.linear / problem.column(spread, one.name)
-        slopes[one.name] = by_mean * rise + per_unit * shift, by_variance * rise
+        (by_mean, by_variance), x = slopes[one.name], problem.column(spread, one.name)
+        shift = shift * problem.model.moves(one.name.removesuffix("_um"))
+        of_mean, of_variance = _by_middle(terms[one.name], x)
+        slopes[one.name] = (by_mean * rise + of_mean * shift,
+                            by_variance * rise + of_variance * shift)  # fmt: skip
     slopes["crank_bearing_um"] = _scaled(phi_3, 1.0 / problem.column(designs, "crank_bearing_um"))
     slopes["involute_grade"] = _scaled(phi_1, 0.5 * np.log(2.0))
     for name, pair in slopes.items():
@@ -73,6 +75,14 @@ def _by_tolerance(term: Term, t: Array) -> tuple[Array, Array]:
         + 4.0 * bent**2 * t**3 * (m4 - m2**2)
     )
     return mean, variance
+
+
+def _by_middle(term: Term, x: Array) -> tuple[Array, Array]:
+    """d mean/dm and d variance/dm of a normal term (b + 2 q m) x z + q (x z)^2 about its mean m."""
+    if term.quadratic is None:
+        return term.linear / x, np.zeros_like(x)
+    square = term.distribution.raw_moments(2)[2]
+    return term.linear / x, 4.0 * term.linear * term.quadratic / x * square
 
 
 def _scaled(term: Term, rate: Array | float) -> tuple[Array, Array]:

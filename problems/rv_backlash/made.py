@@ -27,39 +27,61 @@ CELLS = 6
 """Pieces of the range of a machine that is not centred."""
 TRIED = 33
 """Points of a piece at which lines are tried."""
+ROUNDING = 1e-12
+"""Share of its values by which a line keeps below."""
 
 
 def moved(problem: RvBacklash, designs: Array, total: ClippedSum) -> ClippedSum:
-    """The sum with the means of what machines make; spreads are in the place of limits already."""
+    """The sum with the means of what machines make; spreads are in the place of limits already.
+
+    A term b x z + q (x z)^2 of the spread x becomes, about a mean m, b m + q m^2 and
+    (b + 2 q m) x z + q (x z)^2.
+    """
     if not problem.made:
         return total
     terms = list(total.clipped)
-    for one in problem.made.values():
-        at = TERMS.index(one.name)
-        t = problem.column(designs, one.name)
-        spread, mean = one.spread_and_mean(t, problem.chosen(designs, one))
+    for name, (x, m) in problem.as_made(designs).items():
+        at = TERMS.index(name)
         term = terms[at]
-        terms[at] = replace(term, constant=term.constant + term.linear / spread * mean)
+        if not problem.model.moves(name.removesuffix("_um")):
+            continue
+        q = 0.0 if term.quadratic is None else term.quadratic / x**2
+        terms[at] = replace(term, constant=term.constant + (term.linear / x + q * m) * m,
+                            linear=term.linear + 2.0 * q * m * x)  # fmt: skip
     return replace(total, clipped=tuple(terms))
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """Spreads between which a tolerance is made in the way `choice`.
+    """Spreads between which a tolerance is made in the way `choice`, and means of its good parts.
 
-    What its mean adds lies between `least[0] x + least[1]` and `most[0] x + most[1]`.
+    `means` (k,) belong to spreads `x` (k,) from `low` to `high`.
     """
 
     curve: CostCurve
     low: float
     high: float
     choice: float
-    least: tuple[float, float] = (0.0, 0.0)
-    most: tuple[float, float] = (0.0, 0.0)
+    x: Array
+    means: Array
+
+    def line(self, values: Array, side: float) -> tuple[float, float]:
+        """Slope and constant of a line below (`side` = 1) or above (-1) values (k,) at `x`."""
+        wide = self.high > self.low
+        slope = float((values[-1] - values[0]) / (self.high - self.low)) if wide else 0.0
+        rest = side * (values - slope * self.x)
+        slack = float(np.max(np.abs(np.diff(values, 2)), initial=0.0))
+        slack += ROUNDING * float(np.max(np.abs(values)))
+        return slope, side * (float(rest.min()) - (slack if wide else 0.0))
 
 
-def pieces_of(one: Made, ends: tuple[float, float], per_unit: float) -> Iterator[Piece]:
-    """The ways of a tolerance within `ends` of its limit, whose mean counts `per_unit`."""
+def pieces_of(
+    one: Made, ends: tuple[float, float], moving: int = CELLS, still: int = 1
+) -> Iterator[Piece]:
+    """The ways of a tolerance within `ends` of its limit.
+
+    Those that are inspected are cut, into `moving` pieces where their mean moves, else `still`.
+    """
     for number, way in enumerate(one.ways):
         low, high = max(way.low, ends[0]), min(way.high, ends[1])
         if low > high:
@@ -67,17 +89,13 @@ def pieces_of(one: Made, ends: tuple[float, float], per_unit: float) -> Iterator
         choice = np.full(2, number)
         spread, mean = one.spread_and_mean(np.array([low, high]), choice)
         if way.low == way.high:
-            fixed = (0.0, per_unit * float(mean[0]))
-            yield Piece(way.curve, float(spread[0]), float(spread[0]), float(number), fixed, fixed)
+            x = float(spread[0])
+            yield Piece(way.curve, x, x, float(number), spread[:1], mean[:1])
             continue
         plain = one.by_spread(way)
         curve, _ = convex_cost(curve_of(one, way, low, high), plain.tried)
-        cells = CELLS if way.machine.mean else 1
+        cells = moving if way.machine.mean else still
         for first, last in pairwise(np.linspace(spread[0], spread[1], cells + 1).tolist()):
-            x = np.linspace(first, last, TRIED)
-            value = per_unit * way.machine.good_parts(plain.limit(x)).mean
-            slope = float((value[-1] - value[0]) / (last - first)) if last > first else 0.0
-            rest = value - slope * x
-            slack = float(np.max(np.abs(np.diff(value, 2)))) + 1e-12 * abs(per_unit)
-            yield Piece(curve, first, last, float(number), (slope, float(rest.min()) - slack),
-                        (slope, float(rest.max()) + slack))  # fmt: skip
+            x_of = np.linspace(first, last, TRIED)
+            means = way.machine.good_parts(plain.limit(x_of)).mean
+            yield Piece(curve, first, last, float(number), x_of, means)

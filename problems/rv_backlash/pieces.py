@@ -14,6 +14,7 @@ from ...models.propagation.even import UNIFORM, Even, even_law
 from ...models.propagation.sums import Term
 from ...units import ARCMIN
 from .bent import LEVELS, SAFE, Cell, quantiles_of, uniform_below
+from .made import CELLS as CELLS_OF_MEANS
 from .made import pieces_of
 from .shift import Shift
 from .terms import ends, unit_terms
@@ -128,13 +129,14 @@ def _straight(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part
 
 def _machines(problem: RvBacklash, name: str, linear: float, law: Even) -> Part:
     """A tolerance that machines make, by the spread of its good parts."""
-    one = problem.made[name]
-    members = tuple(
-        Member(piece.curve, piece.low, piece.high, abs(linear), law, piece.least[1],
-               piece.least[0], piece.most[1], piece.most[0], choice=piece.choice)
-        for piece in pieces_of(one, ends(problem, name), linear)
-    )  # fmt: skip
-    return Part(name, members, clipped=True, choice=one.choice)
+    one, moves = problem.made[name], problem.model.moves(name.removesuffix("_um"))
+    members = []
+    for piece in pieces_of(one, ends(problem, name), CELLS_OF_MEANS if moves else 1):
+        values = linear * moves * piece.means
+        (slope, mean), (top_slope, top) = piece.line(values, 1.0), piece.line(values, -1.0)
+        members.append(Member(piece.curve, piece.low, piece.high, abs(linear), law, mean, slope,
+                              top, top_slope, choice=piece.choice))  # fmt: skip
+    return Part(name, tuple(members), clipped=True, choice=one.choice)
 
 
 def _bent(problem: RvBacklash, name: str, term: Term, cells: int = CELLS) -> Part:

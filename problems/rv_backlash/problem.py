@@ -58,7 +58,6 @@ class RvBacklash(Machined):
     outputs = OUTPUTS
     default_costs = DEFAULT_COSTS
     machinable = frozenset(MACHINABLE)
-    centred_only = frozenset(["eccentricity_um"])
     default_limits = DEFAULT_LIMITS
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from ...units import ARCMIN, MM
 from .terms import ends
@@ -77,7 +77,7 @@ def extreme_pair(problem: RvBacklash, goal: Array) -> tuple[float, float] | None
             above += [-row, row]
             below += [-limits[name].low, limits[name].high]
     real = np.isfinite(below)
-    found = linprog(
+    found = scipy.optimize.linprog(
         goal,
         A_ub=np.array(above)[real] if real.any() else None,
         b_ub=np.array(below)[real] if real.any() else None,

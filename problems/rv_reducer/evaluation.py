@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import log
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,11 +104,20 @@ class Populations:
 
 
 class Evaluation:
-    """One design on populations; each statistic is computed when it is first asked for."""
+    """One design on populations; each statistic is computed when it is first asked for.
 
-    def __init__(self, model: UnitModel, drawn: Populations, row: Mapping[str, float]) -> None:
-        self.model, self.drawn = model, drawn
-        self.design = model.design(row)
+    `means` [um] are by how much the means of errors are off their mid-limits, by name.
+    """
+
+    def __init__(
+        self,
+        model: UnitModel,
+        drawn: Populations,
+        row: Mapping[str, float],
+        means: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
+        self.model, self.drawn, self.means = model, drawn, means
+        self.design = model.design(row, means)
         self.involute = model.involute(self.design.involute_grade)
         self._elastic: dict[bool, Elastic] = {}
         self._statistics: dict[str, Statistic] = {}
@@ -133,19 +143,36 @@ class Evaluation:
     def gradient(self, name: str) -> dict[str, float]:
         """Derivatives of a sampled output by variable, in the units of both."""
         statistic, scale = self._statistic(name), SCALE.get(name, 1.0)
-        if self._under_load(name):
-            slopes = self._pulled_back(name, statistic)
-        else:
-            slopes = self.measures[MEASURES[name]].slopes(self.turn)
-        found = {
-            VARIABLE.get(one, f"{one}_um"): float(slope)
-            for one, slope in zip(NAMES, scale * slopes, strict=True)
-        }
+        found = self._slopes(name)
         found["involute_grade"] = scale * BY_GRADE * statistic.by_involute
         circle = self.design.width("pin_circle_radius")
         if circle > 0.0:
             found["pin_circle_radius_um"] += scale * statistic.by_zone / circle
         return found
+
+    def by_mean(self, name: str) -> dict[str, float]:
+        """Derivatives of a sampled output by the means of errors, by variable.
+
+        A mean moves every unit as its zone does one whose standardised error is 1; that of the
+        position of the pins turns the unit, and moves nothing.
+        """
+        if not any(self.means.values()):
+            return {}
+        slopes, moving = self._slopes(name, alike=True), self.means.keys() - {"pin_position"}
+        return {f"{one}_um": slopes[f"{one}_um"] for one in moving}
+
+    def _slopes(self, name: str, alike: bool = False) -> dict[str, float]:
+        """Derivatives of a sampled output over its units, by variable."""
+        statistic, scale = self._statistic(name), SCALE.get(name, 1.0)
+        if self._under_load(name):
+            slopes = self._pulled_back(name, statistic, alike)
+        else:
+            measure, drawn = self.measures[MEASURES[name]], self.drawn.rigid
+            slopes = measure.slopes(self.turn, drawn.alike() if alike else drawn.slopes)
+        return {
+            VARIABLE.get(one, f"{one}_um"): float(slope)
+            for one, slope in zip(NAMES, scale * slopes, strict=True)
+        }
 
     # ---------------------------------------------------------------- statistics
 
@@ -188,9 +215,10 @@ class Evaluation:
             self._elastic[turning] = found
         return self._elastic[turning]
 
-    def _pulled_back(self, name: str, statistic: Statistic) -> Array:
+    def _pulled_back(self, name: str, statistic: Statistic, alike: bool) -> Array:
         output = "preload_torque_Nm" if name == "interference_probability" else part_of(name)[0]
         found = self._units_under_load(output)
         turning = output == "transmission_error_arcsec"
         drawn = self.drawn.turning if turning else self.drawn.loaded
-        return found.pull_back(drawn.slopes, {LOADED[output]: statistic.weight})
+        errors = drawn.alike() if alike else drawn.slopes
+        return found.pull_back(errors, {LOADED[output]: statistic.weight})

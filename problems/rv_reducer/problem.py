@@ -17,6 +17,7 @@ from ...models.inputs import Uniform
 from ...models.rv_reducer import modification
 from ...models.rv_reducer.geometry import RvGeometry
 from ...models.rv_reducer.population.lattice import nearest_prime
+from ...models.rv_reducer.population.unit_basis import stem
 from ...records import UnitsShown
 from ...units import ARCMIN, MM
 from ..machined import Machined
@@ -75,7 +76,7 @@ class RvReducer(Machined):
     variables = VARIABLES
     outputs = OUTPUTS
     default_costs = DEFAULT_COSTS
-    machinable = centred_only = frozenset(MACHINABLE)
+    machinable = frozenset(MACHINABLE)
     default_limits = DEFAULT_LIMITS
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
@@ -166,7 +167,9 @@ class RvReducer(Machined):
     def _fresh(self, design: Array, drawn: Populations) -> Evaluation:
         own = self.effective(design[None, :])[0]
         row = {v.name: float(own[at]) for at, v in enumerate(type(self).variables)}
-        return Evaluation(self.model, drawn, row)
+        means = {stem(name): float(mean[0])
+                 for name, (_, mean) in self.as_made(design[None, :]).items()}  # fmt: skip
+        return Evaluation(self.model, drawn, row, means)
 
     # ---------------------------------------------------------------- evaluation
 
@@ -213,12 +216,15 @@ class RvReducer(Machined):
     def gradient(self, designs: Array) -> dict[str, Array]:
         names = self._asked
         found = {name: np.zeros_like(designs) for name in names}
+        by_mean = {name: {one: np.zeros(len(designs)) for one in self.made} for name in names}
         for at, design in enumerate(designs):
             evaluation = self.evaluation(design, searching=True)
             for name in names:
                 slopes = evaluation.gradient(name)
                 found[name][at] = [slopes.get(v.name, 0.0) for v in self.variables]
-        return self.by_limits(designs, found) | self._plain_slopes(designs)
+                for one, slope in evaluation.by_mean(name).items():
+                    by_mean[name][one][at] = slope
+        return self.by_limits(designs, found, by_mean) | self._plain_slopes(designs)
 
     def _plain_slopes(self, designs: Array) -> dict[str, Array]:
         """Derivatives of cost and profile."""

@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 from ...declarations import Assumption
+from ...models.machines.offers import PLUG_IN as ESTIMATED
+from ...models.machines.offers import samples_of
+from ..promise import PLUG_IN, Promise
 from .build import nominal_sum
 from .definition import Definition
 
-PLUG_IN = "the standard deviation of the sample counts as that of all later parts"
+SAMPLED = ("later parts are normal, of the process that made the sample; what it leaves open of "
+           "mean and scatter is in the promise")  # fmt: skip
+UNMEASURED = ("no part is measured: its scatter counts as known, and as normal where yields are "
+              "promised")  # fmt: skip
+
+
+def told(promise: Promise | None) -> str:
+    """What is taken for granted of a measured process."""
+    return ESTIMATED if promise is None or promise.statement == PLUG_IN else SAMPLED
 
 
 def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
@@ -16,7 +27,14 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
         values = {"distribution": type(part.distribution).__name__, "unit": part.unit}
         if part.sample is not None:
             known = part.sample.statement(part.unit)
-            found.append(Assumption(f"part.{part.name}.measured", known, "", PLUG_IN))
+            found.append(Assumption(f"part.{part.name}.measured", known, "",
+                                    told(definition.promise)))  # fmt: skip
+        elif definition.promise is not None and definition.promise.statement != PLUG_IN:
+            found.append(Assumption(f"part.{part.name}.process", type(part.distribution).__name__,
+                                    "", UNMEASURED))  # fmt: skip
+        for machine, sample in samples_of(part.machines):
+            place = f"part.{part.name}.machine.{machine}.measured"
+            found.append(Assumption(place, sample.statement(part.unit), "", ESTIMATED))
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
             found.append(Assumption(f"part.{part.name}.{key}", value, "", why))

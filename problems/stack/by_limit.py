@@ -50,4 +50,6 @@ def _linear_outputs(stack: Stack, designs: Array) -> dict[str, Array]:
                 found[one.name("variation")] = one.law.half_width(t, coverage)
         else:
             found[one.name("yield_percent")] = one.linear_yield(t)
+    if stack.promises is not None:
+        found |= stack.promises.outputs(t, True, stack.wanted)
     return found | joint_variations(stack.measured, found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +12,9 @@ from ...models.costs import Reciprocal
 from ..forms import Feature, Form, Way
 from ..limits import Limit
 from .definition import Part
-from .machine_ways import machine_ways
-from .rows import YIELD, Row, quantile_of, rows_of
+from .machine_ways import limits_alone, machine_ways
+from .made import limits_of
+from .rows import YIELD, Row, quantile_of, rows_of, surplus_of
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -42,7 +44,9 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
     quantiles = tuple(quantile_of(one, kept, settled, t) for one in rows)
     rooted = [0.0 if one.probability else _square(one.spread, t, correlation, settled)
               for one in rows]  # fmt: skip
-    names = [one.output for one in rows if one.most < np.inf]
+    surpluses = tuple(surplus_of(one, kept, settled, t) for one in rows)
+    names = [one.output for one in rows if one.most < np.inf and not one.promised]
+    limited = any(one.most < np.inf for one in rows)
     features = [_feature(parts[at], rows, at, range_of(stack, parts[at])) for at in kept]
     return Form(
         outputs=tuple(row.output for row in rows),
@@ -56,8 +60,23 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
         relaxed=left_out,
         tested=tuple(limit.name for limit in stack.limits if limit.name in _domains(stack)),
         quantiles=quantiles if any(one is not None for one in quantiles) else (),
-        most=tuple(one.most for one in rows) if names else (),
+        most=tuple(one.most for one in rows) if limited else (),
+        surpluses=surpluses if any(one is not None for one in surpluses) else (),
     )
+
+
+def limits_by_spread(stack: Stack, columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Columns (n,) of a form with limits of inspection in the place of the spread of good parts."""
+    found = dict(columns)
+    if limits_alone(rows_of(stack, gaussian=True)):
+        return found
+    for part in stack.definition.parts:
+        if part.by_machine and (name := f"{part.name}_t") in found:
+            chosen = np.zeros(len(found[name]), dtype=np.int64)
+            if (choice := f"{part.name}_process") in found:
+                chosen = np.rint(found[choice]).astype(np.int64)
+            found[name] = limits_of(part, found[name], chosen)
+    return found
 
 
 def _entangled(stack: Stack) -> bool:
@@ -154,12 +173,14 @@ def _statement(stack: Stack, rows: list[Row], left_out: tuple[str, ...]) -> str:
         "monte_carlo": "half the width that holds the coverage",
     }
     more = f"; limits left out: {', '.join(left_out)}" if left_out else ""
-    own = [row.output for row in rows if row.most < np.inf]
+    own = [row.output for row in rows if row.most < np.inf and not row.promised]
     for name in dict.fromkeys(name for name in own if own.count(name) > 1):
         more += f"; each limit of {name} kept at the whole yield, a bound of both"
     for one in stack.measured:
         if one.name(YIELD) in left_out and isinstance(one.law, str):
             more += f" ({one.law})"
+    if stack.promises is not None and any(row.promised for row in rows):
+        more += f"; promised: {stack.promises.promise.words()}, by normal processes as measured"
     if any(part.by_machine for part in stack.definition.parts):
         more += "; good parts of an inspected machine are normal with their own mean and scatter"
     if not stack.definition.requirement.key:

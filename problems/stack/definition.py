@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.capability import PartSample
 from ...models.costs import CostCurve
 from ...models.inputs import Distribution
 from ...models.machines import Machine
-from ...models.machines.reading import Offer
+from ...models.machines.offers import Offer
 from ...models.stack import Mechanism
-from .samples import PartSample
+from ..promise import Promise
 
 METHODS = ("worst_case", "rss", "shifted_rss", "monte_carlo")
 """What `variation` can be."""
@@ -150,6 +151,7 @@ class Definition:
     parts: tuple[Part, ...]
     mechanisms: tuple[Mechanism, ...]
     correlations: tuple[Correlation, ...] = ()
+    promise: Promise | None = None
 
     @property
     def requirement(self) -> Requirement:

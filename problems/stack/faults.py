@@ -10,9 +10,11 @@ import numpy as np
 from ...counts import Need, too_many
 from ...errors import Fault
 from ...models.stack import half_width
+from ...section import Section
 from .convex import possible, range_of
 from .definition import Requirement
 from .joint import VARIATIONS, common_unit
+from .outputs import OBJECTIVES
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -103,3 +105,10 @@ def range_faults(stack: Stack) -> list[Fault]:
                     "raise the one or lower the other")  # fmt: skip
             found.append(Fault(f"limits.{limit.name}", text))
     return found
+
+
+def named_outputs(top: Section) -> tuple[list[str], list[str]]:
+    """Names of objectives and limits, as far as they can be read."""
+    names, limits = top.section("objectives").take("minimise"), top.section("limits")
+    named = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+    return (named if "objectives" in top else list(OBJECTIVES)), list(limits.given())

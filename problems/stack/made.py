@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...models.inputs import Normal
 from ...models.machines import GoodPartsBySpread
-from ...models.machines.reading import Offer
+from ...models.machines.offers import Offer
 from ...models.stack import AsMade, Tolerances
 from .definition import Part, Process
 

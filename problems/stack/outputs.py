@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from ...declarations import Kind, Output, Variable
+from ..promise import Promise
 from .definition import Part, Requirement
 from .joint import VARIATIONS, common_unit
 from .measured import Measured
+from .promises import promise_outputs
 
 OBJECTIVES = ("cost", "variation")
 _MEANING = {
@@ -53,7 +55,10 @@ def variables_of(parts: Iterable[Part]) -> tuple[Variable, ...]:
 
 
 def outputs_of(
-    requirements: Sequence[Requirement], parts: Sequence[Part], each: Sequence[Measured] = ()
+    requirements: Sequence[Requirement],
+    parts: Sequence[Part],
+    each: Sequence[Measured] = (),
+    promise: Promise | None = None,
 ) -> tuple[Output, ...]:
     """The outputs of a stack, in the order of the tables.
 
@@ -64,7 +69,7 @@ def outputs_of(
         found += _joint(requirements)
     for at, requirement in enumerate(requirements):
         found += _own(requirement, each[at] if each else None, parts)
-    return tuple(found)
+    return (*found, *promise_outputs(promise, requirements))
 
 
 def _joint(requirements: Sequence[Requirement]) -> list[Output]:

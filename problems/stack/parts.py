@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from ...counts import is_forced
 from ...errors import Fault
+from ...models.capability import PartSample, read_sample
 from ...models.expressions import CONSTANTS, FUNCTIONS
 from ...models.inputs import Distribution, Normal
 from ...models.inputs.reading import read_distribution
@@ -16,7 +17,6 @@ from ...section import Range, Section
 from ...units import family
 from .definition import Part, Requirement
 from .fits import read_fits
-from .samples import PartSample, read_sample
 from .sensitivities import read_sensitivities
 from .zones import KEYS, Tolerance, read_tolerance
 

@@ -18,23 +18,31 @@ from ...models.costs import CostCurve
 from ...models.stack import Linear, Tolerances
 from ...section import Section
 from ..forms import Form
+from ..promise import read_promise
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from .assumptions import assumptions_of
 from .by_limit import by_limit
-from .convex import form_of
+from .convex import form_of, limits_by_spread
 from .costs import PartCosts
 from .definition import Definition, Part
 from .drawn import drawn, labels_of
-from .faults import domain_faults, range_faults, size_faults, unit_faults, yield_faults
+from .faults import (
+    domain_faults,
+    named_outputs,
+    range_faults,
+    size_faults,
+    unit_faults,
+    yield_faults,
+)
 from .joint import joint_intervals, joint_slopes, joint_variations
-from .machine_ways import limits_alone
-from .made import as_made, ends_as_made, limits_of
+from .made import as_made, ends_as_made
 from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
+from .promises import Promises, promise_faults, promise_limits
 from .reading import read_definition
 from .remarks import domain_remarks, warnings_of
-from .rows import rows_of, shortfall
+from .rows import shortfall
 from .stand_in import stand_in
 from .writing import tables_of
 from .yields import Yields
@@ -80,7 +88,9 @@ class Stack(ToleranceProblem):
         self.definition = definition
         self.variables = variables_of(definition.parts)
         self.measured: tuple[Measured, ...] = measured(definition)
-        self.outputs = outputs_of(definition.requirements, definition.parts, self.measured)
+        self.outputs = outputs_of(
+            definition.requirements, definition.parts, self.measured, definition.promise
+        )
         super().__init__(settings)
 
     @classmethod
@@ -88,7 +98,7 @@ class Stack(ToleranceProblem):
         """The stack of its requirements, `[[part]]` and `[[correlation]]`, faulty or not."""
         faults: list[Fault] = []
         parts, requirements, definition = read_definition(top, faults)
-        faults += unit_faults(requirements, *_named(top))
+        faults += unit_faults(requirements, *named_outputs(top))
         for fault in faults:
             top.fault(fault.place, fault.message)
         known = [
@@ -96,7 +106,7 @@ class Stack(ToleranceProblem):
             for at, (part, table) in enumerate(zip(parts, top.tables("part"), strict=True))
         ]
         own = measured(definition) if definition is not None else ()
-        outputs = outputs_of(requirements, known, own)
+        outputs = outputs_of(requirements, known, own, read_promise(top))
         return StackKind(definition, variables_of(known), outputs)
 
     def tables(self) -> dict[str, Any]:
@@ -112,8 +122,10 @@ class Stack(ToleranceProblem):
         settings = {name: VariableSetting(value=value) for name, value in fixed.items()}
         limits = {one.name("domain_margin"): Bound(low=0.0)
                   for one in self.measured if one.bound_to_domain}  # fmt: skip
-        return super()._completed(replace(given, variables=settings | dict(given.variables),
-                                          limits=limits | dict(given.limits)))  # fmt: skip
+        limits |= promise_limits(self.definition, given.limits)
+        return super()._completed(
+            replace(given, variables=settings | dict(given.variables), limits=limits)
+        )
 
     # ---------------------------------------------------------------- designs
 
@@ -123,7 +135,8 @@ class Stack(ToleranceProblem):
 
     def tolerances(self, designs: Array) -> Array:
         """Half-widths (n, parts) of full designs, each in the unit of its part."""
-        return designs[:, [self.names.index(f"{part.name}_t") for part in self._parts]]
+        names = self.names
+        return designs[:, [names.index(f"{part.name}_t") for part in self._parts]]
 
     def _chosen(self, designs: Array, part: Part) -> NDArray[np.int64]:
         """Number of the process (n,) that a part is made by."""
@@ -173,7 +186,15 @@ class Stack(ToleranceProblem):
         found = {"cost": self.cost_of(designs)} | self.yields.outputs(t, searching)
         for one in self.measured:
             found |= one.variations(t) | one.margin(t) | self._shares(one, t, searching)
+        if self.promises is not None:
+            found |= self.promises.outputs(t, searching, self.wanted)
         return found | joint_variations(self.measured, found)
+
+    @cached_property
+    def promises(self) -> Promises | None:
+        """What is promised of the yields, where something is."""
+        promise = self.definition.promise
+        return None if promise is None else Promises(self.measured, promise, self.settings.seed)
 
     def _shares(self, one: Measured, t: Tolerances, searching: bool) -> dict[str, Array]:
         """Contributions of the parts; NaN where a search does not need them."""
@@ -257,6 +278,7 @@ class Stack(ToleranceProblem):
         for one in self.measured:
             found |= one.slopes(t, self.wanted, coverage)
             values |= one.variations(t)
+        found |= self.promises.slopes(t, self.wanted) if self.promises is not None else {}
         if all(one.name("variation") in values for one in self.measured):
             found |= joint_slopes(self.measured, values, found)
         found = by_limit(self, designs, found) | {"cost": self._by_part(designs, slope=True)}
@@ -270,16 +292,7 @@ class Stack(ToleranceProblem):
 
     def form_columns(self, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Limits of inspection from the spread of good parts, which a form searches."""
-        found = dict(columns)
-        if limits_alone(rows_of(self, gaussian=True)):
-            return found
-        for part in self._parts:
-            if part.by_machine and (name := f"{part.name}_t") in found:
-                chosen = np.zeros(len(found[name]), dtype=np.int64)
-                if (choice := f"{part.name}_process") in found:
-                    chosen = np.rint(found[choice]).astype(np.int64)
-                found[name] = limits_of(part, found[name], chosen)
-        return found
+        return limits_by_spread(self, columns)
 
     def form(self) -> Form | None:
         return form_of(self)
@@ -316,6 +329,7 @@ class Stack(ToleranceProblem):
                 ends = (one.margin(end) for end in self.ends_as_made)
                 most, least = (float(end[one.name("domain_margin")][0]) for end in ends)
                 found[one.name("domain_margin")] = least, most
+        found |= self.promises.intervals(self.ends_as_made[0]) if self.promises is not None else {}
         return found | joint_intervals(self.measured, found) | {"yield_percent": (0.0, 100.0)}
 
     @cached_property
@@ -364,7 +378,8 @@ class Stack(ToleranceProblem):
     # ---------------------------------------------------------------- faults and warnings
 
     def faults(self) -> list[Fault]:
-        found = size_faults(self) or super().faults()
+        found = promise_faults(self.definition, self.given.limits)
+        found += size_faults(self) or super().faults()
         found += [*yield_faults(self), *range_faults(self)]
         return found or domain_faults(self)
 
@@ -380,10 +395,3 @@ class Stack(ToleranceProblem):
     @cached_property
     def _warnings(self) -> tuple[str, ...]:
         return warnings_of(self)
-
-
-def _named(top: Section) -> tuple[list[str], list[str]]:
-    """Names of objectives and limits, as far as they can be read."""
-    names, limits = top.section("objectives").take("minimise"), top.section("limits")
-    named = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
-    return (named if "objectives" in top else list(OBJECTIVES)), list(limits.given())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from ...errors import Fault, nearest
 from ...models.inputs import Normal
 from ...section import Range, Section
+from ..promise import read_promise
 from .build import mechanisms_of
 from .definition import Correlation, Definition, Part, Requirement
 from .parts import read_parts
@@ -29,6 +30,7 @@ def read_definition(
         text = "is not a key of a stack: set requirement.method"
         faults.append(Fault("propagation.method", text))
     requirements = read_requirements(top, faults)
+    promise = read_promise(top)
     parts = read_parts(top, requirements, faults)
     if top.take("part") is None or top.take("part") == []:
         faults.append(Fault("part", "is missing: a stack needs [[part]] tables"))
@@ -43,7 +45,7 @@ def read_definition(
     mechanisms = mechanisms_of(requirements, whole, correlations, faults)
     if faults:
         return parts, requirements, None
-    definition = Definition(requirements, tuple(whole), mechanisms, correlations)
+    definition = Definition(requirements, tuple(whole), mechanisms, correlations, promise)
     return parts, requirements, definition
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ...likely_units import unit_hint
+from ...models.machines.offers import departures
 from ...models.stack import Tolerances, between
 from ...units import family
 from ..money import rising
@@ -46,6 +47,8 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
     found += [f"part {part.name}, measured: {one.text} (by chance: {one.probability:.2g})"
               for part in stack.definition.parts if part.sample is not None
               for one in part.sample.found]  # fmt: skip
+    for part in stack.definition.parts:
+        found += departures(part.machines, f"part {part.name}")
     for one in stack.measured:
         found += [_domain(one)] if one.partial else []
         if one.mechanism.formula is not None:

@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from ...models.capability import Surplus
 from ...models.stack import Law
 from ...models.stack.linear import SIGMAS
 from ..forms import Piece, Quantile
+from ..promise import ASSURED, PLUG_IN, PROMISED
 from .joint import VARIATIONS
 from .measured import Measured
+from .two_sided import tangents
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -31,7 +34,8 @@ class Row:
 
     A root has its spread in `spread`; of a quantile that is its weight for each part. `most` is an
     upper limit of its own. `bias` (parts,) is by how much it rises with the mean of a part that a
-    machine makes, `shift` (parts,) with the size of that mean; nothing where they are not given.
+    machine makes, `shift` (parts,) with the size of that mean, `own` and `shared` (parts,) what a
+    doubt of the processes adds (`Surplus`); nothing where they are not given.
     """
 
     output: str
@@ -43,6 +47,13 @@ class Row:
     most: float = np.inf
     bias: Array | None = None
     shift: Array | None = None
+    own: Array | None = None
+    shared: Array | None = None
+
+    @property
+    def promised(self) -> bool:
+        """Whether it keeps a promise, between both limits as one."""
+        return self.output.endswith(PROMISED)
 
     def bias_of(self, at: int) -> float:
         """By how much it rises with the mean of a part."""
@@ -71,7 +82,7 @@ def rows_of(stack: Stack, gaussian: bool) -> list[Row]:
         return []
     found = [row for row in found if not several or row.output not in VARIATIONS
              or _complete(row, found, stack)]  # fmt: skip
-    found += _yield_rows(stack)
+    found += _yield_rows(stack) + _promise_rows(stack, gaussian)
     first = stack.measured[0]
     return found or _row(stack, first.name("rss"), first, "rss", 1.0, gaussian)
 
@@ -119,14 +130,17 @@ def signed(one: Measured) -> Array:
 
 def _at(
     output: str, one: Measured, p: float, weight: float = 1.0, side: float = 0.0,
-    most: float = np.inf,
+    most: float = np.inf, z: float | None = None,
 ) -> Row:  # fmt: skip
-    """side * mean + the p-quantile of the deviations: a root where all parts are normal."""
+    """side * mean + the p-quantile of the deviations: a root where all parts are normal, which may
+    have another factor `z` than that of p.
+    """
     law = one.law
     assert isinstance(law, Law)
     linear, bias = weight * side * law.mean, weight * side * one.linear.slope
     if law.covariance is not None:
-        spread = np.asarray(weight * float(ndtri(p)) * signed(one), dtype=float)
+        factor = float(ndtri(p)) if z is None else z
+        spread = np.asarray(weight * factor * signed(one), dtype=float)
         return Row(output, one, "monte_carlo", linear, spread, None, most, bias)
     matters = np.isin(np.arange(len(linear)), law.mechanism.owners)
     spread = np.asarray(weight * matters, dtype=float)
@@ -147,36 +161,66 @@ def _yield_rows(stack: Stack) -> list[Row]:
     return found
 
 
+def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
+    """The promise of each requirement: a norm of the tolerances within its limits.
+
+    An expected yield is no such row; where the form is only a guide it is by the mean variance.
+    """
+    found: list[Row] = []
+    promises = stack.promises
+    if promises is None or promises.promise.statement == PLUG_IN:
+        return found
+    assured = promises.promise.statement == ASSURED
+    for one in promises.each if assured or gaussian else ():
+        norm, linear = one.norm, one.measured.linear
+        spread = one.quantile * np.sqrt(norm.even)
+        safe = np.where(norm.even > 0.0, norm.even, 1.0)
+        own, shared = (norm.own / safe, norm.shared / safe) if assured else (None, None)
+        sides = one.sides
+        if not np.any(linear.mean) and not _off_centre(one.measured):
+            sides = [(1.0, min(room for _, room in sides))]
+        found += [
+            Row(one.measured.name(PROMISED), one.measured, "rss", side * linear.mean, spread,
+                most=room, bias=side * linear.slope, own=own, shared=shared)
+            for side, room in sides
+        ]  # fmt: skip
+    return found
+
+
+def _off_centre(one: Measured) -> bool:
+    """Whether a machine makes a part off its mid-limit."""
+    return any(offer.machine.mean for part in one.parts for offer in part.machines)
+
+
 def least_yield(stack: Stack, name: str) -> float:
     """The least share of units that a limit asks for, 0 where there is none."""
     return 0.01 * max((limit.low for limit in stack.limits if limit.name == name), default=0.0)
 
 
 def _kept_limits(one: Measured, output: str, p: float) -> list[Row]:
-    """The limits of a requirement, each at a share p of the units.
+    """The limits of a requirement at a share p of the units.
 
-    Exact for one limit, and for two about a mean that does not move with the tolerances; else both
-    are kept at the whole yield, which any design does that keeps it.
+    Exact for one limit, and for two about a mean that does not move with the tolerances; else what
+    any design keeps that keeps both: each of them at the whole share, both about the mean, and,
+    where all deviations are normal, the tangents between (`two_sided`).
     """
     law = one.law
     if not isinstance(law, Law) or not 0.5 <= p < 1.0:
         return []
     mechanism = law.mechanism
     above, below = mechanism.upper - mechanism.centre, mechanism.centre - mechanism.lower
-    two = bool(np.isfinite(above) and np.isfinite(below))
-    off_centre = any(offer.machine.mean for part in one.parts for offer in part.machines)
-    if (
-        two
-        and abs(above - below) <= CENTRED * (above + below)
-        and not np.any(law.mean)
-        and not off_centre
-    ):
-        return [_at(output, one, 0.5 * (1.0 + p), most=max(above, below))]
-    return [
-        _at(output, one, p, side=side, most=room)
-        for side, room in ((1.0, above), (-1.0, below))
-        if np.isfinite(room)
-    ]
+    sides = [(side, room) for side, room in ((1.0, above), (-1.0, below)) if np.isfinite(room)]
+    if len(sides) < 2:
+        return [_at(output, one, p, side=side, most=room) for side, room in sides]
+    half, off = 0.5 * (above + below), 0.5 * (above - below)
+    middle = _at(output, one, 0.5 * (1.0 + p), most=half)
+    moves = bool(np.any(law.mean)) or _off_centre(one)
+    if not moves and abs(off) <= CENTRED * half:
+        return [middle]
+    lines = tangents(p) if moves and law.covariance is not None else ()
+    rows = [_at(output, one, p, 1.0 / room, side, half + side * off / room, z)
+            for z, room in ((None, 1.0), *lines) for side in (1.0, -1.0)]  # fmt: skip
+    return [middle, *rows] if moves else rows
 
 
 def quantile_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) -> Quantile | None:
@@ -195,12 +239,24 @@ def quantile_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array)
     return Quantile(row.probability, tuple(tuple(pieces[at]) for at in kept), tuple(fixed))
 
 
+def surplus_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) -> Surplus | None:
+    """What doubt adds under the root of a row, by the squares of the parts `kept`."""
+    if row.own is None or row.shared is None:
+        return None
+    square = (row.spread * t)[settled] ** 2
+    return Surplus(row.own[kept], row.shared[kept],
+                   float(np.sqrt(np.sum((row.own[settled] * square) ** 2))),
+                   float(row.shared[settled] @ square))  # fmt: skip
+
+
 def shortfall(stack: Stack, row: str, designs: Array, found: Mapping[str, Array]) -> Array:
     """By how much (n,) the limits of requirements would have to give way for the yield asked.
 
     One step of Newton's method for the yield `row`, alike for all requirements that it is over.
     """
     least, t = least_yield(stack, row), stack.made(designs)
+    if stack.promises is not None and (promised := stack.promises.row(row)) is not None:
+        return promised.lacking(t)
     laws = [one.law for one in stack.measured
             if isinstance(one.law, Law) and one.mechanism.bounded
             and row in (YIELD, one.name(YIELD))]  # fmt: skip

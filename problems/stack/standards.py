@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 from ...errors import nearest
+from ...models.costs.extras import dearer, read_extras_by
 from ...models.costs.reading import read_curve
 from ...models.costs.reciprocal import Reciprocal
 from ...models.inputs import Zone
@@ -29,6 +30,8 @@ MORE = ("geometry", "price", "feature", "leg")
 """Keys beside that of the zone: prices of grades, the geometrical characteristic of ISO 1101, and
 what a general tolerance is of.
 """
+COSTS = ("cost", "setup", "inspection")
+"""Keys that say what grades cost beside their prices."""
 FEATURES = ("length", "radius")
 
 
@@ -60,8 +63,8 @@ def searched_grades(
 ) -> tuple[Process, ...] | None:
     """`grade = ["IT5", "IT8"]`: each grade from the first to the second as a process of its own.
 
-    Each costs its `price`, or what `cost` says of its half-width. None and faults where the table
-    does not say it all.
+    Each costs its `price`, or what `cost` says of its half-width, and its share of a set-up and its
+    inspection. None and faults where the table does not say it all.
     """
     grades = _range(section)
     curve = read_curve(section.section("cost")) if "cost" in section else None
@@ -70,11 +73,13 @@ def searched_grades(
         section.fault("cost", "give a cost curve of t, or price = { IT6 = 12.0, IT7 = 8.5 } by "
                       "grade, one of them")  # fmt: skip
     t = _half_widths(section, grades or (), unit, nominal)
+    more = read_extras_by(section, grades or ())
     if grades is None or t is None or (curve is None) == (prices is None):
         return None
     found = []
     for grade, half_width in zip(grades, t, strict=True):
         own = curve if prices is None else Reciprocal(prices[grade], 0.0)
+        own = None if own is None else dearer(own, more[grade])
         found.append(Process(half_width, half_width, own, grade))
     return tuple(found)
 

@@ -21,6 +21,8 @@ def tables_of(definition: Definition) -> dict[str, Any]:
             {"parts": list(one.pieces), "coefficient": one.coefficient}
             for one in definition.correlations
         ]
+    if definition.promise is not None:
+        found["promise"] = definition.promise.table()
     return found
 
 
@@ -55,9 +57,8 @@ def _part(part: Part) -> dict[str, Any]:
         own = [{"name": p.name} | _range(p) for p in part.processes if p.machine is None]
         return found | ({"process": own} if own else {}) | {
             "machine": [one.table() for one in part.machines]}  # fmt: skip
-    if part.alternatives and part.stated:  # grades: each costs its price, or what one curve says
-        return found | dict(part.stated) | ({} if "price" in part.stated
-                                            else _cost(part.processes[0]))  # fmt: skip
+    if part.alternatives and part.stated:  # grades
+        return found | dict(part.stated)
     if part.alternatives:
         return found | {"process": [{"name": p.name} | _range(p) for p in part.processes]}
     if part.fixed:

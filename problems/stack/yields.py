@@ -32,28 +32,28 @@ class Yields:
 
     def outputs(self, t: Tolerances, searching: bool) -> dict[str, Array]:
         """Half-widths and yields; NaN without limits, or where a search does not need them."""
-        sample = self.searching if searching else self.reported
         found: dict[str, Array] = {}
         bounded = [one for one in self.measured if one.mechanism.bounded]
         for one in self.measured:
             if one.requirement.method == "monte_carlo":
-                found |= self._half_width(one, t, sample, searching)
+                found |= self._half_width(one, t, searching)
             own = [one] if one.mechanism.bounded else []
             found |= self._yield(one.name("yield_percent"), own, t, searching)
         if self.measured[0].requirement.key:
             found |= self._yield("yield_percent", bounded, t, searching)
         return found
 
-    def _half_width(
-        self, one: Measured, t: Tolerances, sample: Sample, searching: bool
-    ) -> dict[str, Array]:
+    def _half_width(self, one: Measured, t: Tolerances, searching: bool) -> dict[str, Array]:
         name = one.name("variation")
         if searching and not self.wanted & {name, "variation"}:
             return {name: np.full(len(t), np.nan)}
         coverage = self.settings.propagation.coverage
         if isinstance(one.law, Law):
             return {name: one.law.half_width(t, coverage)}
-        return {name: half_width(one.mechanism, t, sample, coverage)}
+        return {name: half_width(one.mechanism, t, self._sample(searching), coverage)}
+
+    def _sample(self, searching: bool) -> Sample:
+        return self.searching if searching else self.reported
 
     def _yield(
         self, name: str, bounded: Sequence[Measured], t: Tolerances, searching: bool
@@ -66,8 +66,7 @@ class Yields:
         if len(bounded) == 1 and isinstance(law, Law):
             return dict(zip(names, law.yield_percent(t), strict=True))
         mechanisms = [one.mechanism for one in bounded]
-        sample = self.searching if searching else self.reported
-        found = joint_yield_percent(mechanisms, t, sample)
+        found = joint_yield_percent(mechanisms, t, self._sample(searching))
         if searching and len(close := self._undecided(name, *found)):
             exact = joint_yield_percent(mechanisms, t[close], self.reported)
             for values, better in zip(found, exact, strict=True):

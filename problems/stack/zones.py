@@ -12,11 +12,12 @@ from ...models.costs import CostCurve, Table
 from ...models.costs.extras import dearer, read_extras
 from ...models.costs.reading import name_of, read_curve
 from ...models.inputs import Zone
-from ...models.machines.reading import Offer, read_offers
+from ...models.machines.offers import Offer
+from ...models.machines.reading import Owner, read_offers
 from ...section import POSITIVE, Range, Section
 from .definition import Process
 from .made import processes_of
-from .standards import MORE, assumed_of, searched_grades, standard
+from .standards import COSTS, MORE, assumed_of, searched_grades, standard
 
 KEYS = ("t_min", "tolerance", "limits", "grade", "fit", "general", "process", "machine")
 """The ways to state a zone, by their first key; exactly one is given, but that machines may stand
@@ -57,7 +58,7 @@ def read_tolerance(
         section.fault(given[0], f"is a second statement beside {fit} of its [[fit]]: keep one")
         return None
     if set(given) in MADE:
-        return _alternatives(section, unit)
+        return _alternatives(section, unit, nominal)
     if len(given) != 1:
         what = f"has too many: {', '.join(given)}; keep one" if given else "has none"
         section.fault("", f"needs one statement of its tolerance and {what}: {REMEDY}")
@@ -68,7 +69,8 @@ def read_tolerance(
         grades = searched_grades(section, unit, nominal)
         if grades is None:
             return None
-        return Tolerance(grades, alternatives=True, stated=stated_of(section),
+        costs = {key: section.take(key) for key in COSTS if key in section}
+        return Tolerance(grades, alternatives=True, stated=stated_of(section) | costs,
                          assumed=assumed_of(grades))  # fmt: skip
     if given == ["t_min"]:
         process = _process(section, unit)
@@ -137,7 +139,7 @@ def _check_cost(section: Section, key: str, curve: CostCurve | None, t: float, u
                       f"curve ({name_of(curve)})")  # fmt: skip
 
 
-def _alternatives(section: Section, unit: str) -> Tolerance | None:
+def _alternatives(section: Section, unit: str, nominal: float | None) -> Tolerance | None:
     """The `[[part.process]]` and `[[part.machine]]` tables."""
     if "cost" in section:
         section.fault("cost", "belongs into each [[part.process]]; a machine has a price")
@@ -147,7 +149,7 @@ def _alternatives(section: Section, unit: str) -> Tolerance | None:
     if "machine" not in section:
         return None if own is None else Tolerance(own, alternatives=True)
     ends = [section.number(key, unit, POSITIVE) for key in ("t_min", "t_max")]
-    offers = read_offers(section, unit, (ends[0], ends[1]))
+    offers = read_offers(section, Owner(unit, (ends[0], ends[1]), nominal))
     if own is None or offers is None:
         return None
     both = {one.name for one in own} & {way.label for one in offers for way in one.ways()}

@@ -259,6 +259,10 @@
     };
     const print = element("button", "Print this sheet", { type: "button", id: "print" });
     print.addEventListener("click", () => { byId("view-drawing").click(); document.body.classList.add("sheet"); window.print(); document.body.classList.remove("sheet"); });
+    const folded = () => [...document.querySelectorAll(".key:not([open])")];
+    let opened = [];
+    window.addEventListener("beforeprint", () => { opened = folded(); opened.forEach((one) => { one.open = true; }); });
+    window.addEventListener("afterprint", () => opened.forEach((one) => { one.open = false; }));
     byId("exports").append(save("copy", "Copy as CSV", asCSV), save("designs", "Copy as designs.csv", asDesigns), print, said);
   }
 

@@ -12,6 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ...gap_records import FoundEffect, GapResult, Rival
+from ...records import mechanism_lines
 from ..document import bullets, document, folded, picture, section
 from ..summary import summary_table
 from ..tables import shown, table
@@ -61,6 +62,8 @@ CAPTIONS = {
     "(dotted).",
     "path": "Held-out error of every step over the noise: 1 is the noise floor (dotted). Accepted "
     "steps are filled and joined, refused ones hollow.",
+    "path of a batch": "What every step gains over what it must gain (dotted), in the measure of "
+    "the batch: a batch has no rows to leave out. Accepted steps are filled, refused ones hollow.",
 }
 
 
@@ -116,8 +119,9 @@ def _head(result: GapResult) -> str:
     lines = [VERDICTS.get(result.verdict, result.verdict)]
     lines += [f"{one.name.replace('_', ' ')}: {one.cause}" for one in result.effects]
     lines += [line for line in map(partial(_before_after, result), result.gap_before) if line]
+    about = "".join(f"<p>{escape(line)}</p>\n" for line in mechanism_lines(result.summary))
     asked, rest = lines[0], "".join(f"<li>{escape(line)}</li>" for line in lines[1:])
-    return f'<p class="asked">{escape(asked)}</p>\n<ul class="answers">{rest}</ul>'
+    return f'{about}<p class="asked">{escape(asked)}</p>\n<ul class="answers">{rest}</ul>'
 
 
 def _before_after(result: GapResult, name: str) -> str:
@@ -149,7 +153,7 @@ def _drawn(result: GapResult) -> Iterator[Drawn]:
         yield "next_measurement", points, CAPTION
     path = path_figure(result)
     if path is not None:
-        yield "path", path, CAPTIONS["path"]
+        yield "path", path, CAPTIONS["path of a batch" if len(result.units) else "path"]
 
 
 def _file_part(name: str) -> str:

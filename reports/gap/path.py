@@ -1,8 +1,10 @@
-"""The path of steps: held-out error against the noise floor."""
+"""The path of steps, in the measure that decided: held-out error against the noise floor, for a
+batch what a step gains against what it must.
+"""
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, nan
 from textwrap import shorten
 
 from matplotlib.figure import Figure
@@ -16,28 +18,39 @@ LONGEST = 52
 
 
 def path_figure(result: GapResult) -> Figure | None:
-    """Held-out error of each step in noise units; accepted ones joined, refused ones hollow.
+    """Each step in the measure that decided; accepted ones filled, refused ones hollow.
 
-    None for a batch: what decides there is its distance from the population.
+    Held-out error in noise units; for a batch, which has no rows to leave out, the gain over its
+    threshold, on a logarithmic axis. None without steps.
     """
-    steps = [one for one in result.steps if isfinite(one.held_out)]
-    if not steps or len(result.units):
+    batch = len(result.units) > 0
+    measured = {one.number: one.gain / one.threshold if batch else one.held_out
+                for one in result.steps
+                if not batch or (one.gain > 0.0 and one.threshold > 0.0)}  # fmt: skip
+    steps = [one for one in result.steps if isfinite(measured.get(one.number, nan))]
+    if not steps:
         return None
+    at_step = [measured[one.number] for one in steps]
     figure = new_figure(height=1.6 + 0.32 * len(steps))
     axes = figure.add_subplot()
     places = range(len(steps))
     kept = [at for at in places if steps[at].accepted]
-    axes.plot([steps[at].held_out for at in kept], kept, color=AFTER.colour, marker="o",
-              linewidth=1.4, label="accepted")  # fmt: skip
+    axes.plot([at_step[at] for at in kept], kept, color=AFTER.colour, marker="o", linewidth=1.4,
+              linestyle="none" if batch else "-", label="accepted")  # fmt: skip
     refused = [at for at in places if not steps[at].accepted]
     if refused:
-        axes.plot([steps[at].held_out for at in refused], refused, linestyle="none", marker="D",
+        axes.plot([at_step[at] for at in refused], refused, linestyle="none", marker="D",
                   color="#555555", markerfacecolor="none", label="not accepted")  # fmt: skip
-    axes.axvline(1.0, color="black", linestyle=":", linewidth=1.4, label="noise floor")
+    axes.axvline(1.0, color="black", linestyle=":", linewidth=1.4,
+                 label="what a step must gain" if batch else "noise floor")  # fmt: skip
     axes.set_yticks(places, [_label(one) for one in steps], fontsize="small")
     axes.invert_yaxis()
-    axes.set_xlim(left=min(0.9, 0.95 * min(one.held_out for one in steps)))
-    axes.set_xlabel("held-out RMSE over noise")
+    if batch:
+        axes.set_xscale("log")
+        axes.set_xlabel("gain over what the step must gain")
+    else:
+        axes.set_xlim(left=min(0.9, 0.95 * min(at_step)))
+        axes.set_xlabel("held-out RMSE over noise")
     axes.legend(frameon=False, fontsize="small")
     plain(axes)
     return figure

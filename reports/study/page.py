@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from ...records import StudyResult
+from ...records import StudyResult, mechanism_lines
 from ..document import bullets, document, folded, picture, section
 from ..scripts import data, own
 from ..tables import chosen, table
@@ -58,13 +58,15 @@ def study_page(result: StudyResult) -> str:
 
 def _head(result: StudyResult) -> str:
     """What is recommended, and how sure that is."""
+    about = "".join(f"<p>{escape(line)}</p>\n"
+                    for line in mechanism_lines({"mechanism": result.mechanism}))  # fmt: skip
     if not result.recommendations:
-        return '<p class="asked">No setting is recommended.</p>'
+        return f'{about}<p class="asked">No setting is recommended.</p>'
     lines = "".join(
         f"<li>{escape(one.sentence)} {SHOWN if one.shown else NOT_SHOWN}</li>"
         for one in result.recommendations
     )
-    return f'<p class="asked">Recommended settings</p>\n<ul class="answers">{lines}</ul>'
+    return f'{about}<p class="asked">Recommended settings</p>\n<ul class="answers">{lines}</ul>'
 
 
 def _settings(result: StudyResult) -> str:

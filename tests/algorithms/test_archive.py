@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tolevo.algorithms.archive import Archive, joined_front, lowest_ranks
-from tolevo.algorithms.indicators import area, hypervolume, nondominated
+from tolevo.algorithms.archive import GROWTH, Archive, lowest_ranks
+from tolevo.algorithms.indicators import nondominated
 
 
 def filled(archive: Archive, batches: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -19,19 +19,11 @@ def filled(archive: Archive, batches: int, seed: int = 0) -> tuple[np.ndarray, n
     return x.reshape(-1, 3)[feasible], f.reshape(-1, 2)[feasible]
 
 
-def test_front_is_that_of_everything_seen() -> None:
-    archive = Archive(3, 2, room=50)
-    _, f = filled(archive, 40)
-    expected = f[nondominated(f)]
-    order, other = np.argsort(expected[:, 0]), np.argsort(archive.front[:, 0])
-    np.testing.assert_array_equal(archive.front[other], expected[order])
-
-
 def test_memory_is_bounded_and_every_front_point_is_kept() -> None:
     archive = Archive(3, 2, room=50)
     _, f = filled(archive, 200)
     _, kept = archive.arrays()
-    assert 50 <= len(kept) <= 120
+    assert 50 <= len(kept) <= GROWTH * 50 + 20
     best = {tuple(row) for row in f[nondominated(f)].tolist()}
     assert best <= {tuple(row) for row in kept.tolist()}
 
@@ -72,21 +64,3 @@ def test_restored_archive_goes_on_equally() -> None:
         filled(one, 30, seed=5)
     for left, right in zip(archive.arrays(), other.arrays(), strict=True):
         np.testing.assert_array_equal(left, right)
-    assert archive.changes == other.changes
-
-
-def test_a_front_joined_by_points_is_that_of_all_and_its_area_the_hypervolume() -> None:
-    """Against moocore; coordinates are rounded so that some are equal."""
-    rng = np.random.default_rng(3)
-    ideal, nadir = np.zeros(2), np.array([1.0, 1.5])
-    front = np.empty((0, 2))
-    seen = np.empty((0, 2))
-    for _ in range(30):
-        f = np.round(rng.random((25, 2)) ** 0.5 * 1.8, 2)
-        front, seen = joined_front(front, f), np.vstack([seen, f])
-        expected = seen[nondominated(seen)]
-        np.testing.assert_array_equal(front, expected[np.argsort(expected[:, 0])])
-        np.testing.assert_allclose(
-            area(front, ideal, nadir), hypervolume(seen, ideal, nadir), rtol=1e-12
-        )
-    assert joined_front(front, front + 0.1) is front

@@ -138,13 +138,15 @@ def test_mutation_is_distributed_as_pymoos() -> None:
 def test_every_point_takes_part_in_as_many_tournaments() -> None:
     """Alone at the top, a point wins both of its tournaments, and the worst wins none."""
     f = np.column_stack([np.arange(10.0), np.arange(10.0)])
-    winners = tournament(f, np.zeros(10), np.zeros(10), 10, np.random.default_rng(0))
+    winners = tournament(f, np.zeros(10), ranks(f), np.zeros(10), 10, np.random.default_rng(0))
     assert np.bincount(winners, minlength=10)[[0, 9]].tolist() == [2, 0]
-    by_violation = tournament(f, np.arange(10.0)[::-1], np.zeros(10), 10, np.random.default_rng(0))
+    by_violation = tournament(
+        f, np.arange(10.0)[::-1], ranks(f), np.zeros(10), 10, np.random.default_rng(0)
+    )
     assert np.bincount(by_violation, minlength=10)[[0, 9]].tolist() == [0, 2]
     flat = np.column_stack([np.arange(10.0), -np.arange(10.0)])
     crowded = np.r_[np.inf, np.arange(8.0), np.inf]
-    by_crowding = tournament(flat, np.zeros(10), crowded, 10, np.random.default_rng(0))
+    by_crowding = tournament(flat, np.zeros(10), ranks(flat), crowded, 10, np.random.default_rng(0))
     counts = np.bincount(by_crowding, minlength=10)
     assert counts[[0, 9]].sum() in (3, 4)  # they may meet each other
     assert counts[1] == 0

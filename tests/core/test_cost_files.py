@@ -232,3 +232,74 @@ def test_evaluate_states_costs_with_their_shares(tmp_path: Path) -> None:
     header, row = out.read_text(encoding="utf-8").splitlines()[:2]
     cost = float(row.split(",")[header.split(",").index("cost")])
     np.testing.assert_allclose(cost, 6.0 + 2.8 + 7.0 + 1.5, rtol=1e-12)
+
+
+def graded(more: str) -> str:
+    """The stack with more keys beside the grades of the bore."""
+    grades = 'grade = ["IT5", "IT9"]\n'
+    return STACK.replace(grades, f"{grades}{more}\n")
+
+
+@pytest.mark.parametrize(
+    ("more", "added"),
+    [
+        ("setup = { price = 90.0, lot = 30 }\ninspection = { price = 0.25 }", (3.25, 3.25, 3.25)),
+        ("setup = { price = { IT6 = 90.0, IT7 = 60.0, IT8 = 0.0 }, lot = 30 }", (3.0, 2.0, 0.0)),
+    ],
+)
+def test_grades_bear_their_share_of_a_set_up(
+    more: str, added: tuple[float, ...], tmp_path: Path
+) -> None:
+    path = written(tmp_path, graded(more))
+    configuration = read(path)
+    problem: Any = configuration.problem
+    bore = problem.definition.parts[1]
+    costs = [float(one.curve.cost(np.array([one.low]))[0]) for one in bore.processes]
+    np.testing.assert_allclose(costs, np.array([12.0, 8.5, 7.0]) + added)
+    (tmp_path / "again.toml").write_text(configuration.toml(), encoding="utf-8")
+    again: Any = read(tmp_path / "again.toml").problem
+    assert again.definition.parts[1].processes == bore.processes
+
+
+def test_curves_of_variables_bear_their_share_of_a_set_up(tmp_path: Path) -> None:
+    """With a curve in the configuration, and beside the rows of a file."""
+    text = """problem = "rv_backlash"
+[costs]
+file = "costs.csv"
+[costs.pin_radius_um]
+setup = { price = 30.0, lot = 20 }
+[costs.runout_um]
+model = "reciprocal"
+a = 1.0
+b = 2.0
+setup = { price = 60.0, lot = 20 }
+inspection = { price = 0.5 }
+"""
+    configuration = read(written(tmp_path, text, PINS.replace("cost_EUR", "cost")))
+    assert configuration.problem is not None
+    costs = configuration.problem.settings.costs
+    assert float(costs["pin_radius_um"].cost(np.array([2.0]))[0]) == 31.0 + 1.5
+    assert float(costs["runout_um"].cost(np.array([2.0]))[0]) == 2.0 + 3.0 + 0.5
+    (tmp_path / "again.toml").write_text(configuration.toml(), encoding="utf-8")
+    again = read(tmp_path / "again.toml").problem
+    assert again is not None and again.settings.costs == costs
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        (graded("setup = { price = { IT6 = 90.0, IT7 = -1.0, IT11 = 2.0 } }"),
+         ("part[1].setup.lot", "part[1].setup.price.IT8", "part[1].setup.price.IT7",
+          "part[1].setup.price.IT11")),
+        (graded("setup = { price = 90.0, lot = 0 }"), ("part[1].setup.lot",)),
+        ('problem = "rv_backlash"\n[costs.pin_radius_um]\nsetup = { price = 30.0, lot = 20 }',
+         ("costs.pin_radius_um.setup",)),
+        ('problem = "rv_backlash"\n[costs.pin_radius_um]\nmodel = "reciprocal"\na = 1.0\nb = 1.0\n'
+         "setup = { price = 30.0 }", ("costs.pin_radius_um.setup.lot",)),
+    ],
+)  # fmt: skip
+def test_faults_of_a_set_up_are_placed(text: str, place: tuple[str, ...], tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        read(written(tmp_path, text))
+    places = [fault.place for fault in caught.value.faults]
+    assert sorted(places) == sorted(place)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from tolevo.progress import describe_gap, gap_fraction, shown_gap
+from tolevo.progress import describe_claims, describe_gap, gap_fraction, shown_gap
 from tolevo.workflows.gap.progress import GapProgress
+from tolevo.workflows.reproduce.plan import ClaimsProgress
 
 
 def test_line_and_share_of_the_replicates() -> None:
@@ -27,3 +28,11 @@ def test_without_a_terminal_each_phase_has_a_line(capsys: pytest.CaptureFixture[
 def test_quiet_shows_nothing() -> None:
     with shown_gap(quiet=True) as update:
         assert update is None
+
+
+def test_a_reproduction_says_what_is_left() -> None:
+    """9 claims in 30 s after 20 of an earlier time: 10 more take some 33 s."""
+    assert describe_claims(ClaimsProgress(29, 39, 30.0, "a1", 20)) == (
+        "claims 29/39 checked, 30 s, some 33 s left, a1"
+    )
+    assert "all of them take some minutes" in describe_claims(ClaimsProgress(0, 39, 0.0))

@@ -5,6 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tolevo.common_units import COMMON, RATES
+from tolevo.unit_definitions import looked_up, unit_of
 from tolevo.units import ARCMIN, MM, SUFFIXES, UM, converted, split_unit, to_unit, unit_key
 
 
@@ -115,3 +117,10 @@ def test_units_of_two_kinds_are_not_converted() -> None:
 )  # fmt: skip
 def test_units_in_names(unit: str, key: str) -> None:
     assert unit_key(unit) == key
+
+
+def test_common_units_are_those_of_pint() -> None:
+    from pint import UnitRegistry
+
+    assert {name: unit_of(name) for name in COMMON} == {name: looked_up(name) for name in COMMON}
+    assert {name for name in UnitRegistry() if "_per_" in name} == RATES

@@ -15,7 +15,7 @@ import pytest
 
 from benchmarks.gap.generator.records import record
 from benchmarks.gap.scoring.breakdown import answer
-from benchmarks.gap.scoring.scorer import Figure, Scored, falsely_named, figures
+from benchmarks.gap.scoring.scorer import Figure, Scored, coverage, covered, falsely_named, figures
 from benchmarks.gap.trial import WORKFLOW, lines, printed, scored
 
 pytestmark = [pytest.mark.slow, pytest.mark.source_tree]
@@ -49,6 +49,17 @@ def hiding() -> list[Scored]:
     return [
         one for group, size in COUNTS.items() for one in named(group, size, LONGEST.get(group, FEW))
     ]
+
+
+@pytest.mark.parametrize("groups", [("uneven good",), ("assembly good", "assembly poor")])
+def test_intervals_hold_the_truth_under_uneven_noise_and_in_assemblies(
+    groups: tuple[str, ...],
+) -> None:
+    """Of 90 % intervals 80 to 95 % shall: not refuted by what is named in 12 records."""
+    found = [one for group in groups for one in named(group, 12 // len(groups), FEW)]
+    least, most = coverage([hit for one in found for hit in covered(one)])
+    assert least.count >= 8
+    assert not least.refuted and not most.refuted, printed([least, most])
 
 
 def assert_listed(found: Sequence[Scored]) -> None:

@@ -29,8 +29,8 @@ def test_posterior_of_a_sample() -> None:
 
 def test_a_prior_counts_as_so_many_parts() -> None:
     values = np.random.default_rng(3).normal(0.0, 2.0, 10)
-    known = knowledge_of(values, Prior(1.0, 30.0))
-    pooled = (30.0 * 1.0 + 9.0 * np.var(values, ddof=1)) / 39.0
+    known = knowledge_of(values, Prior(3.0, 30.0))
+    pooled = (30.0 * 9.0 + 9.0 * np.var(values, ddof=1)) / 39.0
     assert (known.std**2, known.df) == pytest.approx((pooled, 39.0))
 
 

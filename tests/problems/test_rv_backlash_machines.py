@@ -21,6 +21,8 @@ PINS = [
 ]
 CRANKS = [{"name": "cranks", "sigma": 0.6, "price": 0.7, "inspection": {"price": 0.1}}]
 
+OFF_CENTRE = [CRANKS[0] | {"mean": 0.8}, CRANKS[0] | {"name": "others", "mean": -0.4}]
+
 
 def table(backlash: str = "backlash_geometric_arcmin", **variables: Any) -> dict[str, Any]:
     """The reducer with machines for its pins."""
@@ -69,8 +71,29 @@ def test_good_parts_enter_as_normal_ones_with_their_own_mean_and_scatter() -> No
         np.testing.assert_allclose(found["cost"][row], cost, rtol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["eccentricity_um", "pitch_um"])
+def test_means_enter_as_mid_limits_do(name: str) -> None:
+    """The mean of the pitch turns all teeth alike: no unit's backlash moves."""
+    machines: dict[str, Any] = {name: {"machine": OFF_CENTRE}}
+    problem = reducer(table(**machines))
+    design = designs_of(problem, 1)
+    at, way = problem.names.index(name), problem.names.index(problem.made[name].choice)
+    design[:, [at, way]] = 1.1, 1.0
+    good = problem.made[name].ways[1].machine.good_parts(np.array([1.1]))
+    assert good.mean[0] > 0.1
+    mid = (problem.settings.variables[name].mid or 0.0) + float(good.mean[0])
+    own = {"value": float(3.0 * good.std[0]), "mid": mid, "distribution": "normal"}
+    stated: dict[str, Any] = {name: own}
+    plain = reducer(table(**stated))
+    same = np.delete(design, way, axis=1)
+    same[:, at] = own["value"]
+    found, expected = problem.outputs_of(design), plain.outputs_of(same)
+    for output in ("backlash_arcmin", "backlash_geometric_arcmin", "phi_2_arcmin"):
+        np.testing.assert_allclose(found[output], expected[output], rtol=1e-9)
+
+
 def test_derivatives_are_those_of_differences() -> None:
-    problem = reducer(table(eccentricity_um={"machine": CRANKS}))
+    problem = reducer(table(eccentricity_um={"machine": OFF_CENTRE}, pitch_um={"machine": PINS}))
     designs = designs_of(problem, 6)
     slopes = problem.gradient(designs)
     for name in problem.made:
@@ -85,7 +108,7 @@ def test_derivatives_are_those_of_differences() -> None:
 
 
 def test_front_of_the_geometric_backlash_is_proven() -> None:
-    problem = reducer(table(runout_um={"machine": CRANKS}))
+    problem = reducer(table(eccentricity_um={"machine": OFF_CENTRE}))
     found = search(problem, Exact(points=3), Budget(), 1)
     designs = problem.complete(found.x)
     values = problem.outputs_of(designs, errors=False)
@@ -97,13 +120,25 @@ def test_front_of_the_geometric_backlash_is_proven() -> None:
 
 @pytest.mark.parametrize("output", ["backlash_geometric_arcmin", "backlash_arcmin"])
 def test_no_design_costs_less_than_its_bound(output: str) -> None:
-    problem = reducer(table(output))
+    cranks: dict[str, Any] = (
+        {"eccentricity_um": {"machine": OFF_CENTRE}} if "geometric" in output else {}
+    )
+    problem = reducer(table(output, **cranks))
     designs = designs_of(problem, 60)
     values = problem.outputs_of(designs, searching=True)
     kept = np.all(problem.violations(designs, values) <= 0.0, axis=1)
     own = {name: values[name][kept][:3] for name in problem.objectives}
     bound = proof(problem, own, len(own["cost"])).bound
     assert np.all(np.isfinite(bound)) and np.all(bound <= own["cost"])
+
+
+def test_backlash_with_machines_for_the_eccentricity_is_not_proven_and_said_so() -> None:
+    problem = reducer(table("backlash_arcmin", eccentricity_um={"machine": OFF_CENTRE}))
+    designs = designs_of(problem, 3)
+    values = problem.outputs_of(designs, searching=True)
+    own = {name: values[name] for name in problem.objectives}
+    assert np.all(np.isnan(proof(problem, own, 3).bound))
+    assert "machines" in problem.unproven()
 
 
 def test_configuration_is_written_as_it_is_read() -> None:
@@ -117,7 +152,6 @@ def test_configuration_is_written_as_it_is_read() -> None:
 def test_every_fault_is_named_with_its_place() -> None:
     given = table(
         crank_bearing_um={"machine": PINS},
-        eccentricity_um={"machine": [CRANKS[0] | {"mean": 0.2}]},
         runout_um={"machine": [{"name": "a", "sigma": -1.0}], "distribution": "uniform"},
         pitch_um={"machine": CRANKS, "value": 4.0},
     )
@@ -125,8 +159,8 @@ def test_every_fault_is_named_with_its_place() -> None:
     with pytest.raises(InputError) as caught:
         reducer(given)
     places = {fault.place for fault in caught.value.faults}
-    for place in ("variables.crank_bearing_um.machine", "variables.eccentricity_um.machine[0].mean",
-                  "variables.runout_um.machine[0].sigma", "variables.runout_um.machine[0].price",
+    for place in ("variables.crank_bearing_um.machine", "variables.runout_um.machine[0].sigma",
+                  "variables.runout_um.machine[0].price",
                   "variables.runout_um.distribution", "variables.pitch_um.value",
                   "costs.pin_radius_um"):  # fmt: skip
         assert place in places, (place, places)

@@ -21,6 +21,7 @@ from tolevo.cli import app
 from tolevo.configuration.reader import read_table
 from tolevo.errors import InputError
 from tolevo.problems.stack.problem import Stack
+from tolevo.problems.stack.two_sided import tangents
 from tolevo.problems.stack.writing import tables_of
 
 SLOPES = (0.7, 1.1, 1.5, 0.9, 1.3)
@@ -168,6 +169,7 @@ def off_centre(method: str, limits: dict[str, Any], **requirement: Any) -> dict[
         ("shifted_rss", {"variation": 12.0}, {}),
         ("worst_case", {"variation": 14.0}, {}),
         ("rss", {"yield_percent": 99.73}, {"upper": 11.0}),
+        ("rss", {"yield_percent": 99.73}, {"lower": -10.0, "upper": 11.5}),
         ("rss", {"variation": 7.0, "worst_case": 9.0}, {}),
         ("monte_carlo", {"variation": 12.0}, {}),
     ],
@@ -186,6 +188,25 @@ def test_off_centre_machines_are_proven_by_cells(
     values = problem.outputs_of(designs, searching=True)
     kept = np.all(problem.violations(designs, values) <= 0.0, axis=1)
     assert np.sum(kept) > 10 and np.min(values["cost"][kept]) >= bound
+
+
+@pytest.mark.parametrize("p", [0.6, 0.9, 0.9973, 0.999999])
+def test_two_limits_about_a_moving_mean_lie_below_their_tangents(p: float) -> None:
+    """Normal deviations that keep -1 and 1 with the probability p, by bisection at 500 means."""
+    mean = np.linspace(0.0, 0.98, 500)
+    low, high = np.zeros(500), np.full(500, 10.0)
+    for _ in range(60):
+        std = 0.5 * (low + high)
+        kept = norm.cdf((1.0 - mean) / std) - norm.cdf((-1.0 - mean) / std) >= p
+        low, high = np.where(kept, std, low), np.where(kept, high, std)
+    lines = [(1.0 - mean) / norm.ppf(p), 0.0 * mean + 1.0 / norm.ppf(0.5 * (1.0 + p))]
+    found = tangents(p)
+    assert len(found) == 3 or p < 0.7
+    lines += [(room - mean) / z for z, room in found]
+    least = np.min(lines, axis=0)
+    assert np.all(least >= low * (1.0 - 1e-9))
+    if p >= 0.99:
+        assert np.all(least <= low * 1.002)
 
 
 def test_yield_of_machines_without_inspection_is_that_of_a_sample() -> None:

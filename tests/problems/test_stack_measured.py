@@ -153,6 +153,27 @@ def test_a_q_das_file_brings_its_limits_and_nominal(tmp_path: Path) -> None:
         read(path)
 
 
+def test_files_of_one_characteristic_are_put_together(tmp_path: Path) -> None:
+    for name, first in (("a", 0.0), ("b", 5.0)):
+        rows = "\n".join(str(first + at) for at in range(6))
+        (tmp_path / f"{name}.csv").write_text(f"ring [um]\n{rows}\n", encoding="utf-8")
+    problem = built(tmp_path, 'file = ["a.csv", "b.csv"]\nmade_to = 12.0')
+    sample = problem.definition.parts[0].sample
+    assert sample.deviations.tolist() == [0, 1, 2, 3, 4, 5, 5, 6, 7, 8, 9, 10]
+    assert [one.kind for one in sample.found] == ["drift", "lots"]
+
+
+def test_files_of_two_revisions_are_not_mixed(tmp_path: Path) -> None:
+    sizes = (25.004, 25.0065, 25.011, 25.009, 25.0135, 25.0122)
+    rows = "\n".join(f"K0001/1 {size}\nK0001/2 0.001" for size in sizes)
+    for name, upper in (("a", "25,021"), ("b", "25,033")):
+        text = (DFQ.replace("25,021", upper) + rows).replace(".", ",")
+        (tmp_path / f"{name}.dfq").write_text(text, encoding="cp1252")
+    found = faults(tmp_path, 'file = ["a.dfq", "b.dfq"]\ncharacteristic = "Bohrung"')
+    assert "part[0].measured.file: mixes files of different limits" in found
+    assert "several revisions of the drawing" in found
+
+
 @pytest.mark.parametrize(
     ("measured", "words"),
     [
@@ -164,6 +185,7 @@ def test_a_q_das_file_brings_its_limits_and_nominal(tmp_path: Path) -> None:
         (WHOLE + 'unit = "deg"', "cannot be stated in um"),
         (WHOLE + "gauge = { sigma = 9.0 }", "the gauge is unfit"),
         (WHOLE + "prior = { cp = 1.33 }", "measured.prior.parts: is missing"),
+        (WHOLE + "prior = { cp = 9.0, parts = 40 }", "claims to be worth 40 parts"),
         (WHOLE + 'mean = "mended"', "must be one of as_found, corrected"),
         (WHOLE + "colour = 1", "part[0].measured.colour: is not a known key"),
         (WHOLE.replace("12.0\n", '"fixed"\n'), "cannot be fixed where the tolerance is searched"),

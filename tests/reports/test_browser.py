@@ -6,7 +6,6 @@ import csv
 import io
 import os
 import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,17 +40,6 @@ EVIL = "<script>alert(1)</script>"
 MOST_BYTES = 1_500_000
 MOST_SECONDS = 1.0
 MOST_CLICK = 0.1
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    assert CHROMIUM is not None, "pages are tested in chromium: apt-get install chromium"
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield found
-        found.close()
 
 
 class Watched:

@@ -7,7 +7,7 @@ import pytest
 from tolevo.records import Axis, RunResult
 from tolevo.reports import front_figure
 from tolevo.reports.drawing import as_png, as_svg, axis_label
-from tolevo.reports.figure import png, svg
+from tolevo.reports.figure import pictures
 
 COST = Axis("cost", "")
 BACKLASH = Axis("backlash_arcmin", "arcmin")
@@ -35,7 +35,7 @@ def result() -> RunResult:
 
 
 def saved(result: RunResult) -> dict[str, bytes]:
-    return {"front.png": png(result), "front.svg": svg(result)}
+    return pictures(result)
 
 
 def test_axis_label_has_the_unit_once() -> None:

@@ -53,5 +53,5 @@ def test_numbers_are_numbers_and_gaps_are_empty(result: RunResult) -> None:
 def test_no_time_in_the_file(result: RunResult) -> None:
     with zipfile.ZipFile(io.BytesIO(sheet(result))) as archive:
         assert {info.date_time for info in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
-        assert archive.read("docProps/core.xml").count(b">1980-01-01T00:00:00Z<") == 2
+        assert "docProps/core.xml" not in archive.namelist()
     assert sheet(result) == sheet(result)

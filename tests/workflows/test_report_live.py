@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -71,3 +72,20 @@ def test_faults_of_a_watch_are_named_at_once(tmp_path: Path) -> None:
     assert told.exit_code == 2
     assert "--watch: takes one directory, got 2" in told.stderr
     assert "--figures: are drawn when the result is complete" in told.stderr
+
+
+def test_an_unfinished_gap_shows_what_its_replicates_name(tmp_path: Path) -> None:
+    folder = tmp_path / "g"
+    folder.mkdir()
+    found = [{"number": at, "effects": {"wear": {"slope": 1.0 + at}} if at else {}}
+             for at in range(5)]  # fmt: skip
+    lines = ['{"whose": "first line"}', *map(json.dumps, found), '{"number": 5, "eff']
+    (folder / "replicates.jsonl").write_text("\n".join(lines), encoding="utf-8")
+    write_unfinished(folder, "gap", "token")
+    page = report([folder], tmp_path / "p.html")
+    assert page.unfinished
+    text = page.path.read_text(encoding="utf-8")
+    assert "Effects in the 5 replicates so far" in text
+    assert "wear" in text
+    assert "80" in text  # percent of the replicates
+    assert "3.5" in text  # median of 2, 3, 4, 5

@@ -14,7 +14,7 @@ from tolevo.algorithms.settings import Budget
 from tolevo.models.effects.compose import Active
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import Bound, Settings
-from tolevo.reports.figure import svg
+from tolevo.reports.figure import pictures
 from tolevo.reports.page import page
 from tolevo.workflows.run import RunOutcome, RunPlan, run
 
@@ -77,8 +77,8 @@ def test_page_and_figure_show_both(outcome: RunOutcome) -> None:
     without = replace(outcome.result, before=None, moved=None)
     assert "<h2>Effects</h2>" not in page(without)
     drawn = (outcome.folder / "front.svg").read_bytes()
-    assert drawn == svg(outcome.result)
-    assert len(drawn) > len(svg(without))
+    assert drawn == pictures(outcome.result)["front.svg"]
+    assert len(drawn) > len(pictures(without)["front.svg"])
 
 
 def test_effects_that_do_nothing_cost_no_second_search(tmp_path: Path) -> None:

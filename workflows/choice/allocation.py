@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from ...declarations import Kind, Variable
 from ...problems.tolerance_problem import ToleranceProblem
-from .notation import inspection, notation, process_of
+from .notation import inspection, notation, plain, process_of
+from .roughness import roughness
 
 Array = NDArray[np.float64]
 COLUMNS = ("choice", "point", "variable", "meaning", "kind", "unit", "nominal", "mid", "unrounded",
            "rounded", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation", "grade",
            "symbol", "drawing", "characteristic", "rounding", "notation", "process",
-           "cpk_wanted", "inspection")  # fmt: skip
+           "roughness_Ra_um", "cpk_wanted", "inspection")  # fmt: skip
 
 
 def allocation(
@@ -34,7 +35,8 @@ def allocation(
     Limits are those of the zone around nominal and mid, deviations where no nominal is known; the
     deviations of a zone are from the nominal. `grade` is the tolerance class where one is stated,
     `symbol` that of a geometrical characteristic. `notation` is what to write on the drawing,
-    `process` how the part is made where that is chosen, `cpk_wanted` the capability that the model
+    `process` how the part is made where that is chosen, `roughness_Ra_um` what that implies for the
+    surface (`roughness`), `cpk_wanted` the capability that the model
     counts on, and `inspection` what an inspector needs to know of it. Where a problem is one of
     several models, the last column says which.
     """
@@ -52,7 +54,8 @@ def allocation(
             )
     columns = [*COLUMNS, *(["model"] if problem.model_statement else [])]
     found = pd.DataFrame(rows, columns=columns)
-    numbers = ("nominal", "mid", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation")
+    numbers = ("nominal", "mid", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation",
+               "roughness_Ra_um")  # fmt: skip
     return found.astype(dict.fromkeys(numbers, float))
 
 
@@ -101,9 +104,13 @@ def _written(
     given = problem.settings.variables[variable.name].distribution
     stated = drawn.get("cpk")
     cpk = float(stated) if stated else _capability(given)
+    process, half = process_of(problem, variable, design), variable.kind is Kind.HALF_WIDTH
+    rough = roughness(process, 2.0 * new, variable.unit) if half else None
+    written = notation(variable, nominal, mid, new, drawn.get("class", grade))
     return {
-        "notation": notation(variable, nominal, mid, new, drawn.get("class", grade)),
-        "process": process_of(problem, variable, design),
+        "notation": written if rough is None else f"{written}; Ra {plain(rough)}",
+        "process": process,
+        "roughness_Ra_um": rough,
         "cpk_wanted": cpk,
         "inspection": inspection(variable, new, cpk),
     }

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from ...problems.tolerance_problem import ToleranceProblem
 from .rules import COST
@@ -79,10 +79,19 @@ def _fitted(
         matrix = each[row][kept][:, used]
         size = np.linalg.norm(matrix, axis=0)
         scaled = matrix / np.where(size > 0.0, size, 1.0)
-        solution, rest = nnls(scaled, right)
+        solution, rest = _above_zero(scaled, right)
         found[row, used] = np.divide(solution, size, out=np.zeros_like(size), where=size > 0.0)
         left[row] = 100.0 * rest / np.linalg.norm(right)
     return found, left
+
+
+def _above_zero(matrix: Array, right: Array) -> tuple[Array, float]:
+    """The x >= 0 that leaves least of matrix x = right, and what it leaves; columns of length 1."""
+    if matrix.shape[1] > 1:
+        solution, rest = scipy.optimize.nnls(matrix, right)
+        return np.asarray(solution), float(rest)
+    x = np.maximum(matrix.T @ right, 0.0)
+    return x, float(np.linalg.norm(matrix @ x - right))
 
 
 def _binding(problem: ToleranceProblem, front: pd.DataFrame, names: list[str]) -> NDArray[np.bool_]:

@@ -10,32 +10,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.effects.compose import Active, acting, changes_of
-from ...models.inputs.distribution import Array
-from ...models.measurable import Role
 from .abstain import Judged, judged, structured
 from .ambiguity import Other, first_of_twins, rivals
-from .blocks import block_labels
 from .close import corrected
-from .estimate import estimated, remainders
-from .fit import Fit, Fitter
+from .curves import as_curve
+from .fit import Fit
 from .generic import stacked
 from .linear import Groups, joined
 from .noise import Noise
 from .population import Batch, Misfit, Scatter, carrying, misfit, scatter
-from .reading import as_read, resolution
-from .scan import Dictionary, Left, Remaining, Thresholds, dictionary, left_over, thresholds
+from .reading import as_read
+from .scan import Dictionary, Left, Remaining, dictionary, left_over
+from .searching import alike, contributions, noise_of, searching, spread_of
 from .select import Search, Selection, beside, concluding, select
 from .settle import Settled, Settling, names_of
-from .setup import Setup, moved_to, values_of
-from .space import Space
+from .setup import Setup, moved_to
 from .unresolved import is_term, label
 
 WANDERING = 0.4
 """Autocorrelation from which it is asked whether the noise is noise."""
 SETTLED = 3
 """How often the final answer is looked for, the noise estimated again beside it."""
-SAME = 0.02
-"""Change of the noise's level and autocorrelation below which it is as it was."""
 ROUNDS = 2
 """How often the noise is estimated again with what was named."""
 BETTER = 1.0
@@ -97,6 +92,7 @@ class Analysis:
     misfit: Misfit | None = None
     struck: tuple[str, ...] = ()
     barred: frozenset[str] = frozenset()
+    believed: frozenset[str] = frozenset()
 
     @property
     def fit(self) -> Fit:
@@ -134,7 +130,7 @@ def analysed(setup: Setup) -> Analysis:
     """The loop, with the noise estimated again beside what was named."""
     setup = as_read(setup)
     noises = noise_of(setup, ())
-    book = dictionary(setup.library, setup.columns, _spread(noises))
+    book = dictionary(setup.library, setup.columns, spread_of(noises))
     forms, which = stacked(setup.generic, len(setup.data.outputs))
     raw = joined(forms, [False] * len(forms))
     search, generic = searching(setup, noises, book, raw, which, None)
@@ -148,10 +144,10 @@ def analysed(setup: Setup) -> Analysis:
         moved = as_read(moved, found.fit)
         if moved is not setup:
             setup = moved
-            book = dictionary(setup.library, setup.columns, _spread(noises))
+            book = dictionary(setup.library, setup.columns, spread_of(noises))
             fitter = searching(setup, noises, book, raw, which, search.thresholds)[0].fitter
             found = replace(found, fit=fitter.refined(found.fit.members))
-        noises = noise_of(setup, _contributions(setup, found.fit))
+        noises = noise_of(setup, contributions(setup, found.fit))
         search, generic = searching(setup, noises, book, raw, which, search.thresholds)
         before, found = found.fit.names, select(search)
         if found.fit.names == before:
@@ -194,8 +190,8 @@ def _settled(
         done = settling.settled(start)
         if turn == SETTLED or not done.fit.members:  # beside nothing the noise is known
             break
-        anew = noise_of(setup, _contributions(setup, done.fit))
-        if _alike(noises, anew):
+        anew = noise_of(setup, contributions(setup, done.fit))
+        if alike(noises, anew):
             break
         noises = anew
         search, generic = searching(setup, noises, *columns, search.thresholds)
@@ -205,25 +201,23 @@ def _settled(
     return _answer(Ground(setup, tuple(noises), search, generic), settling, found, done)
 
 
-def without(analysis: Analysis, name: str) -> Analysis:
-    """The analysis of rows without a name, all that is left fitted and tested again."""
+def without(analysis: Analysis, name: str, believed: str = "") -> Analysis:
+    """The analysis of rows without a name, all that is left fitted and tested again; what the name
+    did may be the form of another one, which is `believed`: it stays as a curve without a name.
+    """
     ground, found = analysis.ground, analysis.selection
+    sure = analysis.believed | ({believed} if believed else set())
+    fit, names = analysis.fit, analysis.fit.names
+    curve = as_curve(ground.search.fitter, fit, names.index(name), names.index(believed),
+                     analysis.setup.data) if believed else None  # fmt: skip
     settling = Settling(
-        ground.search, ground.generic, analysis.setup.data, ground.empty, found.accepted
+        ground.search, ground.generic, analysis.setup.data, ground.empty, found.accepted, sure
     )
     barred = frozenset({name, *analysis.barred})
-    done = settling.again(analysis.fit, barred)
+    done = settling.again(fit, barred, () if curve is None else (curve,))
     done = replace(done, struck=(*analysis.struck, *({name} & {*found.named})))
-    return replace(_answer(ground, settling, found, done, barred), barred=barred)
-
-
-def _alike(one: Sequence[Noise], other: Sequence[Noise]) -> bool:
-    """Whether two estimates of the noise are as good as the same."""
-    return all(
-        abs(a.level / b.level - 1.0) < SAME and abs(a.rho - b.rho) < SAME
-        and a.outliers == b.outliers and a.varies_with == b.varies_with
-        for a, b in zip(one, other, strict=True)
-    )  # fmt: skip
+    answer = _answer(ground, settling, found, done, barred)
+    return replace(answer, barred=barred, believed=sure)
 
 
 def _answer(
@@ -275,7 +269,7 @@ def _not_noise(
     tried = select(other, quick=True)
     if not tried.fit.members:
         return now
-    anew = noise_of(setup, _contributions(setup, tried.fit))
+    anew = noise_of(setup, contributions(setup, tried.fit))
     again, generic = searching(setup, anew, *columns, search.thresholds)
     fit = again.fitter.refined(tried.fit.members)
     better = _minus_log(found.fit, search) - _minus_log(fit, again)
@@ -364,66 +358,3 @@ def _beside_any(bare: Ground, ground: Ground, fit: Fit) -> tuple[Fit, tuple[Scat
     if found and (members := bare.batch.with_level(fit, found[0])) != fit.members:
         fit = ground.search.fitter.fit(members)
     return fit, found
-
-
-def searching(
-    setup: Setup, noises: Sequence[Noise], book: Dictionary, raw: Groups,
-    which: NDArray[np.int64],
-    known: Thresholds | None,
-) -> tuple[Search, Remaining]:  # fmt: skip
-    """The search in the space of this noise."""
-    plan = setup.plan
-    space = Space(tuple(noises), setup.prior)
-    fitter = Fitter(space, setup.residual, setup.base, setup.columns, setup.offset)
-    white = book.white(space)
-    generic = Groups(space.whiten(raw.columns), raw.starts, raw.one_sided)
-    if known is None:
-        rng = np.random.default_rng([plan.seed, 2])
-        known = thresholds(white, generic, fitter.q, plan.settings.simulations,
-                           plan.settings.false_rate, rng)  # fmt: skip
-    labels = np.tile(block_labels(setup.data), len(setup.data.outputs))
-    roles = {c.name: c.role for c in setup.data.target.columns}
-    forms = tuple(setup.forms) * len(setup.data.outputs)
-    return (
-        Search(fitter, book, white, known, labels, plan.settings),
-        Remaining(generic, forms, which, roles),
-    )
-
-
-def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
-    """The noise of each output beside the model and the effects' columns (N, m)."""
-    outputs = setup.data.outputs
-    q = len(outputs)
-    kept = [np.column_stack(parts) for parts in zip(
-        *(np.split(x, q) for x in (setup.base, *contributions)), strict=True)]  # fmt: skip
-    of = remainders(
-        np.split(setup.residual, q),
-        kept,
-        setup.forms,
-        setup.generic,
-        values_of(setup.data),
-        [c.name for c in setup.data.inputs if c.role is Role.TIME],
-        setup.data.repeats,
-        [_known(setup, output.name) for output in outputs],
-        [setup.laws[o.name].std if setup.laws else 0.0 for o in outputs],
-        [0.0 if setup.laws else resolution(setup, o.name) for o in outputs],
-    )
-    return tuple(estimated(one) for one in of)
-
-
-def _known(setup: Setup, name: str) -> tuple[Array, str] | None:
-    """The noise (n,) that the table or the configuration states, and which of them."""
-    if name in setup.data.std:
-        return setup.data.std[name], "column"
-    if name in setup.plan.noise:
-        return np.full(len(setup.data), setup.plan.noise[name]), "configuration"
-    return None
-
-
-def _contributions(setup: Setup, fit: Fit) -> list[Array]:
-    """Columns of the members in the outputs' units."""
-    return [setup.columns.of(one.candidate, one.shape) for one in fit.members]
-
-
-def _spread(noises: Sequence[Noise]) -> float:
-    return float(max(one.level for one in noises))

@@ -24,6 +24,10 @@ def block_labels(data: GapData) -> NDArray[np.int64]:
     return np.minimum(np.arange(n) * count // n, count - 1)
 
 
+SURE = 2.7
+"""Gain from which a nonlinear parameter is excluded: 90 % of one number (chi square)."""
+
+
 @dataclass(frozen=True)
 class HeldOut:
     """Whitened residuals (N,) of rows that their fit never saw, and predictions of the effects and
@@ -90,7 +94,9 @@ def _for_training(
     fitter: Fitter, members: Sequence[Member], out: NDArray[np.int64], book: Dictionary,
     white: Groups,
 ) -> list[Member]:  # fmt: skip
-    """The members with the nonlinear parameters that all rows but `out` choose, in turn."""
+    """The members with the nonlinear parameters that all rows but `out` choose, in turn; those of
+    the whole record stay where these rows do not exclude them.
+    """
     found = list(members)
     for at, one in enumerate(found):
         if not one.shape:
@@ -107,7 +113,8 @@ def _for_training(
         gains = grid.gains_beside(*products(grid, q, left), out)
         own = Groups(fitter.white(one), np.zeros(1, dtype=np.int64),
                      np.array([one.candidate.one_sided]))  # fmt: skip
-        if gains.max(initial=0.0) > own.gains_beside(*products(own, q, left), out)[0]:
+        mine = float(own.gains_beside(*products(own, q, left), out)[0])
+        if gains.max(initial=0.0) > mine + SURE:
             found[at] = book.members[first + int(np.argmax(gains))]
     return found
 

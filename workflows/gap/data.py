@@ -27,7 +27,7 @@ class GapData:
     `measured` holds each output (n,) in its unit, `predicted` the prediction that the table itself
     carries, `std` the noise that it states; `rows` are the line numbers in the file, `blocks` the
     labels of the column that the configuration validates by, `repeats` the label of equal inputs,
-    `sessions` that of what was measured in one go, `digest` the SHA-256 of the file, `understood`
+    `digest` the SHA-256 of the file, `understood`
     how it was read in lines, `table` as a record.
     """
 
@@ -39,7 +39,6 @@ class GapData:
     rows: NDArray[np.int64]
     blocks: NDArray[Any] | None = None
     repeats: NDArray[Any] | None = None
-    sessions: NDArray[Any] | None = None
     zeros: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     digest: str = ""
@@ -82,7 +81,6 @@ class GapData:
             rows=self.rows[rows],
             blocks=None if self.blocks is None else self.blocks[rows],
             repeats=None if self.repeats is None else self.repeats[rows],
-            sessions=None if self.sessions is None else self.sessions[rows],
         )
 
 
@@ -100,7 +98,8 @@ def assembled(
     `predictions` and `stds` name the column of an output; both are brought to the output's unit.
     """
     frame = in_time(frame, columns, notes)
-    table = {c.name: frame[c.name].to_numpy() for c in columns}
+    names = [*(c.name for c in columns), *([SESSION] if SESSION in frame else [])]
+    table = {name: frame[name].to_numpy() for name in names}
     units = {o.name: o.unit for o in outputs}
     changeable = () if plan.model is None else plan.model.changeable
     population = plan.model is not None and plan.model.population
@@ -124,7 +123,6 @@ def assembled(
         rows=frame.index.to_numpy(),
         blocks=None if plan.blocks == "auto" else frame[plan.blocks].to_numpy(),
         repeats=_repeats(frame, columns),
-        sessions=frame[SESSION].astype(str).to_numpy() if SESSION in frame else None,
         zeros=_zeros(target),
         notes=tuple(notes),
     )

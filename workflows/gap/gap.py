@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from ...directory import owned
 from ...gap_records import GapResult
-from ...records import Axis
+from ...records import Axis, mechanism_lines
 from .all_rows import on_all_rows
 from .analysis import Analysis, analysed
 from .correct import corrected_toml, in_problem
@@ -151,7 +151,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
     rivals = rival_records(end, planned.rivals if planned else {})
     rivals += inputs_instead(end, attribution)
     return GapResult(
-        title=plan.model_name,
+        title=plan.labels.name or plan.model_name,
         verdict="ambiguous" if end.verdict == "named" and rivals else end.verdict,
         outputs=tuple(Axis(o.name, o.unit, o.meaning) for o in outputs),
         inputs=tuple(Axis(c.name, c.unit, c.meaning) for c in data.inputs),
@@ -204,6 +204,7 @@ def _summary(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -
         "bootstrap": 0 if spread is None else len(spread.replicates),
         "outside_training_region": _region(data),
         "versions": {"tolevo": version("tolevo")},
+        **({"mechanism": known} if (known := plan.labels.stated()) else {}),
     }
 
 
@@ -236,7 +237,8 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
 
 def _lines(result: GapResult) -> tuple[str, ...]:
     """A short summary for the terminal."""
-    lines = list(result.drawing.lines()) if result.drawing else []
+    lines = mechanism_lines(result.summary)
+    lines += result.drawing.lines() if result.drawing else ()
     lines.append(f"{result.verdict}: {result.summary['rows']} rows")
     words = FAR if result.summary["gap_is"] == OF_UNITS else RMSE
     for output in result.outputs:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from ...models.effects.readings import SESSION, unit_numbers
+from ...models.effects.readings import SESSION, labels_of, unit_numbers
 from ...models.gear import SUN
 from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
@@ -235,12 +235,11 @@ def order_of_units(data: GapData) -> str:
 
 def _levels(data: GapData) -> list[tuple[Form, Array]]:
     """A level of its own for each unit, lot or session."""
-    there = {str(role): data.readings[role].astype(str) for role in (Role.UNIT, Role.LOT)
-             if role in data.readings}  # fmt: skip
-    there |= {} if data.sessions is None else {SESSION: data.sessions}
+    names = [c.name for c in data.target.columns if c.role in (Role.UNIT, Role.LOT)]
+    names += [SESSION] if SESSION in data.readings.table else []
     found = []
-    for name, of in there.items():
-        labels, number = np.unique(of, return_inverse=True)
+    for name in names:
+        labels, number = labels_of(data.readings.table[name])
         if 2 <= len(labels) <= max(2, len(data) // 8):
             columns = (number[:, None] == np.arange(1, len(labels))).astype(float)
             found.append((Form("interval", name, detail=LEVELS), columns))

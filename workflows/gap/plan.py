@@ -10,6 +10,7 @@ from ...gap_drawing_records import Drawing
 from ...models.effects.compose import Active
 from ...models.gear import Gear
 from ...models.measurable import MeasurableModel
+from ...problems.settings import Labels
 from ...tables import ColumnUse
 
 ROLES = (
@@ -103,7 +104,7 @@ class GapPlan:
     that of a table. `counterparts` says what each effect of a corrected
     configuration does in the problem of `run`; None without it. `next_measurement` is None where
     none was asked for. `uses` says what the columns of a file are to a model; `drawing` is what
-    units that are made to one are simulated as.
+    units that are made to one are simulated as; `labels` are what readers know the mechanism by.
     """
 
     model_name: str
@@ -130,6 +131,7 @@ class GapPlan:
     uses: Mapping[str, ColumnUse] = field(default_factory=dict)
     next_measurement: NextPlan | None = None
     drawing: Drawing | None = None
+    labels: Labels = Labels()
 
 
 def output_of(name: str, columns: Mapping[str, ColumnRole]) -> str | None:

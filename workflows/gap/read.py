@@ -102,8 +102,8 @@ def checked_table(
         if c.name not in frame and c not in (TIME, REPEAT)
     ]
     if SESSION in spare and SESSION in frame:
-        notes.append(f'{SESSION} is not used; [validation] blocks = "{SESSION}" would hold out one '
-                     "after the other")  # fmt: skip
+        notes.append(f"a {SESSION} may have a level of its own; [validation] blocks = "
+                     f'"{SESSION}" would hold out one after the other')  # fmt: skip
     notes += [*told_apart(frame, there), *late(frame, there), *_said_of(unused)]
     data = assembled(plan, frame, there, outputs, predictions, stds, notes)
     if faults := range_faults(plan, data, place):

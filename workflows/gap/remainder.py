@@ -123,7 +123,8 @@ def shape(term: Term) -> str:
         "step": f"a step at {term.variable} = {term.zero:.4g}",
         "wave": f"a wave of order {term.order:g}",
         "swing": f"a swing of {term.order:g} cycles over {term.variable}",
-        "product": f"a product of {names}",
+        "product": f"a product of {names}", "curve": f"a curve over {term.variable}",
+        "levels": f"a level of its own in each {term.variable}",
     }  # fmt: skip
     found = kinds[term.shape]
     if term.shape == "power":

@@ -28,7 +28,7 @@ from .analysis import Analysis, without
 from .blocks import HeldOut, improvement
 from .close import Corrected, corrected
 from .data import GapData
-from .fit import Fit, Fitter
+from .fit import Fit
 from .linear import beside
 from .misfit import misfit_of, of_weights
 from .noise import outliers, whiteness
@@ -43,9 +43,10 @@ SUPPLIERS = "note the supplier of each lot: a second supplier is off by the same
 MORE = "measure more units of one lot: a mixture has two peaks, or a shoulder, a wider spread one"
 OWN = 0.01
 """Share of a column that what is free cannot do, below which nothing of it can be seen."""
-FORM_OFF, FORM_ALIKE = 0.03, 0.3
-"""What a name does as a share of another one in its variables, and their correlation: below the one
-and above the other it may be no more than the form of the larger one, which no formula has exactly.
+FORM_OFF, FORM_ALIKE = 0.05, 0.3
+"""What a name does that another one in its variables does not, as a share of what that one does,
+and their correlation: below the one and above the other it may be no more than the form of the
+larger one, which no formula has exactly.
 """
 SEPARATED = 4
 """Rivals for which the separating measurement is searched."""
@@ -110,36 +111,36 @@ def ended(analysis: Analysis) -> Ending:
     """
     found = _ended(analysis)
     for _ in found.named if found.rows else ():
-        weak = next((found.fit.names[at] for at in found.named
-                     if found.model.nothing(found.fit.members[at]) or _little(found, at)),
-                    None)  # fmt: skip
+        weak = next(((found.fit.names[at], larger) for at in found.named
+                     if (larger := _form_of(found, at))
+                     or found.model.nothing(found.fit.members[at])), None)  # fmt: skip
         if weak is None:
             break
-        analysis = without(analysis, weak)
+        analysis = without(analysis, *weak)
         found = _ended(analysis)
     return found
 
 
-def _little(end: Ending, at: int) -> bool:
-    """Whether a name does little beside another one that acts in its variables: as much as the form
-    of the larger one may be off.
+def _form_of(end: Ending, at: int) -> str:
+    """The larger name in the variables of a name which does little that the larger one does not: as
+    much as the form of that one may be off. Empty where there is none.
     """
+    members = end.fit.members
+    mine = acts_in(members[at].candidate.effect.needs)
+    others = [k for k in end.named if mine and k != at
+              and mine <= acts_in(members[k].candidate.effect.needs)]  # fmt: skip
+    return next((members[k].name for k in others if _is_form(end, at, k)), "")
+
+
+def _is_form(end: Ending, small: int, large: int) -> bool:
+    """Whether what one member does may be the form of another one."""
     fitter, fit = end.analysis.search.fitter, end.fit
-    mine = acts_in(fit.members[at].candidate.effect.needs)
-    sizes = {k: float(np.linalg.norm(beside(fitter.white(fit.members[k]) @ fit.coefficients[k],
-                                            fitter.q))) for k in end.named}  # fmt: skip
-    return bool(mine) and any(
-        mine <= acts_in(fit.members[k].candidate.effect.needs) and sizes[at] < FORM_OFF * sizes[k]
-        and _alike(fitter, fit, at, k) > FORM_ALIKE
-        for k in end.named if k != at
-    )  # fmt: skip
-
-
-def _alike(fitter: Fitter, fit: Fit, one: int, other: int) -> float:
-    """Correlation of what two members do."""
     a, b = (beside(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q)
-            for k in (one, other))  # fmt: skip
-    return abs(float(a @ b)) / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-300)
+            for k in (small, large))  # fmt: skip
+    own, other = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    alike = abs(float(a @ b)) / max(own * other, 1e-300)
+    apart = own * np.sqrt(max(1.0 - alike**2, 0.0))
+    return bool(own < other and alike > FORM_ALIKE and apart < FORM_OFF * other)
 
 
 def _ended(analysis: Analysis) -> Ending:
@@ -340,7 +341,8 @@ def rival_records(
 def residual_table(end: Ending, full: GapData) -> pd.DataFrame:
     """Every reading with its prediction before and after, in the order of measuring."""
     setup, n = end.setup, len(end.setup.data)
-    frame = pd.DataFrame({"row": full.rows, **full.readings.table})
+    inputs = {c.name: full.readings.table[c.name] for c in full.target.columns}
+    frame = pd.DataFrame({"row": full.rows, **inputs})
     used = np.flatnonzero(np.isin(full.rows, setup.data.rows))
     start = end.analysis.bare
     bare = corrected(start.setup, start.search.fitter.space, start.empty)

@@ -7,7 +7,7 @@ leaving it out.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,8 @@ TERMS = 8
 TRIED = 4
 """Forms and names that are tried at each step, the likeliest first."""
 ROUNDS = 40
+FORMS_MORE = 2
+"""Forms that an answer may have beyond those that are significant, to predict as well as a step."""
 DISBELIEVED = 0.1
 """What a form explains beside a name, as a share of what the name explains beside everything else,
 from which that name is not the form's: it does without the form what the form does without it."""
@@ -46,8 +48,8 @@ class Settled:
 
 @dataclass(frozen=True)
 class Settling:
-    """What a final answer is looked for with; `tried` are accepted fits with their held-out
-    rows.
+    """What a final answer is looked for with; `tried` are accepted fits with their held-out rows,
+    `believed` names whose formula may be off by what stands without a name beside them.
     """
 
     search: Search
@@ -55,6 +57,7 @@ class Settling:
     data: GapData
     empty: Fit
     tried: Sequence[tuple[Fit, HeldOut]]
+    believed: frozenset[str] = frozenset()
 
     def settled(self, fit: Fit) -> Settled:
         """The answer that follows from the names of a selection."""
@@ -70,9 +73,9 @@ class Settling:
         struck = tuple(name for name in fit.names if name not in best.names)
         return Settled(best, struck, left, significant_forms(self.search, left))
 
-    def again(self, fit: Fit, barred: frozenset[str]) -> Settled:
-        """The answer without some names."""
-        kept = [one for one in fit.members if one.name not in barred]
+    def again(self, fit: Fit, barred: frozenset[str], more: Sequence[Member] = ()) -> Settled:
+        """The answer without some names, with more terms to begin with."""
+        kept = [*(one for one in fit.members if one.name not in barred), *more]
         grown = self.grown(self.search.fitter.refined(kept), barred)
         best = self._first_that_holds([grown], barred)
         left = left_over(best, self.search.fitter, self.generic)
@@ -82,7 +85,9 @@ class Settling:
         """Whether rows that the fit never saw are predicted as well as by every accepted step, but
         for its standard error, and no worse than by the model alone.
         """
-        tested = self.search.tested(fit)
+        return self._held(self.search.tested(fit))
+
+    def _held(self, tested: HeldOut) -> bool:
         for at, (_, other) in enumerate(self.tried):
             better = improvement(other, tested, self.search.labels)
             if better.gain < (0.0 if at == 0 else -better.error):
@@ -90,15 +95,30 @@ class Settling:
         return True
 
     def _first_that_holds(self, answers: Sequence[Fit], barred: frozenset[str]) -> Fit:
-        """The first answer that holds, names first, terms behind them; else the accepted step that
-        predicts best, without barred names.
+        """The first answer that holds, names first, terms behind them, perhaps with forms that were
+        not significant; else what predicts best, of the accepted steps without barred names as
+        well.
         """
+        open_ = [one for one in self.tried if not barred & {*one[0].names}]
         for one in answers:
             fit = self.search.fitter.refined(sorted(one.members, key=is_term))
-            if self.holds(fit):
-                return fit
-        open_ = [one for one in self.tried if not barred & {*one[0].names}]
+            for _ in range(FORMS_MORE + 1):
+                tested = self.search.tested(fit)
+                if self._held(tested):
+                    return fit
+                open_.append((fit, tested))
+                fit = self._with_best_form(fit, tested, barred) or fit
         return min(open_, key=lambda one: float(np.sum(one[1].white ** 2)))[0]
+
+    def _with_best_form(self, fit: Fit, tested: HeldOut, barred: frozenset[str]) -> Fit | None:
+        """The fit with the form more that predicts best, None where none predicts better."""
+        left = left_over(fit, self.search.fitter, self.generic)
+        best, least = None, float(np.sum(tested.white**2))
+        for one in self._with_forms(fit, barred, left, [int(at) for at in left.best]):
+            error = float(np.sum(self.search.tested(one).white ** 2))
+            if error < least:
+                best, least = one, error
+        return best
 
     def grown(self, fit: Fit, never: frozenset[str]) -> Fit:
         """The fit with what is significant beside it, a name where one fits as well as any form;
@@ -142,7 +162,7 @@ class Settling:
         fitter = self.search.fitter
         terms = [k for k, one in enumerate(fit.members) if is_term(one)]
         for at, one in enumerate(fit.members):
-            if is_term(one):
+            if is_term(one) or one.name in self.believed:
                 continue
             without = fitter.fit([m for k, m in enumerate(fit.members) if k != at])
             forms = [k for k in terms if self._holds_name(fit, at, k)]
@@ -196,11 +216,15 @@ class Settling:
 
     def _forms(self, fit: Fit, barred: set[str]) -> Iterator[Fit]:
         """Fits with one term more, of the forms that are significant, the likeliest first."""
-        terms = sum(is_term(one) for one in fit.members)
         left = left_over(fit, self.search.fitter, self.generic)
         at = significant_forms(self.search, left)
-        if terms >= TERMS or not at:
-            return
+        if sum(is_term(one) for one in fit.members) < TERMS:
+            yield from self._with_forms(fit, barred, left, at)
+
+    def _with_forms(
+        self, fit: Fit, barred: Collection[str], left: Left, at: Sequence[int]
+    ) -> Iterator[Fit]:
+        """Fits with one of these forms more, the likeliest first, some of them."""
         penalty, sizes = self.search.fitter.penalty, self.generic.white.sizes
         count, outputs = 0, self.data.outputs
         price = {k: penalty * (sizes[k] + more_numbers(self.generic.forms[k])) for k in at}
@@ -208,8 +232,6 @@ class Settling:
         for k in sorted(at, key=lambda k: price[k] - left.gains[k]):
             term = term_of(self.generic.forms[k], self.data, outputs[self.generic.outputs[k]].name)
             if term is None:
-                if count == 0 and self.generic.forms[k].detail == LEVELS:
-                    return  # anything else would only imitate the sessions
                 continue
             one = member_of(term, self.data, self.search.fitter, named)
             if one is None or one.name in barred or one.name in fit.names:
@@ -218,8 +240,8 @@ class Settling:
             if larger.score < fit.score and fit.rss - larger.rss > self.least:
                 yield larger
                 count += 1
-            if count >= TRIED:
-                return
+            if count >= TRIED or (count < 2 and term.shape == LEVELS):
+                return  # anything else would only imitate what is off with each session
 
 
 def names_of(members: Sequence[Member]) -> tuple[int, ...]:

@@ -19,14 +19,18 @@ LEAST = 12
 def numbered(cells: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]
              ) -> pd.DataFrame:  # fmt: skip
     """The cells with a number for each unit: labels such as RG20-1203 are numbered as they come,
-    and where no column tells the units apart every row is one.
+    unless the model takes names, and where no column tells the units apart every row is one.
     """
-    name = next((c.name for c in columns if c.role is Role.UNIT and not c.text), None)
-    if name is None or not len(cells):
+    unit = next((c for c in columns if c.role is Role.UNIT), None)
+    if unit is None or not len(cells):
         return cells
+    name = unit.name
     if name not in cells:
         notes.append(f"{place}: no column {name}: each row is taken for a unit of its own")
-        return cells.assign(**{name: np.arange(1, len(cells) + 1)})
+        number = np.arange(1, len(cells) + 1)
+        return cells.assign(**{name: number.astype(str) if unit.text else number})
+    if unit.text:
+        return cells
     labels = cells[name].astype(object)
     given = labels[labels.notna() & (labels.astype(str) != "")]
     if pd.to_numeric(given, errors="coerce").notna().all():

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from ...models.effects.readings import labels_of
 from ...models.effects.unresolved import Term, Unresolved
 from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
 from .data import GapData
 from .fit import Fitter, Member
-from .generic import SWING, Form, origin
+from .generic import LEVELS, SWING, Form, origin
 from .library import Candidate
 from .linear import basis, beside
 
@@ -44,6 +45,9 @@ def term_of(form: Form, data: GapData, output: str) -> Term | None:
     if form.kind == "direction":
         name = next(c.name for c in data.inputs if c.role is Role.DIRECTION)
         return Term(output, name, "constant", turns=True)
+    if form.detail == LEVELS and not data.target.population:
+        labels, _ = labels_of(data.readings.table[form.variable])
+        return Term(output, form.variable, "levels", labels=tuple(labels.tolist()))
     if form.variable not in columns or data.target.population:
         return None
     base = Term(output, form.variable, "constant", turns=turns)

@@ -32,6 +32,9 @@ OPTIONAL = {
     "drivers": "drivers.csv",
     "prices": "prices.csv",
     "relaxed": "relaxed.csv",
+    "promise": "promise.csv",
+    "next_parts": "next_parts.csv",
+    "capability": "capability.csv",
 }
 TOLERANCES = "tolerances.json"
 NAMED = {"name", "unit", "kind", "low", "high", "free", "orderable", "grades", "costs"}
@@ -48,6 +51,9 @@ NEEDED = {
     "drivers": ("part", "driven_by"),
     "prices": ("point", "output", "price", "source"),
     "relaxed": ("label",),
+    "promise": ("statement", "cost", "assurance_percent"),
+    "next_parts": ("part", "shadow_gain"),
+    "capability": ("part", "index", "value"),
 }
 """Columns that the page reads of them."""
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from ...algorithms.checkpoint import Checkpoint
@@ -13,6 +15,7 @@ from ...directory import KINDS, Standing
 from ...directory.names import present
 from ...errors import InputError
 from ...sealed import read_record
+from ..gap.replicates import FILE as REPLICATES
 from ..run.resume import CHECKPOINT
 from ..study.records import RESPONSES
 from ..study.storage import DATABASE
@@ -61,13 +64,17 @@ def facts(folder: Path, here: Standing) -> tuple[str, ...]:
 
 
 def tables(folder: Path, here: Standing) -> dict[str, pd.DataFrame]:
-    """What has been found so far, by title: responses of a study by setting, claims by verdict."""
+    """What has been found so far, by title: responses of a study by setting, claims by verdict,
+    effects in the replicates of a gap analysis.
+    """
     if here.unfinished is not None and here.unfinished.retiring:
         return {}
     if here.command == "study":
         return _responses(folder)
     if here.command == "reproduce":
         return _checked(folder)
+    if here.command == "gap":
+        return _replicates(folder)
     return {}
 
 
@@ -99,6 +106,31 @@ def _checked(folder: Path) -> dict[str, pd.DataFrame]:
             rows.append({"claim": Path(name).stem, "verdict": str(verdict.get("word", "")),
                          "reason": str(verdict.get("reason", ""))})  # fmt: skip
     return {"Claims checked so far": pd.DataFrame(rows)} if rows else {}
+
+
+def _replicates(folder: Path) -> dict[str, pd.DataFrame]:
+    """What the replicates of a bootstrap that have ended name, and the numbers they find."""
+    values: dict[tuple[str, str], list[float]] = {}
+    named: dict[str, int] = {}
+    ended = 0
+    path = folder / REPLICATES
+    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else ():
+        try:
+            effects = json.loads(line)["effects"]
+        except (ValueError, KeyError, TypeError):  # its first line, or one that was broken off
+            continue
+        ended += 1
+        for effect, numbers in effects.items():
+            named[effect] = named.get(effect, 0) + 1
+            for parameter, value in numbers.items():
+                values.setdefault((effect, parameter), []).append(float(value))
+    rows = [
+        {"effect": effect, "named in [%]": 100.0 * named[effect] / ended, "parameter": parameter}
+        | dict(zip(("5 %", "median", "95 %"), np.quantile(found, (0.05, 0.5, 0.95)), strict=True))
+        for (effect, parameter), found in values.items()
+    ]
+    title = f"Effects in the {ended} replicates so far; the answer follows when all have ended"
+    return {title: pd.DataFrame(rows)} if rows else {}
 
 
 def _runs(path: Path) -> str:

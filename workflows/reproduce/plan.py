@@ -41,9 +41,16 @@ class ReproduceOutcome:
 
 @dataclass(frozen=True, slots=True)
 class ClaimsProgress:
-    """State of the work: claims done of all, and the time since it began [s]."""
+    """State of the work: claims done of all, the time since it began [s], those done `before`."""
 
     done: int
     total: int
     seconds: float
     note: str = ""
+    before: int = 0
+
+    @property
+    def remaining(self) -> float | None:
+        """Time left [s] if the other claims take as long as those so far; None before the first."""
+        own = self.done - self.before
+        return self.seconds * (self.total - self.done) / own if own else None

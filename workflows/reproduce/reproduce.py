@@ -84,11 +84,12 @@ def _finish(
 ) -> None:
     """Check what is not known yet, and keep each claim as soon as it is checked."""
     left = deque(task for task in tasks if task.key not in known)
-    start = time.monotonic()
+    start, before = time.monotonic(), len(known)
 
     def tell(note: str = "") -> None:
         if progress is not None:
-            progress(ClaimsProgress(len(known), len(tasks), time.monotonic() - start, note))
+            seconds = time.monotonic() - start
+            progress(ClaimsProgress(len(known), len(tasks), seconds, note, before))
 
     tell()
     with executor:

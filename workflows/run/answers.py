@@ -11,6 +11,7 @@ from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult, unit_of_cost
 from ...units import split_unit
+from ..promise.outcome import promised_limits
 from .proofs import INFORMATIVE, LEFT_OUT
 from .references import gain_column
 
@@ -72,6 +73,7 @@ class Words:
         goal = " against ".join(each).capitalize()
         given = set(self.problem.given.limits) | (set() if self.problem.given.limits else
                                                   set(self.problem.default_limits))  # fmt: skip
+        given |= promised_limits(self.problem)
         limits = [self.limit(one) for one in self.problem.limits if one.count and one.name in given]
         others = sum(one.count > 0 for one in self.problem.limits) - len(limits)
         if others > 0:

@@ -28,6 +28,7 @@ from .choices import with_choices
 from .front import inside, nearest_miss, reported_front, with_references
 from .kept import REDUCERS, keep
 from .plan import RunOutcome, RunPlan
+from .promised import with_promise
 from .proofs import (
     Exact,
     end_notes,
@@ -121,6 +122,8 @@ def _run(
                      relaxed=_together(relaxed))  # fmt: skip
     told = {"answers": answers(result, plan.problem, statement)}
     result = replace(result, summary=dict(result.summary) | told)
+    if not cut:
+        result = with_promise(result, plan.problem)
     result = with_units(result, plan.problem)
     if not (stopped and takes_long(plan.problem)):
         result = with_requirements(result, plan.problem)

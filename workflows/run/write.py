@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,16 @@ import pandas as pd
 
 from ...files import write_bytes, write_text
 from ...records import RunResult
-from ...reports.figure import png, svg
-from ...reports.page import page
-from ...reports.sheet import allocation_sheet
-from ...reports.sheets import drawing_page
 
 
 def write(result: RunResult, folder: Path) -> None:
     """Write everything that the contract lists into `folder`, the summary last."""
+    # Figures take longer to import than a configuration to read, which imports this package.
+    from ...reports.figure import pictures
+    from ...reports.page import page
+    from ...reports.sheet import allocation_sheet
+    from ...reports.sheets import drawing_page
+
     folder.mkdir(parents=True, exist_ok=True)
     texts = _texts(result)
     sheet = allocation_sheet(result)
@@ -29,8 +32,8 @@ def write(result: RunResult, folder: Path) -> None:
     write_text(folder / "front.json", as_json(_records(result.front)))
     if sheet is not None:
         write_bytes(folder / "allocation.xlsx", sheet)
-    write_bytes(folder / "front.png", png(result))
-    write_bytes(folder / "front.svg", svg(result))
+    for name, content in pictures(result).items():
+        write_bytes(folder / name, content)
     write_text(folder / "report.html", page(result))
     if (drawing := drawing_page(result)) is not None:
         write_text(folder / "drawing.html", drawing)
@@ -64,6 +67,9 @@ def _texts(result: RunResult) -> dict[str, str]:
         "drivers.csv": result.drivers,
         "prices.csv": result.prices,
         "relaxed.csv": result.relaxed,
+        "promise.csv": result.promise,
+        "next_parts.csv": result.next_parts,
+        "capability.csv": result.capability,
     }
     texts = {n: frame.to_csv(index=False) for n, frame in tables.items() if frame is not None}
     if result.tolerances:
@@ -96,4 +102,4 @@ def _plain(value: Any) -> Any:
         return [_plain(item) for item in value]
     if isinstance(value, np.generic):
         return _plain(value.item())
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value

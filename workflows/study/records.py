@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from ...errors import Fault
+from ...problems.settings import Labels
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -152,6 +153,8 @@ class StudySettings:
     readings: tuple[Reading, ...] = ()
     configuration: str = field(default="", repr=False)
     """The resolved configuration as TOML."""
+    labels: Labels = Labels()
+    """What readers know the mechanism by."""
 
 
 @dataclass(frozen=True, slots=True)

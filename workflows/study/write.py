@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...files import write_bytes, write_text
-from ...records import StudyResult
+from ...records import StudyResult, mechanism_lines
 from ...reports.drawing import as_png, as_svg
 from ...reports.study import figures, study_page
 from .. import page_data
@@ -29,6 +29,7 @@ def write(result: StudyResult, folder: Path) -> None:
 def said(result: StudyResult, more: Mapping[str, Any]) -> str:
     """`study.json`: recommendations, verdicts on readings, notes, and `more`."""
     found = {
+        **({"mechanism": dict(result.mechanism)} if result.mechanism else {}),
         "recommendations": [asdict(one) for one in result.recommendations],
         "readings": [asdict(one) for one in result.verdicts],
         "notes": list(result.notes),
@@ -38,6 +39,7 @@ def said(result: StudyResult, more: Mapping[str, Any]) -> str:
 
 def lines(result: StudyResult) -> tuple[str, ...]:
     """What the terminal says of it."""
-    said = [f"recommended: {one.sentence}" for one in result.recommendations]
+    said = mechanism_lines({"mechanism": result.mechanism})
+    said += [f"recommended: {one.sentence}" for one in result.recommendations]
     said += [f"reading: {one.sentence}" for one in result.verdicts]
     return (*said, *(f"note: {note}" for note in result.notes))

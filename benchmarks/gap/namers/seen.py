@@ -5,7 +5,7 @@ Nothing of the truth is at hand, and nothing of the library: the columns are the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,14 +15,10 @@ from numpy.typing import NDArray
 from benchmarks.gap.generator.kinds import KINDS, TABLE
 from benchmarks.gap.generator.records import Record
 from benchmarks.gap.generator.tables import NAMES, Array, Points
+from benchmarks.gap.scoring.held_out import Rows, held_out
 from benchmarks.gap.scoring.rivals import RIVALS, Rival
 
 Marks = NDArray[np.bool_]
-STRETCHES = 5
-"""Stretches of the record that are held out one after the other."""
-TO_SIGMA = 1.4826
-"""Standard deviation of normal errors over their median size."""
-FAR = 5.0
 
 
 @dataclass(frozen=True)
@@ -95,27 +91,23 @@ def standardised(what: Array) -> Array:
     return np.asarray((what - what.mean(axis=0)) / np.maximum(what.std(axis=0), 1e-12))
 
 
-def held_out(of: Seen, columns: Array) -> float:
-    """RMSE on stretches of the record that the least squares of the columns (n, m) never saw;
-    readings that are out by far do not count, as they do not in the noise.
-    """
-    all_of = np.hstack([of.free, columns])
-    errors = np.empty(len(of))
-    for rows in np.array_split(np.arange(len(of)), STRETCHES):
-        rest = np.delete(np.arange(len(of)), rows)
-        solved = np.linalg.lstsq(all_of[rest], of.left[rest], rcond=None)[0]
-        errors[rows] = of.left[rows] - all_of[rows] @ solved
-    robust = TO_SIGMA * np.median(np.abs(errors))
-    return float(np.sqrt(np.mean(errors[np.abs(errors) <= FAR * robust] ** 2)))
-
-
 def said(of: Seen, names: Sequence[str], columns: Array) -> dict[str, Any]:
-    """An answer that gives those names, each once; without any, that there is no gap."""
+    """An answer that gives those names, whose columns (n, m) have nothing to be fitted."""
+    whole = np.hstack([of.free, columns])
+    return said_as_fitted(of, names, lambda rows: whole)
+
+
+def said_as_fitted(
+    of: Seen, names: Sequence[str], columns_of: Callable[[Rows], Array]
+) -> dict[str, Any]:
+    """An answer that gives those names, each once; without any, that there is no gap. `columns_of`
+    rows are those of a fit to them, with what is free.
+    """
     effects = [{"name": name} for name in dict.fromkeys(names)]
     word = "named" if effects else "no_gap"
     return {
         "verdict": word, "effects": effects, "alternatives": [],
-        "gap_after": held_out(of, columns),
+        "gap_after": held_out(columns_of, of.left),
     }  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from ...inputs.distribution import Array
 
@@ -32,7 +32,7 @@ class Law:
     def histogram(self) -> Any:
         """The same as a distribution of scipy: shares, quantiles, draws."""
         edges = self.low + self.step * (np.arange(len(self.log) + 1) - 0.5)
-        return stats.rv_histogram((np.exp(self.log), edges), density=True)
+        return scipy.stats.rv_histogram((np.exp(self.log), edges), density=True)
 
     def widened(self, growth: float) -> Law:
         """Every deviation 1 + growth times as large."""

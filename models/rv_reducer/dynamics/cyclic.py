@@ -9,8 +9,8 @@ update) fails: an oscillator over a cut turn grows by exp(zeta omega_n t).
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
 
 Array = NDArray[np.float64]
 SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
@@ -35,7 +35,7 @@ def solve(inertia: Array, damping: Array, stiffness: Array, right: Array) -> Arr
         column = place[(np.arange(n) + offset) % n]
         band[BAND + place - column, :, column] = stencil[:, offset + 2]
     band[BAND] += stiffness[:, folded]
-    flat = solve_banded(
+    flat = scipy.linalg.solve_banded(
         (BAND, BAND),
         band.reshape(2 * BAND + 1, count * n),
         right[:, folded].reshape(count * n),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import resample
 
 from .mesh import Mesh
 
@@ -39,5 +39,5 @@ class DisplacedMesh:
 
     def resampled(self, samples: int) -> DisplacedMesh:
         """The same mesh at a multiple of its output angles."""
-        finer = np.asarray(resample(self.displacement, samples))
+        finer = np.asarray(scipy.signal.resample(self.displacement, samples))
         return DisplacedMesh(self.mesh.resampled(samples), finer)

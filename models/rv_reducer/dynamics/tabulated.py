@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import resample
 
 Array = NDArray[np.float64]
 Loads = Callable[[Array], tuple[Array, Array]]
@@ -96,7 +96,7 @@ class TabulatedMesh:
         if samples % self.samples != 0:
             raise ValueError(f"{samples} samples are no multiple of {self.samples}")
         tables = (self.torques, self.slopes)
-        torque, slope = (np.asarray(resample(one, samples, axis=-1)) for one in tables)
+        torque, slope = (np.asarray(scipy.signal.resample(one, samples, axis=-1)) for one in tables)
         torque = np.maximum.accumulate(torque, axis=0)
         limited = _limited(torque, slope, self.nodes[1] - self.nodes[0])
         stride = self.stride * samples // self.samples

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....units import ARCMIN, UM
+from .gradient import Slopes
 from .statistics import (
     Involute,
     Statistic,
@@ -47,9 +48,9 @@ class Measure:
     statistic: Statistic
     spread: Spread
 
-    def slopes(self, turn: Turn) -> Array:
-        """Derivatives by `gradient.NAMES`, the size of phi_1 left out."""
-        return turn.slopes(self.spread(self.statistic.weight))
+    def slopes(self, turn: Turn, errors: Slopes | None = None) -> Array:
+        """Derivatives by `gradient.NAMES`, the size of phi_1 left out; `errors` as in a turn."""
+        return turn.slopes(self.spread(self.statistic.weight), errors)
 
 
 class Measures:

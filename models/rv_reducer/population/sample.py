@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
-from scipy.stats import qmc
 
 from ...inputs import Distribution, Uniform
 from ..contact.geometry import ContactGeometry
@@ -125,7 +125,7 @@ class _Source:
         most += 6 * geometry.cranks * geometry.discs + geometry.cranks
         if kind == "sobol":
             power = max(0, int(units - 1).bit_length())
-            drawn = qmc.Sobol(most, scramble=True, rng=rng).random_base2(power)[:units]
+            drawn = scipy.stats.qmc.Sobol(most, scramble=True, rng=rng).random_base2(power)[:units]
         else:
             drawn = rng.random((units, most))
         tiny = 1e-12

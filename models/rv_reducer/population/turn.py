@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,12 @@ class Population:
         """Number of units."""
         return self.sample.units
 
+    def alike(self) -> Slopes:
+        """Slopes by what all units have alike: every standardised error is 1."""
+        sample = self.sample
+        ones = {name: np.ones_like(z) for name, z in sample.z.items()}
+        return Slopes.of(self.lattice.geometry, replace(sample, z=ones))
+
     def turn(self, design: UnitDesign) -> Turn:
         """Units built to a design, over the turn."""
         geometry = self.lattice.geometry
@@ -73,7 +79,11 @@ class Turn:
     touch: Touch
     play: Single
 
-    def slopes(self, weight: Array) -> Array:
-        """Derivatives of sum(weight y), weight (positions, units), by `gradient.NAMES`."""
+    def slopes(self, weight: Array, errors: Slopes | None = None) -> Array:
+        """Derivatives of sum(weight y), weight (positions, units), by `gradient.NAMES`.
+
+        `errors` stand for the standardised ones of the population.
+        """
         drawn = self.population
-        return pull_back(drawn.lattice, self.table, self.touch, drawn.slopes, weight, drawn.engine)
+        own = errors or drawn.slopes
+        return pull_back(drawn.lattice, self.table, self.touch, own, weight, drawn.engine)

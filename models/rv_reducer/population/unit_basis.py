@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,8 +89,16 @@ class UnitBasis:
         scores = np.sqrt(share) * planets[0] + np.sqrt(1.0 - share) * planets[1:]
         return np.asarray(2.0 * ndtr(scores.min(axis=0)) - 1.0)
 
-    def design(self, row: Mapping[str, float]) -> UnitDesign:
-        """The design of one row of variables by name, in their units."""
+    def design(
+        self, row: Mapping[str, float], means: Mapping[str, float] = MappingProxyType({})
+    ) -> UnitDesign:
+        """The design of one row of variables by name, in their units.
+
+        `means` [um] are by how much the means of errors are off their mid-limits; that of the
+        position of the pins turns the unit.
+        """
+        off = {name: self.mid.get(name, 0.0) + mean for name, mean in means.items()
+               if name != "pin_position"}  # fmt: skip
         return UnitDesign(
             half_width={
                 error: row[name]
@@ -97,7 +106,7 @@ class UnitBasis:
                 for name in (f"{error}_um", f"{error}_mrad")
                 if name in row
             },
-            mid=self.mid,
+            mid={**self.mid, **off},
             involute_grade=row["involute_grade"],
             stagger=row["stagger_arcmin"],
             dr_rp=row["dr_rp_mm"] * MM,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....errors import refuse
+from ....models.effects.readings import SESSION
 from ....models.inputs.distribution import Array
 from ....models.measurable import Role
 from ..data import GapData
@@ -31,6 +32,8 @@ class _Onward(Columns):
     def __init__(self, setup: Setup, table: Table) -> None:
         old = setup.data.readings.table
         count, new = len(setup.data), len(next(iter(table.values())))
+        session = {SESSION: np.full(new, "")} if SESSION in old else {}  # none of those before
+        table = {**session, **table}
         whole = {name: np.concatenate([old[name], table[name]]) for name in old}
         data = placed(setup.data, whole)
         super().__init__(data, columns_at(setup, data).predict)
@@ -108,7 +111,8 @@ class Field:
         known = self.setup.data.readings.table
         if PATH.name in known:
             table[PATH.name] = np.full(len(rows), float(np.max(known[PATH.name])) + 1.0)
-        return {name: table[name] for name in known}, self.base[np.concatenate(whole)]
+        there = {name: table[name] for name in known if name in table}
+        return there, self.base[np.concatenate(whole)]
 
 
 def _chained(blocks: Array, rho: float) -> Array:

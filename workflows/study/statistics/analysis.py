@@ -62,6 +62,7 @@ def analyse(settings: StudySettings, data: StudyData, rng: np.random.Generator) 
         verdicts=verdicts(settings.readings, tested),
         notes=(*data.notes, *_notes(settings, data.table, all_runs, tested)),
         configuration=settings.configuration,
+        mechanism=settings.labels.stated(),
     )
 
 

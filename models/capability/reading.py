@@ -1,4 +1,4 @@
-"""Reads `[part.measured]`: what parts that were measured tell of the process of a part."""
+"""Reads a `measured` table: what parts that were measured tell of a process or a machine."""
 
 from __future__ import annotations
 
@@ -10,20 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...likely_units import unit_hint
-from ...models.capability import (
-    Finding,
-    Gauge,
-    Index,
-    Knowledge,
-    Prior,
-    capability,
-    distribution_type,
-    findings,
-    knowledge_of,
-)
-from ...models.inputs import Normal
 from ...section import POSITIVE, Range, Section
 from ...units import converted, fits
+from ..inputs import Normal
+from .indices import Index, capability
+from .knowledge import Gauge, Knowledge, Prior, knowledge_of
+from .stability import Finding, distribution_type, findings
 
 Array = NDArray[np.float64]
 MEANS = ("as_found", "corrected")
@@ -37,8 +29,8 @@ BEYOND = 20.0
 class PartSample:
     """Measured parts of one characteristic: deviations (n,) from the mid-limit, in the part's unit.
 
-    `knowledge` is of the process, `made_to` the half-width that the parts were made to (0 where
-    their scatter does not follow it), `offset` by how much the mean of all later parts is off.
+    `knowledge` is of the process, `made_to` the half-width that the parts were made to (0 where it
+    is not known), `offset` by how much the mean of all later parts is off.
     """
 
     deviations: Array
@@ -72,21 +64,28 @@ class PartSample:
 
 
 def read_sample(
-    part: Section, unit: str, nominal: float | None, mid: float, t: float | None
+    owner: Section,
+    unit: str,
+    nominal: float | None,
+    mid: float,
+    t: float | None = None,
+    follows: bool = True,
 ) -> PartSample | None:
-    """The `[part.measured]` table; `t` is the half-width of a part with a fixed one.
+    """The `measured` table of a part or machine, in its unit; None and faults where it is wrong.
 
-    None and faults where it is wrong.
+    `t` is the half-width of a part with a fixed one. Where the scatter `follows` the tolerance the
+    half-width that the parts were made to has to be known. Without a nominal that of a Q-DAS file
+    is taken.
     """
-    section = part.section("measured")
+    section = owner.section("measured")
     own_unit = _unit(section, unit)
     numbers, lots = section.numbers("values"), section.take("lots") or []
     mean = section.text("mean", MEANS)
     gauge = _gauge(section, own_unit, unit)
-    made_to = _made_to(section, own_unit, unit, t)
+    made_to = _made_to(section, own_unit, unit, t, follows)
     of_file = section.number("nominal", own_unit or unit)
     section.known(("characteristic",))
-    prior = _prior(section, made_to or 0.0)
+    prior = _prior(section, made_to or 0.0, unit)
     if "values" not in section:
         section.fault("file", "is missing: name a table or Q-DAS file of measured parts, or give "
                       "values")  # fmt: skip
@@ -94,23 +93,20 @@ def read_sample(
     if numbers is None or made_to is None or own_unit is None:
         return None
     values = np.asarray(converted(np.array(numbers), own_unit, unit), dtype=float)
-    if of_file is not None and nominal is not None:
+    if of_file is not None:
         theirs = float(converted(of_file, own_unit, unit))
+        nominal = theirs if nominal is None else nominal
         if abs(theirs - nominal) > NEAR_NOMINAL * max(abs(nominal), 1.0):
             section.fault("file", f"is of a nominal of {theirs:g} {unit}, the part has {nominal:g} "
                           f"{unit}: another revision of the drawing?")  # fmt: skip
             return None
     deviations = _deviations(values, nominal) - mid
-    far = float(np.max(np.abs(deviations), initial=0.0))
-    if far > BEYOND * made_to:
-        hint = unit_hint(far, unit, 0.0, made_to)
-        section.fault("values", f"lie up to {far:.4g} {unit} off the mid-limit, but were made to "
-                      f"{made_to:g} {unit}{hint}: check their unit and made_to")  # fmt: skip
-        return None
     try:
         known = knowledge_of(deviations, prior, gauge)
     except ValueError as error:
         section.fault("values", str(error))
+        return None
+    if not _near(section, unit, deviations, made_to):
         return None
     assumed = {} if mean else {"measured.mean": "the mean of later parts is that of the sample; "
                                "the configuration does not say that it is corrected"}  # fmt: skip
@@ -120,10 +116,24 @@ def read_sample(
         made_to=made_to,
         offset=0.0 if mean == "corrected" else known.mean,
         found=tuple(findings(deviations, [str(lot) for lot in lots])),
-        indices=capability(deviations, -made_to, made_to),
-        stated=dict(part.take("measured")),
+        indices=capability(deviations, -made_to, made_to) if made_to else {},
+        stated=dict(owner.take("measured")),
         assumed=assumed,
     )
+
+
+def _near(section: Section, unit: str, deviations: Array, made_to: float) -> bool:
+    """Whether deviations are of the size of a tolerance, or a fault."""
+    far = float(np.max(np.abs(deviations)))
+    width = made_to or 3.0 * float(np.std(deviations, ddof=1))
+    if far <= BEYOND * width:
+        return True
+    hint = unit_hint(far, unit, 0.0, width)
+    what = (f"but were made to {width:g} {unit}{hint}: check their unit and made_to" if made_to
+            else f"but three times their scatter is {width:.4g} {unit}{hint}: state "
+            "measured.nominal, or check their unit")  # fmt: skip
+    section.fault("values", f"lie up to {far:.4g} {unit} off the mid-limit, {what}")
+    return False
 
 
 def _deviations(values: Array, nominal: float | None) -> Array:
@@ -147,20 +157,24 @@ def _unit(section: Section, unit: str) -> str | None:
     return None
 
 
-def _made_to(section: Section, own: str | None, unit: str, t: float | None) -> float | None:
-    """Half-width that the measured parts were made to, in the unit of the part."""
+def _made_to(
+    section: Section, own: str | None, unit: str, t: float | None, follows: bool
+) -> float | None:
+    """Half-width that the measured parts were made to, in the unit of the part; 0: not known."""
     if section.take("made_to") == FIXED:
-        if t is None:
+        if t is None and follows:
             section.fault("made_to", "cannot be fixed where the tolerance is searched, as tighter "
                           "limits would change nothing: state a [[part.machine]]")  # fmt: skip
-        return t
+        return t if follows else 0.0
     given = section.number("made_to", own or unit, POSITIVE)
     if given is not None:
         return float(converted(given, own or unit, unit))
-    if "made_to" not in section and t is None:
+    if "made_to" in section:
+        return None
+    if t is None and follows:
         section.fault("made_to", "is missing: the half-width that the measured parts were made to, "
                       "so that their scatter can follow the tolerance")  # fmt: skip
-    return t if "made_to" not in section else None
+    return t if follows else 0.0
 
 
 def _gauge(section: Section, given: str | None, unit: str) -> Gauge | None:
@@ -177,14 +191,21 @@ def _gauge(section: Section, given: str | None, unit: str) -> Gauge | None:
     return Gauge(float(converted(sigma, given or unit, unit)), np.inf if df is None else df)
 
 
-def _prior(section: Section, made_to: float) -> Prior | None:
+def _prior(section: Section, made_to: float, unit: str) -> Prior | None:
+    """`prior = { cp, parts }`, or sigma in the place of cp."""
     if "prior" not in section:
         return None
     own = section.section("prior")
-    cp, parts = own.number("cp", within=POSITIVE), own.number("parts", within=POSITIVE)
-    for key, what in (("cp", "the capability that is believed"),
-                      ("parts", "how many measured parts the belief is worth")):  # fmt: skip
-        if key not in own:
-            own.fault(key, f"is missing: {what}")
+    cp, sigma = own.number("cp", within=POSITIVE), own.number("sigma", unit, POSITIVE)
+    parts = own.number("parts", within=POSITIVE)
+    if "cp" in own and "sigma" in own:
+        own.fault("sigma", "is stated beside cp: keep one")
+    elif "cp" not in own and "sigma" not in own:
+        own.fault("cp", "is missing: the capability that is believed, or sigma")
+    elif cp is not None and not made_to:
+        own.fault("cp", "needs made_to, the half-width that it is of: state sigma")
+    if "parts" not in own:
+        own.fault("parts", "is missing: how many measured parts the belief is worth")
     own.finish()
-    return None if cp is None or parts is None else Prior(made_to / (3.0 * cp), parts)
+    believed = sigma if cp is None else made_to / (3.0 * cp)
+    return None if not believed or parts is None else Prior(believed, parts)

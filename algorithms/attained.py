@@ -1,0 +1,121 @@
+"""The hypervolume that a search has attained after each batch, told late and at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .indicators import REFERENCE, area, hypervolume, nondominated
+
+Array = NDArray[np.float64]
+State = dict[str, NDArray[Any]]
+TOGETHER = 32
+"""Batches that wait for each other at most."""
+
+
+class Attained:
+    """Front of all feasible objectives (n, objectives), and its hypervolume after each batch.
+
+    A sort per batch would cost as much as a step of an array engine: batches wait until a value is
+    asked for. The values do not depend on when that is. `box` gives ideal and nadir; it is asked
+    for the first feasible design.
+    """
+
+    def __init__(self, objectives: int, box: Callable[[], tuple[Array, Array]]) -> None:
+        self.front = np.empty((0, objectives))
+        self._box = box
+        self._values: list[float] = []
+        self._open: list[Array] = []
+
+    def add(self, f: Array) -> None:
+        """Take in the feasible objectives (n, objectives) of a batch."""
+        self._open.append(f)
+        if len(self._open) >= TOGETHER:
+            self._settle()
+
+    def values(self) -> list[float]:
+        """The hypervolume after each batch so far; 0 before the first feasible design."""
+        self._settle()
+        return self._values
+
+    def _settle(self) -> None:
+        if not self._open:
+            return
+        last = self._values[-1] if self._values else 0.0
+        if len(self.front) or any(map(len, self._open)):
+            joined = joined_by_two if self.front.shape[1] == 2 else joined_by_any
+            front, values = joined(self.front, self._open, *self._box(), last)
+        else:
+            front, values = self.front, [last] * len(self._open)
+        self.front, self._open = front, []
+        self._values += values
+
+    def state(self) -> State:
+        """Front and values."""
+        return {"values": np.array(self.values()), "front": self.front}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from a `state()`."""
+        self.front = np.array(state["front"])
+        self._values, self._open = state["values"].tolist(), []
+
+
+def joined_by_any(
+    front: Array, batches: Sequence[Array], ideal: Array, nadir: Array, value: float
+) -> tuple[Array, list[float]]:
+    """A front that batches (n, objectives) have joined, and its hypervolume after each of them.
+
+    `value` is the hypervolume before.
+    """
+    values = []
+    for batch in batches:
+        merged = np.concatenate([front, batch])
+        kept = nondominated(merged)
+        if kept[len(front) :].any():
+            front = merged[kept]
+            value = hypervolume(front, ideal, nadir)
+        values.append(value)
+    return front, values
+
+
+def joined_by_two(
+    front: Array, batches: Sequence[Array], ideal: Array, nadir: Array, value: float
+) -> tuple[Array, list[float]]:
+    """`joined_by_any` of two objectives, the front sorted by the first: one sort for all batches.
+
+    Of a point is known after which batch it is there; it stays in the front while none that is
+    there before it in the order of the first objective has as little of the second.
+    """
+    points, since = _in_order(front, batches)
+    batch = np.arange(len(batches))[:, None]
+    there = np.where(since <= batch, points[1], np.inf)
+    kept = there < np.inf
+    kept[:, 1:] = there[:, 1:] < np.minimum.accumulate(there, axis=1)[:, :-1]
+    joins = (kept & (since == batch)).any(axis=1)
+    scaled = (points - ideal[:, None]) / (nadir - ideal)[:, None]
+    counted = kept & (scaled < REFERENCE).all(axis=0)
+    values = []
+    for rows, new in zip(counted, joins.tolist(), strict=True):
+        if new:
+            value = area(*scaled.compress(rows, axis=1))
+        values.append(value)
+    return points.compress(kept[-1], axis=1).T, values
+
+
+def _in_order(front: Array, batches: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
+    """Points (2, n) by the first objective, the second, and the batch (n,) they come with.
+
+    The front's come with -1; what it dominates or equals is left out.
+    """
+    points = np.concatenate([front, *batches]).T.copy()
+    since = np.arange(-1, len(batches)).repeat([len(front), *map(len, batches)])
+    if len(front):
+        at = front[:, 0].searchsorted(points[0], side="right") - 1
+        new = (at < 0) | (points[1] < front[:, 1].take(at))
+        new[: len(front)] = True
+        points, since = points.compress(new, axis=1), since.compress(new)
+    order = np.lexsort((since, points[1], points[0]))
+    return points.take(order, axis=1), since.take(order)

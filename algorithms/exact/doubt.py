@@ -1,0 +1,158 @@
+"""Roots with a surplus of doubt under them: reweighted roots, proven at every step.
+
+A surplus N(v) of squares v lies above its tangent planes, so that a root with weighted squares,
+w = 1 + dN/dv at any reference point, lies below the requirement and is separable at prices
+(`separable`): its least cost, over all choices of ways, is a proven bound. At the weights of the
+optimum it is the optimum's cost. The weights of one allocation give the next one; each is drawn
+back within the limits, and the best counts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.forms import Form
+from .combination import Combination, Optimum
+from .separable import Leaf, Squares, least_leaf
+
+Array = NDArray[np.float64]
+STEPS = 40
+"""Times the weights are renewed at most."""
+GAP = 1e-10
+"""Relative gap at which nothing is left to gain."""
+NEAR, SETTLED = 1e-3, 1e-11
+"""Relative change of the squares from which on allocations are drawn back within the limits, and
+what counts as none.
+"""
+RATIOS = -0.9, 0.5
+"""Changes of a step, in units of the one before, that are believed."""
+CHORDS, CLOSE = 8, 1e-14
+"""Points on a way to the limits that are looked at, and the share of a limit that counts as met."""
+
+
+def least_under_doubt(form: Form, limits: Array, floor: float) -> Optimum:
+    """The cheapest allocation that keeps each set of upper limits (n, r); `floor` bounds its cost.
+
+    Cost and bound are inf where no allocation can keep them; where none was found the cost alone.
+    """
+    n, shape = len(limits), (len(limits), len(form.features))
+    found = Optimum(np.zeros(shape, dtype=np.int64), np.full(shape, np.nan), np.full(n, np.inf),
+                    np.full(n, floor), np.zeros_like(limits))  # fmt: skip
+    reference: Array | None = None
+    for row, limit in enumerate(limits):
+        one = _Reweighted(form, limit, reference)
+        one.run()
+        reference = one.reference
+        found.bound[row] = max(floor, min(one.bound, one.cost))
+        if one.leaf is not None:
+            found.chosen[row], found.t[row], found.cost[row] = one.leaf.ways, one.t, one.cost
+            found.multiplier[row] = one.multiplier
+    return found
+
+
+class _Reweighted:
+    """The best allocation and the best bound so far, at limits (r,).
+
+    `reference` (r, features) are the squares at which the tangents touch.
+    """
+
+    def __init__(self, form: Form, limit: Array, reference: Array | None) -> None:
+        self.form, self.limit, self.reference = form, limit, reference
+        self.leaf: Leaf | None = None
+        self.t, self.multiplier = np.empty(0), np.zeros(len(limit))
+        self.cost, self.bound = np.inf, -np.inf
+
+    def run(self) -> None:
+        """Renew the weights until the gap closes or nothing changes."""
+        known: Leaf | None = None
+        step: Array | None = None
+        for _ in range(STEPS):
+            squares = self._squares()
+            known, bound = least_leaf(squares, self.limit, known)
+            self.bound = max(self.bound, bound)
+            if not np.isfinite(known.cost):
+                return
+            own = Combination(self.form, known.ways).parts(known.t[None, :])[0] ** 2
+            last, step = step, self._step(own)
+            change = np.max(np.abs(step))
+            if change <= NEAR:
+                self._keep(known, squares)
+                if self.cost - self.bound <= GAP * abs(self.cost) or change <= SETTLED:
+                    return
+            self.reference = self._drawn(own, step, last)
+        if known is not None:
+            self._keep(known, self._squares())
+
+    def _squares(self) -> Squares:
+        """The separable relaxation by the tangents at the reference."""
+        weights = np.ones((len(self.limit), len(self.form.features)))
+        constant = self.form.constant.copy()
+        for row, surplus in enumerate(self.form.surpluses):
+            if surplus is not None and self.reference is not None:
+                at = self.reference[row]
+                value, rise = surplus.value(at)
+                weights[row] += rise
+                constant[row] += max(float(value - rise @ at), 0.0)
+        return Squares(self.form, weights, constant)
+
+    def _step(self, own: Array) -> Array:
+        """Logarithms of squares (r, features) over those of the reference."""
+        if self.reference is None:
+            return np.full_like(own, np.inf)
+        real = (own > 0.0) & (self.reference > 0.0)
+        ratio = np.divide(own, self.reference, out=np.ones_like(own), where=real)
+        return np.asarray(np.log(ratio))
+
+    def _drawn(self, own: Array, step: Array, last: Array | None) -> Array:
+        """The next reference: the step by the share that its change since the last one calls for.
+
+        Steps that overshoot are taken back, and slow ones driven on (Aitken 1926).
+        """
+        if self.reference is None or last is None or not np.all(np.isfinite(last)):
+            return own
+        ratio = float(np.sum(step * last) / max(float(np.sum(last * last)), 1e-300))
+        share = 1.0 / (1.0 - float(np.clip(ratio, *RATIOS)))
+        return np.asarray(
+            np.where(self.reference > 0.0, self.reference, own) * np.exp(share * step)
+        )
+
+    def _keep(self, leaf: Leaf, squares: Squares) -> None:
+        """Count an allocation, drawn back within the limits, where it is the cheapest yet."""
+        combination = Combination(self.form, leaf.ways)
+        t = _within(combination, leaf.t, self.limit)
+        if t is None:
+            return
+        cost = float(combination.cost(t[None, :])[0])
+        if cost < self.cost:
+            self.leaf, self.t, self.cost = leaf, t, cost
+            self.multiplier = leaf.mu * squares.worth(self.limit)
+
+
+def _within(combination: Combination, t: Array, limit: Array) -> Array | None:
+    """Tolerances that keep the limits on the way from t to the tightest, nearly the first.
+
+    Values are convex, so that they lie below their chord: where it meets a limit they keep it.
+    """
+    low, asked = combination.low, np.isfinite(limit)
+
+    def excess(share: float) -> Array:
+        values = combination.values((low + share * (t - low))[None, :])[0]
+        return np.asarray((values - limit)[asked])
+
+    outside, inside, share = excess(1.0), excess(0.0), 0.0
+    if np.all(outside <= 0.0):
+        return t
+    if np.any(inside > 0.0):
+        return None
+    broken = outside > 0.0
+    for _ in range(CHORDS):
+        room = -inside[broken]
+        tried = share + float(np.min(room / (room + outside[broken]))) * (1.0 - share)
+        found = excess(tried)
+        if np.any(found > 0.0):
+            break
+        share, inside = tried, found
+        if np.max(found[broken] / limit[asked][broken]) >= -CLOSE:
+            break
+    return np.asarray(low + share * (t - low))

@@ -1,0 +1,1 @@
+"""Whether promises from samples are kept: repeats of measuring, allocating and making."""

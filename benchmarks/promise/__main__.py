@@ -1,0 +1,94 @@
+"""`python -m benchmarks.promise`: shares of promises kept, from samples of 10, 20 and 50 parts.
+
+Of assured promises (95 %) the lower 95 % limit of the share must be 91 % at least, the share of
+nine equal parts 99 % at most, and their costs 1.42, 1.21 and 1.10 of the plug-in's at most.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import gettempdir
+
+import numpy as np
+from scipy import stats
+
+from .cases import Case, cases
+from .repeats import SHARE, Repeat, repeat
+
+LEAST, MOST = 91.0, 99.0
+COSTS = {10: 1.42, 20: 1.21, 50: 1.10}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Repeat every case, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=1000, help="repeats of each case")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first repeat")
+    parser.add_argument("--kept", type=Path, default=Path(gettempdir(), "tolevo_promise.jsonl"),
+                        help="file of results, by which an interrupted run goes on")  # fmt: skip
+    given = parser.parse_args(arguments)
+    known = read(given.kept)
+    seeds = range(given.seed, given.seed + given.count)
+    rows = []
+    for case in cases():
+        for seed in seeds:
+            if (case.key, seed) not in known:
+                known[case.key, seed] = one = repeat(case, seed)
+                with given.kept.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps({"case": case.key, "seed": seed} | asdict(one)) + "\n")
+        rows.append((case, [known[case.key, seed] for seed in seeds]))
+        print(row(*rows[-1]), flush=True)
+    print(f"\n{table(rows)}")
+
+
+def read(path: Path) -> dict[tuple[str, int], Repeat]:
+    """Results that are kept, by case and seed; a line that was cut off is left out."""
+    found = {}
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
+        try:
+            one = json.loads(line)
+        except json.JSONDecodeError:
+            continue
+        key = one.pop("case"), one.pop("seed")
+        found[key] = Repeat(**one)
+    return found
+
+
+def table(rows: Sequence[tuple[Case, Sequence[Repeat]]]) -> str:
+    """A line for each case, and what was promised."""
+    head = ("| stack | plug-in kept | assured kept | lower 95 % limit | cost | largest gap |\n"
+            "|---|---:|---:|---:|---:|---:|")  # fmt: skip
+    missed = [case.key for case, own in rows if not kept_well(case, own)]
+    verdict = f"MISSED in {', '.join(missed)}" if missed else "met"
+    return "\n".join([head, *(row(*one) for one in rows), "", f"Promised: {verdict}."])
+
+
+def row(case: Case, own: Sequence[Repeat]) -> str:
+    """The line of one case."""
+    plain, share, low, cost = figures(own)
+    return (f"| {case.key} | {plain:.1f} % | {share:.1f} % | {low:.1f} % | {cost:.3f} "
+            f"| {100.0 * max(one.gap for one in own):.1e} % |")  # fmt: skip
+
+
+def figures(own: Sequence[Repeat]) -> tuple[float, float, float, float]:
+    """Shares kept by plug-in and assured, the latter's lower limit, relative cost (mean)."""
+    kept = sum(one.assured_yield >= SHARE for one in own)
+    plain = sum(one.plug_in_yield >= SHARE for one in own)
+    low = float(stats.beta.ppf(0.05, kept, len(own) - kept + 1))
+    cost = float(np.mean([one.assured / one.plug_in for one in own]))
+    return 100.0 * plain / len(own), 100.0 * kept / len(own), 100.0 * low, cost
+
+
+def kept_well(case: Case, own: Sequence[Repeat]) -> bool:
+    """Whether a case keeps what is promised of it."""
+    _, share, low, cost = figures(own)
+    dear = case.parts == 9 and not (case.uneven or case.prior or case.as_found)
+    return low >= LEAST and (not dear or (share <= MOST and cost <= COSTS[case.n]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""Machines as they are offered for a tolerance, and the ways to use each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ..capability import PartSample
+from ..costs import CostCurve, Reciprocal
+from ..costs.extras import Setup
+from .curves import GoodPartsByLimit
+from .machine import Machine
+
+PLUG_IN = "the standard deviation of the sample counts as that of all later parts"
+"""What is assumed where a scatter is that of measured parts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A machine used in one way: inspected at +-t from `low` to `high`, or without inspection at
+    its natural half-width; cost of a good part against t.
+    """
+
+    machine: Machine
+    low: float
+    high: float
+
+    @property
+    def label(self) -> str:
+        """Name of the way."""
+        return self.machine.name + (", inspected" if self.machine.inspection else "")
+
+    @property
+    def curve(self) -> CostCurve:
+        """Cost of a good part."""
+        if self.machine.inspection is None:
+            return Reciprocal(self.machine.price, 0.0)
+        return GoodPartsByLimit(self.machine)
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A machine as a table states it. The price of `machine` has its share of the `setup`.
+
+    `low` and `high` are the limits of inspection that are searched, `required` says that parts are
+    never used without inspection, `assumed` what the table leaves open. `sample` is what measured
+    parts tell of its scatter and mean, where the table states these so.
+    """
+
+    machine: Machine
+    price: float
+    low: float = 0.0
+    high: float = 0.0
+    setup: Setup | None = None
+    required: bool = False
+    assumed: str = field(default="", compare=False)
+    sample: PartSample | None = field(default=None, compare=False)
+
+    def ways(self) -> tuple[Way, ...]:
+        """With and without inspection, as far as the table allows it."""
+        natural = self.machine.natural
+        bare = Way(replace(self.machine, inspection=None), natural, natural)
+        if self.machine.inspection is None:
+            return (bare,)
+        inspected = Way(self.machine, self.low, self.high)
+        return (inspected,) if self.required else (bare, inspected)
+
+    def table(self) -> dict[str, Any]:
+        """The table that states it."""
+        one, given = self.machine, self.machine.inspection
+        found: dict[str, Any] = {"name": one.name, "price": self.price}
+        found |= ({"sigma": one.sigma, "mean": one.mean} if self.sample is None
+                  else {"measured": dict(self.sample.stated)})  # fmt: skip
+        if self.setup is not None:
+            found["setup"] = self.setup.table()
+        if given is None:
+            return found
+        inspection: dict[str, Any] = {"price": given.price, "u": given.u, "guard": given.guard,
+                                      "scrap": given.scrap, "required": self.required}  # fmt: skip
+        if given.rework is not None:
+            again = given.rework
+            inspection["rework"] = {"price": again.price, "success": again.success,
+                                    "side": again.side}  # fmt: skip
+        return found | {"t_min": self.low, "t_max": self.high, "inspection": inspection}
+
+
+def samples_of(offers: Iterable[Offer]) -> tuple[tuple[str, PartSample], ...]:
+    """Names of machines with the parts measured of each, where there are some."""
+    return tuple((one.machine.name, one.sample) for one in offers if one.sample is not None)
+
+
+def departures(offers: Iterable[Offer], owner: str) -> tuple[str, ...]:
+    """How measured parts of machines contradict one stable normal process."""
+    return tuple(
+        f"{owner}, machine {name}, measured: {one.text} (by chance: {one.probability:.2g})"
+        for name, sample in samples_of(offers)
+        for one in sample.found
+    )

@@ -1,0 +1,77 @@
+"""`[promise]`: what is promised of the yield, and how it is meant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ..section import Range, Section
+
+PLUG_IN, PREDICTIVE, ASSURED = "plug_in", "predictive", "assured"
+STATEMENTS = (PLUG_IN, PREDICTIVE, ASSURED)
+YIELDS = Range(50.0, 100.0, open_high=True)
+CONFIDENCES = Range(80.0, 100.0, open_high=True)
+"""Below 80 % upper limits of variances are no limits above their posterior means."""
+YIELD, PROMISED, ASSURANCE = "yield_percent", "promised_yield_percent", "assurance_percent"
+"""Outputs: what estimates say, what the statement promises, how surely the promise is kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """A share of conforming units, by one of `STATEMENTS`, with a confidence.
+
+    `plug_in`: the yield that the estimates say. `predictive`: the expected yield, over what is not
+    known of the processes. `assured`: a yield that is kept with the confidence.
+    """
+
+    yield_percent: float
+    statement: str = ASSURED
+    confidence_percent: float = 95.0
+
+    @property
+    def share(self) -> float:
+        """The promised share of conforming units."""
+        return 0.01 * self.yield_percent
+
+    @property
+    def confidence(self) -> float:
+        """The confidence as a probability."""
+        return 0.01 * self.confidence_percent
+
+    @property
+    def output(self) -> str:
+        """The output that keeps the promise."""
+        return YIELD if self.statement == PLUG_IN else PROMISED
+
+    def table(self) -> dict[str, Any]:
+        """The table that states it."""
+        return {"yield_percent": self.yield_percent, "statement": self.statement,
+                "confidence_percent": self.confidence_percent}  # fmt: skip
+
+    def words(self) -> str:
+        """The promise in one phrase."""
+        return {
+            PLUG_IN: f"{self.yield_percent:g} % of the units conform if the estimates are true",
+            PREDICTIVE: f"{self.yield_percent:g} % of the units are expected to conform",
+            ASSURED: f"at least {self.yield_percent:g} % of the units conform, "
+                     f"with {self.confidence_percent:g} % confidence",
+        }[self.statement]  # fmt: skip
+
+
+def read_promise(top: Section) -> Promise | None:
+    """The `[promise]` table; None where there is none, or it is faulty."""
+    if "promise" not in top:
+        return None
+    section = top.section("promise")
+    share = section.number("yield_percent", within=YIELDS)
+    statement = section.text("statement", STATEMENTS)
+    confidence = section.number("confidence_percent", within=CONFIDENCES)
+    if "yield_percent" not in section:
+        section.fault("yield_percent", "is missing: the share of units that is to conform")
+    if "statement" not in section:
+        section.fault("statement", f"is missing: one of {', '.join(STATEMENTS)}")
+    section.finish()
+    wrong = "confidence_percent" in section and confidence is None
+    if share is None or statement is None or wrong:
+        return None
+    return Promise(share, statement, 95.0 if confidence is None else confidence)

@@ -1,0 +1,91 @@
+"""What is promised of the yield of one requirement, from what is known of the processes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from ...models.capability import Norm, norm_of
+from ...models.stack import Tolerances, mean_of, spread_of
+from ..promise import ASSURED, Promise
+from .measured import Measured
+from .posterior import Posterior
+
+Array = NDArray[np.float64]
+LEAST = 1e-300
+
+
+@dataclass(frozen=True, eq=False)
+class Promised:
+    """The promise of one requirement with limits; tolerances have shape (n, parts)."""
+
+    measured: Measured
+    promise: Promise
+    posterior: Posterior
+
+    @cached_property
+    def norm(self) -> Norm:
+        """The standard deviation that an assured promise reckons with, by the tolerances."""
+        one = self.measured
+        each = np.diag(one.linear.covariance)
+        slopes = one.mechanism.sensitivities
+        squares = np.bincount(one.mechanism.owners, slopes**2, minlength=len(each))
+        alone = np.divide(each, squares, out=np.zeros_like(each), where=squares > 0.0)
+        known = [None if part.sample is None else part.sample.knowledge for part in one.parts]
+        return norm_of(known, each, one.linear.slope**2 * alone, self.promise.confidence)
+
+    @property
+    def sides(self) -> list[tuple[float, float]]:
+        """Direction and distance of each limit from the mean that does not move with t."""
+        mechanism = self.measured.mechanism
+        ends = [(1.0, mechanism.upper - mechanism.centre),
+                (-1.0, mechanism.centre - mechanism.lower)]  # fmt: skip
+        return [(side, room) for side, room in ends if np.isfinite(room)]
+
+    @property
+    def quantile(self) -> float:
+        """Standard deviations that must fit between mean and each limit."""
+        share = self.promise.share
+        return float(ndtri(0.5 * (1.0 + share) if len(self.sides) == 2 else share))
+
+    def promised(self, t: Tolerances) -> Array:
+        """The promised yield [percent] (n,): assured by the norm, or expected.
+
+        Assured between two limits, both are taken to be as near as the nearer one.
+        """
+        if self.promise.statement != ASSURED:
+            return self.posterior.expected(self.measured, t)
+        z = np.min([self._room(t, *end) for end in self.sides], axis=0) / self._spread(t)
+        return np.asarray(100.0 * (2.0 * ndtr(z) - 1.0 if len(self.sides) == 2 else ndtr(z)))
+
+    def slopes(self, t: Tolerances) -> Array:
+        """Derivatives (n, parts) of the promised yield by the spread of the parts."""
+        if self.promise.statement != ASSURED:
+            return self.posterior.expected_slopes(self.measured, t)
+        room = np.array([self._room(t, *end) for end in self.sides])
+        nearest, spread = np.argmin(room, axis=0), self._spread(t)
+        side = np.array([side for side, _ in self.sides])[nearest]
+        z = room.min(axis=0) / spread
+        rise = -side[:, None] * self.measured.linear.mean - z[:, None] * self.norm.slopes(
+            spread_of(t)
+        )
+        bell = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) * (1.0 + (len(self.sides) == 2))
+        return np.asarray(100.0 * (bell / spread)[:, None] * rise)
+
+    def lacking(self, t: Tolerances) -> Array:
+        """By how much (n,) the nearest limit would have to give way for the promise."""
+        z = self.quantile * self._spread(t)
+        return np.asarray(np.max([z - self._room(t, *end) for end in self.sides], axis=0))
+
+    def _spread(self, t: Tolerances) -> Array:
+        return np.maximum(self.norm.value(spread_of(t)), LEAST)
+
+    def _room(self, t: Tolerances, side: float, room: float) -> Array:
+        """Distance (n,) of a limit from the mean."""
+        linear = self.measured.linear
+        moved = spread_of(t) @ linear.mean + mean_of(t) @ linear.slope
+        return np.asarray(room - side * moved)

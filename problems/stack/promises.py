@@ -1,0 +1,148 @@
+"""The promise of a stack: its outputs, its rows in the convex form, what it takes for granted."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...declarations import Output
+from ...errors import Fault
+from ...models.stack import Tolerances
+from ..promise import ASSURANCE, ASSURED, PLUG_IN, PROMISED, YIELD, Promise
+from ..settings import Bound
+from .definition import Definition, Requirement
+from .measured import Interval, Measured
+from .posterior import Posterior
+from .promised import Promised
+
+Array = NDArray[np.float64]
+
+
+def promise_outputs(promise: Promise | None, requirements: Sequence[Requirement]) -> list[Output]:
+    """The outputs of a promise: of each requirement with limits, and of all together."""
+    if promise is None:
+        return []
+    bounded = [one for one in requirements if one.lower is not None or one.upper is not None]
+    found = []
+    for one in bounded:
+        if promise.statement != PLUG_IN:
+            what = (f"with {promise.confidence_percent:g} % confidence, by the norm"
+                    if promise.statement == ASSURED else "expected over the posterior")  # fmt: skip
+            found.append(Output(one.output(PROMISED), "percent", f"conforming units {what}",
+                                larger_is_better=True, low=0.0, high=100.0))  # fmt: skip
+        found += _assurances(one.output(ASSURANCE))
+    joint = bool(requirements[0].key) and bool(bounded)
+    return found + (_assurances(ASSURANCE) if joint else [])
+
+
+def _assurances(name: str) -> list[Output]:
+    return [
+        Output(name, "percent", "probability, over what is not known of the processes, that the "
+               "promised share of units conforms", larger_is_better=True, low=0.0, high=100.0),
+        Output(f"{name}_error", "percent", "standard error of the assurance", error_of=name),
+    ]  # fmt: skip
+
+
+def promise_limits(definition: Definition, given: Mapping[str, Bound]) -> dict[str, Bound]:
+    """The limits of a run with its promise: a limit on the yield means the promise."""
+    promise = definition.promise
+    if promise is None:
+        return dict(given)
+    found = {name: bound for name, bound in given.items() if not _means_promise(name, promise)}
+    for one in definition.requirements:
+        if one.lower is not None or one.upper is not None:
+            found[one.output(promise.output)] = Bound(low=promise.yield_percent)
+    return found
+
+
+def _means_promise(name: str, promise: Promise) -> bool:
+    return name.split(".")[-1] in (YIELD, promise.output)
+
+
+def promise_faults(definition: Definition, given: Mapping[str, Bound]) -> list[Fault]:
+    """What contradicts a promise, or leaves it without a meaning."""
+    promise = definition.promise
+    if promise is None:
+        return []
+    found = [
+        Fault(f"limits.{name}", f"asks for {_percent(bound)}, the promise is of "
+              f"{promise.yield_percent:g} %: leave the limit out, or make them the same")
+        for name, bound in given.items()
+        if _means_promise(name, promise) and bound != Bound(low=promise.yield_percent)
+    ]  # fmt: skip
+    if not any(one.lower is not None or one.upper is not None for one in definition.requirements):
+        text = "is of no requirement: none has lower or upper, without which there is no yield"
+        found.append(Fault("promise", text))
+    if definition.correlations and promise.statement != PLUG_IN:
+        text = (f"cannot be {promise.statement} beside [[correlation]]: what samples tell of "
+                "correlated parts is not known; state plug_in")  # fmt: skip
+        found.append(Fault("promise.statement", text))
+    return found
+
+
+def _percent(bound: Bound) -> str:
+    ends = [f"{end:g} % at {side}" for side, end in (("least", bound.low), ("most", bound.high))
+            if np.isfinite(end)]  # fmt: skip
+    return ", ".join(ends)
+
+
+@dataclass(frozen=True, eq=False)
+class Promises:
+    """The promise of every requirement with limits; tolerances have shape (n, parts)."""
+
+    measured: tuple[Measured, ...]
+    promise: Promise
+    seed: int
+
+    @cached_property
+    def posterior(self) -> Posterior:
+        """Processes that all requirements share."""
+        return Posterior(self.measured[0].parts, self.seed)
+
+    @cached_property
+    def each(self) -> tuple[Promised, ...]:
+        """The promise of each requirement with limits."""
+        bounded = [one for one in self.measured if one.mechanism.bounded]
+        return tuple(Promised(one, self.promise, self.posterior) for one in bounded)
+
+    def outputs(self, t: Tolerances, searching: bool, wanted: Collection[str]) -> dict[str, Array]:
+        """Promised yields and assurances (n,); NaN where a search does not need them."""
+        found = {}
+        for one in self.each if self.promise.statement != PLUG_IN else ():
+            name = one.measured.name(PROMISED)
+            asked = not searching or name in wanted
+            found[name] = one.promised(t) if asked else np.full(len(t), np.nan)
+        groups = {one.measured.name(ASSURANCE): [one.measured] for one in self.each}
+        if self.measured[0].requirement.key:
+            groups[ASSURANCE] = [one.measured for one in self.each]
+        for name, group in groups.items():
+            names = name, f"{name}_error"
+            if searching and name not in wanted:
+                found |= {one: np.full(len(t), np.nan) for one in names}
+                continue
+            own = self.posterior.assurance(group, t, self.promise.share)
+            found |= dict(zip(names, own, strict=True))
+        return found
+
+    def slopes(self, t: Tolerances, wanted: Collection[str]) -> dict[str, Array]:
+        """Derivatives (n, parts) of promised yields that are wanted."""
+        return {name: one.slopes(t) for one in self.each
+                if (name := one.measured.name(PROMISED)) in wanted}  # fmt: skip
+
+    def intervals(self, tightest: Tolerances) -> dict[str, Interval]:
+        """Proven ends: an assured yield is largest at the tightest tolerances (1, parts)."""
+        found: dict[str, Interval] = {}
+        for one in self.each if self.promise.statement != PLUG_IN else ():
+            still = not np.any(one.measured.linear.mean)
+            proven = self.promise.statement == ASSURED and still
+            most = float(one.promised(tightest)[0]) if proven else 100.0
+            found[one.measured.name(PROMISED)] = 0.0, most
+        return found | {one.measured.name(ASSURANCE): (0.0, 100.0) for one in self.each}
+
+    def row(self, output: str) -> Promised | None:
+        """The promise that an output is of."""
+        return next((one for one in self.each if one.measured.name(PROMISED) == output), None)

@@ -1,0 +1,75 @@
+"""What a run promises of its yield: cost by statement, what to measure next, what is known."""
+
+from __future__ import annotations
+
+import tomllib
+from html import escape
+from typing import Any
+
+from ..records import Bars, RunResult, unit_of_cost
+from .bars import bars_figure
+from .control import CHARTS, control_figure
+from .document import folded, picture, section
+from .tables import table
+
+STATEMENTS = (
+    "The least cost that keeps the promise, by what the promise means. plug_in: the estimates of "
+    "the samples are taken for the truth. predictive: the expected yield, over what the samples "
+    "leave open. assured: the yield is kept with the confidence. assurance_percent is the "
+    "probability, over what is not known of the processes, that the promised share of units "
+    "conforms (20,000 draws of the posterior). promise.csv has this table."
+)
+NEXT = (
+    "Where twenty more parts lower the cost of the assured promise most. shadow_gain is by the "
+    "multiplier of the promise at the present tolerances; expected_gain, of the first three, is "
+    "the expected least cost over what the next sample may say. next_parts.csv has this table."
+)
+CAPABILITY = (
+    "Every measured characteristic: Cp and Cpk with 95 % confidence limits, and the distribution "
+    "type of ISO 22514-2 as far as the tests tell. capability.csv has this table."
+)
+CHARTED = (
+    "Single values in the order of their making, with mean and control limits 2.66 mean moving "
+    "ranges away; a cross lies beyond them."
+)
+
+
+def promise_sections(result: RunResult) -> tuple[str, ...]:
+    """The section on the promise, none where nothing is promised."""
+    if result.promise is None or result.promise.empty:
+        return ()
+    own = result.promise
+    unit = unit_of_cost(result.summary)
+    bars = Bars(
+        "least cost", unit, tuple(map(str, own["statement"])), tuple(map(float, own["cost"]))
+    )
+    chosen = (result.summary.get("promise") or {}).get("statement")
+    parts = [
+        f"<p>{escape(STATEMENTS)}</p>\n{table(own, [name == chosen for name in own['statement']])}",
+        picture("promise", bars_figure(bars), "Cost of assurance: the least cost by statement."),
+    ]
+    if result.next_parts is not None:
+        parts.append(f"<p>{escape(NEXT)}</p>\n{table(result.next_parts)}")
+    if result.capability is not None:
+        known = f"<p>{escape(CAPABILITY)}</p>\n{table(result.capability)}"
+        parts.append(folded("What is known of the processes", known))
+    charts = measured_parts(result.configuration)
+    if charts:
+        more = f" The first {CHARTS} of {len(charts)}." if len(charts) > CHARTS else ""
+        parts.append(folded("Control charts", picture("control", control_figure(charts),
+                                                      CHARTED + more)))  # fmt: skip
+    return (section("Promise", "\n".join(parts)),)
+
+
+def measured_parts(configuration: str) -> list[tuple[str, str, list[float]]]:
+    """Name, unit and values of every measured part of a resolved configuration."""
+    try:
+        found: Any = tomllib.loads(configuration)
+    except tomllib.TOMLDecodeError:
+        return []
+    parts = found.get("part")
+    return [
+        (str(part.get("name", "")), str(own.get("unit") or part.get("unit") or ""), own["values"])
+        for part in (parts if isinstance(parts, list) else ())
+        if isinstance(own := part.get("measured"), dict) and len(own.get("values") or ()) > 1
+    ]

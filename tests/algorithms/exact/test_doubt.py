@@ -1,0 +1,120 @@
+"""Least cost under the doubt of processes: against a conic solver, chords, and a dense search."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from time import process_time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tolevo.algorithms.exact.choices import least_cost
+from tolevo.algorithms.exact.combination import Combination
+from tolevo.algorithms.exact.programme import Programme
+from tolevo.models.capability import Surplus
+from tolevo.models.costs import Reciprocal
+from tolevo.problems.forms import Feature, Form, Way
+from tolevo.problems.spread import spread_of
+
+
+def drawn(seed: int, parts: int, fixed: float = 0.0) -> Form:
+    rng = np.random.default_rng(seed)
+    spread, price = rng.uniform(0.5, 2.0, parts), rng.uniform(0.2, 4.0, parts)
+    surplus = Surplus(rng.uniform(0.0, 1.5, parts), rng.uniform(0.0, 0.4, parts), fixed, fixed)
+    features = tuple(
+        Feature(f"t{at}", (Way(Reciprocal(0.1, b), 0.01, 50.0, (0.0,), (a,)),))
+        for at, (a, b) in enumerate(zip(spread.tolist(), price.tolist(), strict=True))
+    )
+    return Form(("promise",), features, np.zeros(1), np.full(1, fixed), "", surpluses=(surplus,))
+
+
+@pytest.mark.parametrize(("parts", "fixed"), [(1, 0.0), (5, 0.3), (9, 0.0), (30, 1.0)])
+def test_optimum_of_a_conic_solver(parts: int, fixed: float) -> None:
+    """1e-6: the tolerance of Clarabel in units of the cost."""
+    cvxpy: Any = pytest.importorskip("cvxpy", reason="the oracle comes with the extra dev")
+    form, limit = drawn(parts, parts, fixed), 6.0
+    surplus = form.surpluses[0]
+    assert surplus is not None
+    a = np.array([feature.ways[0].spread[0] for feature in form.features])
+    b = np.array([feature.ways[0].curve.b for feature in form.features])  # type: ignore[attr-defined]
+    t, square = cvxpy.Variable(parts), cvxpy.Variable(parts)
+    own = cvxpy.hstack([cvxpy.multiply(surplus.own, square), fixed,
+                        surplus.shared @ square + fixed])  # fmt: skip
+    within = [cvxpy.square(cvxpy.multiply(a, t)) <= square, t >= 0.01, t <= 50.0,
+              cvxpy.sum(square) + fixed + cvxpy.norm2(own) <= limit**2]  # fmt: skip
+    problem = cvxpy.Problem(cvxpy.Minimize(b @ cvxpy.inv_pos(t)), within)
+    problem.solve(solver="CLARABEL", tol_gap_abs=1e-10, tol_gap_rel=1e-10, tol_feas=1e-10)
+    expected = float(problem.value) + 0.1 * parts
+    found = least_cost(form, np.array([[limit]]))
+    assert found.cost[0] == pytest.approx(expected, rel=1e-6)
+    assert found.cost[0] - found.bound[0] <= 1e-9 * found.cost[0]
+    combination = Combination(form, (0,) * parts)
+    assert combination.values(found.t)[0, 0] <= limit
+
+
+@pytest.mark.parametrize("fixed", [0.0, 0.7])
+def test_no_chord_lies_below_the_norm(fixed: float) -> None:
+    """20,000 chords and as many tangents, with all terms: none above by more than rounding."""
+    form, rng = drawn(3, 9, fixed), np.random.default_rng(8)
+    ends = 10.0 ** rng.uniform(-2.0, 1.5, (2, 20_000, 1, 9))
+    share = rng.uniform(size=(20_000, 1, 1))
+    middle = share * ends[0] + (1.0 - share) * ends[1]
+    low, high, inner = (spread_of(form, s) for s in (*ends, middle))
+    chord = share[:, :, 0] * low.value + (1.0 - share[:, :, 0]) * high.value
+    assert np.all(inner.value <= chord * (1.0 + 1e-13))
+    tangent = inner.intercept + np.sum(inner.direction * ends[0], axis=2)
+    assert np.all(tangent <= low.value * (1.0 + 1e-13))
+
+
+def test_the_general_programme_agrees() -> None:
+    """SLSQP with tangents of the norm: another way to the same optimum and bound."""
+    form, limits = drawn(5, 6, 0.2), np.array([[2.0], [5.0]])
+    found = least_cost(form, limits)
+    other = Programme(Combination(form, (0,) * 6)).least_cost(limits)
+    np.testing.assert_allclose(found.cost, other.cost, rtol=1e-7)
+    np.testing.assert_allclose(found.bound, other.bound, rtol=1e-6)
+
+
+def test_ways_are_bound_together() -> None:
+    """Two ways for each of four features: the best of all sixteen, none below the bound."""
+    form = drawn(7, 4)
+    features = tuple(
+        replace(feature, ways=(feature.ways[0], replace(
+            feature.ways[0], curve=Reciprocal(0.4, 0.3), spread=(1.7 + 0.1 * at,), high=2.0)))
+        for at, feature in enumerate(form.features)
+    )  # fmt: skip
+    form, limit = replace(form, features=features), np.array([[3.0]])
+    each = [
+        least_cost(replace(form, features=tuple(
+            replace(feature, ways=(feature.ways[way],))
+            for feature, way in zip(features, ways, strict=True))), limit).cost[0]
+        for ways in product((0, 1), repeat=4)
+    ]  # fmt: skip
+    found = least_cost(form, limit)
+    assert found.cost[0] == pytest.approx(min(each), rel=1e-8)
+    assert found.bound[0] <= min(each)
+    assert found.bound[0] >= min(each) * (1.0 - 1e-2)  # other ways doubt less or more
+
+
+def test_limits_out_of_reach_and_without_effect() -> None:
+    found = least_cost(drawn(2, 3), np.array([[1e-3], [1e4]]))
+    assert np.isinf(found.cost[0])
+    assert np.isinf(found.bound[0])
+    np.testing.assert_allclose(found.t[1], 50.0)
+
+
+def test_assurance_costs_little_time() -> None:
+    """At most three times the CPU of the plug-in's optimum; the least of several runs of each."""
+    form, limit = drawn(1, 9), np.array([[5.0]])
+    plain = replace(form, surpluses=())
+    seconds = []
+    for one in (plain, form):
+        taken = []
+        for _ in range(7):
+            begun = process_time()
+            least_cost(one, limit)
+            taken.append(process_time() - begun)
+        seconds.append(min(taken))
+    assert seconds[1] <= 3.0 * seconds[0]

@@ -1,0 +1,172 @@
+"""`tolevo review`: the promise of a run by parts that were made to its drawing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from shutil import copytree
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from tolevo.cli import app
+
+CONFIGURATION = """
+problem = "stack"
+[objectives]
+minimise = ["cost"]
+[promise]
+yield_percent = 99.0
+statement = "assured"
+[requirement]
+unit = "um"
+nominal = 0.0
+lower = -40.0
+upper = 40.0
+[algorithm]
+name = "exact"
+"""
+PART = """
+[[part]]
+name = "{name}"
+unit = "um"
+sensitivity = 1.0
+t_min = 8.0
+t_max = 60.0
+cost = {{ model = "reciprocal", a = 0.0, b = 1.0 }}
+[part.measured]
+values = {values}
+made_to = 10.0
+mean = "corrected"
+"""
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a configuration and its run in o."""
+    folder = tmp_path_factory.mktemp("run")
+    rng = np.random.default_rng(6)
+    parts = [PART.format(name=name, values=rng.normal(0.0, 10.0 / 3.0, 25).round(3).tolist())
+             for name in ("ring", "pin", "cap")]  # fmt: skip
+    (folder / "c.toml").write_text(CONFIGURATION + "".join(parts), encoding="utf-8")
+    done = CliRunner().invoke(
+        app, ["run", str(folder / "c.toml"), "--out", str(folder / "o"), "--quiet"]
+    )
+    assert done.exit_code == 0, done.output
+    return folder
+
+
+def tolerances_of(first: Path) -> dict[str, float]:
+    """Rounded tolerances of the run by part."""
+    found = pd.read_csv(first / "o" / "allocation.csv")
+    return {
+        name[:-2]: float(t) for name, t in zip(found["variable"], found["rounded"], strict=True)
+    }
+
+
+def made(folder: Path, name: str, seed: int, tolerances: dict[str, float],
+         scatter: dict[str, float], mean: float = 0.0, n: int = 50) -> str:  # fmt: skip
+    """A table of parts whose standard deviations are shares `scatter` of a third of t."""
+    rng = np.random.default_rng(seed)
+    frame = pd.DataFrame({part: rng.normal(mean, scatter.get(part, 1.0) * t / 3.0, n)
+                          for part, t in tolerances.items()})  # fmt: skip
+    frame.round(4).to_csv(folder / name, index=False)
+    return str(folder / name)
+
+
+def reviewed(*arguments: str) -> str:
+    done = CliRunner().invoke(app, ["review", *arguments])
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def test_a_part_that_scatters_more_is_tightened(first: Path, tmp_path: Path) -> None:
+    t = tolerances_of(first)
+    before = made(tmp_path, "first.csv", 1, t, {})
+    parts = made(tmp_path, "now.csv", 2, t, {"pin": 2.2, "cap": 0.4})
+    told = reviewed(str(first / "o"), parts, "--since", before)
+    rows = {line.split()[0]: line.split() for line in told.splitlines() if "  um" in line
+            or (" um " in line and line.split()[0] in t)}  # fmt: skip
+    assert rows["pin"][-1] == "tighten"
+    assert rows["cap"][-1] == "loosen"
+    assert "pin scatters" in told
+    assert "promised: at least 99 % of the units conform, with 95 % confidence" in told
+    assert "the least cost that keeps the promise now is" in told
+
+
+def test_a_new_allocation_keeps_the_promise_by_the_parts(first: Path, tmp_path: Path) -> None:
+    """The saving is that of running the same problem with the new samples."""
+    t = tolerances_of(first)
+    parts = made(tmp_path, "now.csv", 3, t, dict.fromkeys(t, 0.5))
+    told = reviewed(str(first / "o"), parts)
+    found = pd.read_csv(parts)
+    text = CONFIGURATION + "".join(
+        PART.format(name=name, values=found[name].tolist()).replace("made_to = 10.0",
+                                                                    f"made_to = {t[name]!r}")
+        for name in t)  # fmt: skip
+    (tmp_path / "again.toml").write_text(text, encoding="utf-8")
+    done = CliRunner().invoke(app, ["run", str(tmp_path / "again.toml"), "--out",
+                                    str(tmp_path / "p"), "--quiet"])  # fmt: skip
+    assert done.exit_code == 0, done.output
+    cost = float(pd.read_csv(tmp_path / "p" / "front.csv")["cost"].iloc[0])
+    assert f"the least cost that keeps the promise now is {cost:.4g}" in told
+    assert "a new allocation saves" in told
+
+
+def test_a_promise_that_nothing_keeps_any_more_is_said(first: Path, tmp_path: Path) -> None:
+    t = tolerances_of(first)
+    parts = made(tmp_path, "now.csv", 4, t, dict.fromkeys(t, 6.0))
+    told = reviewed(str(first / "o"), parts)
+    assert "no allocation keeps the promise by what the parts say now" in told
+
+
+def test_the_units_own_measurement_stands_beside(first: Path, tmp_path: Path) -> None:
+    t = tolerances_of(first)
+    parts = made(tmp_path, "now.csv", 5, t, {})
+    (tmp_path / "g").mkdir()
+    known = {"verdict": "named", "effects": [{"name": "thermal_drift"}]}
+    (tmp_path / "g" / "gap.json").write_text(json.dumps(known), encoding="utf-8")
+    told = reviewed(str(first / "o"), parts, str(tmp_path / "g"))
+    assert "the units' own measurement: named: thermal_drift" in told
+
+
+def test_faults(first: Path, tmp_path: Path) -> None:
+    """Every one at once, status 2."""
+    t = tolerances_of(first)
+    other = made(tmp_path, "other.csv", 7, {"nut": 5.0}, {})
+    (tmp_path / "empty").mkdir()
+    run = str(first / "o")
+    for arguments, words in (
+        ((run, str(tmp_path / "none.csv"), str(tmp_path / "empty")),
+         ("none.csv: does not exist", "is no result of `tolevo gap`")),
+        ((run, other), ("hold no characteristic of the run",)),
+        ((str(tmp_path / "empty"), other), ("does not exist", "has no allocation.csv")),
+    ):  # fmt: skip
+        done = CliRunner().invoke(app, ["review", *arguments])
+        assert done.exit_code == 2
+        for word in words:
+            assert word in done.output.replace("\n", " ")
+    equal = tmp_path / "equal.csv"
+    pd.DataFrame({name: [1.0] * 9 for name in t}).to_csv(equal, index=False)
+    done = CliRunner().invoke(app, ["review", run, str(equal)])
+    assert done.exit_code == 2
+    assert done.output.count("9 equal values") == 3
+
+
+@pytest.mark.parametrize("words", ["promises nothing"])
+def test_a_run_without_a_promise_has_nothing_to_review(
+    words: str, first: Path, tmp_path: Path
+) -> None:
+    copytree(first / "o", tmp_path / "o")
+    path = tmp_path / "o" / "config.toml"
+    text = path.read_text(encoding="utf-8")
+    start = text.index("[promise]")
+    end = text.index("[", start + 1)
+    text = text[:start] + text[end:]
+    text = text.replace("promised_yield_percent", "variation").replace("min = 99.0", "max = 30.0")
+    path.write_text(text, encoding="utf-8")
+    done = CliRunner().invoke(app, ["review", str(tmp_path / "o"), str(first / "c.toml")])
+    assert done.exit_code == 2
+    assert words in done.output

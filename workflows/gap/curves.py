@@ -1,0 +1,66 @@
+"""What a name did as a curve without a name: the form of a larger effect that no formula has."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...models.effects.unresolved import Term, Unresolved
+from ...models.inputs.distribution import Array
+from ...models.measurable import Role
+from .abstain import acts_in
+from .data import GapData
+from .fit import Fit, Fitter, Member
+from .library import Candidate
+from .linear import basis, beside
+
+KNOTS = 60
+"""Knots of a curve, at most."""
+EXACT = 1e-3
+"""Deviation at which no more knots are added, as a share of the largest value."""
+NO_CURVE = 0.02
+"""Deviation from which what was done is no function of one variable, as a share of its rms."""
+
+
+def as_curve(fitter: Fitter, fit: Fit, small: int, large: int, data: GapData) -> Member | None:
+    """What one member of a fit does that another one does not, as a term over its one variable;
+    None where it has several, or acts on several outputs.
+
+    What the larger member could do of it, every reading counting the same, is its own: its numbers
+    are then those of its formula alone.
+    """
+    one, other = fit.members[small], fit.members[large]
+    did, its = (fitter.columns.of(m.candidate, m.shape) for m in (one, other))
+    did, q = did @ fit.coefficients[small], basis(fitter.raw_base)
+    shared = np.linalg.lstsq(beside(its, q), beside(did, q), rcond=1e-9)[0]
+    parts = np.split(did - its @ shared, len(data.outputs))
+    acting = [at for at, part in enumerate(parts) if np.any(part)]
+    variables = acts_in(one.candidate.effect.needs) - {Role.DIRECTION}
+    inputs = [c.name for c in data.inputs if c.role in variables]
+    if len(acting) != 1 or len(inputs) != 1:
+        return None
+    output, part = data.outputs[acting[0]].name, parts[acting[0]]
+    turns = Role.DIRECTION in one.candidate.effect.needs
+    y = part * np.asarray(data.readings[Role.DIRECTION], dtype=float) if turns else part
+    knots, heights, off = _through(np.asarray(data.readings.table[inputs[0]], dtype=float), y)
+    if off > NO_CURVE:
+        return None
+    effect = Unresolved(Term(output, inputs[0], "curve", knots=knots, heights=heights, turns=turns))
+    return Member(Candidate(effect, effect.own_parameters(data.target), ()))
+
+
+def _through(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:
+    """Knots and heights of a broken line through points (n,), of magnitude 1 at most, and how far
+    it is off: a knot at a time, where it is off most (Douglas and Peucker, Cartographica 10, 1973).
+    """
+    order = np.argsort(x, kind="stable")
+    x, first = np.unique(x[order], return_index=True)
+    y = y[order][first] / max(float(np.abs(y).max()), 1e-300)
+    at = [0, len(x) - 1]
+    while True:
+        left = y - np.interp(x, x[at], y[at])
+        worst = int(np.argmax(np.abs(left)))
+        if abs(left[worst]) < EXACT or len(at) >= KNOTS:
+            break
+        at = sorted([*at, worst])
+    off = float(np.sqrt(np.mean(left**2) / max(float(np.mean(y**2)), 1e-300)))
+    return tuple(x[at].tolist()), tuple(y[at].tolist()), off

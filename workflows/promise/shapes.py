@@ -1,0 +1,81 @@
+"""Whether measured parts are normal enough for a promise to be called assured."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ...models.capability import cumulants_drawn, kept
+from ...problems.stack import Stack
+from ...problems.stack.definition import Part
+
+Array = NDArray[np.float64]
+FEW = 20
+"""Parts below which a skewed sample does not carry an assurance."""
+NOT_NORMAL = ("shape", "outlier")
+"""Findings that no normal process has: an outlier is a tail whose cause is not known."""
+DRAWS = 4000
+"""Draws of the Bayesian bootstrap."""
+
+
+def withheld(stack: Stack) -> list[str]:
+    """Why the word "assured" is withheld, a phrase for each part; none where it is not."""
+    return [f"{part.name} {why}" for part in stack.definition.parts if (why := _doubt(part))]
+
+
+def shapely(stack: Stack) -> bool:
+    """Whether a measured part is not normal, as far as the tests tell."""
+    return any(_shaped(part) for part in stack.definition.parts)
+
+
+def bootstrapped(stack: Stack, design: Array) -> float:
+    """Assurance [percent] of a full design (all variables,) by the Bayesian bootstrap: the least of
+    all requirements; parts without a sample are normal as stated.
+    """
+    t = stack.tolerances(design[None, :])[0]
+    share = stack.definition.promise.share if stack.definition.promise else 0.0
+    drawn = [_cumulants(stack, at) for at in range(len(stack.definition.parts))]
+    found = []
+    for one in stack.measured:
+        if not one.mechanism.bounded:
+            continue
+        each = []
+        for at, own in enumerate(drawn):
+            slopes = one.mechanism.sensitivities[one.mechanism.owners == at] * t[at]
+            powers = np.array([np.sum(slopes**k) for k in (1, 2, 3, 4)])
+            each.append(own * powers)
+        ends = (one.mechanism.lower - one.mechanism.centre,
+                one.mechanism.upper - one.mechanism.centre)  # fmt: skip
+        found.append(kept(each, ends, share))
+    return 100.0 * min(found, default=float("nan"))
+
+
+def _cumulants(stack: Stack, at: int) -> Array:
+    """Drawn cumulants (draws, 4) of a part at t = 1, without what the gauge adds."""
+    part = stack.definition.parts[at]
+    if part.sample is None:
+        m1, m2 = part.distribution.raw_moments(2)[1:]
+        return np.tile([m1, m2 - m1**2, 0.0, 0.0], (DRAWS, 1))
+    rng = np.random.default_rng([stack.settings.seed, at])
+    sample = part.sample
+    scale = sample.knowledge.std / float(np.std(sample.deviations, ddof=1)) / sample.made_to
+    return cumulants_drawn(sample.deviations * scale, DRAWS, rng)
+
+
+def _shaped(part: Part) -> bool:
+    return part.sample is not None and any(one.kind in NOT_NORMAL for one in part.sample.found)
+
+
+def _doubt(part: Part) -> str:
+    if part.sample is None or not _shaped(part):
+        return ""
+    if any(one.kind == "outlier" for one in part.sample.found):
+        return "has an outlier"
+    values = part.sample.deviations
+    skew, excess = float(stats.skew(values)), float(stats.kurtosis(values))
+    if excess > abs(skew):
+        return f"has heavy tails (excess kurtosis {excess:.2g})"
+    if len(values) < FEW:
+        return f"is skewed ({skew:.2g}) and has {len(values)} parts only, {FEW} would do"
+    return ""

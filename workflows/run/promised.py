@@ -1,0 +1,23 @@
+"""The promise of a run, beside its other answers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...problems.tolerance_problem import ToleranceProblem
+from ...records import RunResult
+from ..promise.outcome import promise_outcome
+
+
+def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
+    """The result with what it promises at its knee or its one point, where it promises anything."""
+    choices = result.choices
+    point = 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
+    found = promise_outcome(problem, result.front, point)
+    if found is None:
+        return result
+    answers = dict(result.answers) | {"promise": found.sentence}
+    summary = dict(result.summary) | {"promise": found.summary, "answers": answers}
+    return replace(result, summary=summary, promise=found.costs,
+                   next_parts=found.next_parts if len(found.next_parts) else None,
+                   capability=found.capability if len(found.capability) else None)  # fmt: skip
