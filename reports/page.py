@@ -17,11 +17,8 @@ from .document import bullets, document, folded, picture, remarked, section
 from .drawing import flags
 from .explorer import explorer, interactive, scripts
 from .figure import front_figure
-<<<<<<< HEAD
 from .machine import machine_sections
-=======
 from .promise import promise_sections
->>>>>>> main
 from .requirements import requirement_sections
 from .summary import summary_table
 from .tables import chosen, table
@@ -56,11 +53,8 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
     more = (
         section("In words", bullets(result.notes)) if result.notes else "",
         *unit_sections(result),
-<<<<<<< HEAD
         *machine_sections(result.summary),
-=======
         *promise_sections(result),
->>>>>>> main
         *requirement_sections(result),
         *choice_sections(result),
         *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),

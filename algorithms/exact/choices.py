@@ -52,14 +52,10 @@ def least_cost(form: Form, limits: Array) -> Optimum:
     limits = np.asarray(limits, dtype=float)
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
         return _by_master(form, limits)
-<<<<<<< HEAD
-    several = not form.separable and len(form.outputs) > 1
-    if (several or form.combinations > MANY) and _priced(form):
-=======
     if separable_but_for_doubt(form):
         return least_under_doubt(form, limits, cost_range(form)[0])
-    if not form.separable and len(form.outputs) > 1 and _priced(form):
->>>>>>> main
+    several = not form.separable and len(form.outputs) > 1
+    if (several or form.combinations > MANY) and _priced(form):
         return _by_squares(form, limits)
     if form.combinations == 1 or form.separable or len(limits) < 2:
         return _least_cost(form, limits, None)

@@ -252,13 +252,9 @@ class Gears:
             if ends[0] >= 0.0 or ends[1] <= 0.0:
                 found.append(factor * (low if ends[0] >= 0.0 else high))
                 continue
-<<<<<<< HEAD:problems/robot/gears.py
-            found.append(factor * float(brentq(_excess, low, high, args=(one, most / factor))))
+            at = scipy.optimize.brentq(_excess, low, high, args=(one, most / factor))
+            found.append(factor * float(at))
         return float(min(found))
-=======
-            found.append(float(scipy.optimize.brentq(_excess, low, high, args=(one, most))))
-        return min(found)
->>>>>>> main:problems/robot_joint/gears.py
 
     # ---------------------------------------------------------------- Monte Carlo
 
