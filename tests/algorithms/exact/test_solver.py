@@ -286,6 +286,7 @@ def test_limits_missed_by_the_rounding_of_the_outputs_are_asked_again(
         ],
     }  # fmt: skip
     problem = read_table(table, []).problem
+    assert problem is not None
     found = search(problem, Exact(points=20), Budget(), 1)
     assert len(found.x) == (1 if len(objectives) == 1 else 20)
     if len(objectives) == 1:
