@@ -105,6 +105,16 @@ def unwritable(path: Path, place: str) -> list[Fault]:
         return [Fault(place, text)]
 
 
+def is_folder(path: Path) -> bool:
+    """Whether a path, of whatever name, is that of a directory."""
+    return os.path.isdir(path)  # that of Path raises where a name is too long
+
+
+def is_file(path: Path) -> bool:
+    """Whether a path, of whatever name, is that of a file."""
+    return os.path.isfile(path)
+
+
 def _part(path: Path) -> Path:
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
 

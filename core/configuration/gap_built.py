@@ -13,6 +13,7 @@ from .. import tables
 from ..declarations import Variable
 from ..directory import kind_of, standing
 from ..errors import Fault, InputError, nearest
+from ..files import is_file, is_folder
 from ..section import Range, Section, shown
 from .configuration import Configuration
 from .reader import read
@@ -59,9 +60,9 @@ def read_built(top: Section, folder: Path, variables: Iterable[Variable]) -> Bui
 
 def _found(path: Path, name: str, point: Any, variables: Mapping[str, Variable]) -> Built:
     """The values, and the run that they are of. Raises InputError."""
-    home = path if path.is_dir() else path.parent
+    home = path if is_folder(path) else path.parent
     run = _run_of(home)
-    if path.is_dir():
+    if is_folder(path):
         if run is None:
             raise _wrong(f"{name} is no directory of a run; name {FORMS}")
         path = home / (FRONT if isinstance(point, int) else ALLOCATION)
@@ -80,7 +81,7 @@ def _wrong(text: str) -> InputError:
 
 def _run_of(folder: Path) -> Configuration | None:
     """The configuration of the run that a directory holds. Raises InputError where it is bad."""
-    if kind_of(folder) != "run" or not (folder / CONFIG).is_file():
+    if kind_of(folder) != "run" or not is_file(folder / CONFIG):
         return None
     if faults := standing(folder).faults:
         raise InputError(faults)

@@ -90,8 +90,8 @@ def _read_problem(
     seed, labels = _seed(top), read_labels(top)
     effects = read_effects(top, model, model_name)
     read_unresolved(top, model, model_name)  # act on readings: an allocation has none
-    zero = read_zero(top, model.outputs if model else ())
-    sense = read_sense(top, model.outputs if model else ())
+    outputs = model.outputs if model else ()
+    zero, sense = read_zero(top, outputs), read_sense(top, outputs)
     if named and model and not belongs(top.take("problem"), named, model_name, model):
         top.fault("model", stranger(top.take("problem"), model_name, model))
     if kind is None:  # its sections cannot be judged
@@ -107,8 +107,7 @@ def _read_problem(
     choice = read_choice(top, objectives, kind.outputs, kind.variables)
     top.finish()
     raise_all(faults)
-    problem = kind(settings)
-    wrong = problem.faults()
+    wrong = (problem := kind(settings)).faults()
     raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
     raise_all(contradictions(problem, asked["algorithm_name"]))
     assert asked["algorithm"] is not None

@@ -11,6 +11,7 @@ import pandas as pd
 from .. import tables
 from ..directory import not_whole
 from ..errors import Fault, InputError
+from ..files import is_file, is_folder
 from ..section import POSITIVE, Section
 from .source import load
 
@@ -82,7 +83,7 @@ def read_reducer(section: Section, key: str, folder: Path) -> Nested | None:
         section.fault(key, f"must be a string or a table: {EXPECTED}")
         return None
     path = folder / value
-    if path.is_dir():
+    if is_folder(path):
         return _of_run(section, key, path, value)
     if path.suffix == ".csv":
         return _of_file(section, key, path, value)
@@ -151,7 +152,7 @@ def _of_run(section: Section, key: str, folder: Path, source: str) -> Nested | N
 
 
 def _of_file(section: Section, key: str, path: Path, source: str) -> Nested | None:
-    if not path.is_file():
+    if not is_file(path):
         section.fault(key, f"{source} does not exist")
         return None
     try:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..errors import Fault
+from ..files import is_folder
 from .lock import LOCK, holders
 from .manifest import ANEW, AS_IT_IS, MANIFEST, Manifest, read_manifest, strangers
 from .names import KINDS, kind_of, known, present
@@ -93,7 +94,7 @@ def seal_of(folder: Path) -> bytes:
 
 def occupied(folder: Path) -> bool:
     """Whether a directory holds anything, the traces of killed processes aside."""
-    return folder.is_dir() and any(not is_trace(path.name) for path in folder.iterdir())
+    return is_folder(folder) and any(not is_trace(path.name) for path in folder.iterdir())
 
 
 def is_trace(name: str) -> bool:

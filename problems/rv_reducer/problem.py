@@ -39,6 +39,7 @@ from .outputs import (
     SAMPLED_UNDER_LOAD,
 )
 from .references import REFERENCES
+from .refused import HOLD_INTERFERENCE, priceless, unlimited
 from .shown import units_shown
 from .sizes import size_faults
 from .units import UnitModel
@@ -56,12 +57,6 @@ more."""
 KEPT = 4
 """Evaluations kept, so that a derivative costs no second evaluation."""
 
-
-HOLD_INTERFERENCE = {"interference_probability": 1.0, "interference_share_of_turn": 1.0,
-                     "overlap_p95_arcmin": np.inf, "preload_torque_Nm": np.inf,
-                     "preload_torque_Nm_max": np.inf, "preload_torque_Nm_mean": np.inf,
-                     }  # fmt: skip
-"""Outputs, a limit on any of which below these values holds interference."""
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
@@ -348,29 +343,11 @@ class RvReducer(Machined):
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
         found = geometry.faults(self.model.geometry, self.given, ends)
-        return [*found, *self._priceless(), *(size_faults(self.count, KEPT) or super().faults())]
-
-    def _priceless(self) -> list[Fault]:
-        """Errors between discs that are searched without a cost: the tightest would be free."""
-        free = {variable.name for variable in self.free}
-        return [
-            Fault(f"costs.{name}", f"is missing: {name} is searched, and nothing says what a tight "
-                  f"one costs; give a curve, or fix it (variables.{name}.value = {value:.4g})")
-            for name, value in DISC_TO_DISC.items() if name in free and name not in
-            self.settings.costs
-        ]  # fmt: skip
+        return [*found, *priceless({one.name for one in self.free}, self.settings.costs),
+                *(size_faults(self.count, KEPT) or super().faults())]  # fmt: skip
 
     def search_faults(self) -> list[Fault]:
-        limits = self.settings.limits
-        held = [
-            n for n in HOLD_INTERFERENCE if n in limits and limits[n].high < HOLD_INTERFERENCE[n]
-        ]
-        if held or self.settings.parameters["allow_interference"]:
-            return []
-        text = ("is missing: without a limit on interference or preload the cheapest units all "
-                "interfere (cost 7 with 99.9 % of the units preloaded); set, for example, 0.05, or "
-                "parameters.allow_interference = true")  # fmt: skip
-        return [Fault("limits.interference_probability", text)]
+        return unlimited(self.settings.limits, self.settings.parameters)
 
     def warnings(self) -> tuple[str, ...]:
         given = self.settings

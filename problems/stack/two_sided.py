@@ -16,8 +16,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize.elementwise import find_root
 from scipy.special import ndtr, ndtri
+
+from ...models.roots import bracketed_roots
 
 Array = NDArray[np.float64]
 AT = np.array([0.12, 0.26, 0.45])
@@ -47,7 +48,7 @@ def _curve(p: float, delta: Array) -> tuple[Array, Array, Array]:
         return np.asarray(ndtr(k - delta) + ndtr(k + delta) - 1.0 - p)
 
     low = np.full(len(delta), float(ndtri(p)))
-    k = np.asarray(find_root(excess, (low, low + delta + 8.0), args=(delta,)).x)
+    k = bracketed_roots(excess, (low, low + delta + 8.0), delta).x
     near, far = (np.exp(-0.5 * (k - sign * delta) ** 2) for sign in (1.0, -1.0))
     slope = -(near - far) / ((k - delta) * near + (k + delta) * far)
     return delta / k, 1.0 / k, slope

@@ -243,7 +243,7 @@ FAULTS = {
     "variables.bore_um.value = true": "variables.bore_um.value: must be a number or a string with "
                                       "a unit of um, got true",
     "variables.bore_um.cp = 1": "variables.bore_um.cp: needs a distribution that takes it: set "
-        'distribution = "normal" or "truncated_normal" or "skew_normal" or "rayleigh"',
+        'distribution = "normal" or "rayleigh" or "skew_normal" or "truncated_normal"',
     'variables.bore_um = { distribution = "normal", cp = 0 }':
         "variables.bore_um.cp: must be above 0, got 0",
     'variables.bore_um = { distribution = "normal", shift = 2 }':
@@ -262,8 +262,8 @@ FAULTS = {
                                  "by its cost curve (table)",
     'variables.grade.distribution = "normal"':
         "variables.grade.distribution: grade (tolerance grade) has no distribution to set",
-    'costs.bore_um.model = "linear"': "costs.bore_um.model: must be one of reciprocal, "
-        'reciprocal_squared, reciprocal_power, exponential, combined, table, got "linear"',
+    'costs.bore_um.model = "linear"': "costs.bore_um.model: must be one of combined, "
+        'exponential, reciprocal, reciprocal_power, reciprocal_squared, table, got "linear"',
     'costs.bore_um = { model = "reciprocal", a = 1 }':
         "costs.bore_um.b: is missing: the cost model reciprocal needs a, b",
     "costs.bore_um.b = -1": "costs.bore_um.b: must not be negative (the cost would rise with the "

@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
 
 from ...models.capability import Knowledge
 from ...problems.forms import Form
@@ -79,6 +78,8 @@ def expected_gain(stack: Stack, name: str) -> float:
 
     What it will say of the variance follows an F distribution; its mean is taken as it is.
     """
+    from scipy import stats  # takes long to import
+
     start = solved(stack)
     if start is None:
         return float("nan")

@@ -41,7 +41,7 @@ def opened(plan: RunPlan, place: Ownership, resume: bool) -> Checkpoint:
 def seconds_before(checkpoint: Checkpoint) -> float:
     """Time [s] that the search had used when its state was saved."""
     state = checkpoint.saved()
-    return 0.0 if state is None else float(state["run.counts"][3])
+    return 0.0 if state is None else float(state["run.counts"][1])
 
 
 def notes_of(checkpoint: Checkpoint, resume: bool) -> tuple[str, ...]:

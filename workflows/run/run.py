@@ -122,13 +122,7 @@ def _run(
                      relaxed=_together(relaxed))  # fmt: skip
     told = {"answers": answers(result, plan.problem, statement)}
     result = replace(result, summary=dict(result.summary) | told)
-    if not cut:
-        result = with_promise(result, plan.problem)
-    result = with_units(result, plan.problem)
-    if not (stopped and takes_long(plan.problem)):
-        result = with_requirements(result, plan.problem)
-    if not cut:
-        result = with_assumptions(result, plan.problem, found.history, progress)
+    result = _with_more(result, plan.problem, found, cut, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     if front.empty:
@@ -138,6 +132,22 @@ def _run(
     if not cut:
         place.complete(status)
     return RunOutcome(status, out, _lines(result, status, out), result)
+
+
+def _with_more(
+    result: RunResult,
+    problem: ToleranceProblem,
+    found: SearchResult,
+    cut: bool,
+    progress: Callable[[Progress], None] | None,
+) -> RunResult:
+    """The result with what is worked out from it; after a break without what takes long."""
+    if not cut:
+        result = with_promise(result, problem)
+    result = with_units(result, problem)
+    if not (found.interrupted and takes_long(problem)):
+        result = with_requirements(result, problem)
+    return result if cut else with_assumptions(result, problem, found.history, progress)
 
 
 def _searched(
