@@ -91,15 +91,15 @@ class Quantiles:
         self._owner = np.array([owner for owner, _, _ in weight], dtype=int)
         self._weight = np.array(list(weight.values())).reshape(len(weight), len(known)).T
 
-    def tangent(self, s: Array) -> Tangent:
+    def tangent(self, s: Array, sure: bool = True) -> Tangent:
         """Values (n, k) of the k quantiles and gradients (n, k, features) at scales of that shape.
 
-        With the errors of both.
+        With the errors of both; those of gradients are wider than need be unless they are `sure`.
         """
         n, k, features = s.shape
         own = self._owner >= 0
         scale = np.where(own, s[:, :, np.maximum(self._owner, 0)], 1.0) * self._weight
-        found = self._sum.quantile(scale.reshape(n * k, -1), np.tile(self.probability, n))
+        found = self._sum.quantile(scale.reshape(n * k, -1), np.tile(self.probability, n), sure)
         gradient, doubt = np.zeros((2, features, n, k))
         slopes, errors = (
             np.where(self._weight > 0.0, one.reshape(n, k, -1), 0.0) * self._weight

@@ -47,7 +47,7 @@ def spread_of(form: Form, s: Array, most: Array | None = None) -> Spread:
             intercept[:, row] = (root - along) - ROUNDING * (root + np.abs(along))
     if form.joint is not None:
         rows = form.joint.rows
-        found = form.joint.tangent(s[:, rows])
+        found = form.joint.tangent(s[:, rows], sure=most is not None)
         doubt = found.value_error
         if most is not None:
             with np.errstate(invalid="ignore"):

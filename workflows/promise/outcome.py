@@ -60,14 +60,6 @@ def promise_outcome(
                           capability_table(problem))  # fmt: skip
 
 
-def promised_limits(problem: ToleranceProblem) -> set[str]:
-    """Names of the limits that keep the promise of a problem, none where it promises nothing."""
-    if not isinstance(problem, Stack) or problem.promises is None:
-        return set()
-    output = problem.promises.promise.output
-    return {one.measured.name(output) for one in problem.promises.each}
-
-
 def by_statement(stack: Stack) -> pd.DataFrame:
     """The least cost by each statement, its plug-in yield and its assurance."""
     rows = []

@@ -11,7 +11,7 @@ from ...problems.limits import Limit
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult, unit_of_cost
 from ...units import split_unit
-from ..promise.outcome import promised_limits
+from ..promise.limits import promised_limits
 from .proofs import INFORMATIVE, LEFT_OUT
 from .references import gain_column
 

@@ -6,11 +6,15 @@ from dataclasses import replace
 
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
-from ..promise.outcome import promise_outcome
+from ..promise.limits import promised_limits
 
 
 def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with what it promises at its knee or its one point, where it promises anything."""
+    if not promised_limits(problem):
+        return result
+    from ..promise.outcome import promise_outcome  # its statistics take long to import
+
     choices = result.choices
     point = 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
     found = promise_outcome(problem, result.front, point)

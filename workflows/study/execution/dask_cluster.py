@@ -7,7 +7,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from typing import Any
 
 import distributed
@@ -120,7 +120,8 @@ def _check(address: str) -> None:
     trusts the length of the first message of whatever answers.
     """
     try:
-        kind = asyncio.run(asyncio.wait_for(_kind(address), PATIENCE))
+        with ThreadPoolExecutor(1) as apart:  # a notebook has an event loop running in its thread
+            kind = apart.submit(asyncio.run, _answered(address)).result()
     except (OSError, ValueError, TypeError, MemoryError, EOFError, RuntimeError) as error:
         reason = str(error).splitlines()[0] if str(error) else "no answer"
         text = f"no Dask scheduler answers at {address} ({reason}); start one: dask scheduler"
@@ -128,6 +129,11 @@ def _check(address: str) -> None:
     if kind != "Scheduler":
         text = f"at {address} there is a {kind}: give the address of the scheduler"
         raise refuse("--dask", text)
+
+
+async def _answered(address: str) -> str:
+    """What Dask's process at an address says that it is, within the time that is waited."""
+    return await asyncio.wait_for(_kind(address), PATIENCE)
 
 
 async def _kind(address: str) -> str:
