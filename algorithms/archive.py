@@ -43,7 +43,7 @@ class Archive:
         """
         feasible = violation <= 0.0
         self._note_miss(x, violation)
-        if not feasible.all():
+        if np.count_nonzero(feasible) < len(feasible):
             x, f = x[feasible], f[feasible]
         if len(x):
             self._new.append((x, f))

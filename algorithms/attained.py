@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .indicators import REFERENCE, area, hypervolume, nondominated
+from .indicators import REFERENCE, hypervolume, nondominated
 
 Array = NDArray[np.float64]
 State = dict[str, NDArray[Any]]
@@ -93,16 +93,33 @@ def joined_by_two(
     batch = np.arange(len(batches))[:, None]
     there = np.where(since <= batch, points[1], np.inf)
     kept = there < np.inf
-    kept[:, 1:] = there[:, 1:] < np.minimum.accumulate(there, axis=1)[:, :-1]
+    kept[:, 1:] &= there[:, 1:] < np.fmin.accumulate(there, axis=1)[:, :-1]
     joins = (kept & (since == batch)).any(axis=1)
     scaled = (points - ideal[:, None]) / (nadir - ideal)[:, None]
     counted = kept & (scaled < REFERENCE).all(axis=0)
-    values = []
-    for rows, new in zip(counted, joins.tolist(), strict=True):
+    return points.compress(kept[-1], axis=1).T, _areas(scaled, counted, joins, value)
+
+
+def _areas(
+    scaled: Array, counted: NDArray[np.bool_], joins: NDArray[np.bool_], value: float
+) -> list[float]:
+    """`area` of the points (2, n) that are `counted` (batches, n) after each batch (batches,).
+
+    Where none joins it is the one before, at first `value`.
+    """
+    ends = counted.sum(axis=1).cumsum()
+    first, second = scaled.take(counted.nonzero()[1], axis=1)
+    widths, heights = np.empty_like(first), REFERENCE - second
+    np.subtract(first[1:], first[:-1], out=widths[:-1])
+    last = ends[np.diff(ends, prepend=0) > 0] - 1
+    widths[last] = REFERENCE - first[last]
+    values, begin = [], 0
+    for end, new in zip(ends.tolist(), joins.tolist(), strict=True):
         if new:
-            value = area(*scaled.compress(rows, axis=1))
+            value = float(widths[begin:end] @ heights[begin:end])
+        begin = end
         values.append(value)
-    return points.compress(kept[-1], axis=1).T, values
+    return values
 
 
 def _in_order(front: Array, batches: Sequence[Array]) -> tuple[Array, NDArray[np.int64]]:
@@ -113,9 +130,12 @@ def _in_order(front: Array, batches: Sequence[Array]) -> tuple[Array, NDArray[np
     points = np.concatenate([front, *batches]).T.copy()
     since = np.arange(-1, len(batches)).repeat([len(front), *map(len, batches)])
     if len(front):
-        at = front[:, 0].searchsorted(points[0], side="right") - 1
-        new = (at < 0) | (points[1] < front[:, 1].take(at))
-        new[: len(front)] = True
-        points, since = points.compress(new, axis=1), since.compress(new)
+        new = points[:, len(front) :]
+        order = new[0].argsort()  # sorted values are looked up several times as fast
+        at = np.empty_like(order)
+        at[order] = front[:, 0].searchsorted(new[0].take(order), side="right") - 1
+        better = (at < 0) | (new[1] < front[:, 1].take(at))
+        kept = np.concatenate([np.arange(len(front)), better.nonzero()[0] + len(front)])
+        points, since = points.take(kept, axis=1), since.take(kept)
     order = np.lexsort((since, points[1], points[0]))
     return points.take(order, axis=1), since.take(order)

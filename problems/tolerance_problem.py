@@ -238,8 +238,11 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
     def complete(self, x: Array) -> Array:
         """Full designs (n, all variables) of search vectors (n, free variables)."""
         set_to, columns, whole = self._columns
-        designs = set_to[None, :].repeat(len(x), axis=0)
-        designs[:, columns] = x
+        if self.fixed:
+            designs = set_to[None, :].repeat(len(x), axis=0)
+            designs[:, columns] = x
+        else:
+            designs = np.array(x, dtype=float)
         if len(whole):
             designs[:, whole] = np.rint(designs[:, whole])
         return designs
@@ -304,7 +307,7 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
         found = self.outputs_of(designs, searching=True)
         f, g = self.objective_values(found), self.violations(designs, found)
         for name, values in (("F", f), ("G", g)):
-            if values.size and not np.isfinite(values).all():
+            if np.count_nonzero(np.isfinite(values)) < values.size:
                 row = int(np.argmin(np.all(np.isfinite(values), axis=1)))
                 where = dict(zip(self.names, designs[row].tolist(), strict=True))
                 raise ModelError(f"{name} is not finite at {where}")

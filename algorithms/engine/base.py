@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -26,11 +26,19 @@ class Space:
     high: Array
     integer: NDArray[np.bool_]
     objectives: int
+    _tiled: Array = field(default_factory=lambda: np.empty((2, 0)), init=False)
 
     @cached_property
     def ends(self) -> Array:
         """Lower and upper bounds (2, variables)."""
         return np.stack([self.low, self.high])
+
+    def ends_of(self, points: int) -> Array:
+        """Lower and upper bounds (2, points * variables) of so many points, one after the other."""
+        size = points * len(self.low)
+        if self._tiled.shape[1] < size:
+            object.__setattr__(self, "_tiled", np.tile(self.ends, points))
+        return self._tiled
 
     @cached_property
     def wide(self) -> NDArray[np.bool_]:

@@ -30,12 +30,12 @@ def tournament(
     a, b = rounds[: 2 * count : 2], rounds[1 : 2 * count : 2]
     ca, cb = crowding.take(a), crowding.take(b)
     first, second = ca > cb, cb > ca
-    if rank.any():
+    if np.count_nonzero(rank):
         fa, fb = f.take(a, axis=0), f.take(b, axis=0)
         below, above = (fa <= fb).all(axis=1), (fb <= fa).all(axis=1)
         same = below == above  # neither dominates, or the objectives are equal
         first, second = np.where(same, first, below), np.where(same, second, above)
-    if v.any():
+    if np.count_nonzero(v):
         va, vb = v.take(a), v.take(b)
         broken = (va > 0.0) | (vb > 0.0)
         first, second = np.where(broken, va < vb, first), np.where(broken, vb < va, second)
@@ -63,14 +63,22 @@ def crossover(
     pair = np.empty((2, len(at)))
     np.minimum(p, q, out=pair[0])
     np.maximum(p, q, out=pair[1])
-    ends = space.ends.take(at % variables, axis=1)
+    ends = space.ends_of(k).take(at, axis=1)
     u, swapped = rng.random((2, len(at)))
     delta, power = pair[1] - pair[0], eta + 1.0
-    alpha = 2.0 - (1.0 + 2.0 * np.abs(pair - ends) / delta) ** -power
-    scaled = u * alpha
-    np.reciprocal(2.0 - scaled, out=scaled, where=scaled > 1.0)
-    moved = 0.5 * (pair[0] + pair[1]) + OUTWARD * (delta * scaled ** (1.0 / power))
-    moved = _within(moved, ends[0], ends[1])
+    scaled = np.abs(pair - ends)
+    scaled *= 2.0
+    scaled /= delta
+    scaled += 1.0
+    scaled **= -power
+    np.subtract(2.0, scaled, out=scaled)  # alpha of the paper
+    scaled *= u
+    scaled = np.where(scaled > 1.0, 1.0 / (2.0 - scaled), scaled)
+    scaled **= 1.0 / power
+    scaled *= delta
+    scaled *= OUTWARD
+    scaled += 0.5 * (p + q)
+    moved = _within(scaled, ends[0], ends[1])
     flat[at], flat[other] = np.where(swapped < 0.5, moved[::-1], moved)
     return found
 
@@ -88,7 +96,7 @@ def mutate(
     changed &= space.wide
     found = x.copy()
     flat, at = found.reshape(-1), changed.ravel().nonzero()[0]
-    low, high = space.ends.take(at % x.shape[1], axis=1)
+    low, high = space.ends_of(len(x)).take(at, axis=1)
     old, u, power = flat.take(at), rng.random(len(at)), eta + 1.0
     down, span = u <= 0.5, high - low
     share = np.abs(old - np.where(down, low, high)) / span

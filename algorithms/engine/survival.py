@@ -31,7 +31,7 @@ def crowding_distances(f: Array, rank: Indices) -> Array:
     The sum over the objectives of the gap between the two neighbours, divided by the range of the
     rank and by the number of objectives; infinite at the ends of a rank.
     """
-    if not rank.any():
+    if not np.count_nonzero(rank):
         return _crowding(f)
     found = np.empty(len(f))
     for level in range(int(rank.max()) + 1):
@@ -68,7 +68,7 @@ def survivors(
     and no crowding.
     """
     kept = v <= 0.0
-    if kept.all():
+    if np.count_nonzero(kept) == len(kept):
         return _best(f, count, rng)
     feasible = kept.nonzero()[0]
     if not len(feasible):
@@ -95,6 +95,9 @@ def _best(f: Array, count: int, rng: np.random.Generator) -> tuple[Indices, Indi
     crowding = crowding_distances(f.take(inside, axis=0), level)
     if len(inside) <= count:
         return inside, level, crowding
-    keys = (rng.random(len(inside)), -crowding, level)
-    order = np.lexsort(keys if last else keys[:2])[:count]
+    drawn = rng.random(len(inside)).argsort()
+    order = drawn.take((-crowding).take(drawn).argsort(kind="stable"))
+    if last:
+        order = order.take(level.take(order).argsort(kind="stable"))
+    order = order[:count]
     return inside.take(order), level.take(order), crowding.take(order)
