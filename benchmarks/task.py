@@ -100,6 +100,11 @@ class Recorder:
         """CPU seconds per evaluation, nan where there is none."""
         return self.times[-1] / self.count if self.times else np.nan
 
+    @property
+    def seen(self) -> float:
+        """Share of the hypervolume that all evaluated designs have, 0 where there is none."""
+        return self.task.share(np.vstack(self.batches)) if self.batches else 0.0
+
     def reached(self, share: float) -> tuple[float, float]:
         """Evaluations and CPU seconds until all evaluated designs had `share` of the hypervolume.
 
