@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 from math import comb, gamma, hypot, pi, sqrt
 
 import numpy as np
@@ -11,6 +12,11 @@ from scipy.special import ndtr, owens_t
 
 from .distribution import Array, Distribution
 from .normal import TAIL, density
+
+OUTER = 1e-9
+"""Probability of a tail in which quantiles are sought one by one."""
+REACH, NODES, STEPS = 7.0, 8193, 2
+"""Ends of the table of masses, its nodes, and Newton's steps from there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +83,39 @@ class SkewNormal(Distribution):
 
     def quantile(self, probability: Array) -> Array:
         origin, scale = self._line
-        y = np.asarray(scipy.stats.skewnorm.ppf(probability, self.skew))
+        p = np.asarray(probability, dtype=float)
+        inner = (p > OUTER) & (p < 1.0 - OUTER)
+        y = np.empty_like(p)
+        y[inner] = _newton(p[inner], self.skew)
+        y[~inner] = scipy.stats.skewnorm.ppf(p[~inner], self.skew)
         return np.clip(origin + scale * y, *self.support)
+
+
+def _newton(p: Array, skew: float) -> Array:
+    """y (n,) with P(Y <= y) = p: between the nodes of a table, then by Newton's steps.
+
+    A tenth of the time of a root search for each. The mass at y is p to 1e-15; in tails below
+    `OUTER` that is too few digits.
+    """
+    at, mass = _table(skew)
+    y = np.interp(p, mass, at)
+    for _ in range(STEPS):
+        y -= (_mass(y, skew) - p) / (2.0 * density(y) * ndtr(skew * y))
+    return y
+
+
+def _mass(y: Array, skew: float) -> Array:
+    return np.asarray(ndtr(y) - 2.0 * owens_t(y, skew))
+
+
+@cache
+def _table(skew: float) -> tuple[Array, Array]:
+    """Nodes y (`NODES`,) between which p is not flat to the last digit, and their mass."""
+    wide = np.linspace(-REACH, REACH, NODES)
+    y = np.union1d(wide, wide / hypot(1.0, skew))  # there the skewed side falls off
+    mass = _mass(y, skew)
+    rising = (mass > 0.1 * OUTER) & (mass < 1.0 - 0.1 * OUTER)
+    return y[rising], mass[rising]
 
 
 def _of_sum(one: Array, other: Array) -> Array:
