@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from ...algorithms.exact.between import least_bounds
 from ...algorithms.exact.bounds import proof, row_limits
+from ...algorithms.exact.solver import Exact as ExactSettings
 from ...algorithms.exact.solver import closed_form, exact_vectors
 from ...algorithms.indicators import hypervolume
 from ...algorithms.search import SearchResult
 from ...errors import ModelError
 from ...problems.least import least_value
 from ...problems.tolerance_problem import ToleranceProblem
+from .plan import RunPlan
 
 POINTS = 4000
 """Points of the exact front that a hypervolume is measured by."""
@@ -79,8 +81,17 @@ def with_bounds(
     return frame, found.statement
 
 
-def exact_front(problem: ToleranceProblem) -> Exact | None:
-    """The exact front of one or two objectives.
+def solved_front(plan: RunPlan, found: SearchResult) -> np.ndarray | None:
+    """Search vectors (k, variables) of the exact front, where the run itself has solved it whole.
+
+    None where it was interrupted, or has fewer points than are solved for otherwise.
+    """
+    own = isinstance(plan.algorithm, ExactSettings) and plan.problem.n_obj == 2 and not found.interrupted
+    return found.x if own and len(found.x) >= SOLVED else None
+
+
+def exact_front(problem: ToleranceProblem, known: np.ndarray | None = None) -> Exact | None:
+    """The exact front of one or two objectives, through its `known` points where there are some.
 
     None where there is no closed form or a gap is left in its proof. No number of points shows the
     hypervolume of more objectives well enough to measure by.
@@ -88,8 +99,8 @@ def exact_front(problem: ToleranceProblem) -> Exact | None:
     form = closed_form(problem)
     if form is None or not form.exact or problem.n_obj > 2:
         return None
-    alone = len(form.outputs) == 1 and form.correlation is None
-    x = exact_vectors(problem, form, POINTS if alone else SOLVED)
+    alone = len(form.outputs) == 1 and form.correlation is None and known is None
+    x = exact_vectors(problem, form, POINTS if alone else SOLVED) if known is None else known
     if not len(x):
         return None
     some = np.unique(np.linspace(0, len(x) - 1, CHECKED).astype(int))
@@ -130,7 +141,8 @@ def _between(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
     x = x[np.argsort(_objectives(problem, x)[:, 0], kind="stable")]
     integer = np.array([v.integer for v in problem.free])
     same = np.all(x[1:, integer] == x[:-1, integer], axis=1)
-    share = np.arange(1, POINTS // SOLVED)[:, None, None] / (POINTS // SOLVED)
+    each = max(1, POINTS // max(len(x), SOLVED))
+    share = np.arange(1, each)[:, None, None] / each
     inner = x[:-1][same] + share * np.diff(x, axis=0)[same]
     return np.asarray(np.vstack([x, inner.reshape(-1, x.shape[1])]))
 

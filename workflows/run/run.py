@@ -35,6 +35,7 @@ from .proofs import (
     exact_front,
     measures,
     proof_notes,
+    solved_front,
     takes_long,
     with_bounds,
 )
@@ -90,7 +91,7 @@ def _run(
     keep(plan.problem, out)
     found, fronts = _searched(plan, checkpoint, Sides(searches, workers, checkpoint), progress)
     searched = reported_front(plan.problem, found)
-    exact = exact_front(plan.problem)
+    exact = exact_front(plan.problem, solved_front(plan, found))
     references = table(plan, printed, fronts, exact)
     front, dropped, joined = with_references(searched, references, plan.problem)
     stopped = found.interrupted
