@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cache
+from functools import lru_cache
 from math import comb, gamma, hypot, pi, sqrt
 
 import numpy as np
@@ -108,7 +108,7 @@ def _mass(y: Array, skew: float) -> Array:
     return np.asarray(ndtr(y) - 2.0 * owens_t(y, skew))
 
 
-@cache
+@lru_cache(maxsize=8)
 def _table(skew: float) -> tuple[Array, Array]:
     """Nodes y (`NODES`,) between which p is not flat to the last digit, and their mass."""
     wide = np.linspace(-REACH, REACH, NODES)

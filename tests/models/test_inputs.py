@@ -136,6 +136,14 @@ def test_quantile_is_that_of_scipy(case: Distribution) -> None:
     np.testing.assert_allclose(case.quantile(p), reference(case).ppf(p), rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize("skew", [-1000.0, -3.0, 0.0, 0.5, 30.0, 1000.0])
+def test_quantile_of_the_skew_normal_has_the_mass_asked_for(skew: float) -> None:
+    """To rounding, in the middle and in both tails: a mass is the difference of two numbers."""
+    tail = np.geomspace(1.01e-9, 0.5, 200)
+    p, case = np.concatenate([tail, 1.0 - tail]), SkewNormal(skew)
+    np.testing.assert_allclose(case.partial_moments(case.quantile(p))[0], p, rtol=0.0, atol=2e-15)
+
+
 @pytest.mark.parametrize("kind", [Normal, TruncatedNormal])
 def test_capable_process_shrinks_to_its_shift(kind: type[Normal] | type[TruncatedNormal]) -> None:
     case = kind(cp=1e6, shift=0.25)

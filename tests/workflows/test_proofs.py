@@ -11,7 +11,12 @@ import pytest
 from scipy.optimize import brentq
 from typer.testing import CliRunner
 
+from tolevo.algorithms.exact.solver import Exact
+from tolevo.algorithms.search import search
+from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
+from tolevo.configuration import read
+from tolevo.workflows.run.proofs import exact_front
 
 A = np.array([2.0, 1.5, 1.0, 0.5])
 B = np.array([0.04, 0.09, 0.01, 0.16])
@@ -108,12 +113,27 @@ def test_exact_reference_stands_beside_the_one_by_ga(
     assert rows["GA, least cost within the limits"]["cost"] >= exact["cost"] * (1.0 - 1e-12)
 
 
-def test_front_of_exact_has_no_gap(tmp_path: Path) -> None:
+def test_front_of_exact_has_no_gap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def again(*given: object) -> None:
+        raise AssertionError("the run has solved its front already")
+
+    monkeypatch.setattr("tolevo.workflows.run.proofs.exact_vectors", again)
     front, summary, _ = run(config(tmp_path, 'name = "exact"\npoints = 1000'))
     assert len(front) >= 990
     assert front["gap_percent"].max() < 1e-5
     ratio = float(str(summary["hypervolume_ratio"]))
     assert 0.9995 <= ratio <= 1.0001
+
+
+def test_known_points_of_a_front_measure_as_those_solved_anew(tmp_path: Path) -> None:
+    """Points between 300 known ones on the chords of their tolerances, against 4000 solved ones."""
+    problem = read(config(tmp_path, 'name = "exact"')).problem
+    assert problem is not None
+    x = search(problem, Exact(points=300), Budget(), 1).x
+    anew, known = exact_front(problem), exact_front(problem, x)
+    assert anew is not None and known is not None
+    assert known.hypervolume == pytest.approx(anew.hypervolume, rel=1e-5)
+    assert exact_front(problem, 0.5 * (x + x.mean(axis=0))) is None  # proves to be no optimum
 
 
 @pytest.mark.parametrize(
