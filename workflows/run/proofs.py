@@ -86,7 +86,11 @@ def solved_front(plan: RunPlan, found: SearchResult) -> np.ndarray | None:
 
     None where it was interrupted, or has fewer points than are solved for otherwise.
     """
-    own = isinstance(plan.algorithm, ExactSettings) and plan.problem.n_obj == 2 and not found.interrupted
+    own = (
+        isinstance(plan.algorithm, ExactSettings)
+        and plan.problem.n_obj == 2
+        and not found.interrupted
+    )
     return found.x if own and len(found.x) >= SOLVED else None
 
 
