@@ -58,7 +58,7 @@ class DesignContract:
                 assert set(values) <= set(factor.levels)
 
     def test_columns_beside_the_keys_begin_with_an_underscore(self) -> None:
-        more = set(self._points()) - {factor.key for factor in self.factors}
+        more = set(map(str, self._points())) - {factor.key for factor in self.factors}
         assert all(name.startswith("_") for name in more)
 
     def test_same_generator_same_settings(self) -> None:

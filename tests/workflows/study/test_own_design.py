@@ -53,5 +53,6 @@ def test_a_study_runs_with_it() -> None:
         "vary": {"algorithm.population": {"low": 8, "high": 16, "integer": True}},
     })  # fmt: skip
     assert found.status == "done"
+    assert found.record is not None
     assert len(found.record.table) == 16
     del sys.modules["own_halton"]
