@@ -21,7 +21,7 @@ from scipy.special import erf
 
 from tests.problems.test_robot_joint import optimum, outputs
 from tests.problems.test_serial_arm import optimum as optimum_of_arm
-from tests.problems.test_serial_arm import problem_of
+from tests.problems.test_serial_arm import problem_of, rms_of
 from tolevo.models.manipulator.forward import exact_pose
 from tolevo.models.manipulator.geometry import Manipulator
 from tolevo.models.manipulator.sources import NAMES, SOURCES
@@ -125,12 +125,15 @@ class Machine:
             return np.imag(of(y + step, grades)).T / 1e-30
 
         asked = np.isfinite(self.limits)
-        rule = {"type": "ineq", "fun": lambda y: -np.log(self.loads(y, grades)[asked]),
-                "jac": lambda y: -(slope(self.loads, y).T / self.loads(y, grades)).T[asked]}  # fmt: skip
+
+        def room(y: Array, grades: Array) -> Array:
+            return -np.log(self.loads(y, grades)[..., asked])
+
+        rule = {"type": "ineq", "fun": lambda y: room(y, grades), "jac": lambda y: slope(room, y)}
         found = minimize(
             lambda y: self.cost(y, grades), low + start * (high - low), method="SLSQP",
             jac=lambda y: slope(self.cost, y), bounds=list(zip(low, high, strict=True)),
-            constraints=[rule], options={"ftol": 1e-13, "maxiter": 500},
+            constraints=rule, options={"ftol": 1e-13, "maxiter": 500},
         )  # fmt: skip
         return float(found.fun), self.loads(found.x, grades)
 
@@ -200,7 +203,7 @@ class TestManipulator:
 
 class TestArm:
     def test_calibrated_at_80_um(self) -> None:
-        """Six reducers, nothing else: 97.55 where the note has 97.620499; and by the dual bound."""
+        """Six reducers, nothing else: 97.55 where the note has 97.620499."""
         problem = problem_of(calibrated="position")
         design, found, _ = optimum_of_arm(problem, 0.08)
         chain, angles = problem.machine.chain, problem.machine.reached.angles
@@ -212,8 +215,8 @@ class TestArm:
         own = Machine(np.empty((3, 0)), np.empty(0), np.array([g, np.zeros(6), np.zeros(6)]),
                       np.array([0.08, np.inf, np.inf]), np.array([1, 1, 1, 0.5, 0.5, 0.5]),
                       np.array([1, 1, 1, 1.5, 1.5, 1.5]))  # fmt: skip
-        grades = problem.gears.nested[0].grades[problem.gears.at(problem._of_gears(design)).grade[0]]
-        cost, loads = own.least(grades.astype(int), 0.5)
+        rms, one = rms_of(problem, design) / own.sizes, problem.gears.nested[0]
+        cost, loads = own.least(one.grades[one.grade_at(rms)].astype(int), 0.5)
         assert loads[0] <= 1.0 + 1e-8
         assert cost == pytest.approx(found["cost_reducers"], rel=2e-6)
         assert cost < 97.620499 * (1.0 - 5e-4)
