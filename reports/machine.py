@@ -70,10 +70,10 @@ def _shape(part: Mapping[str, Any], points: Array, most: float) -> str:
         label = escape(str(part["name"]).rpartition(" ")[2])
         ink = "#fff" if share > READABLE * most else "#222"
         return (f'<g>{title}<circle cx="{x:.1f}" cy="{y:.1f}" r="{JOINT:g}" fill="{colour}" '
-                f'stroke="#222" stroke-width="1.2"/><text x="{x:.1f}" y="{y + 4.0:.1f}" '
+                f'stroke="currentColor" stroke-width="1.2"/><text x="{x:.1f}" y="{y + 4.0:.1f}" '
                 f'text-anchor="middle" font-size="11" fill="{ink}">{label}</text></g>')  # fmt: skip
     width = TOOL if part["kind"] == "tool" else LINK
-    stroke = "#222" if part["kind"] == "tool" else colour
+    stroke = "currentColor" if part["kind"] == "tool" else colour
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
     return (f'<g>{title}<polyline points="{path}" fill="none" stroke="{stroke}" stroke-width='
             f'"{width:g}" stroke-linejoin="round" stroke-linecap="round"/></g>')  # fmt: skip
