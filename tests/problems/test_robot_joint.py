@@ -134,7 +134,8 @@ class TestErrorsAsBuilt:
 
 
 class TestLeastCosts:
-    """Sections 4 and 6 of the note. The reducers' curves are ours, not the note's: 0.04 % apart."""
+    """Sections 4 and 6 of the note. Least costs are up to 0.04 % below the note's; why ours
+    stand is in test_robot_least_cost."""
 
     @pytest.mark.parametrize(
         ("calibrated", "cost"), [("none", 75.524343), ("position", 55.982930)]
@@ -308,19 +309,15 @@ class TestNestedEqualsJoint:
         assert np.all(own.bound <= found["cost"] * (1.0 + 1e-9))
 
 
-@pytest.fixture(scope="module")
-def surface() -> tuple[RobotJoint, np.ndarray, dict[str, np.ndarray]]:
-    problem = machine()
-    form = closed_form(problem)
-    assert form is not None
-    designs = problem.complete(exact_vectors(problem, form, 64))
-    return problem, designs, problem._outputs(designs, searching=True)
-
-
 class TestFourObjectives:
-    def test_gap(self, surface: tuple[RobotJoint, np.ndarray, dict[str, np.ndarray]]) -> None:
-        problem, designs, found = surface
-        assert len(designs) > 48
+    @pytest.mark.parametrize("points", [12, pytest.param(64, marks=pytest.mark.slow)])
+    def test_gap(self, points: int) -> None:
+        problem = machine()
+        form = closed_form(problem)
+        assert form is not None
+        designs = problem.complete(exact_vectors(problem, form, points))
+        found = problem._outputs(designs, searching=True)
+        assert len(designs) > 0.75 * points
         own = proof(problem, found, len(designs))
         assert np.max(own.gap_percent(found["cost"])) <= 1e-3  # 1e-5 of the cost
 
@@ -329,11 +326,9 @@ class TestFourObjectives:
         found = at_limits(machine(), [0.05, 0.01, 0.2])
         assert np.isinf(found.cost[0]) and np.isinf(found.bound[0])
 
-    def test_genetic_algorithm_stays_above(
-        self, surface: tuple[RobotJoint, np.ndarray, dict[str, np.ndarray]]
-    ) -> None:
-        """2000 evaluations; 40,000 end 11 % (nested), 16 % (67 variables) above the surface."""
-        problem = surface[0]
+    def test_genetic_algorithm_stays_above(self) -> None:
+        """2000 evaluations; 40,000 end 21 % (nested), 20 % (67 variables) above the surface."""
+        problem = machine()
         found = search(problem, NSGA3(population=100), Budget(evaluations=2000), 1)
         designs = problem.complete(found.x[:: max(1, len(found.x) // 20)])
         values = problem._outputs(designs, searching=True)
