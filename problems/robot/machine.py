@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 NONE = 1e-18
 """Square of a rotation per rotation of a drive that is rounding."""
 ROUNDING = 1e-20
-"""Mean square over the largest of its kind that is rounding: what has no effect must cost nothing."""
+"""Mean square, over the largest of its kind, that is rounding: it must not be paid for."""
 
 
 @dataclass(frozen=True, eq=False)

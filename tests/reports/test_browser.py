@@ -275,11 +275,20 @@ MACHINE = {
     "poses": [[300.0, 0.0, 100.0], [650.0, 0.0, 100.0], [650.0, 0.0, 300.0]],
     "parts": [
         {"name": "arm 1", "kind": "link", "share": 9.0, "points": [[0, 0, 400], [300, 90, 400]]},
-        {"name": f"rod {EVIL}", "kind": "link", "share": 0.0,
-         "points": [[300, 90, 400], [450, 0, 200]]},
+        {
+            "name": f"rod {EVIL}",
+            "kind": "link",
+            "share": 0.0,
+            "points": [[300, 90, 400], [450, 0, 200]],
+        },
         {"name": "joint 1", "kind": "joint", "share": 61.0, "points": [[0, 0, 400]]},
         {"name": "joint 2", "kind": "joint", "share": 30.0, "points": [[300, 90, 400]]},
-        {"name": "platform", "kind": "tool", "share": 0.0, "points": [[450, 0, 200], [470, 0, 180]]},
+        {
+            "name": "platform",
+            "kind": "tool",
+            "share": 0.0,
+            "points": [[450, 0, 200], [470, 0, 180]],
+        },
     ],
 }
 
