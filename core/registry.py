@@ -29,7 +29,16 @@ from .errors import Fault, InputError, nearest, refuse
 Kind = TypeVar("Kind")
 PATH = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
 """A class that is named by its module instead of an entry point."""
-GROUPS = ("models", "problems", "algorithms", "effects", "calculations", "curves", "distributions")
+GROUPS = (
+    "models",
+    "problems",
+    "algorithms",
+    "effects",
+    "calculations",
+    "curves",
+    "distributions",
+    "designs",
+)
 PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError,
                  RuntimeError, SyntaxError, TypeError, ValueError)  # fmt: skip
 """What importing a plugin that is broken may raise; it is the user's to mend, with a name."""
