@@ -53,8 +53,8 @@ def plain(axes: Axes) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     legend = axes.get_legend()
     # Ticks of numbers are made when they are drawn: to ask for their labels makes them once more.
-    words = [axis for axis in (axes.xaxis, axes.yaxis)
-             if isinstance(axis.get_major_locator(), FixedLocator | StrCategoryLocator)]  # fmt: skip
+    own = (FixedLocator, StrCategoryLocator)
+    words = [axis for axis in (axes.xaxis, axes.yaxis) if isinstance(axis.get_major_locator(), own)]
     ticks = [text for axis in words for text in axis.get_ticklabels()]
     for text in (axes.xaxis.label, axes.yaxis.label, axes.title, *ticks):
         text.set_parse_math(False)

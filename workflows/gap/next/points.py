@@ -8,8 +8,8 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 import scipy
+from numpy.typing import NDArray
 
 from ....models.inputs.distribution import Array
 from ....models.measurable import Column, MeasurableModel, Role
