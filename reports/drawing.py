@@ -73,7 +73,8 @@ def as_png(figure: Figure) -> bytes:
     """The figure as PNG, the same bytes every time."""
     with _fixed(figure):
         buffer = BytesIO()
-        FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
+        canvas: Any = FigureCanvasAgg(figure)
+        canvas.print_png(buffer, metadata={"Software": None})
     return buffer.getvalue()
 
 
@@ -82,7 +83,8 @@ def as_svg(figure: Figure) -> bytes:
     if figure not in _AS_SVG:
         with _fixed(figure):
             buffer = StringIO()
-            FigureCanvasSVG(figure).print_svg(buffer, metadata=NO_METADATA)
+            canvas: Any = FigureCanvasSVG(figure)
+            canvas.print_svg(buffer, metadata=NO_METADATA)
         _AS_SVG[figure] = buffer.getvalue().encode()
     return _AS_SVG[figure]
 
