@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from io import BytesIO
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO, StringIO
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -11,7 +13,10 @@ import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.category import StrCategoryLocator
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator
 
 from ..records import Axis
 from ..units import split_unit
@@ -47,7 +52,10 @@ def plain(axes: Axes) -> None:
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
     legend = axes.get_legend()
-    ticks = (*axes.get_xticklabels(), *axes.get_yticklabels())
+    # Ticks of numbers are made when they are drawn: to ask for their labels makes them once more.
+    own = (FixedLocator, StrCategoryLocator)
+    words = [axis for axis in (axes.xaxis, axes.yaxis) if isinstance(axis.get_major_locator(), own)]
+    ticks = [text for axis in words for text in axis.get_ticklabels()]
     for text in (axes.xaxis.label, axes.yaxis.label, axes.title, *ticks):
         text.set_parse_math(False)
     for text in legend.get_texts() if legend else ():
@@ -63,20 +71,48 @@ def flags(table: pd.DataFrame, column: str) -> list[bool]:
 
 def as_png(figure: Figure) -> bytes:
     """The figure as PNG, the same bytes every time."""
-    return _saved(figure, "png", {"Software": None})
+    with _fixed(figure):
+        buffer = BytesIO()
+        canvas: Any = FigureCanvasAgg(figure)
+        canvas.print_png(buffer, metadata={"Software": None})
+    return buffer.getvalue()
 
 
 def as_svg(figure: Figure) -> bytes:
     """The figure as SVG, the same bytes every time; drawn once, for its file and for its page."""
     if figure not in _AS_SVG:
-        _AS_SVG[figure] = _saved(figure, "svg", NO_METADATA)
+        with _fixed(figure):
+            buffer = StringIO()
+            canvas: Any = FigureCanvasSVG(figure)
+            canvas.print_svg(buffer, metadata=NO_METADATA)
+        _AS_SVG[figure] = buffer.getvalue().encode()
     return _AS_SVG[figure]
 
 
-def _saved(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
-    buffer = BytesIO()
+@contextmanager
+def _fixed(figure: Figure) -> Iterator[None]:
+    """What every file of the figure is drawn with; its canvas and its dots per inch afterwards are
+    those from before.
+
+    The canvases print by themselves: `savefig` draws everything once more beforehand, for layouts
+    that move with the kind of file.
+    """
     with mpl.rc_context(FIXED), warnings.catch_warnings():
         # A letter that the font lacks becomes a box; the page's tables still have it.
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH, metadata=metadata)
-    return buffer.getvalue()
+        canvas, dots = figure.canvas, figure.dpi
+        _laid_out(figure)
+        figure.set_dpi(DOTS_PER_INCH)
+        try:
+            yield
+        finally:
+            figure.set_canvas(canvas)
+            figure.set_dpi(dots)
+
+
+def _laid_out(figure: Figure) -> None:
+    """Places the panels, once for every kind of file: it takes half as long as to draw them."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")

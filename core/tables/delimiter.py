@@ -15,7 +15,7 @@ from .options import NAMES
 SAMPLE = 200
 """Lines that are looked at."""
 DETECTED = 40
-"""Lines that the detector looks at: it takes long."""
+"""Lines that the detector looks at."""
 CANDIDATES = (",", ";", "\t", "|")
 SPACE = " "
 STEADY, CLEAN = 0.8, 0.9
@@ -60,13 +60,9 @@ def separator(lines: list[str], place: str, stated: str | None) -> Separator:
 
 def _confirmed(sample: list[str], sign: str, score: float, place: str) -> Separator:
     """The delimiter where the detector agrees, or where nothing speaks against it."""
-    from clevercsv import Detector
-
-    try:
-        found = Detector().detect("\n".join(sample[:DETECTED]), delimiters=[*CANDIDATES, SPACE])
-    except (ValueError, RuntimeError, IndexError):
-        found = None
-    named = "" if found is None else found.delimiter or ""
+    named, quote = sign, '"'
+    if score < 1.0 or any("'" in line for line in sample[:DETECTED]):
+        named, quote = _detected(sample)
     if named != sign and score < 1.0:
         raise _unknown(place, [sign, named])
     for other in CANDIDATES:
@@ -74,8 +70,20 @@ def _confirmed(sample: list[str], sign: str, score: float, place: str) -> Separa
             raise _unknown(place, [sign, other])
     if sign == "," and _names_a_unit(sample):
         raise _unknown(place, [",", ""])
-    quote = found.quotechar if found is not None and found.quotechar == "'" else '"'
-    return Separator(sign, quote or '"')
+    return Separator(sign, quote)
+
+
+def _detected(sample: list[str]) -> tuple[str, str]:
+    """Delimiter and quote in the detector's opinion; it takes long, and so does its import."""
+    from clevercsv import Detector
+
+    try:
+        found = Detector().detect("\n".join(sample[:DETECTED]), delimiters=[*CANDIDATES, SPACE])
+    except (ValueError, RuntimeError, IndexError):
+        found = None
+    if found is None:
+        return "", '"'
+    return found.delimiter or "", "'" if found.quotechar == "'" else '"'
 
 
 def _as_often(sample: list[str], sign: str) -> bool:

@@ -83,9 +83,9 @@ def _first_reading(rows: list[Row], count: int, numeric: list[int]) -> int:
     if not numeric:
         return next((at + 1 for at, (_, row) in enumerate(rows) if len(row) >= count), 0) or 1
     for at, (_, row) in enumerate(rows):
-        if len(row) < count or is_unit_row(row, numeric):
+        if len(row) < count or not any(_is_reading(row[column]) for column in numeric):
             continue
-        if any(_is_reading(row[column]) for column in numeric) and not _is_preamble(row, count):
+        if not _is_preamble(row, count) and not is_unit_row(row, numeric):
             return at
     return len(rows)
 

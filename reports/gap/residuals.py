@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from ...gap_records import GapResult, Region
@@ -26,6 +27,8 @@ MARKS = (BEFORE, AFTER, TAKEN)
 """The columns of panels."""
 FEW = 3
 """Values up to which an input is drawn as labels."""
+TICKS = 4
+"""Stretches between ticks at most: panels are small, and most of their time is ticks."""
 MEAN = "mean of neighbours"
 GOLDEN = 0.618033988749895
 
@@ -91,9 +94,12 @@ def _panel(
     else:
         _means(axes, places[~wrong], rest[~wrong])
     _noise(axes, frame, output)
+    axes.yaxis.set_major_locator(MaxNLocator(TICKS, symmetric=True))
     if ticks:
         axes.set_xticks(range(len(ticks)), ticks, fontsize="small")
         axes.set_xlim(-0.5, len(ticks) - 0.5)
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(TICKS))
     axes.set_xlabel(words(axis.name, axis.unit))
 
 

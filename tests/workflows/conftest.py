@@ -1,4 +1,4 @@
-"""Runs in tests prove few points of a front with a solution of their own."""
+"""What makes runs and analyses in tests short."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from tolevo.algorithms.exact import between
+from tolevo.workflows.gap import write
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -14,4 +15,12 @@ def few_points_are_solved() -> Iterator[None]:
     """The bounds of other points come from their neighbours' prices: as valid, but less tight."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(between, "SOLVED", 4)
+        yield
+
+
+@pytest.fixture(scope="module")
+def without_figures() -> Iterator[None]:
+    """A gap analysis draws no figures, which take most of the time of a short one."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(write, "drawings", lambda result: ())
         yield

@@ -16,6 +16,8 @@ from tolevo.configuration.gap import read_gap
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.read import read_data
 
+pytestmark = pytest.mark.usefixtures("without_figures")
+
 TABLE = """model = "table"
 [columns]
 "torque" = { role = "torque", unit = "N m" }

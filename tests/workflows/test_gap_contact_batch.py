@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
 from tolevo.configuration.reader import read
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_reducer import RvReducer
+
+pytestmark = pytest.mark.usefixtures("without_figures")
 
 SHIFT = 3.0
 """[um] of the pin circle's radius: one half-width, about 0.23'."""

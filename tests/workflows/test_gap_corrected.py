@@ -20,6 +20,8 @@ from tolevo.errors import InputError
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_backlash import RvBacklash
 
+pytestmark = pytest.mark.usefixtures("without_figures")
+
 ZERO = 7.0
 """[arcsec or arcmin] What the instrument reads at rest."""
 CONFIGS = Path(str(files("tolevo.configs")))

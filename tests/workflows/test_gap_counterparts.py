@@ -14,6 +14,8 @@ from tolevo import registry
 from tolevo.cli import app
 from tolevo.configuration.reader import read
 
+pytestmark = pytest.mark.usefixtures("without_figures")
+
 SHIFT = 0.4
 """[arcmin]"""
 

@@ -19,6 +19,8 @@ from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.problems.rv_transmission_error import declared as transmission
 from tolevo.workflows.gap.plan import GapPlan
 
+pytestmark = pytest.mark.usefixtures("without_figures")
+
 BACKLASH = "backlash_arcmin"
 OTHER = {"pin_circle_radius_mm": 80.0, "pins": 45, "cycloid_teeth": 44}
 """A larger reducer; the reduction ratio as it is."""

@@ -18,6 +18,8 @@ from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.read import read_data
 from tolevo.workflows.gap.write import record
 
+pytestmark = pytest.mark.usefixtures("without_figures")
+
 HEAD = """
 model = "table"
 seed = 0

@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 
 from tolevo.cli import app
 
+pytestmark = pytest.mark.usefixtures("without_figures")
+
 WRONG = """
 model = "rv_transmission"
 [next_measurement]

@@ -13,6 +13,8 @@ from typer.testing import CliRunner, Result
 
 from tolevo.cli import app
 
+pytestmark = pytest.mark.usefixtures("without_figures")
+
 Frame = pd.DataFrame
 MODELS = {
     "rv_batch": 'parameters.model = "document"\n[free]\n',

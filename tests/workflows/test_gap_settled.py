@@ -27,7 +27,7 @@ from tolevo.workflows.gap.result import Ending, ended
 from tolevo.workflows.gap.setup import prepared
 from tolevo.workflows.gap.unresolved import term_of
 
-pytestmark = pytest.mark.source_tree
+pytestmark = [pytest.mark.source_tree, pytest.mark.usefixtures("without_figures")]
 
 NUMBERS = (5009, 5016, 5021, 5026, 5033)
 """Short records: two without, three with a part outside of the library."""

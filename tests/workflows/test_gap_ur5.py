@@ -15,6 +15,8 @@ from typer.testing import CliRunner
 
 from tolevo.cli import app
 
+pytestmark = pytest.mark.usefixtures("without_figures")
+
 DATA = Path(__file__).resolve().parents[1] / "data" / "ur5"
 AXES = ["x_mm", "y_mm", "z_mm"]
 

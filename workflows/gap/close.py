@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import optimize, special
 
 from ...models.effects.compose import Active, acting, added, changes_of
 from ...models.inputs.distribution import Array
@@ -77,7 +77,7 @@ class Corrected:
         values, part = self.values[at], self.covariance[np.ix_(at, at)]
         statistic = float(values @ np.linalg.pinv(part, rcond=1e-12) @ values) / len(at)
         level = self.plan.settings.interval
-        return statistic < float(stats.f.ppf(level, len(at), self.freedom))
+        return statistic < float(special.fdtri(len(at), self.freedom, level))
 
     def free(self) -> dict[str, float]:
         """Recalibrated parameters of the model by name."""
@@ -91,7 +91,7 @@ class Corrected:
 
     def interval(self, owner: str, name: str) -> tuple[float, float]:
         """Its linearised interval, within its bounds; nan where it was not fitted."""
-        half = float(stats.t.ppf(0.5 + 0.5 * self.plan.settings.interval, self.freedom))
+        half = float(special.stdtrit(self.freedom, 0.5 + 0.5 * self.plan.settings.interval))
         half *= min(1.0 + CHOSEN * max(len(self.members) - 1, 0), MOST_CHOSEN)
         for one, value, error in zip(self.numbers, self.values, self.errors, strict=True):
             if (one.owner, one.name) == (owner, name):

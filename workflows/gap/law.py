@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from statsmodels.nonparametric.kde import KDEUnivariate
 
 from ...models.effects.effect import Effect, Readings, Target
 from ...models.effects.population.law import Law
@@ -34,6 +33,8 @@ STILL = 1e-9
 
 def estimated(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
     """Of units (m,) as deviations from `middle`, smoothed."""
+    from statsmodels.nonparametric.kde import KDEUnivariate  # imports all distributions of scipy
+
     std = float(drawn.std())
     smooth = KDEUnivariate(drawn - middle)
     smooth.fit(bw=SMOOTHED * std, gridsize=CELLS, cut=0.5 / SMOOTHED)

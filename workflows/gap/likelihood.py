@@ -8,8 +8,7 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from scipy import optimize, stats
-from statsmodels.tools.numdiff import approx_hess
+from scipy import optimize, special
 
 from ...models.effects.compose import Active
 from ...models.effects.effect import EffectParameter, Target
@@ -123,10 +122,12 @@ class BatchLikelihood:
 
     def half_widths(self, x: Array, at: Array, level: float) -> Array:
         """Half-widths (k,) of intervals from the curvature, all numbers together."""
+        from statsmodels.tools.numdiff import approx_hess  # imports all distributions of scipy
+
         steps = np.array([self._kind(k).step for k in range(len(self.numbers))])
         bend = np.atleast_2d(approx_hess(at, lambda p: -self(x, p), epsilon=steps))
         variance = np.diag(np.linalg.pinv(bend))
-        return np.asarray(stats.norm.ppf(0.5 + 0.5 * level) * np.sqrt(np.maximum(variance, 1e-12)))
+        return np.asarray(special.ndtri(0.5 + 0.5 * level) * np.sqrt(np.maximum(variance, 1e-12)))
 
 
 def threshold(

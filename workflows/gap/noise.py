@@ -7,9 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, stats
-from statsmodels.regression.linear_model import OLS
-from statsmodels.stats.diagnostic import acorr_ljungbox
+from scipy import linalg, special
 
 from ...models.inputs.distribution import Array
 from .linear import basis
@@ -18,6 +16,8 @@ GRID = np.concatenate([np.arange(0.0, 0.9, 0.05), [0.9, 0.93, 0.96, 0.98, 0.99]]
 """Autocorrelations that are tried."""
 OUTLYING = 4.5
 """Robust standard deviations beyond which a reading is an outlier."""
+NORMAL = float(special.ndtri(0.75))
+"""Median magnitude of normal noise, in its standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,8 @@ class Noise:
         the noise does to the products of the columns with readings.
         """
         scaled = columns * self.sigma[:, None]
-        summed = signal.lfilter([1.0], [1.0, -self.rho], scaled[::-1], axis=0)[::-1].copy()
+        bands = np.array([np.full(len(scaled), -self.rho), np.ones(len(scaled))])
+        summed = linalg.solve_banded((0, 1), bands, scaled)
         summed[1:] *= np.sqrt(1.0 - self.rho**2)
         return np.asarray(summed)
 
@@ -73,7 +74,7 @@ class Noise:
 
 def robust_scale(residual: Array) -> float:
     """Standard deviation from the median of the magnitudes."""
-    return float(stats.median_abs_deviation(residual, scale="normal"))
+    return float(np.median(np.abs(residual - np.median(residual))) / NORMAL)
 
 
 def outliers(residual: Array, sigma: Array, least: float = 1e-12) -> NDArray[np.bool_]:
@@ -119,8 +120,10 @@ def scale_left(white: Array, used: int) -> float:
 
 def whiteness(white: Array) -> float:
     """Chance that noise alone is as autocorrelated as a whitened residual (n,): Ljung and Box."""
-    found = acorr_ljungbox(white, lags=[min(10, len(white) // 5)])
-    return float(found["lb_pvalue"].iloc[0])
+    n, left = len(white), white - white.mean()
+    lags = np.arange(1, min(10, n // 5) + 1)
+    found = np.array([left[k:] @ left[:-k] for k in lags]) / (left @ left)
+    return float(special.chdtrc(len(lags), n * (n + 2) * np.sum(found**2 / (n - lags))))
 
 
 def size_follows(
@@ -133,15 +136,27 @@ def size_follows(
     target = np.log(np.maximum(residual**2, 1e-8 * float(np.mean(residual[good] ** 2)) + 1e-300))
     best: tuple[float, str, Array] | None = None
     for name, values in inputs.items():
-        x = _parabola(values)
-        fit = OLS(target[good], x[good]).fit()
-        p = float(fit.f_pvalue)
+        fitted, p = _explained(target, _parabola(values), good)
         if best is None or p < best[0]:
-            best = (p, name, np.asarray(fit.predict(x)))
+            best = (p, name, fitted)
     if best is None or best[0] > 1e-3 / len(inputs):
         return None
     size = np.exp(0.5 * np.clip(best[2] - np.median(best[2]), -4.0, 4.0))
     return best[1], np.asarray(size / np.sqrt(np.mean(size**2)))
+
+
+def _explained(target: Array, x: Array, good: NDArray[np.bool_]) -> tuple[Array, float]:
+    """A target (n,) by columns (n, k), the first constant, from its good rows, and the chance that
+    columns without a bearing on it explain as much: the F test.
+    """
+    numbers, _, rank, _ = np.linalg.lstsq(x[good], target[good])
+    fitted = x @ numbers
+    left = float(np.sum((target - fitted)[good] ** 2))
+    total = float(np.sum((target[good] - target[good].mean()) ** 2))
+    if rank < 2 or total == 0.0:
+        return fitted, 1.0
+    freedom = int(good.sum()) - rank
+    return fitted, float(special.betainc(0.5 * freedom, 0.5 * (rank - 1), min(left / total, 1.0)))
 
 
 def _parabola(values: Array) -> Array:

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import chdtri
 
 from ...models.effects import Target
 from ...models.effects.compose import Active
@@ -205,9 +205,7 @@ def scatter(batch: Batch, fit: Fit) -> tuple[Scatter, ...]:
     units = batch.units(fit)
     level = next((name for name in (*fit.names, *batch.levels) if name in batch.levels), "")
     tried = [_tried(batch, units, one, level) for one in setup.on_scatter]
-    least = stats.chi2.ppf(
-        1.0 - setup.plan.settings.false_rate, 1
-    )  # of one number, not of the best
+    least = chdtri(1, setup.plan.settings.false_rate)  # of one number, not of the best
     tried = [one for one in tried if one.gain > 0.5 * least]
     if max((one.gain for one in tried), default=0.0) < least:
         return ()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from scipy import signal
 
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
@@ -14,6 +13,10 @@ from .generic import order_grid
 COLUMNS = ("output", "order", "before", "after", "threshold")
 MOST = 20_000
 """Rows of a spectrum."""
+AT_ONCE = 2_000_000
+"""Values of waves that are held at once."""
+NODES = 1e-9
+"""Share of a cosine's squares below which the sine beside it has none, but by rounding."""
 
 
 def spectrum(
@@ -43,6 +46,24 @@ def spectrum(
 
 
 def amplitudes(angle: Array, orders: Array, residual: Array) -> Array:
-    """Amplitude (m,) of the wave of each order that fits residuals (n,) best."""
+    """Amplitude (m,) of the wave of each order that fits residuals (n,) best.
+
+    Least squares at each order (Lomb, Astrophys. Space Sci. 39, 1976): angles need not be even.
+    """
     left = residual - residual.mean()
-    return np.abs(signal.lombscargle(angle, left, orders, normalize="amplitude"))
+    parts = np.array_split(orders, -(-len(orders) * len(angle) // AT_ONCE))
+    return np.concatenate([_amplitudes(angle, part, left) for part in parts])
+
+
+def _amplitudes(angle: Array, orders: Array, left: Array) -> Array:
+    """Of a few orders: normal equations of cosine and sine, by sums of waves and of their squares.
+
+    Where all angles lie on the nodes of a wave, the shortest solution.
+    """
+    wave = np.exp(1j * np.outer(orders, angle))
+    squares, sums = np.sum(wave**2, axis=1), wave @ left
+    cross, own = squares.imag, squares.real
+    equations = np.array([[len(angle) + own, cross], [cross, len(angle) - own]]) / 2.0
+    inverse = np.linalg.pinv(equations.transpose(2, 0, 1), rcond=NODES, hermitian=True)
+    both = inverse @ np.stack([sums.real, sums.imag], axis=1)[:, :, None]
+    return np.asarray(np.hypot(both[:, 0, 0], both[:, 1, 0]))

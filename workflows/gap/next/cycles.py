@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from ....models.inputs.distribution import Array
 from ....models.measurable import Column, Role
@@ -54,7 +54,7 @@ def cycles(data: GapData, axes: Iterable[Axis], each: int, seed: int) -> Table:
 
 def _drawn(others: int, seed: int) -> tuple[Array, Array]:
     """Lower and upper ends of the torque (C, 2) and shares (C, others) of the other inputs."""
-    sobol = qmc.Sobol(2 + others, rng=np.random.default_rng([seed, 9]))
+    sobol = scipy.stats.qmc.Sobol(2 + others, rng=np.random.default_rng([seed, 9]))
     shares = np.asarray(sobol.random_base2(CYCLES))
     ends = np.sort(shares[:, :2], axis=1)
     ends[:32], ends[32:48, 0], ends[48:64, 1] = (0.0, 1.0), 0.0, 1.0

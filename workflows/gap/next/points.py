@@ -8,8 +8,8 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from ....models.inputs.distribution import Array
 from ....models.measurable import Column, MeasurableModel, Role
@@ -143,7 +143,7 @@ def turning(axes: Iterable[Axis], table: Table) -> NDArray[np.bool_]:
 def _inside(inputs: int, seed: int) -> Array:
     if inputs == 0:
         return np.zeros((1, 0))
-    sobol = qmc.Sobol(inputs, rng=np.random.default_rng([seed, 8]))
+    sobol = scipy.stats.qmc.Sobol(inputs, rng=np.random.default_rng([seed, 8]))
     return np.asarray(sobol.random_base2(INSIDE + (inputs > 3)))
 
 

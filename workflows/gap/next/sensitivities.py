@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import chndtr
 
 from ....gap_next_records import Sensitivity
 from ....models.inputs.distribution import Array
@@ -134,7 +134,7 @@ def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensit
     levels += [joined(*sought.record, *_at(sought, at)) for at in (new, alike)]
     size, candidate = sought.size, sought.member.candidate
     now, then, like = (
-        float(stats.ncx2.sf(limit, max(len(size), 1), max(one, TINY))) for one in levels
+        1.0 - float(chndtr(limit, max(len(size), 1), max(one, TINY))) for one in levels
     )
     column = int(np.argmax(np.abs(size)))
     seen = abs(float(size[column])) * (np.sqrt(limit) + NINE_OF_TEN)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import ndtr
 
 from ....gap_next_records import Separation
 from ....models.effects.population.law import Law
@@ -91,5 +91,5 @@ def _chance(
     for weight, (mean, variance), start in zip((mine, 1.0 - mine), moments, (ahead, -ahead),
                                                strict=True):  # fmt: skip
         gained = start + 2.0 * count * mean - by
-        found += weight * stats.norm.cdf(gained / np.sqrt(max(4.0 * count * variance, 1e-12)))
+        found += weight * ndtr(gained / np.sqrt(max(4.0 * count * variance, 1e-12)))
     return float(found)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtri
 
 from ....models.inputs.distribution import Array
 from .changed_laws import SHIFTS
@@ -29,7 +29,7 @@ def chance_of(tables: Tables, rate: float, seed: int) -> float:
     drawn = rng.multinomial(count, share[kept] / share[kept].sum(), BATCHES).astype(float)
     gains = drawn @ (_tried(tables)[:, kept] - tables.base[kept]).T
     still = float(np.quantile(2.0 * gains.max(axis=1).clip(0.0), 1.0 - 0.5 * rate))
-    return max(still, float(stats.chi2.ppf(1.0 - 0.25 * rate, 1)))
+    return max(still, float(chdtri(1, 0.25 * rate)))
 
 
 def _tried(tables: Tables) -> Array:

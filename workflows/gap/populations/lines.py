@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import ndtri
 
 from ....gap_population_records import PopulationLine
 from ....models.inputs.distribution import Array
@@ -83,10 +83,10 @@ class Compared:
         difference = measured - simulated
         low = high = float("nan")
         if again is not None:
-            half = float(stats.norm.ppf(0.5 + 0.5 * LEVEL) * np.std(again))
+            half = float(ndtri(0.5 + 0.5 * LEVEL) * np.std(again))
             low, high = difference - half, difference + half
         beyond = abs(difference) > limit if one.signed else difference > limit
-        shows = limit + float(stats.norm.ppf(SEEN) * np.std(drawn))
+        shows = limit + float(ndtri(SEEN) * np.std(drawn))
         text = DIFFERS if beyond else UNSEEN.format(f"{shows:.3g} {one.unit}".rstrip())
         if not beyond and len(self.x) < self.least:
             text = f"cannot tell with n = {len(self.x)}"

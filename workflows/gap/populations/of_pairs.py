@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from ....gap_population_records import PopulationLine
 from ....models.effects.readings import unit_numbers
@@ -88,7 +88,7 @@ def _beyond(of: Statistic, s: Array) -> Statistic:
 
 
 def _normal(std: float, x: Array) -> Array:
-    return np.asarray(stats.norm.logpdf(x, scale=std))
+    return np.asarray(scipy.stats.norm.logpdf(x, scale=std))
 
 
 def _shown(s: Array, order: Array) -> dict[str, float]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtri, ndtri
 
 from ....gap_population_records import Attribution, InputChange
 from ....models.effects.readings import readings_of, unit_numbers
@@ -187,7 +187,7 @@ def of_recorded(end: Ending) -> tuple[Attribution, ...]:
     records = Records(end)
     every = (*records.wrong, *records.zeros)
     rate = end.setup.plan.settings.false_rate / max(len(every), 1)
-    least = float(stats.chi2.isf(rate, 1))
+    least = float(chdtri(1, rate))
     best = min(records.wrong, key=lambda one: one.left, default=None)
     if best is None or float(records.y @ records.y) - best.left <= least:
         return ()
@@ -227,7 +227,7 @@ def _records_of(
 
 
 def _record(end: Ending, one: Wrong, stands: bool, behind: float) -> InputChange:
-    half = float(stats.norm.ppf(0.5 + 0.5 * end.setup.plan.settings.interval)) * one.error
+    half = float(ndtri(0.5 + 0.5 * end.setup.plan.settings.interval)) * one.error
     why = "" if stands else one.why or "it leaves the residual unexplained"
     return InputChange(
         one.name, one.amount, one.amount - half, one.amount + half, one.unit, float("nan"),

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import stats
 
 from ....models.inputs.distribution import Array
 
@@ -43,12 +43,12 @@ def spread(x: Array) -> Array:
 
 def skewness(x: Array) -> Array:
     """Third standardised moment."""
-    return np.asarray(stats.skew(x, axis=1))
+    return np.asarray(scipy.stats.skew(x, axis=1))
 
 
 def peakedness(x: Array) -> Array:
     """Excess kurtosis: 0 of a normal, -1.2 of a uniform population."""
-    return np.asarray(stats.kurtosis(x, axis=1))
+    return np.asarray(scipy.stats.kurtosis(x, axis=1))
 
 
 def along(order: Array) -> Statistic:

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft, stats
+from scipy import fft
 
 from ....models.inputs.distribution import Array
 from ....models.propagation import Term
@@ -133,6 +134,6 @@ class UnitLaw:
         found = window(product, np.broadcast_to(free_start, len(product)), begin, POINTS)
         if not robust:
             return np.asarray(np.maximum(found, 0.0) / self.step)
-        odd = stats.norm.pdf(self.x, self.x[POINTS // 2], WIDE * self.std)
+        odd = scipy.stats.norm.pdf(self.x, self.x[POINTS // 2], WIDE * self.std)
         density = (1.0 - ODD) * np.maximum(found, 0.0) / self.step + ODD * odd
         return np.asarray(np.log(np.maximum(density, ODD**4 / self.std)))

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
+import scipy
+from scipy.special import chdtri, ndtri
 
 from ....gap_population_records import InputChange
 from ....models.sources import Source
@@ -14,7 +15,7 @@ from .input_changes import Change, Tables
 
 UNLIKELY = 0.005
 """Chance of each look at whether the best change explains the batch."""
-SURE = float((stats.norm.ppf(0.95) + stats.norm.ppf(0.9)) ** 2)
+SURE = float((ndtri(0.95) + ndtri(0.9)) ** 2)
 """Squared size, in standard errors, of what is seen nine times out of ten."""
 
 
@@ -67,15 +68,15 @@ class Weighed:
         """Whether the best of them leaves nothing but chance."""
         best = self.standing[0]
         below = np.clip(self.tables.shares_below(best, best.best[0]), 1e-9, 1.0 - 1e-9)
-        shape = stats.cramervonmises(below, "uniform").pvalue
-        order = stats.linregress(self.tables.u, stats.norm.ppf(below)).pvalue
+        shape = scipy.stats.cramervonmises(below, "uniform").pvalue
+        order = scipy.stats.linregress(self.tables.u, ndtri(below)).pvalue
         return bool(min(shape, order) > UNLIKELY)
 
     def record(self, one: Change, unit: str) -> InputChange:
         """A change as a record, amounts in the input's unit."""
         standing = one in self.standing
         amount = one.best[0] if standing else one.free[0]
-        ends = one.interval(float(stats.chi2.ppf(self.level, 1)))
+        ends = one.interval(float(chdtri(1, 1.0 - self.level)))
         low, high = sorted(one.shown(end) for end in ends)
         return InputChange(
             one.name, one.shown(amount), low, high, one.unit if one.source else unit,
