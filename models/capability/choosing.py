@@ -22,8 +22,8 @@ from scipy.special import ndtr
 from .norm import factor_of
 
 Array = NDArray[np.float64]
-LEVELS = (0.8, 0.85, 0.9, 0.93, 0.95, 0.96, 0.97, 0.98, 0.985, 0.99, 0.995, 0.998)
-"""Confidences of the norm that are tried, the least first."""
+LEVELS = (0.85, 0.9, 0.93, 0.95, 0.96, 0.97, 0.98, 0.985, 0.99, 0.995, 0.998, 0.999, 0.9995)
+"""Levels of the norm that are tried above the confidence asked for, the least first."""
 REPEATS = 200
 """Times that processes are sampled, chosen and judged: 1.5 % is one standard error of a share."""
 STATES = 65_536
@@ -86,10 +86,15 @@ def calibrated(
     parts: Sequence[Ways], processes: Processes, aim: Aim, rng: np.random.Generator,
     repeats: int = REPEATS,
 ) -> Level:  # fmt: skip
-    """The least level from which on choices are kept with the confidence that is aimed at."""
-    made, kept = np.zeros((2, len(LEVELS)))
+    """The least level from which on choices are kept with the confidence that is aimed at.
+
+    It is that confidence at least: where choices are few and coarse they are kept more often than
+    one of them alone deserves.
+    """
+    levels = (aim.confidence, *(level for level in LEVELS if level > aim.confidence))
+    made, kept = np.zeros((2, len(levels)))
     table = _Table.of(parts, processes)
-    factors = [factor_of(table.kinds, level) for level in LEVELS]
+    factors = [factor_of(table.kinds, level) for level in levels]
     for _ in range(repeats):
         truth = _drawn(processes.df, rng)
         error = _drawn_errors(processes, truth, rng)
@@ -100,15 +105,15 @@ def calibrated(
             if chosen is None:
                 break
             if chosen != before:
-                before, good = chosen, _keeps(parts, table.ways[chosen], truth, error, aim)
+                before, good = chosen, table.keeps(chosen, truth, error, aim)
             made[at] += 1.0
             kept[at] += good
     share = kept / np.maximum(made, 1.0)
     enough = made >= RARE * repeats
     missed = np.flatnonzero(enough & (share < aim.confidence))
-    at = min(int(missed[-1]) + 1 if len(missed) else 0, len(LEVELS) - 1)
+    at = min(int(missed[-1]) + 1 if len(missed) else 0, len(levels) - 1)
     sure = bool(enough[at] and share[at] >= aim.confidence)
-    return Level(LEVELS[at], float(share[at]), float(1.0 - made[at] / repeats), sure)
+    return Level(levels[at], float(share[at]), float(1.0 - made[at] / repeats), sure)
 
 
 def _drawn_errors(processes: Processes, truth: Array, rng: np.random.Generator) -> Array:
@@ -124,32 +129,23 @@ def _drawn(df: Array, rng: np.random.Generator) -> Array:
     return np.asarray(np.where(finite, df / drawn, 1.0))
 
 
-def _keeps(
-    parts: Sequence[Ways], ways: NDArray[np.int64], truth: Array, error: Array, aim: Aim
-) -> bool:
-    """Whether the units of a choice conform, by the processes as they are (q,)."""
-    variance, mean = np.zeros((2, len(aim.ends)))
-    for part, way in zip(parts, ways.tolist(), strict=True):
-        process = part.process[way]
-        variance += part.std[:, way] ** 2 * truth[process]
-        mean += part.mean[:, way]
-        mean += np.sqrt(part.pieces) * part.std[:, way] * error[process]
-    std = np.sqrt(np.maximum(variance, 1e-300))
-    yields = ndtr((aim.ends[:, 1] - mean) / std) - ndtr((aim.ends[:, 0] - mean) / std)
-    return bool(np.all(yields >= aim.share))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Table:
-    """Allocations in the order of their cost: `ways` (m, parts), and the mean (r, m) of each.
+    """Allocations in the order of their cost: `ways` (m, parts) as places among the ways (w,) of
+    all parts, `uses` (m, w) the same as ones and zeros, and the mean (r, m) of each.
 
-    `kinds` (u,) are the different degrees of freedom, `kind` (q,) names that of a process.
+    `process` (w,), `std` and `pieces` (w, r) are of all ways; `kinds` (u,) are the different
+    degrees of freedom, `kind` (q,) names that of a process.
     """
 
-    parts: Sequence[Ways]
-    processes: Processes
     ways: NDArray[np.int64]
+    uses: Array
     mean: Array
+    process: NDArray[np.int64]
+    std: Array
+    means: Array
+    pieces: Array
+    n: Array
     kinds: Array
     kind: NDArray[np.int64]
 
@@ -157,7 +153,7 @@ class _Table:
     def of(cls, parts: Sequence[Ways], processes: Processes) -> _Table:
         """All allocations; where there are too many, the best by the estimates."""
         kinds, kind = np.unique(processes.df, return_inverse=True)
-        rows = len(parts[0].std)
+        rows, place = len(parts[0].std), 0
         cost, ways = np.zeros(1), np.zeros((1, 0), dtype=np.int64)
         square, mean = np.zeros((2, rows, 1))
         for part in parts:
@@ -166,52 +162,63 @@ class _Table:
             square = (square[:, :, None] + part.std[:, None, :] ** 2).reshape(rows, -1)
             mean = (mean[:, :, None] + part.mean[:, None, :]).reshape(rows, -1)
             ways = np.column_stack([np.repeat(ways, count, axis=0),
-                                    np.tile(np.arange(count), before)])  # fmt: skip
+                                    np.tile(place + np.arange(count), before)])  # fmt: skip
+            place += count
             if len(cost) > STATES:
                 left = _best(cost, square)
                 cost, ways = cost[left], ways[left]
                 square, mean = square[:, left], mean[:, left]
         order = np.argsort(cost, kind="stable")
-        return cls(parts, processes, ways[order], mean[:, order], kinds, kind.ravel())
+        ways, uses = ways[order], np.zeros((len(order), place))
+        uses[np.arange(len(ways))[:, None], ways] = 1.0
+        return cls(
+            ways, uses, mean[:, order],
+            process=np.concatenate([part.process for part in parts]),
+            std=np.concatenate([part.std.T for part in parts]),
+            means=np.concatenate([part.mean.T for part in parts]),
+            pieces=np.concatenate([np.tile(part.pieces, (len(part.cost), 1)) for part in parts]),
+            n=processes.n, kinds=kinds, kind=kind.ravel(),
+        )  # fmt: skip
+
+    def keeps(self, chosen: int, truth: Array, error: Array, aim: Aim) -> bool:
+        """Whether the units of an allocation conform, by the processes as they are (q,)."""
+        ways = self.ways[chosen]
+        process, std = self.process[ways], self.std[ways]
+        spread = np.sqrt(np.maximum(np.sum(std**2 * truth[process][:, None], axis=0), 1e-300))
+        off = self.means[ways] + np.sqrt(self.pieces[ways]) * std * error[process][:, None]
+        ends = (aim.ends - off.sum(axis=0)[:, None]) / spread[:, None]
+        return bool(np.all(ndtr(ends[:, 1]) - ndtr(ends[:, 0]) >= aim.share))
 
 
 class _Seen:
     """Allocations by one sample of the processes: variances `seen` (q,) over the estimates."""
 
     def __init__(self, table: _Table, seen: Array, aim: Aim) -> None:
-        self.table, self.aim = table, aim
-        self.square, self.doubt = [], []
-        for part in table.parts:
-            error = part.pieces[:, None] / table.processes.n[part.process]
-            one = part.std**2 * seen[part.process] * (1.0 + error)
-            own = np.zeros((len(table.kinds), *one.shape))
-            own[table.kind[part.process], :, np.arange(len(part.cost))] = one.T**2
-            self.square.append(one)
-            self.doubt.append(own)
-        self.known: dict[int, tuple[Array, Array]] = {}
+        self.table, self.aim, own = table, aim, table.process
+        square = table.std**2 * seen[own][:, None] * (1.0 + table.pieces / table.n[own][:, None])
+        doubt = np.zeros((len(square), len(table.kinds), square.shape[1]))
+        doubt[np.arange(len(square)), table.kind[own]] = square**2
+        self.each = np.hstack([square, doubt.reshape(len(square), -1)])
+        self.known: dict[int, Array] = {}
 
     def cheapest(self, factor: Array, first: int) -> int | None:
         """The first allocation from a place on that keeps the ends by the norm of factors (u,)."""
+        rows, (low, high) = len(self.aim.ends), self.aim.ends.T
         for start in range(first - first % AT_ONCE, len(self.table.ways), AT_ONCE):
-            rows = slice(start, start + AT_ONCE)
-            square, doubt = self._sums(rows)
-            surplus = np.sqrt(np.tensordot(factor**2, doubt, axes=1))
-            reach = self.aim.quantile[:, None] * np.sqrt(square + surplus)
-            mean, ends = self.table.mean[:, rows], self.aim.ends
-            fits = np.all((mean + reach <= ends[:, 1:]) & (mean - reach >= ends[:, :1]), axis=0)
-            if np.any(fits):
-                return start + int(np.argmax(fits))
+            sums, mean = self._sums(start), self.table.mean[:, start : start + AT_ONCE].T
+            doubt = sums[:, rows:].reshape(len(sums), len(factor), rows)
+            surplus = np.sqrt(np.sum(factor[:, None] ** 2 * doubt, axis=1))
+            reach = self.aim.quantile * np.sqrt(sums[:, :rows] + surplus)
+            fits = np.all((mean + reach <= high) & (mean - reach >= low), axis=1)
+            if (at := int(np.argmax(fits))) or fits[0]:
+                return start + at
         return None
 
-    def _sums(self, rows: slice) -> tuple[Array, Array]:
-        """Sums of variances (r, k) and, by degrees of freedom, of their squares (u, r, k)."""
-        if rows.start not in self.known:
-            ways = self.table.ways[rows].T
-            self.known[rows.start] = (
-                sum(one[:, way] for one, way in zip(self.square, ways, strict=True)),
-                sum(own[:, :, way] for own, way in zip(self.doubt, ways, strict=True)),
-            )
-        return self.known[rows.start]
+    def _sums(self, start: int) -> Array:
+        """Sums of variances and, by degrees of freedom, of their squares (k, r + u r)."""
+        if start not in self.known:
+            self.known[start] = self.table.uses[start : start + AT_ONCE] @ self.each
+        return self.known[start]
 
 
 def _best(cost: Array, square: Array) -> NDArray[np.int64]:

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from ...declarations import Output
 from ...errors import Fault
+from ...models.capability import Level
 from ...models.stack import Tolerances
 from ..promise import ASSURANCE, ASSURED, PLUG_IN, PROMISED, YIELD, Promise
 from ..settings import Bound
+from .chosen import level_of
 from .definition import Definition, Requirement
 from .measured import Interval, Measured
 from .posterior import Posterior
@@ -107,7 +109,13 @@ class Promises:
     def each(self) -> tuple[Promised, ...]:
         """The promise of each requirement with limits."""
         bounded = [one for one in self.measured if one.mechanism.bounded]
-        return tuple(Promised(one, self.promise, self.posterior) for one in bounded)
+        level = self.level.confidence if self.level is not None else None
+        return tuple(Promised(one, self.promise, self.posterior, level) for one in bounded)
+
+    @cached_property
+    def level(self) -> Level | None:
+        """The level of the norm where sampled processes are chosen among."""
+        return level_of(self.measured, self.promise, self.seed)
 
     def outputs(self, t: Tolerances, searching: bool, wanted: Collection[str]) -> dict[str, Array]:
         """Promised yields and assurances (n,); NaN where a search does not need them."""
@@ -138,7 +146,7 @@ class Promises:
         found: dict[str, Interval] = {}
         for one in self.each if self.promise.statement != PLUG_IN else ():
             still = not np.any(one.measured.linear.mean)
-            proven = self.promise.statement == ASSURED and still
+            proven = self.promise.statement == ASSURED and still and len(one.norms) == 1
             most = float(one.promised(tightest)[0]) if proven else 100.0
             found[one.measured.name(PROMISED)] = 0.0, most
         return found | {one.measured.name(ASSURANCE): (0.0, 100.0) for one in self.each}

@@ -35,7 +35,9 @@ class Row:
     A root has its spread in `spread`; of a quantile that is its weight for each part. `most` is an
     upper limit of its own. `bias` (parts,) is by how much it rises with the mean of a part that a
     machine makes, `shift` (parts,) with the size of that mean, `own` and `shared` (parts,) what a
-    doubt of the processes adds (`Surplus`); nothing where they are not given.
+    doubt of the processes adds (`Surplus`), `by_process` (w, parts) by how much the spread of each
+    process is wider than that of the first; nothing where they are not given. Without `even_doubt`
+    the processes of a part are not known alike, and `own` is that of the best known.
     """
 
     output: str
@@ -49,6 +51,13 @@ class Row:
     shift: Array | None = None
     own: Array | None = None
     shared: Array | None = None
+    by_process: Array | None = None
+    even_doubt: bool = True
+
+    def spread_of(self, at: int, number: int) -> float:
+        """The spread of a part by one of its processes: doubt widens that of a sampled one."""
+        wider = 1.0 if self.by_process is None else float(self.by_process[number, at])
+        return wider * float(self.spread[at])
 
     @property
     def promised(self) -> bool:
@@ -172,19 +181,27 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
         return found
     assured = promises.promise.statement == ASSURED
     for one in promises.each if assured or gaussian else ():
-        norm, linear = one.norm, one.measured.linear
-        spread = one.quantile * np.sqrt(norm.even)
-        safe = np.where(norm.even > 0.0, norm.even, 1.0)
-        own, shared = (norm.own / safe, norm.shared / safe) if assured else (None, None)
+        norms, linear = one.norms, one.measured.linear
+        spread = one.quantile * np.sqrt(norms[0].even)
+        ratios = [(_over(norm.own, norm.even), _over(norm.shared, norm.even)) for norm in norms]
+        own, shared = np.min(ratios, axis=0) if assured else (None, None)
+        wider = np.array([np.sqrt(_over(norm.even, norms[0].even, 1.0)) for norm in norms])
+        alike = not assured or all(np.allclose(ratio, ratios[0], 1e-12) for ratio in ratios)
         sides = one.sides
         if not np.any(linear.mean) and not _off_centre(one.measured):
             sides = [(1.0, min(room for _, room in sides))]
         found += [
             Row(one.measured.name(PROMISED), one.measured, "rss", side * linear.mean, spread,
-                most=room, bias=side * linear.slope, own=own, shared=shared)
+                most=room, bias=side * linear.slope, own=own, shared=shared,
+                by_process=None if len(norms) == 1 else wider, even_doubt=alike)
             for side, room in sides
         ]  # fmt: skip
     return found
+
+
+def _over(value: Array, by: Array, otherwise: float = 0.0) -> Array:
+    """A ratio (parts,), or what stands for it where it is of nothing."""
+    return np.divide(value, by, out=np.full_like(value, otherwise), where=by > 0.0)
 
 
 def _off_centre(one: Measured) -> bool:

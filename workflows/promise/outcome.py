@@ -53,6 +53,9 @@ def promise_outcome(
         "costs": {one["statement"]: one["cost"] for one in costs.to_dict("records")},
         "hangs_on": str(ranking["part"].iloc[0]) if len(ranking) else None,
     }
+    if (level := problem.promises.level) is not None:
+        summary |= {"level_percent": 100.0 * level.confidence, "level_sure": level.sure,
+                    "without_choice_percent": 100.0 * level.without}  # fmt: skip
     if shapely(problem):
         design = problem.designs_of(front.iloc[[point]])[0]
         summary["bootstrap_percent"] = bootstrapped(problem, design)
