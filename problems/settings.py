@@ -8,6 +8,7 @@ from math import inf
 from typing import Any
 
 from ..declarations import Value
+from ..models.capability import PartSample
 from ..models.costs import CostCurve
 from ..models.effects.compose import Active
 from ..models.gear import Gear
@@ -20,13 +21,24 @@ METHODS = ("moments", "convolution", "monte_carlo")
 
 @dataclass(frozen=True, slots=True)
 class VariableSetting:
-    """A variable fixed at `value`, or searched in [low, high]; None means the problem's default."""
+    """A variable fixed at `value`, or searched in [low, high]; None means the problem's default.
+
+    `mid` is that of the zone on the drawing; `sample` is what measured parts tell of what is made.
+    """
 
     value: float | None = None
     low: float | None = None
     high: float | None = None
     distribution: Distribution | None = None
     mid: float | None = None
+    sample: PartSample | None = field(default=None, compare=False)
+
+    @property
+    def centre(self) -> float | None:
+        """Mean of a centred distribution over parts: the mid-limit, and how far it is missed."""
+        if self.mid is None or self.sample is None:
+            return self.mid
+        return self.mid + self.sample.offset
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from pymoo.core.problem import Problem
 
 from ..declarations import Assumption, Output, Parameter, Value, Variable, completed
 from ..errors import Fault, ModelError
+from ..models.capability import PartSample
 from ..models.costs import CostCurve
 from ..section import Section
 from .assumptions import assumptions_of
@@ -368,7 +369,16 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
         """How the configuration was understood, and what the user should know before a run."""
         slips = map(str, unit_slips(self))
         prices = price_notes(self.settings.costs)
-        return (*self.settings.notes, *slips, *prices, *self.warnings())
+        measured = (
+            text for v in self.variables if (own := self.settings.variables[v.name].sample)
+            for text in own.departures(v.name)
+        )  # fmt: skip
+        return (*self.settings.notes, *slips, *prices, *measured, *self.warnings())
+
+    def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
+        """What was measured, by name, its unit, and what the sample tells."""
+        return tuple((v.name, v.unit, own) for v in self.variables
+                     if (own := self.settings.variables[v.name].sample))  # fmt: skip
 
     # ---------------------------------------------------------------- drawings
 

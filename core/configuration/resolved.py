@@ -56,9 +56,13 @@ def resolved_variables(
 
 def _variable(setting: VariableSetting, variable: Variable) -> dict[str, Any]:
     ends = {"value": setting.value, "low": setting.low, "high": setting.high, "mid": setting.mid}
+    if setting.sample is not None and not variable.random:
+        return {"measured": dict(setting.sample.stated)}  # the value is the sample's
     found: dict[str, Any] = {key: end for key, end in ends.items() if end is not None}
     if variable.integer:
         found = {key: int(end) if key != "mid" else end for key, end in found.items()}
+    if setting.sample is not None:
+        return found | {"measured": dict(setting.sample.stated)}
     return found | (written(setting.distribution or Uniform()) if variable.random else {})
 
 

@@ -52,6 +52,11 @@ class PartSample:
         """The distribution model of ISO 22514-2."""
         return distribution_type(self.found)
 
+    def departures(self, owner: str) -> tuple[str, ...]:
+        """How it contradicts one stable normal process, `owner` being what was measured."""
+        return tuple(f"{owner}, measured: {one.text} (by chance: {one.probability:.2g})"
+                     for one in self.found)  # fmt: skip
+
     def statement(self, unit: str) -> str:
         """What is known, in one line."""
         indices = [f"{name} {one.value:.2f} ({one.low:.2f} to {one.high:.2f})"
@@ -164,7 +169,7 @@ def _made_to(
     if section.take("made_to") == FIXED:
         if t is None and follows:
             section.fault("made_to", "cannot be fixed where the tolerance is searched, as tighter "
-                          "limits would change nothing: state a [[part.machine]]")  # fmt: skip
+                          "limits would change nothing: state a machine, [[...machine]]")  # fmt: skip
         return t if follows else 0.0
     given = section.number("made_to", own or unit, POSITIVE)
     if given is not None:

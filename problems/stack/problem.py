@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from ...declarations import Assumption, Output, Parameter, Variable
 from ...errors import Fault, ModelError
+from ...models.capability import PartSample
 from ...models.costs import CostCurve
+from ...models.machines.offers import samples_of
 from ...models.stack import Linear, Tolerances
 from ...section import Section
 from ..forms import Form
@@ -385,6 +387,14 @@ class Stack(ToleranceProblem):
 
     def assumptions(self) -> tuple[Assumption, ...]:
         return assumptions_of(self.definition)
+
+    def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
+        found = []
+        for part in self.definition.parts:
+            found += [] if part.sample is None else [(part.name, part.unit, part.sample)]
+            found += [(f"{part.name}, machine {machine}", part.unit, sample)
+                      for machine, sample in samples_of(part.machines)]  # fmt: skip
+        return tuple(found)
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
         return domain_remarks(self.measured, front)

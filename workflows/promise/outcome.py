@@ -17,8 +17,6 @@ from .next_parts import next_parts
 from .shapes import bootstrapped, shapely, withheld
 
 COSTS = ("statement", "cost", "dearer_percent", YIELD, ASSURANCE)
-KNOWN = ("part", "parts", "unit", "mean", "std", "made_to", "df", "type", "index", "value", "low",
-         "high", "departures")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +27,6 @@ class PromiseOutcome:
     sentence: str
     costs: pd.DataFrame
     next_parts: pd.DataFrame
-    capability: pd.DataFrame
 
 
 def promise_outcome(
@@ -59,8 +56,7 @@ def promise_outcome(
     if shapely(problem):
         design = problem.designs_of(front.iloc[[point]])[0]
         summary["bootstrap_percent"] = bootstrapped(problem, design)
-    return PromiseOutcome(summary, sentence(summary, promise.words(), costs), costs, ranking,
-                          capability_table(problem))  # fmt: skip
+    return PromiseOutcome(summary, sentence(summary, promise.words(), costs), costs, ranking)
 
 
 def by_statement(stack: Stack) -> pd.DataFrame:
@@ -102,19 +98,3 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
     if summary["hangs_on"]:
         told += f". It hangs most on {summary['hangs_on']}: measure more of it first"
     return f"{told}."
-
-
-def capability_table(stack: Stack) -> pd.DataFrame:
-    """Every measured characteristic: its indices with confidence limits, its type, departures."""
-    rows = []
-    for part in stack.definition.parts:
-        sample = part.sample
-        if sample is None:
-            continue
-        base = {"part": part.name, "parts": len(sample.deviations), "unit": part.unit,
-                "mean": sample.knowledge.mean, "std": sample.knowledge.std,
-                "made_to": sample.made_to, "df": sample.knowledge.df, "type": sample.type,
-                "departures": "; ".join(one.text for one in sample.found)}  # fmt: skip
-        rows += [base | {"index": name, "value": one.value, "low": one.low, "high": one.high}
-                 for name, one in sample.indices.items()]  # fmt: skip
-    return pd.DataFrame(rows, columns=list(KNOWN))
