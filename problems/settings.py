@@ -15,6 +15,7 @@ from ..models.gear import Gear
 from ..models.inputs import Distribution
 from ..models.machines.offers import Offer
 from ..tables import ColumnUse
+from .promise import Promise
 
 METHODS = ("moments", "convolution", "monte_carlo")
 
@@ -92,7 +93,7 @@ class Settings:
     of the model, `sense` is -1 of those that read the other way round; `gear` is that of a table,
     `columns` says what the columns of a file are, `labels` what readers know the mechanism by;
     `money` is what the costs are in, `notes` say how the configuration was understood, `machines`
-    make tolerances of a problem that is not a stack.
+    make tolerances of a problem that is not a stack, `promise` is what such a problem promises.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -112,3 +113,4 @@ class Settings:
     money: Money = Money()
     notes: tuple[str, ...] = ()
     machines: Mapping[str, tuple[Offer, ...]] = field(default_factory=dict)
+    promise: Promise | None = None

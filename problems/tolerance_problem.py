@@ -23,6 +23,7 @@ from .limits import impossible, limits_of
 from .money import price_notes, with_currency
 from .nesting import Nesting
 from .priced import Priced
+from .promise import Promise
 from .provable import Provable
 from .settings import Bound, Settings, VariableSetting
 from .shown import Shown, effect_notes
@@ -113,6 +114,10 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
 
         With `searching` a faster, coarser propagation may be used and errors of estimates omitted.
         """
+
+    def _further(self, designs: Array, searching: bool) -> dict[str, Array]:
+        """Outputs (n,) that a problem has by what its settings add to it: a promise."""
+        return {}
 
     def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
         """Errors (n,) of the outputs `found` that take a model of their own, where there are any.
@@ -228,6 +233,11 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
     # ---------------------------------------------------------------- designs and outputs
 
     @property
+    def promise(self) -> Promise | None:
+        """What is promised of the yield; it sets the limit that keeps it."""
+        return self.settings.promise
+
+    @property
     def names(self) -> list[str]:
         """Names of all variables, in the order of a full design."""
         return [v.name for v in self.variables]
@@ -265,6 +275,7 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
         """
         designs = np.asarray(designs, dtype=float)
         found = self._outputs(designs, searching)
+        found |= self._further(designs, searching)
         if errors and not searching:
             found |= self._verified(designs, found)
         for output in self.outputs:

@@ -11,6 +11,7 @@ from ..declarations import Variable
 from ..models.costs.reading import curve_table
 from ..models.inputs import Uniform
 from ..models.inputs.reading import written
+from ..problems.promise_outputs import means_promise
 from ..problems.settings import Bound, VariableSetting
 from ..problems.tolerance_problem import ToleranceProblem
 from .nested import nested
@@ -23,7 +24,8 @@ def resolved_problem(problem: ToleranceProblem) -> dict[str, Any]:
         **(problem.tables() or _tables(problem)),
         **problem.more_tables(),
         "objectives": {"minimise": list(settings.objectives)},
-        "limits": nested({name: _limit(bound) for name, bound in settings.limits.items()}),
+        "limits": nested({name: _limit(bound) for name, bound in settings.limits.items()
+                          if problem.promise is None or not means_promise(name, problem.promise)}),
     }
 
 

@@ -20,7 +20,7 @@ from ...models.machines.offers import samples_of
 from ...models.stack import Linear, Tolerances
 from ...section import Section
 from ..forms import Form
-from ..promise import read_promise
+from ..promise import Promise, read_promise
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from .assumptions import assumptions_of
@@ -191,6 +191,10 @@ class Stack(ToleranceProblem):
         if self.promises is not None:
             found |= self.promises.outputs(t, searching, self.wanted)
         return found | joint_variations(self.measured, found)
+
+    @property
+    def promise(self) -> Promise | None:
+        return self.definition.promise
 
     @cached_property
     def promises(self) -> Promises | None:
