@@ -22,8 +22,13 @@ from scipy.special import ndtr
 from .norm import factor_of
 
 Array = NDArray[np.float64]
-LEVELS = (0.85, 0.9, 0.93, 0.95, 0.96, 0.97, 0.98, 0.985, 0.99, 0.995, 0.998, 0.999, 0.9995)
-"""Levels of the norm that are tried above the confidence asked for, the least first."""
+RISKS = (0.4, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01)
+"""Levels of the norm that are tried, as shares of the risk that is allowed: 0.98 first for 0.95.
+
+A sample that makes a choice look safe makes its repeats look safe as well. From all levels down to
+the confidence itself self-calibration kept 93 and 89 % of the choices among 9 x 3 machines with 10
+and 20 parts of each (200 repeats): it may raise the level of two fifths, and not lower it.
+"""
 REPEATS = 200
 """Times that processes are sampled, chosen and judged: 1.5 % is one standard error of a share."""
 STATES = 65_536
@@ -88,10 +93,9 @@ def calibrated(
 ) -> Level:  # fmt: skip
     """The least level from which on choices are kept with the confidence that is aimed at.
 
-    It is that confidence at least: where choices are few and coarse they are kept more often than
-    one of them alone deserves.
+    Where it is not reached at any level that leaves samples a choice, the last one is not `sure`.
     """
-    levels = (aim.confidence, *(level for level in LEVELS if level > aim.confidence))
+    levels = tuple(1.0 - risk * (1.0 - aim.confidence) for risk in RISKS)
     made, kept = np.zeros((2, len(levels)))
     table = _Table.of(parts, processes)
     factors = [factor_of(table.kinds, level) for level in levels]
