@@ -66,11 +66,12 @@ class PromisedOutput:
         """The variables whose processes are known by samples."""
         return tuple(self.processes)
 
-    @cached_property
-    def norm(self) -> Norm:
+    def norm(self, given: Deviations) -> Norm:
         """The norm of the standard deviations (n, k) of these variables."""
         one = np.ones(len(self.processes))
-        return norm_of(list(self.processes.values()), one, one, self.promise.confidence)
+        quantile = self.quantile(given) if len(given.sides) == 1 else None
+        return norm_of(list(self.processes.values()), one, one, self.promise.confidence,
+                       quantile=quantile)  # fmt: skip
 
     def quantile(self, given: Deviations) -> float:
         """Standard deviations that must fit between the mean and each limit."""
@@ -79,10 +80,10 @@ class PromisedOutput:
 
     def spread(self, given: Deviations) -> Array:
         """The standard deviation (n,) that an assured promise reckons with."""
-        square = given.known(self.names)
-        if self.names:
-            square = square + self.norm.value(given.stacked(self.names)) ** 2
-        return np.sqrt(np.maximum(square, 1e-300))
+        rest = np.maximum(given.known(self.names), 1e-300)
+        if not self.names:
+            return np.sqrt(rest)
+        return self.norm(given).value(given.stacked(self.names), rest)
 
     def promised(self, given: Deviations) -> Array:
         """The promised yield [percent] (n,): assured by the norm, or expected over the draws."""

@@ -48,24 +48,20 @@ def least_of_points(form: Form, limits: Array) -> Optimum:
 
 def _every(form: Form) -> tuple[Array, Array]:
     """Cost (m,) and requirements (r, m) of every choice, the last feature changing fastest."""
-    rows = len(form.outputs)
-    cost = np.full(1, form.base)
-    linear, square = form.offset[:, None].copy(), form.constant[:, None].copy()
-    own, shared = np.zeros((2, rows, 1))
-    for row, surplus in enumerate(form.surpluses):
-        if surplus is not None:
-            own[row], shared[row] = surplus.fixed_own**2, surplus.fixed_shared
-    for at, feature in enumerate(form.features):
-        each, ends, squares = _points(feature, rows)
-        doubt = np.zeros((2, rows, 1))
-        for row, surplus in enumerate(form.surpluses):
-            if surplus is not None:
-                doubt[:, row, 0] = surplus.own[at], surplus.shared[at]
+    cost, linear = np.full(1, form.base), form.offset[:, None].copy()
+    square = form.constant[:, None].copy()
+    for feature in form.features:
+        each, ends, squares = _points(feature, len(form.outputs))
         cost = np.add.outer(cost, each).ravel()
         linear, square = _outer(linear, ends), _outer(square, squares)
-        own = _outer(own, (doubt[0] * squares) ** 2)
-        shared = _outer(shared, doubt[1] * squares)
-    return cost, linear + np.sqrt(square + np.sqrt(own + shared**2))
+    shape = tuple(len(feature.ways) for feature in form.features)
+    ways = np.unravel_index(np.arange(len(cost)), shape)
+    for row, surplus in enumerate(form.surpluses):
+        if surplus is not None:
+            own = [_points(feature, len(form.outputs))[2][row, way]
+                   for feature, way in zip(form.features, ways, strict=True)]  # fmt: skip
+            square[row] += surplus.value(np.stack(own, axis=1))[0]
+    return cost, linear + np.sqrt(square)
 
 
 def _outer(sums: Array, more: Array) -> Array:

@@ -47,20 +47,20 @@ def promised_form(problem: RvBacklash) -> Form | None:
     form, promised = form_of(problem), problem.promised
     if form is None or promised is None or promised.promise.statement != ASSURED:
         return form
-    norm, at = promised.norm, {name: k for k, name in enumerate(promised.names)}
+    at = {name: k for k, name in enumerate(promised.names)}
     one = Deviations(np.zeros(1), {}, np.zeros(1), upper=problem.limit)
-    quantile, features = promised.quantile(one), []
-    own, shared = np.zeros((2, len(form.features)))
+    norm, quantile, features = promised.norm(one), promised.quantile(one), []
+    doubt, own, error = norm.surplus(), *np.zeros((2, len(form.features)))
+    assert doubt.error is not None
     for place, feature in enumerate(form.features):
         wider = 1.0
         if (k := at.get(feature.variable)) is not None:
             wider = float(np.sqrt(norm.even[k]))
-            own[place] = norm.own[k] / norm.even[k]
-            shared[place] = norm.shared[k] / norm.even[k]
+            own[place], error[place] = doubt.own[k], doubt.error[k]
         features.append(_with_row(feature, quantile * wider))
-    surplus = Surplus(own, shared)
-    doubt = (None,) * len(form.outputs)
-    return _form(problem, form, tuple(features), (*doubt, surplus) if np.any(own) else ())
+    surplus = Surplus(own, np.zeros_like(own), error=error)
+    none = (None,) * len(form.outputs)
+    return _form(problem, form, tuple(features), (*none, surplus) if np.any(own) else ())
 
 
 def _with_row(feature: Feature, factor: float) -> Feature:
@@ -85,7 +85,6 @@ def _form(
 ) -> Form:
     promise = problem.settings.promise
     assert promise is not None
-    relaxed = tuple(name for name in form.relaxed if name != PROMISED)
     return replace(
         form,
         outputs=(*form.outputs, PROMISED),
@@ -94,7 +93,6 @@ def _form(
         constant=np.append(form.constant, 0.0),
         most=(np.inf,) * len(form.outputs) + (problem.limit,),
         surpluses=surpluses,
-        relaxed=relaxed,
         statement=f"{form.statement}; promised: {promise.words()}, by the geometric backlash and "
         "normal processes as measured",
     )

@@ -41,7 +41,8 @@ class Promised:
         alone = np.divide(each, squares, out=np.zeros_like(each), where=squares > 0.0)
         return tuple(
             norm_of([part.known(min(number, len(part.processes) - 1)) for part in one.parts],
-                    each, one.linear.slope**2 * alone, self.promise.confidence, self.level)
+                    each, one.linear.slope**2 * alone, self.promise.confidence, self.level,
+                    self.quantile if len(self.sides) == 1 else None)
             for number in range(max(len(part.processes) for part in one.parts))
         )  # fmt: skip
 
@@ -50,8 +51,8 @@ class Promised:
         if not isinstance(t, AsMade) or t.chosen is None or len(self.norms) == 1:
             return self.norms[0]
         at = t.chosen, np.arange(t.chosen.shape[1])
-        return Norm(*(np.array([getattr(one, name) for one in self.norms])[at]
-                      for name in ("even", "own", "shared")))  # fmt: skip
+        every = [np.array([getattr(one, name) for one in self.norms]) for name in Norm.__slots__]
+        return Norm(*(one[at] if one[0] is not None else None for one in every))
 
     @property
     def sides(self) -> list[tuple[float, float]]:
