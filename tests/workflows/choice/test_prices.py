@@ -77,7 +77,7 @@ def test_the_price_of_a_yield_by_optima_at_limits_beside(tmp_path: Path) -> None
     """A lower limit: what one percent more costs, by the difference of proven least costs."""
 
     def at(least: float) -> Any:
-        text = HEAD.format("rss") + "lower = -0.1\nupper = 0.1\n"
+        text = HEAD.format("rss") + "nominal = 0.0\nlower = -0.1\nupper = 0.1\n"
         text += f'[objectives]\nminimise = ["cost"]\n[limits]\nyield_percent = {least}\n'
         parts = (PART.format(at, 10.0, s, b) for at, (s, b) in
                  enumerate([(1.0, 0.1), (-1.0, 0.05), (0.5, 0.2)]))  # fmt: skip
