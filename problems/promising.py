@@ -85,7 +85,14 @@ class Promising(ToleranceProblem):
         promise = self.settings.promise
         if promise is None:
             return super().faults()
-        return contradictions(promise, self.given.limits) + super().faults()
+        found = contradictions(promise, self.given.limits)
+        sampled = [name for name, offers in self.settings.machines.items()
+                   if any(one.sample is not None for one in offers)]  # fmt: skip
+        if promise.statement != PLUG_IN:
+            found += [Fault(f"variables.{name}.machine", f"cannot be {promise.statement} where "
+                            "machines are known by samples: state sigma, or plug_in")
+                      for name in sampled]  # fmt: skip
+        return found + super().faults()
 
     @cached_property
     def promised(self) -> PromisedOutput | None:

@@ -1,4 +1,4 @@
-"""Forms whose every way is a point: all choices of ways are looked at, the cheapest that fits counts.
+"""Forms whose every way is a point: all choices are looked at, the cheapest that fits counts.
 
 Machines without inspection have no tolerance to search. Of them alone there are few choices, and
 under doubt of their scatter no prices of the squares tell two of them apart.

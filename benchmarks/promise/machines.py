@@ -146,7 +146,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     known = read(given.kept)
     print("| machines | plug-in kept | assured kept | lower 95 % limit | cost | level (median) "
-          "| no assured choice | promise broken |\n|---|---:|---:|---:|---:|---:|---:|---:|")  # fmt: skip
+          "| no assured choice | promise broken |\n"
+          "|---|---:|---:|---:|---:|---:|---:|---:|")  # fmt: skip
     for case in cases():
         for seed in range(given.count):
             if (case.key, seed) not in known:
@@ -177,8 +178,10 @@ def figures(own: Sequence[Choice]) -> tuple[float, float, float, float, float]:
     made = [one.assured_yield >= SHARE for one in own if np.isfinite(one.assured_yield)]
     kept = sum(made)
     low = float(stats.beta.ppf(0.05, kept, len(made) - kept + 1)) if kept else 0.0
-    return (100.0 * float(np.mean(plain)), 100.0 * kept / max(len(made), 1), 100.0 * low,
-            100.0 * (1.0 - len(made) / len(own)), 100.0 * (len(made) - kept) / len(own))  # fmt: skip
+    shares = (float(np.mean(plain)), kept / max(len(made), 1), low, 1.0 - len(made) / len(own),
+              (len(made) - kept) / len(own))  # fmt: skip
+    plain_kept, assured_kept, least, without, broken = (100.0 * one for one in shares)
+    return plain_kept, assured_kept, least, without, broken
 
 
 def row(case: Machines, own: Sequence[Choice]) -> str:

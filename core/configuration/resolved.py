@@ -24,8 +24,13 @@ def resolved_problem(problem: ToleranceProblem) -> dict[str, Any]:
         **(problem.tables() or _tables(problem)),
         **problem.more_tables(),
         "objectives": {"minimise": list(settings.objectives)},
-        "limits": nested({name: _limit(bound) for name, bound in settings.limits.items()
-                          if problem.promise is None or not means_promise(name, problem.promise)}),
+        "limits": nested(
+            {
+                name: _limit(bound)
+                for name, bound in settings.limits.items()
+                if problem.promise is None or not means_promise(name, problem.promise)
+            }
+        ),
     }
 
 

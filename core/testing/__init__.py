@@ -12,6 +12,7 @@ from .distribution import DistributionContract
 from .effect import COLUMNS, EffectContract
 from .model import ModelContract
 from .problem import ProblemContract
+from .promising import PromisingContract
 
 __all__ = [
     "COLUMNS",
@@ -21,4 +22,5 @@ __all__ = [
     "EffectContract",
     "ModelContract",
     "ProblemContract",
+    "PromisingContract",
 ]

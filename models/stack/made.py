@@ -36,7 +36,8 @@ class AsMade:
     def between(cls, low: AsMade, high: AsMade, share: Array) -> AsMade:
         """Designs at shares (n, 1) of the way from one design to another."""
         ends = [(low.limit, high.limit), (low.spread, high.spread), (low.mean, high.mean)]
-        return cls(*(first + share * (last - first) for first, last in ends))
+        limit, spread, mean = (first + share * (last - first) for first, last in ends)
+        return cls(limit, spread, mean)
 
 
 Tolerances = Array | AsMade

@@ -24,9 +24,9 @@ from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer import declared, modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
 from ...units import ARCMIN, MM
+from ..deviations import Deviations
 from ..forms import Form
 from ..least import ends_of_front
-from ..deviations import Deviations
 from ..machined import Machined
 from ..promise import ASSURED, PROMISED
 from ..promising import Promising
@@ -79,8 +79,11 @@ class RvBacklash(Promising, Machined):
         given = self.settings
         self.model = declared.backlash_model(
             given.parameters,
-            {_stem(name): s.centre for name, s in self.given.variables.items()
-             if s.centre is not None},
+            {
+                _stem(name): s.centre
+                for name, s in self.given.variables.items()
+                if s.centre is not None
+            },
             {_stem(name): s.distribution for name, s in given.variables.items() if s.distribution},
         )
         self.limit = number(given.parameters["backlash_limit_arcmin"])
@@ -210,7 +213,7 @@ class RvBacklash(Promising, Machined):
         return gradients(self, designs) | self.promised_slopes(designs)
 
     def deviations(self, designs: Array) -> Deviations:
-        """Those of the geometric backlash, which the effective one exceeds by interference alone."""
+        """Those of the geometric backlash; interference alone makes the effective one larger."""
         return deviations_of(self, designs)
 
     # ---------------------------------------------------------------- what is known

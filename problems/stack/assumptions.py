@@ -29,7 +29,7 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
             known = part.sample.statement(part.unit)
             found.append(Assumption(f"part.{part.name}.measured", known, "",
                                     told(definition.promise)))  # fmt: skip
-        elif not part.sampled and definition.promise is not None and definition.promise.statement != PLUG_IN:
+        elif not part.sampled and told(definition.promise) == SAMPLED:
             found.append(Assumption(f"part.{part.name}.process", type(part.distribution).__name__,
                                     "", UNMEASURED))  # fmt: skip
         for machine, sample in samples_of(part.machines):

@@ -56,8 +56,11 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
         statement=_statement(stack, rows, left_out),
         base=float(sum(_fixed_cost(p) for p, out in zip(parts, settled, strict=True) if out)),
         correlation=None if independent else within,
-        exact=(len(names) == len(set(names)) and all(exact for _, exact in features)
-               and all(row.even_doubt for row in rows)),
+        exact=(
+            len(names) == len(set(names))
+            and all(exact for _, exact in features)
+            and all(row.even_doubt for row in rows)
+        ),
         relaxed=left_out,
         tested=tuple(limit.name for limit in stack.limits if limit.name in _domains(stack)),
         quantiles=quantiles if any(one is not None for one in quantiles) else (),

@@ -104,8 +104,11 @@ class Part:
     def known(self, number: int) -> Knowledge | None:
         """What a sample tells of one of its processes, None where it counts as known."""
         machine = self.processes[number].machine
-        samples = [self.sample] if machine is None else [
-            offer.sample for offer in self.machines if offer.machine.name == machine.name]
+        samples = (
+            [self.sample]
+            if machine is None
+            else [offer.sample for offer in self.machines if offer.machine.name == machine.name]
+        )
         return next((one.knowledge for one in samples if one is not None), None)
 
     @property

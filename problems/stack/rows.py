@@ -207,8 +207,8 @@ def _least(doubts: list[Surplus]) -> Surplus | None:
 
 def _alike(doubts: list[Surplus]) -> bool:
     """Whether the processes of every part are known alike."""
-    return all(np.allclose(one, one[:1], 1e-12, 0.0)
-               for one in (_of_all(doubts, name) for name in ("own", "shared", "error")))  # fmt: skip
+    each = (_of_all(doubts, name) for name in ("own", "shared", "error"))
+    return all(np.allclose(one, one[:1], 1e-12, 0.0) for one in each)
 
 
 def _of_all(doubts: list[Surplus], name: str) -> Array:
