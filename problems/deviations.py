@@ -97,7 +97,8 @@ class PromisedOutput:
     def lacking(self, given: Deviations) -> Array:
         """By how much (n,) the nearest limit would have to give way for an assured promise."""
         reach = self.quantile(given) * self.spread(given)
-        return np.max([reach - side * (end - given.mean) for side, end in given.sides], axis=0)
+        lacking = [reach - side * (end - given.mean) for side, end in given.sides]
+        return np.asarray(np.max(lacking, axis=0))
 
     def assurance(self, given: Deviations) -> tuple[Array, Array]:
         """Probability [percent] (n,) that the promised share of units conforms, its error."""
