@@ -83,7 +83,7 @@ def repeat(case: Machines, seed: int) -> Choice:
     level = calibrated(ways_of(known, price), Processes(np.full(scatter.size, case.n - 1.0),
                        np.full(scatter.size, float(case.n))), aim_of(case), rng)  # fmt: skip
     error = np.array([[-one.mean for one in own] for own in known])
-    found = []
+    found: list[tuple[float, float]] = []
     for confidence in (None, level.confidence):
         form = form_of(known, price, confidence)
         best = least_cost(form, np.array([[case.room]]))
@@ -92,8 +92,8 @@ def repeat(case: Machines, seed: int) -> Choice:
             at = np.arange(PARTS), best.chosen[0]
             std, mean = float(np.linalg.norm(scatter[at])), float(error[at].sum())
             kept = float(ndtr((case.room - mean) / std) - ndtr((-case.room - mean) / std))
-        found += [float(best.cost[0]), kept]
-    return Choice(*found, level.confidence)
+        found.append((float(best.cost[0]), kept))
+    return Choice(*found[0], *found[1], level.confidence)
 
 
 def aim_of(case: Machines) -> Aim:

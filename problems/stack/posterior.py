@@ -62,10 +62,10 @@ class Posterior:
 
     def _choices(self, t: Tolerances) -> list[tuple[tuple[int, ...], NDArray[np.int64]]]:
         """The choices of processes (p,) among designs, each with the rows that make it."""
-        alone = not isinstance(t, AsMade) or t.chosen is None
-        if alone or not any(part.machines for part in self.parts if part.sampled):
+        made = t.chosen if isinstance(t, AsMade) else None
+        if made is None or not any(part.machines for part in self.parts if part.sampled):
             return [((0,) * len(self.parts), np.arange(len(t)))]
-        ways, owner = np.unique(t.chosen, axis=0, return_inverse=True)
+        ways, owner = np.unique(made, axis=0, return_inverse=True)
         return [(tuple(one), np.flatnonzero(owner.ravel() == at))
                 for at, one in enumerate(ways.tolist())]  # fmt: skip
 

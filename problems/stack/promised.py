@@ -51,8 +51,10 @@ class Promised:
         if not isinstance(t, AsMade) or t.chosen is None or len(self.norms) == 1:
             return self.norms[0]
         at = t.chosen, np.arange(t.chosen.shape[1])
-        every = [np.array([getattr(one, name) for one in self.norms]) for name in Norm.__slots__]
-        return Norm(*(one[at] if one[0] is not None else None for one in every))
+        even, own, shared = (np.array([getattr(one, name) for one in self.norms])[at]
+                             for name in ("even", "own", "shared"))  # fmt: skip
+        errors = [one.error for one in self.norms if one.error is not None]
+        return Norm(even, own, shared, np.array(errors)[at] if errors else None)
 
     @property
     def sides(self) -> list[tuple[float, float]]:
