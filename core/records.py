@@ -58,7 +58,8 @@ class RunResult:
     with several requirements. `prices` and `relaxed` (the fronts whose limits are as loose as those
     of a reference, under its `label`) are those of these names, and `tolerances` the records of
     `tolerances.json`: what a drawing and a price need to know of each variable. `promise`,
-    `next_parts` and `capability` are the tables of these names, of runs that promise a yield.
+    `next_parts` are the tables of these names, of runs that promise a yield, `capability` that of
+    runs with measured parts.
     """
 
     title: str

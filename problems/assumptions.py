@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..declarations import Assumption
+from ..declarations import Assumption, Variable
+from ..models.capability import PartSample
+from ..models.machines.offers import PLUG_IN
 
 if TYPE_CHECKING:
     from .tolerance_problem import ToleranceProblem
@@ -51,12 +53,23 @@ def _variables(problem: ToleranceProblem) -> list[Assumption]:
             text = f"{setting.low:g} .. {setting.high:g}"
             reason = "search range; no document prints one"
             found.append(Assumption(f"variables.{v.name}", text, v.unit, reason, set_by))
-        if v.random:
+        if setting.sample is not None:
+            found += _measured(v, setting.sample)
+        elif v.random:
             kind = type(setting.distribution).__name__ if setting.distribution else "Uniform"
             reason = "distribution over units; the documents name none"
             place = f"variables.{v.name}.distribution"
             found.append(Assumption(place, kind, "", reason, set_by))
     return found
+
+
+def _measured(variable: Variable, sample: PartSample) -> list[Assumption]:
+    """What is known of a variable by measured parts, and what they leave open."""
+    place = f"variables.{variable.name}"
+    known = sample.statement(variable.unit)
+    return [Assumption(f"{place}.measured", known, "", PLUG_IN, "configuration"),
+            *(Assumption(f"{place}.{key}", "", "", why)
+              for key, why in sample.assumed.items())]  # fmt: skip
 
 
 def _costs(problem: ToleranceProblem) -> list[Assumption]:

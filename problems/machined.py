@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..declarations import Assumption, Kind, Value, Variable
+from ..models.capability import PartSample
 from ..models.costs import CostCurve
 from ..models.inputs import Normal
 from ..models.inputs.reading import read_distribution
@@ -180,6 +181,8 @@ class Machined(ToleranceProblem):
         """Faults of what stands beside the machines of a variable."""
         if "value" in own:
             own.fault("value", "is fixed beside machines: limits of inspection are low and high")
+        if own.take("measured") is not None:
+            own.fault("measured", "is stated beside machines: state it in each [[...machine]]")
         given = read_distribution(own) if "distribution" in own else Normal()
         if given != Normal():
             own.fault("distribution", "must be left out beside machines, whose good parts count as "
@@ -212,6 +215,12 @@ class Machined(ToleranceProblem):
     def cautions(self) -> tuple[str, ...]:
         told = (departures(one.offers, name) for name, one in self.made.items())
         return (*super().cautions(), *(text for each in told for text in each))
+
+    def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
+        return (*super().samples(), *(
+            (f"{one.name}, machine {machine}", split_unit(one.name)[1], sample)
+            for one in self.made.values()
+            for machine, sample in samples_of(one.offers)))  # fmt: skip
 
     # ---------------------------------------------------------------- designs
 

@@ -21,12 +21,14 @@ class Promise:
     """A share of conforming units, by one of `STATEMENTS`, with a confidence.
 
     `plug_in`: the yield that the estimates say. `predictive`: the expected yield, over what is not
-    known of the processes. `assured`: a yield that is kept with the confidence.
+    known of the processes. `assured`: a yield that is kept with the confidence. `level_percent` is
+    the level of its norm where processes are chosen by samples; None: found by self-calibration.
     """
 
     yield_percent: float
     statement: str = ASSURED
     confidence_percent: float = 95.0
+    level_percent: float | None = None
 
     @property
     def share(self) -> float:
@@ -45,8 +47,9 @@ class Promise:
 
     def table(self) -> dict[str, Any]:
         """The table that states it."""
+        level = {} if self.level_percent is None else {"level_percent": self.level_percent}
         return {"yield_percent": self.yield_percent, "statement": self.statement,
-                "confidence_percent": self.confidence_percent}  # fmt: skip
+                "confidence_percent": self.confidence_percent} | level  # fmt: skip
 
     def words(self) -> str:
         """The promise in one phrase."""
@@ -66,12 +69,14 @@ def read_promise(top: Section) -> Promise | None:
     share = section.number("yield_percent", within=YIELDS)
     statement = section.text("statement", STATEMENTS)
     confidence = section.number("confidence_percent", within=CONFIDENCES)
+    level = section.number("level_percent", within=CONFIDENCES)
     if "yield_percent" not in section:
         section.fault("yield_percent", "is missing: the share of units that is to conform")
     if "statement" not in section:
         section.fault("statement", f"is missing: one of {', '.join(STATEMENTS)}")
     section.finish()
-    wrong = "confidence_percent" in section and confidence is None
+    given = {"confidence_percent": confidence, "level_percent": level}
+    wrong = any(key in section and value is None for key, value in given.items())
     if share is None or statement is None or wrong:
         return None
-    return Promise(share, statement, 95.0 if confidence is None else confidence)
+    return Promise(share, statement, 95.0 if confidence is None else confidence, level)

@@ -8,25 +8,38 @@ from math import inf
 from typing import Any
 
 from ..declarations import Value
+from ..models.capability import PartSample
 from ..models.costs import CostCurve
 from ..models.effects.compose import Active
 from ..models.gear import Gear
 from ..models.inputs import Distribution
 from ..models.machines.offers import Offer
 from ..tables import ColumnUse
+from .promise import Promise
 
 METHODS = ("moments", "convolution", "monte_carlo")
 
 
 @dataclass(frozen=True, slots=True)
 class VariableSetting:
-    """A variable fixed at `value`, or searched in [low, high]; None means the problem's default."""
+    """A variable fixed at `value`, or searched in [low, high]; None means the problem's default.
+
+    `mid` is that of the zone on the drawing; `sample` is what measured parts tell of what is made.
+    """
 
     value: float | None = None
     low: float | None = None
     high: float | None = None
     distribution: Distribution | None = None
     mid: float | None = None
+    sample: PartSample | None = field(default=None, compare=False)
+
+    @property
+    def centre(self) -> float | None:
+        """Mean of a centred distribution over parts: the mid-limit, and how far it is missed."""
+        if self.mid is None or self.sample is None:
+            return self.mid
+        return self.mid + self.sample.offset
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +93,7 @@ class Settings:
     of the model, `sense` is -1 of those that read the other way round; `gear` is that of a table,
     `columns` says what the columns of a file are, `labels` what readers know the mechanism by;
     `money` is what the costs are in, `notes` say how the configuration was understood, `machines`
-    make tolerances of a problem that is not a stack.
+    make tolerances of a problem that is not a stack, `promise` is what such a problem promises.
     """
 
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -100,3 +113,4 @@ class Settings:
     money: Money = Money()
     notes: tuple[str, ...] = ()
     machines: Mapping[str, tuple[Offer, ...]] = field(default_factory=dict)
+    promise: Promise | None = None

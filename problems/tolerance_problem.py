@@ -15,6 +15,7 @@ from pymoo.core.problem import Problem
 
 from ..declarations import Assumption, Output, Parameter, Value, Variable, completed
 from ..errors import Fault, ModelError
+from ..models.capability import PartSample
 from ..models.costs import CostCurve
 from ..section import Section
 from .assumptions import assumptions_of
@@ -22,6 +23,7 @@ from .limits import impossible, limits_of
 from .money import price_notes, with_currency
 from .nesting import Nesting
 from .priced import Priced
+from .promise import Promise
 from .provable import Provable
 from .settings import Bound, Settings, VariableSetting
 from .shown import Shown, effect_notes
@@ -112,6 +114,10 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
 
         With `searching` a faster, coarser propagation may be used and errors of estimates omitted.
         """
+
+    def _further(self, designs: Array, searching: bool) -> dict[str, Array]:
+        """Outputs (n,) that a problem has by what its settings add to it: a promise."""
+        return {}
 
     def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
         """Errors (n,) of the outputs `found` that take a model of their own, where there are any.
@@ -227,6 +233,11 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
     # ---------------------------------------------------------------- designs and outputs
 
     @property
+    def promise(self) -> Promise | None:
+        """What is promised of the yield; it sets the limit that keeps it."""
+        return self.settings.promise
+
+    @property
     def names(self) -> list[str]:
         """Names of all variables, in the order of a full design."""
         return [v.name for v in self.variables]
@@ -267,6 +278,7 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
         """
         designs = np.asarray(designs, dtype=float)
         found = self._outputs(designs, searching)
+        found |= self._further(designs, searching)
         if errors and not searching:
             found |= self._verified(designs, found)
         for output in self.outputs:
@@ -375,7 +387,16 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
         """How the configuration was understood, and what the user should know before a run."""
         slips = map(str, unit_slips(self))
         prices = price_notes(self.settings.costs)
-        return (*self.settings.notes, *slips, *prices, *self.warnings())
+        measured = (
+            text for v in self.variables if (own := self.settings.variables[v.name].sample)
+            for text in own.departures(v.name)
+        )  # fmt: skip
+        return (*self.settings.notes, *slips, *prices, *measured, *self.warnings())
+
+    def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
+        """What was measured, by name, its unit, and what the sample tells."""
+        return tuple((v.name, v.unit, own) for v in self.variables
+                     if (own := self.settings.variables[v.name].sample))  # fmt: skip
 
     # ---------------------------------------------------------------- drawings
 

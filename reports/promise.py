@@ -7,6 +7,7 @@ from html import escape
 from typing import Any
 
 from ..records import Bars, RunResult, unit_of_cost
+from ..units import split_unit
 from .bars import bars_figure
 from .control import CHARTS, control_figure
 from .document import folded, picture, section
@@ -35,9 +36,10 @@ CHARTED = (
 
 
 def promise_sections(result: RunResult) -> tuple[str, ...]:
-    """The section on the promise, none where nothing is promised."""
+    """The section on the promise, on measured parts alone where nothing is promised, or none."""
     if result.promise is None or result.promise.empty:
-        return ()
+        known = _known(result)
+        return (section("Measured parts", "\n".join(known)),) if known else ()
     own = result.promise
     unit = unit_of_cost(result.summary)
     bars = Bars(
@@ -50,6 +52,13 @@ def promise_sections(result: RunResult) -> tuple[str, ...]:
     ]
     if result.next_parts is not None:
         parts.append(f"<p>{escape(NEXT)}</p>\n{table(result.next_parts)}")
+    parts += _known(result)
+    return (section("Promise", "\n".join(parts)),)
+
+
+def _known(result: RunResult) -> list[str]:
+    """What is known of the processes of measured parts, and their control charts."""
+    parts = []
     if result.capability is not None:
         known = f"<p>{escape(CAPABILITY)}</p>\n{table(result.capability)}"
         parts.append(folded("What is known of the processes", known))
@@ -58,18 +67,24 @@ def promise_sections(result: RunResult) -> tuple[str, ...]:
         more = f" The first {CHARTS} of {len(charts)}." if len(charts) > CHARTS else ""
         parts.append(folded("Control charts", picture("control", control_figure(charts),
                                                       CHARTED + more)))  # fmt: skip
-    return (section("Promise", "\n".join(parts)),)
+    return parts
 
 
 def measured_parts(configuration: str) -> list[tuple[str, str, list[float]]]:
-    """Name, unit and values of every measured part of a resolved configuration."""
+    """Name, unit and values of every measured part or variable of a resolved configuration."""
     try:
         found: Any = tomllib.loads(configuration)
     except tomllib.TOMLDecodeError:
         return []
     parts = found.get("part")
+    owners = [(str(one.get("name", "")), one.get("unit"), one)
+              for one in (parts if isinstance(parts, list) else ())]  # fmt: skip
+    variables = found.get("variables")
+    owners += [(name, split_unit(name)[1], one)
+               for name, one in (variables if isinstance(variables, dict) else {}).items()
+               if isinstance(one, dict)]  # fmt: skip
     return [
-        (str(part.get("name", "")), str(own.get("unit") or part.get("unit") or ""), own["values"])
-        for part in (parts if isinstance(parts, list) else ())
-        if isinstance(own := part.get("measured"), dict) and len(own.get("values") or ()) > 1
+        (name, str(own.get("unit") or unit or ""), own["values"])
+        for name, unit, owner in owners
+        if isinstance(own := owner.get("measured"), dict) and len(own.get("values") or ()) > 1
     ]

@@ -39,6 +39,17 @@ consider = "all"          # or names, families; never = [...]
 blocks = "auto"           # or a column: lot, session
 """
 
+_MEASURED = """
+# Where parts of a process were measured, the table of the part takes them instead of a distribution
+# (of other problems [variables.NAME.measured]; docs/stack.md):
+#
+#   [part.measured]
+#   file = "hubs.csv"              # or .dfq, .xlsx, .parquet
+#   characteristic = "diameter"
+#   made_to = "0.05 mm"            # half-width that these parts were made to
+#   mean = "as_found"              # or "corrected"
+"""
+
 
 def template(kind: str, problem: ToleranceProblem, model: MeasurableModel) -> str:
     """The text of a template; `problem` fills designs and costs, `model` units.
@@ -48,11 +59,15 @@ def template(kind: str, problem: ToleranceProblem, model: MeasurableModel) -> st
     made: dict[str, Callable[[], str]] = {
         "designs": lambda: _csv(_designs(problem)),
         "units": lambda: _csv(_units(model)),
-        "stack": lambda: files("tolevo.configs").joinpath("stack_clutch.toml").read_text("utf-8"),
+        "stack": lambda: _stack() + _MEASURED,
         "gap": lambda: _GAP,
         "costs": lambda: _csv(_costs(problem)),
     }
     return made[kind]()
+
+
+def _stack() -> str:
+    return files("tolevo.configs").joinpath("stack_clutch.toml").read_text("utf-8")
 
 
 def _csv(frame: pd.DataFrame) -> str:

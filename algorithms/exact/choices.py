@@ -23,6 +23,7 @@ from .combination import Optimum as Optimum
 from .doubt import least_under_doubt
 from .master import Master
 from .path import Path
+from .points import least_of_points, only_points
 from .prices import ROUNDING, Prices
 from .programme import Programme
 from .separable import Squares, least_leaf, separable, separable_but_for_doubt
@@ -52,7 +53,9 @@ def least_cost(form: Form, limits: Array) -> Optimum:
     limits = np.asarray(limits, dtype=float)
     if form.quantiles and sum(len(feature.ways) > 1 for feature in form.features) >= MIXED:
         return _by_master(form, limits)
-    if separable_but_for_doubt(form):
+    if form.surpluses and only_points(form):
+        return least_of_points(form, limits)
+    if separable_but_for_doubt(form) and not _pointed(form):
         return least_under_doubt(form, limits, cost_range(form)[0])
     several = not form.separable and len(form.outputs) > 1
     if (several or form.combinations > MANY) and _priced(form):
@@ -65,6 +68,12 @@ def least_cost(form: Form, limits: Array) -> Optimum:
         found.append(_least_cost(form, limit[None, :], known[0] if known else None))
     return Optimum(*(np.concatenate([getattr(one, name) for one in found])
                      for name in Optimum.__dataclass_fields__))  # fmt: skip
+
+
+def _pointed(form: Form) -> bool:
+    """Whether some feature has alternatives that are points: no tangent is near all of them."""
+    return any(way.low == way.high for feature in form.features if len(feature.ways) > 1
+               for way in feature.ways)  # fmt: skip
 
 
 def _least_cost(form: Form, limits: Array, near: Optimum | None) -> Optimum:

@@ -48,8 +48,11 @@ def separable(form: Form) -> bool:
 
 
 def separable_but_for_doubt(form: Form) -> bool:
-    """Whether it would be `separable` without the doubt of its processes, and has some."""
-    return bool(form.surpluses) and separable(replace(form, surpluses=()))
+    """Whether it would be `separable` without the doubt of its processes, and has some that is
+    convex in the squares.
+    """
+    convex = all(one is None or one.convex for one in form.surpluses)
+    return bool(form.surpluses) and convex and separable(replace(form, surpluses=()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -131,7 +131,8 @@ def _merged(
     if own is not None and own.value is not None:
         value = own.value
     mid = base.mid if theirs.mid is None else theirs.mid
-    return replace(base, value=value, mid=mid, distribution=theirs.distribution)
+    return replace(base, value=value, mid=mid, distribution=theirs.distribution,
+                   sample=theirs.sample)  # fmt: skip
 
 
 def _with_values(

@@ -1,4 +1,4 @@
-"""`measured` tables of parts and machines: what stands in their files, put in its place."""
+"""`measured` tables of parts, variables and machines: what stands in their files, put in its place."""
 
 from __future__ import annotations
 
@@ -46,14 +46,17 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
 
 
 def _owners(table: Raw) -> Iterator[tuple[str, Raw]]:
-    """Every table that may have a `measured` one, with its place: parts, and all machines."""
+    """Every table that may have a `measured` one, with its place: parts, variables, all machines."""
     for at, part in tables_in(table, "part"):
         yield f"part[{at}]", part
         for number, machine in tables_in(part, "machine"):
             yield f"part[{at}].machine[{number}]", machine
     variables = table.get("variables")
     for name, own in (variables if isinstance(variables, dict) else {}).items():
-        for number, machine in tables_in(own if isinstance(own, dict) else {}, "machine"):
+        if not isinstance(own, dict):
+            continue
+        yield f"variables.{name}", own
+        for number, machine in tables_in(own, "machine"):
             yield f"variables.{name}.machine[{number}]", machine
 
 

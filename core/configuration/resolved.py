@@ -11,6 +11,7 @@ from ..declarations import Variable
 from ..models.costs.reading import curve_table
 from ..models.inputs import Uniform
 from ..models.inputs.reading import written
+from ..problems.promise_outputs import means_promise
 from ..problems.settings import Bound, VariableSetting
 from ..problems.tolerance_problem import ToleranceProblem
 from .nested import nested
@@ -23,7 +24,13 @@ def resolved_problem(problem: ToleranceProblem) -> dict[str, Any]:
         **(problem.tables() or _tables(problem)),
         **problem.more_tables(),
         "objectives": {"minimise": list(settings.objectives)},
-        "limits": nested({name: _limit(bound) for name, bound in settings.limits.items()}),
+        "limits": nested(
+            {
+                name: _limit(bound)
+                for name, bound in settings.limits.items()
+                if problem.promise is None or not means_promise(name, problem.promise)
+            }
+        ),
     }
 
 
@@ -56,9 +63,13 @@ def resolved_variables(
 
 def _variable(setting: VariableSetting, variable: Variable) -> dict[str, Any]:
     ends = {"value": setting.value, "low": setting.low, "high": setting.high, "mid": setting.mid}
+    if setting.sample is not None and not variable.random:
+        return {"measured": dict(setting.sample.stated)}  # the value is the sample's
     found: dict[str, Any] = {key: end for key, end in ends.items() if end is not None}
     if variable.integer:
         found = {key: int(end) if key != "mid" else end for key, end in found.items()}
+    if setting.sample is not None:
+        return found | {"measured": dict(setting.sample.stated)}
     return found | (written(setting.distribution or Uniform()) if variable.random else {})
 
 

@@ -36,8 +36,8 @@ def arguments_of(configuration: Configuration) -> dict[str, Any]:
     parameters = {name: value for name, value in given.parameters.items() if name in known}
     for name, (_, setting) in settings.items():
         mid = mid_parameter(name)
-        if setting.mid is not None and mid in known:
-            parameters[mid] = setting.mid
+        if setting.centre is not None and mid in known:
+            parameters[mid] = setting.centre
     return {
         "parameters": parameters,
         "designs": {name: value for name, value in designs.items() if value is not None},

@@ -13,6 +13,7 @@ from ..models.inputs.reading import keys, read_distribution
 from ..problems.settings import VariableSetting
 from ..section import Range, Section
 from ..units import split_unit
+from .measured_variables import read_measured
 
 
 def read_variable(section: Section, variable: Variable, parameters: Mapping[str, Value]) -> Any:
@@ -28,7 +29,15 @@ def read_variable(section: Section, variable: Variable, parameters: Mapping[str,
     elif "value" not in section:
         _order(section, variable, low, high)
     mid = _agreed(section, variable, mid, parameters)
-    setting = VariableSetting(value, low, high, _distribution(section, variable), mid)
+    law = _distribution(section, variable)
+    middle = variable.mid if mid is None else mid
+    sample = read_measured(section, variable, middle, value)
+    if sample is not None and variable.random:
+        law, mid = sample.distribution, middle
+    elif sample is not None:
+        value = sample.knowledge.std
+        _outside(section, variable, "measured", value)
+    setting = VariableSetting(value, low, high, law, mid, sample)
     section.finish()
     return None if setting == VariableSetting() else setting
 

@@ -13,6 +13,7 @@ from .distribution import DistributionContract
 from .effect import COLUMNS, EffectContract
 from .model import ModelContract
 from .problem import ProblemContract
+from .promising import PromisingContract
 
 __all__ = [
     "COLUMNS",
@@ -23,4 +24,5 @@ __all__ = [
     "EffectContract",
     "ModelContract",
     "ProblemContract",
+    "PromisingContract",
 ]

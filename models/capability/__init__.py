@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .bootstrap import cumulants_drawn, kept
+from .choosing import Aim, Level, Processes, Ways, calibrated
 from .indices import Index, capability
 from .knowledge import Gauge, Knowledge, Prior, knowledge_of
 from .norm import Norm, Surplus, norm_of
@@ -10,14 +11,19 @@ from .reading import PartSample, read_sample
 from .stability import Finding, distribution_type, findings
 
 __all__ = [
+    "Aim",
     "Finding",
     "Gauge",
     "Index",
     "Knowledge",
+    "Level",
     "Norm",
     "PartSample",
     "Prior",
+    "Processes",
     "Surplus",
+    "Ways",
+    "calibrated",
     "capability",
     "cumulants_drawn",
     "distribution_type",

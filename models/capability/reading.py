@@ -23,6 +23,8 @@ FIXED = "fixed"
 NEAR_NOMINAL = 1e-9
 BEYOND = 20.0
 """How many times the half-width that parts were made to they hardly lie off the nominal."""
+CAPABLE = 100.0
+"""A Cp that no process has: the parts are in another unit than the half-width."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +53,11 @@ class PartSample:
     def type(self) -> str:
         """The distribution model of ISO 22514-2."""
         return distribution_type(self.found)
+
+    def departures(self, owner: str) -> tuple[str, ...]:
+        """How it contradicts one stable normal process, `owner` being what was measured."""
+        return tuple(f"{owner}, measured: {one.text} (by chance: {one.probability:.2g})"
+                     for one in self.found)  # fmt: skip
 
     def statement(self, unit: str) -> str:
         """What is known, in one line."""
@@ -126,6 +133,12 @@ def _near(section: Section, unit: str, deviations: Array, made_to: float) -> boo
     """Whether deviations are of the size of a tolerance, or a fault."""
     far = float(np.max(np.abs(deviations)))
     width = made_to or 3.0 * float(np.std(deviations, ddof=1))
+    if made_to and made_to > CAPABLE * 3.0 * (std := float(np.std(deviations, ddof=1))):
+        hint = unit_hint(std, unit, made_to / 30.0, made_to)
+        section.fault("values", f"scatter by {std:.4g} {unit} (Cp = {made_to / (3.0 * std):.4g}), "
+                      f"but were made to {made_to:g} {unit}{hint}: check their unit and "
+                      "made_to")  # fmt: skip
+        return False
     if far <= BEYOND * width:
         return True
     hint = unit_hint(far, unit, 0.0, width)
@@ -164,7 +177,7 @@ def _made_to(
     if section.take("made_to") == FIXED:
         if t is None and follows:
             section.fault("made_to", "cannot be fixed where the tolerance is searched, as tighter "
-                          "limits would change nothing: state a [[part.machine]]")  # fmt: skip
+                          "limits would change nothing: state a machine, [[...machine]]")  # fmt: skip
         return t if follows else 0.0
     given = section.number("made_to", own or unit, POSITIVE)
     if given is not None:

@@ -93,7 +93,7 @@ def samples_of(offers: Iterable[Offer]) -> tuple[tuple[str, PartSample], ...]:
 def departures(offers: Iterable[Offer], owner: str) -> tuple[str, ...]:
     """How measured parts of machines contradict one stable normal process."""
     return tuple(
-        f"{owner}, machine {name}, measured: {one.text} (by chance: {one.probability:.2g})"
+        text
         for name, sample in samples_of(offers)
-        for one in sample.found
+        for text in sample.departures(f"{owner}, machine {name}")
     )

@@ -16,24 +16,28 @@ class AsMade:
 
     A part deviates by mean + spread z from its mid-limit, z ~ its input, and its drawing allows
     +-limit. Of parts whose scatter is in proportion to their tolerance, limit = spread = t.
+    `chosen` is the number of the process that makes each, None where it does not matter.
     """
 
     limit: Array
     spread: Array
     mean: Array
+    chosen: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.limit)
 
     def __getitem__(self, rows: slice | NDArray[np.int64] | NDArray[np.bool_]) -> AsMade:
         """Some of the designs."""
-        return AsMade(self.limit[rows], self.spread[rows], self.mean[rows])
+        chosen = None if self.chosen is None else self.chosen[rows]
+        return AsMade(self.limit[rows], self.spread[rows], self.mean[rows], chosen)
 
     @classmethod
     def between(cls, low: AsMade, high: AsMade, share: Array) -> AsMade:
         """Designs at shares (n, 1) of the way from one design to another."""
-        ends = [(getattr(low, name), getattr(high, name)) for name in cls.__slots__]
-        return cls(*(first + share * (last - first) for first, last in ends))
+        ends = [(low.limit, high.limit), (low.spread, high.spread), (low.mean, high.mean)]
+        limit, spread, mean = (first + share * (last - first) for first, last in ends)
+        return cls(limit, spread, mean)
 
 
 Tolerances = Array | AsMade

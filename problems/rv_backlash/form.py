@@ -20,6 +20,7 @@ from ...models.propagation.sums import Term
 from ...units import ARCMIN, MM
 from ..forms import Feature, Form, Way
 from ..limits import Limit
+from ..promise import ASSURED, PROMISED
 from .made import CELLS as CELLS_OF_MEANS
 from .made import Piece, pieces_of
 from .shift import extreme_pair, play_slopes
@@ -176,7 +177,8 @@ def _relaxed(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
     for name, value in settled.items():
         design[:, problem.names.index(name)] = value
     profile = problem.profile(design)
-    known = {*OUTPUTS, *KEPT, "cost", *(v.name for v in problem.variables if v.tolerance)}
+    kept = {PROMISED} if problem.promise and problem.promise.statement == ASSURED else set()
+    known = {*OUTPUTS, *KEPT, *kept, "cost", *(v.name for v in problem.variables if v.tolerance)}
     return tuple(
         limit.name
         for limit in problem.limits

@@ -24,15 +24,19 @@ from ...models.propagation.sums import ClippedSum
 from ...models.rv_reducer import declared, modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
 from ...units import ARCMIN, MM
+from ..deviations import Deviations
 from ..forms import Form
 from ..least import ends_of_front
 from ..machined import Machined
+from ..promise import ASSURED, PROMISED
+from ..promising import Promising
 from ..settings import Bound, Settings
 from ..tolerance_problem import Interval
 from .by_contact import verdicts
 from .costs import DEFAULT_COSTS
 from .counterparts import changes_of, sentence
-from .form import deviations, form_of
+from .deviating import deviations_of, promised_form
+from .form import deviations
 from .gradient import gradients
 from .made import MACHINABLE, moved
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
@@ -47,7 +51,7 @@ STAGGER_OF_DOCUMENT = 0.2
 STAGGERED = "document B, staggered 0.2 arcmin (delta' = 0.1)"
 
 
-class RvBacklash(Machined):
+class RvBacklash(Promising, Machined):
     """Backlash of an RV reducer against cost (default: RV-40E-121, document B).
 
     Variables, outputs and limits: docs/rv_backlash.md. Known answer: none (`exact_front` is None).
@@ -75,7 +79,11 @@ class RvBacklash(Machined):
         given = self.settings
         self.model = declared.backlash_model(
             given.parameters,
-            {_stem(name): s.mid for name, s in self.given.variables.items() if s.mid is not None},
+            {
+                _stem(name): s.centre
+                for name, s in self.given.variables.items()
+                if s.centre is not None
+            },
             {_stem(name): s.distribution for name, s in given.variables.items() if s.distribution},
         )
         self.limit = number(given.parameters["backlash_limit_arcmin"])
@@ -150,7 +158,8 @@ class RvBacklash(Machined):
         """
         if self.change.growth != 0.0:
             return None
-        return self._quantile_form if isinstance(self._quantile_form, Form) else form_of(self)
+        own = self._quantile_form
+        return own if isinstance(own, Form) else promised_form(self)
 
     def unproven(self) -> str:
         return self._quantile_form if isinstance(self._quantile_form, str) else ""
@@ -178,6 +187,8 @@ class RvBacklash(Machined):
     def form_values(self, form: Form, designs: Array, found: Mapping[str, Array]) -> Array:
         values = super().form_values(form, designs, found)
         missing = shortfalls(self, designs, found)
+        if self.promised is not None and self.promised.promise.statement == ASSURED:
+            missing[PROMISED] = self.promised.lacking(self.deviations(designs))
         for row, name in enumerate(form.outputs):
             if np.isfinite(form.own_limits[row]):
                 values[:, row] = form.own_limits[row] + missing[name]
@@ -199,7 +210,11 @@ class RvBacklash(Machined):
         return tuple(sentence(one, self.model) for one in self.settings.effects)
 
     def gradient(self, designs: Array) -> dict[str, Array]:
-        return gradients(self, designs)
+        return gradients(self, designs) | self.promised_slopes(designs)
+
+    def deviations(self, designs: Array) -> Deviations:
+        """Those of the geometric backlash; interference alone makes the effective one larger."""
+        return deviations_of(self, designs)
 
     # ---------------------------------------------------------------- what is known
 

@@ -39,7 +39,7 @@ class UnitModel(UnitBasis):
         inputs: dict[str, Distribution] = {
             stem(name): one.distribution for name, one in variables.items() if one.distribution
         }
-        mids = {stem(name): one.mid for name, one in variables.items() if one.mid is not None}
+        mids = {stem(name): one.centre for name, one in variables.items() if one.centre is not None}
         conditions = Conditions(
             coverage,
             number(parameters["backlash_limit_arcmin"]),

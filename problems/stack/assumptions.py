@@ -29,12 +29,13 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
             known = part.sample.statement(part.unit)
             found.append(Assumption(f"part.{part.name}.measured", known, "",
                                     told(definition.promise)))  # fmt: skip
-        elif definition.promise is not None and definition.promise.statement != PLUG_IN:
+        elif not part.sampled and told(definition.promise) == SAMPLED:
             found.append(Assumption(f"part.{part.name}.process", type(part.distribution).__name__,
                                     "", UNMEASURED))  # fmt: skip
         for machine, sample in samples_of(part.machines):
             place = f"part.{part.name}.machine.{machine}.measured"
-            found.append(Assumption(place, sample.statement(part.unit), "", ESTIMATED))
+            found.append(Assumption(place, sample.statement(part.unit), "",
+                                    told(definition.promise)))  # fmt: skip
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
             found.append(Assumption(f"part.{part.name}.{key}", value, "", why))

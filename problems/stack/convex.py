@@ -56,7 +56,11 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
         statement=_statement(stack, rows, left_out),
         base=float(sum(_fixed_cost(p) for p, out in zip(parts, settled, strict=True) if out)),
         correlation=None if independent else within,
-        exact=len(names) == len(set(names)) and all(exact for _, exact in features),
+        exact=(
+            len(names) == len(set(names))
+            and all(exact for _, exact in features)
+            and all(row.even_doubt for row in rows)
+        ),
         relaxed=left_out,
         tested=tuple(limit.name for limit in stack.limits if limit.name in _domains(stack)),
         quantiles=quantiles if any(one is not None for one in quantiles) else (),
@@ -152,8 +156,8 @@ def _feature(
         low, high = max(process.low, ends[0]), min(process.high, ends[1])
         if low <= high:
             choice = float(number) if part.alternatives else 0.0
-            linear, spread = (tuple(float(values[at]) for values in each) for each in (
-                [row.linear for row in rows], [row.spread for row in rows]))  # fmt: skip
+            linear = tuple(float(row.linear[at]) for row in rows)
+            spread = tuple(row.spread_of(at, number) for row in rows)
             ways.append(Way(process.curve or FREE, low, high, linear, spread, choice=choice))
     choice_name = f"{part.name}_process" if part.alternatives else ""
     return Feature(f"{part.name}_t", tuple(ways), choice_name, part.count), whole

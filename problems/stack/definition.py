@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.capability import PartSample
+from ...models.capability import Knowledge, PartSample
 from ...models.costs import CostCurve
 from ...models.inputs import Distribution
 from ...models.machines import Machine
@@ -100,6 +100,21 @@ class Part:
     def mean(self) -> float:
         """What the mean deviates from the nominal where the distribution has no shift."""
         return self.mid + (0.0 if self.sample is None else self.sample.offset)
+
+    def known(self, number: int) -> Knowledge | None:
+        """What a sample tells of one of its processes, None where it counts as known."""
+        machine = self.processes[number].machine
+        samples = (
+            [self.sample]
+            if machine is None
+            else [offer.sample for offer in self.machines if offer.machine.name == machine.name]
+        )
+        return next((one.knowledge for one in samples if one is not None), None)
+
+    @property
+    def sampled(self) -> bool:
+        """Whether a sample tells of some of its processes."""
+        return any(self.known(number) is not None for number in range(len(self.processes)))
 
     @property
     def by_machine(self) -> bool:

@@ -54,7 +54,7 @@ def machine_ways(
     ways = []
     for first, last in pairwise(ends.tolist()):
         slopes, offsets = _below(process, rows, at, curve, first, last)
-        spread = tuple(float(row.spread[at]) for row in rows)
+        spread = tuple(row.spread_of(at, number) for row in rows)
         ways.append(Way(used, first, last, slopes, spread, offsets, float(number)))
     return ways, exact and cells == 1
 
@@ -76,7 +76,7 @@ def _fixed(part: Part, number: int, rows: list[Row], at: int) -> Way:
         low=x,
         high=x,
         linear=(0.0,) * len(rows),
-        spread=tuple(float(row.spread[at]) for row in rows),
+        spread=tuple(row.spread_of(at, number) for row in rows),
         offset=tuple(float(_moved(row, at, t, np.array([mean]))[0]) for row in rows),
         choice=float(number),
     )

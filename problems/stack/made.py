@@ -55,7 +55,7 @@ def as_made(parts: Sequence[Part], t: Array, chosen: NDArray[np.int64]) -> Toler
             rows = chosen[:, at] == number
             if process.machine is not None and np.any(rows):
                 spread[rows, at], mean[rows, at] = spread_and_mean(part, process, t[rows, at])
-    return AsMade(t, spread, mean)
+    return AsMade(t, spread, mean, chosen)
 
 
 def ends_as_made(parts: Sequence[Part]) -> tuple[Tolerances, Tolerances]:

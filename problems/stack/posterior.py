@@ -1,7 +1,8 @@
 """Yields over the posterior of the processes: how surely a promise is kept, and what to expect.
 
 Of every draw the requirement is normal: its variance is the sum of the drawn ones, its mean is off
-by the drawn errors of the means, both in proportion to the tolerances.
+by the drawn errors of the means, both in proportion to the tolerances. Where a part is made by one
+of several processes, those that a design chooses count.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from ...models.stack import Tolerances, mean_of, spread_of
+from ...models.stack import AsMade, Tolerances, mean_of, spread_of
 from .definition import Part
 from .measured import Measured
 
@@ -33,18 +34,40 @@ class Posterior:
     seed: int
     draws: int = DRAWS
 
-    @cached_property
-    def _drawn(self) -> tuple[Array, Array]:
+    def _drawn(self, chosen: tuple[int, ...]) -> tuple[Array, Array]:
         """Variances over their estimates, and errors of means over the estimates (draws, p)."""
-        variance, error = (
-            np.ones((self.draws, len(self.parts))),
-            np.zeros((self.draws, len(self.parts))),
-        )
+        pairs = [self._each.get((at, self._source(at, number)))
+                 for at, number in enumerate(chosen)]  # fmt: skip
+        none = np.ones(self.draws), np.zeros(self.draws)
+        variance, error = zip(*(none if pair is None else pair for pair in pairs), strict=True)
+        return np.stack(variance, axis=1), np.stack(error, axis=1)
+
+    @cached_property
+    def _each(self) -> dict[tuple[int, str], tuple[Array, Array]]:
+        """What is drawn of each sampled process, by part and machine."""
+        found = {}
         for at, part in enumerate(self.parts):
-            if part.sample is not None:
-                rng = np.random.default_rng([self.seed, at])
-                variance[:, at], error[:, at] = part.sample.knowledge.drawn(self.draws, rng)
-        return variance, error
+            for number in range(len(part.processes)):
+                key, known = (at, self._source(at, number)), part.known(number)
+                if known is not None and key not in found:
+                    machine = [] if part.sample is not None else [number + 1]
+                    rng = np.random.default_rng([self.seed, at, *machine])
+                    found[key] = known.drawn(self.draws, rng)
+        return found
+
+    def _source(self, at: int, number: int) -> str:
+        """The machine of a process: it scatters alike with and without inspection."""
+        machine = self.parts[at].processes[number].machine
+        return "" if machine is None else machine.name
+
+    def _choices(self, t: Tolerances) -> list[tuple[tuple[int, ...], NDArray[np.int64]]]:
+        """The choices of processes (p,) among designs, each with the rows that make it."""
+        made = t.chosen if isinstance(t, AsMade) else None
+        if made is None or not any(part.machines for part in self.parts if part.sampled):
+            return [((0,) * len(self.parts), np.arange(len(t)))]
+        ways, owner = np.unique(made, axis=0, return_inverse=True)
+        return [(tuple(one), np.flatnonzero(owner.ravel() == at))
+                for at, one in enumerate(ways.tolist())]  # fmt: skip
 
     def assurance(self, of: Sequence[Measured], t: Tolerances, share: float) -> tuple[Array, Array]:
         """Probability [percent] (n,) that a share of the units keeps every requirement, its error.
@@ -52,48 +75,54 @@ class Posterior:
         Every requirement is asked for the share on its own.
         """
         kept = np.empty(len(t))
-        for rows in self._portions(len(t)):
-            every = np.all([self._yields(one, t[rows])[0] >= share for one in of], axis=0)
+        for chosen, rows in self._portions(t):
+            every = np.all([self._yields(one, t[rows], chosen)[0] >= share for one in of], axis=0)
             kept[rows] = every.mean(axis=1)
         error = np.sqrt(np.maximum(kept * (1.0 - kept), 1.0 / self.draws) / self.draws)
         return 100.0 * kept, 100.0 * error
 
     def expected(self, one: Measured, t: Tolerances) -> Array:
         """Expected yield [percent] (n,) of a requirement."""
-        each = [self._yields(one, t[rows])[0].mean(axis=1) for rows in self._portions(len(t))]
-        return np.asarray(100.0 * np.concatenate([np.empty(0), *each]))
+        found = np.empty(len(t))
+        for chosen, rows in self._portions(t):
+            found[rows] = 100.0 * self._yields(one, t[rows], chosen)[0].mean(axis=1)
+        return found
 
     def expected_slopes(self, one: Measured, t: Tolerances) -> Array:
         """Derivatives (n, parts) of the expected yield by the spread of the parts."""
         found = np.empty_like(spread_of(t))
-        for rows in self._portions(len(t)):
-            found[rows] = self._slopes(one, t[rows])
+        for chosen, rows in self._portions(t):
+            found[rows] = self._slopes(one, t[rows], chosen)
         return found
 
-    def _portions(self, n: int) -> list[slice]:
+    def _portions(self, t: Tolerances) -> list[tuple[tuple[int, ...], NDArray[np.int64]]]:
+        """Rows of designs that are looked at together, with the processes that they choose."""
         step = max(1, AT_ONCE // self.draws)
-        return [slice(first, first + step) for first in range(0, n, step)]
+        return [(chosen, rows[first : first + step]) for chosen, rows in self._choices(t)
+                for first in range(0, len(rows), step)]  # fmt: skip
 
-    def _coefficients(self, one: Measured) -> tuple[Array, Array]:
+    def _coefficients(self, one: Measured, chosen: tuple[int, ...]) -> tuple[Array, Array]:
         """Variances (draws, p) and shifts of the mean (draws, p) of a requirement at t = 1."""
-        variance, error = self._drawn
-        std = np.array([p.distribution.sigma if p.sample is not None else 0.0  # type: ignore[attr-defined]
+        variance, error = self._drawn(chosen)
+        std = np.array([p.distribution.sigma if p.sampled else 0.0  # type: ignore[attr-defined]
                         for p in self.parts])  # fmt: skip
         slope = one.linear.slope * std
         return variance * np.diag(one.linear.covariance), error * slope + one.linear.mean
 
-    def _yields(self, one: Measured, t: Tolerances) -> tuple[Array, tuple[Array, Array, Array]]:
+    def _yields(
+        self, one: Measured, t: Tolerances, chosen: tuple[int, ...]
+    ) -> tuple[Array, tuple[Array, Array, Array]]:
         """Yields (n, draws), and standard deviation and distance of each limit behind them."""
-        square, shift = self._coefficients(one)
+        square, shift = self._coefficients(one, chosen)
         s, mechanism = spread_of(t), one.mechanism
         std = np.maximum(np.sqrt(s**2 @ square.T), 1e-300)
         mean = mechanism.centre + (mean_of(t) @ one.linear.slope)[:, None] + s @ shift.T
         above, below = (mechanism.upper - mean) / std, (mechanism.lower - mean) / std
         return np.asarray(ndtr(above) - ndtr(below)), (std, above, below)
 
-    def _slopes(self, one: Measured, t: Tolerances) -> Array:
-        _, (std, above, below) = self._yields(one, t)
-        square, shift = self._coefficients(one)
+    def _slopes(self, one: Measured, t: Tolerances, chosen: tuple[int, ...]) -> Array:
+        _, (std, above, below) = self._yields(one, t, chosen)
+        square, shift = self._coefficients(one, chosen)
         bells = [np.where(np.isfinite(z), np.exp(-0.5 * np.where(np.isfinite(z), z, 0.0) ** 2), 0.0)
                  / (np.sqrt(2.0 * np.pi) * std) for z in (above, below)]  # fmt: skip
         far = [np.where(np.isfinite(z), z, 0.0) for z in (above, below)]

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from ...declarations import Assumption, Output, Parameter, Variable
 from ...errors import Fault, ModelError
+from ...models.capability import PartSample
 from ...models.costs import CostCurve
+from ...models.machines.offers import samples_of
 from ...models.stack import Linear, Tolerances
 from ...section import Section
 from ..forms import Form
-from ..promise import read_promise
+from ..promise import Promise, read_promise
 from ..settings import Bound, Settings, VariableSetting
 from ..tolerance_problem import Interval, ToleranceProblem
 from .assumptions import assumptions_of
@@ -189,6 +191,10 @@ class Stack(ToleranceProblem):
         if self.promises is not None:
             found |= self.promises.outputs(t, searching, self.wanted)
         return found | joint_variations(self.measured, found)
+
+    @property
+    def promise(self) -> Promise | None:
+        return self.definition.promise
 
     @cached_property
     def promises(self) -> Promises | None:
@@ -385,6 +391,14 @@ class Stack(ToleranceProblem):
 
     def assumptions(self) -> tuple[Assumption, ...]:
         return assumptions_of(self.definition)
+
+    def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
+        found = []
+        for part in self.definition.parts:
+            found += [] if part.sample is None else [(part.name, part.unit, part.sample)]
+            found += [(f"{part.name}, machine {machine}", part.unit, sample)
+                      for machine, sample in samples_of(part.machines)]  # fmt: skip
+        return tuple(found)
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
         return domain_remarks(self.measured, front)

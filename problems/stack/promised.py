@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ...models.capability import Norm, norm_of
-from ...models.stack import Tolerances, mean_of, spread_of
+from ...models.stack import AsMade, Tolerances, mean_of, spread_of
 from ..promise import ASSURED, Promise
 from .measured import Measured
 from .posterior import Posterior
@@ -26,17 +26,35 @@ class Promised:
     measured: Measured
     promise: Promise
     posterior: Posterior
+    level: float | None = None
 
     @cached_property
-    def norm(self) -> Norm:
-        """The standard deviation that an assured promise reckons with, by the tolerances."""
+    def norms(self) -> tuple[Norm, ...]:
+        """The standard deviation that an assured promise reckons with, by the spreads of the parts.
+
+        One for each number of a process; parts that have fewer count with their last one.
+        """
         one = self.measured
         each = np.diag(one.linear.covariance)
         slopes = one.mechanism.sensitivities
         squares = np.bincount(one.mechanism.owners, slopes**2, minlength=len(each))
         alone = np.divide(each, squares, out=np.zeros_like(each), where=squares > 0.0)
-        known = [None if part.sample is None else part.sample.knowledge for part in one.parts]
-        return norm_of(known, each, one.linear.slope**2 * alone, self.promise.confidence)
+        return tuple(
+            norm_of([part.known(min(number, len(part.processes) - 1)) for part in one.parts],
+                    each, one.linear.slope**2 * alone, self.promise.confidence, self.level,
+                    self.quantile if len(self.sides) == 1 else None)
+            for number in range(max(len(part.processes) for part in one.parts))
+        )  # fmt: skip
+
+    def norm(self, t: Tolerances) -> Norm:
+        """The norm of designs by the processes that they choose."""
+        if not isinstance(t, AsMade) or t.chosen is None or len(self.norms) == 1:
+            return self.norms[0]
+        at = t.chosen, np.arange(t.chosen.shape[1])
+        even, own, shared = (np.array([getattr(one, name) for one in self.norms])[at]
+                             for name in ("even", "own", "shared"))  # fmt: skip
+        errors = [one.error for one in self.norms if one.error is not None]
+        return Norm(even, own, shared, np.array(errors)[at] if errors else None)
 
     @property
     def sides(self) -> list[tuple[float, float]]:
@@ -70,7 +88,7 @@ class Promised:
         nearest, spread = np.argmin(room, axis=0), self._spread(t)
         side = np.array([side for side, _ in self.sides])[nearest]
         z = room.min(axis=0) / spread
-        rise = -side[:, None] * self.measured.linear.mean - z[:, None] * self.norm.slopes(
+        rise = -side[:, None] * self.measured.linear.mean - z[:, None] * self.norm(t).slopes(
             spread_of(t)
         )
         bell = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi) * (1.0 + (len(self.sides) == 2))
@@ -82,7 +100,7 @@ class Promised:
         return np.asarray(np.max([z - self._room(t, *end) for end in self.sides], axis=0))
 
     def _spread(self, t: Tolerances) -> Array:
-        return np.maximum(self.norm.value(spread_of(t)), LEAST)
+        return np.maximum(self.norm(t).value(spread_of(t)), LEAST)
 
     def _room(self, t: Tolerances, side: float, room: float) -> Array:
         """Distance (n,) of a limit from the mean."""

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from ...declarations import Output
 from ...errors import Fault
+from ...models.capability import Level
 from ...models.stack import Tolerances
-from ..promise import ASSURANCE, ASSURED, PLUG_IN, PROMISED, YIELD, Promise
+from ..promise import ASSURANCE, ASSURED, PLUG_IN, PROMISED, Promise
+from ..promise_outputs import assurances, contradictions, means_promise, outputs_of_promise
 from ..settings import Bound
+from .chosen import level_of
 from .definition import Definition, Requirement
 from .measured import Interval, Measured
 from .posterior import Posterior
@@ -27,24 +30,9 @@ def promise_outputs(promise: Promise | None, requirements: Sequence[Requirement]
     if promise is None:
         return []
     bounded = [one for one in requirements if one.lower is not None or one.upper is not None]
-    found = []
-    for one in bounded:
-        if promise.statement != PLUG_IN:
-            what = (f"with {promise.confidence_percent:g} % confidence, by the norm"
-                    if promise.statement == ASSURED else "expected over the posterior")  # fmt: skip
-            found.append(Output(one.output(PROMISED), "percent", f"conforming units {what}",
-                                larger_is_better=True, low=0.0, high=100.0))  # fmt: skip
-        found += _assurances(one.output(ASSURANCE))
+    found = [output for one in bounded for output in outputs_of_promise(promise, one.output(""))]
     joint = bool(requirements[0].key) and bool(bounded)
-    return found + (_assurances(ASSURANCE) if joint else [])
-
-
-def _assurances(name: str) -> list[Output]:
-    return [
-        Output(name, "percent", "probability, over what is not known of the processes, that the "
-               "promised share of units conforms", larger_is_better=True, low=0.0, high=100.0),
-        Output(f"{name}_error", "percent", "standard error of the assurance", error_of=name),
-    ]  # fmt: skip
+    return found + (list(assurances(ASSURANCE)) if joint else [])
 
 
 def promise_limits(definition: Definition, given: Mapping[str, Bound]) -> dict[str, Bound]:
@@ -52,15 +40,11 @@ def promise_limits(definition: Definition, given: Mapping[str, Bound]) -> dict[s
     promise = definition.promise
     if promise is None:
         return dict(given)
-    found = {name: bound for name, bound in given.items() if not _means_promise(name, promise)}
+    found = {name: bound for name, bound in given.items() if not means_promise(name, promise)}
     for one in definition.requirements:
         if one.lower is not None or one.upper is not None:
             found[one.output(promise.output)] = Bound(low=promise.yield_percent)
     return found
-
-
-def _means_promise(name: str, promise: Promise) -> bool:
-    return name.split(".")[-1] in (YIELD, promise.output)
 
 
 def promise_faults(definition: Definition, given: Mapping[str, Bound]) -> list[Fault]:
@@ -68,12 +52,7 @@ def promise_faults(definition: Definition, given: Mapping[str, Bound]) -> list[F
     promise = definition.promise
     if promise is None:
         return []
-    found = [
-        Fault(f"limits.{name}", f"asks for {_percent(bound)}, the promise is of "
-              f"{promise.yield_percent:g} %: leave the limit out, or make them the same")
-        for name, bound in given.items()
-        if _means_promise(name, promise) and bound != Bound(low=promise.yield_percent)
-    ]  # fmt: skip
+    found = contradictions(promise, given)
     if not any(one.lower is not None or one.upper is not None for one in definition.requirements):
         text = "is of no requirement: none has lower or upper, without which there is no yield"
         found.append(Fault("promise", text))
@@ -82,12 +61,6 @@ def promise_faults(definition: Definition, given: Mapping[str, Bound]) -> list[F
                 "correlated parts is not known; state plug_in")  # fmt: skip
         found.append(Fault("promise.statement", text))
     return found
-
-
-def _percent(bound: Bound) -> str:
-    ends = [f"{end:g} % at {side}" for side, end in (("least", bound.low), ("most", bound.high))
-            if np.isfinite(end)]  # fmt: skip
-    return ", ".join(ends)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +80,13 @@ class Promises:
     def each(self) -> tuple[Promised, ...]:
         """The promise of each requirement with limits."""
         bounded = [one for one in self.measured if one.mechanism.bounded]
-        return tuple(Promised(one, self.promise, self.posterior) for one in bounded)
+        level = self.level.confidence if self.level is not None else None
+        return tuple(Promised(one, self.promise, self.posterior, level) for one in bounded)
+
+    @cached_property
+    def level(self) -> Level | None:
+        """The level of the norm where sampled processes are chosen among."""
+        return level_of(self.measured, self.promise, self.seed)
 
     def outputs(self, t: Tolerances, searching: bool, wanted: Collection[str]) -> dict[str, Array]:
         """Promised yields and assurances (n,); NaN where a search does not need them."""
@@ -138,7 +117,7 @@ class Promises:
         found: dict[str, Interval] = {}
         for one in self.each if self.promise.statement != PLUG_IN else ():
             still = not np.any(one.measured.linear.mean)
-            proven = self.promise.statement == ASSURED and still
+            proven = self.promise.statement == ASSURED and still and len(one.norms) == 1
             most = float(one.promised(tightest)[0]) if proven else 100.0
             found[one.measured.name(PROMISED)] = 0.0, most
         return found | {one.measured.name(ASSURANCE): (0.0, 100.0) for one in self.each}

@@ -44,9 +44,8 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
             name = f"{part.name} ({process.name})" if process.name else part.name
             found += [f"part {name}: {process.note}"] if process.note else []
             found += [note] if (note := rising(f"part {name}", process.curve)) else []
-    found += [f"part {part.name}, measured: {one.text} (by chance: {one.probability:.2g})"
-              for part in stack.definition.parts if part.sample is not None
-              for one in part.sample.found]  # fmt: skip
+    for part in stack.definition.parts:
+        found += () if part.sample is None else part.sample.departures(f"part {part.name}")
     for part in stack.definition.parts:
         found += departures(part.machines, f"part {part.name}")
     for one in stack.measured:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from ...models.capability import Surplus
+from ...models.capability.norm import Surplus, over
 from ...models.stack import Law
 from ...models.stack.linear import SIGMAS
 from ..forms import Piece, Quantile
@@ -34,8 +34,10 @@ class Row:
 
     A root has its spread in `spread`; of a quantile that is its weight for each part. `most` is an
     upper limit of its own. `bias` (parts,) is by how much it rises with the mean of a part that a
-    machine makes, `shift` (parts,) with the size of that mean, `own` and `shared` (parts,) what a
-    doubt of the processes adds (`Surplus`); nothing where they are not given.
+    machine makes, `shift` (parts,) with the size of that mean, `doubt` what is not known of
+    the processes of the parts adds, `by_process` (w, parts) by how much the spread of each process
+    is wider than that of the first; nothing where they are not given. Without `even_doubt` the
+    processes of a part are not known alike, and its doubt is that of the best known.
     """
 
     output: str
@@ -47,8 +49,14 @@ class Row:
     most: float = np.inf
     bias: Array | None = None
     shift: Array | None = None
-    own: Array | None = None
-    shared: Array | None = None
+    doubt: Surplus | None = None
+    by_process: Array | None = None
+    even_doubt: bool = True
+
+    def spread_of(self, at: int, number: int) -> float:
+        """The spread of a part by one of its processes: doubt widens that of a sampled one."""
+        wider = 1.0 if self.by_process is None else float(self.by_process[number, at])
+        return wider * float(self.spread[at])
 
     @property
     def promised(self) -> bool:
@@ -172,19 +180,41 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
         return found
     assured = promises.promise.statement == ASSURED
     for one in promises.each if assured or gaussian else ():
-        norm, linear = one.norm, one.measured.linear
-        spread = one.quantile * np.sqrt(norm.even)
-        safe = np.where(norm.even > 0.0, norm.even, 1.0)
-        own, shared = (norm.own / safe, norm.shared / safe) if assured else (None, None)
+        norms, linear = one.norms, one.measured.linear
+        spread = one.quantile * np.sqrt(norms[0].even)
+        doubts = [norm.surplus() for norm in norms] if assured else []
+        wider = np.array([np.sqrt(over(norm.even, norms[0].even, 1.0)) for norm in norms])
         sides = one.sides
         if not np.any(linear.mean) and not _off_centre(one.measured):
             sides = [(1.0, min(room for _, room in sides))]
         found += [
             Row(one.measured.name(PROMISED), one.measured, "rss", side * linear.mean, spread,
-                most=room, bias=side * linear.slope, own=own, shared=shared)
+                most=room, bias=side * linear.slope, doubt=_least(doubts),
+                by_process=None if len(norms) == 1 else wider, even_doubt=_alike(doubts))
             for side, room in sides
         ]  # fmt: skip
     return found
+
+
+def _least(doubts: list[Surplus]) -> Surplus | None:
+    """What the doubt of parts adds at least, by whatever process each is made."""
+    if not doubts:
+        return None
+    own, shared, error = (_of_all(doubts, name) for name in ("own", "shared", "error"))
+    return Surplus(np.min(own, axis=0), np.min(shared, axis=0),
+                   error=None if doubts[0].error is None else np.min(error, axis=0))  # fmt: skip
+
+
+def _alike(doubts: list[Surplus]) -> bool:
+    """Whether the processes of every part are known alike."""
+    each = (_of_all(doubts, name) for name in ("own", "shared", "error"))
+    return all(np.allclose(one, one[:1], 1e-12, 0.0) for one in each)
+
+
+def _of_all(doubts: list[Surplus], name: str) -> Array:
+    """Coefficients (w, parts) of every process; nothing where there are none."""
+    found = [value for one in doubts if (value := getattr(one, name)) is not None]
+    return np.array(found) if found else np.zeros((1, 1))
 
 
 def _off_centre(one: Measured) -> bool:
@@ -241,12 +271,16 @@ def quantile_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array)
 
 def surplus_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) -> Surplus | None:
     """What doubt adds under the root of a row, by the squares of the parts `kept`."""
-    if row.own is None or row.shared is None:
+    if (doubt := row.doubt) is None:
         return None
     square = (row.spread * t)[settled] ** 2
-    return Surplus(row.own[kept], row.shared[kept],
-                   float(np.sqrt(np.sum((row.own[settled] * square) ** 2))),
-                   float(row.shared[settled] @ square))  # fmt: skip
+    error = np.zeros_like(doubt.own) if doubt.error is None else doubt.error
+    return Surplus(doubt.own[kept], doubt.shared[kept],
+                   float(np.sqrt(np.sum((doubt.own[settled] * square) ** 2))),
+                   float(doubt.shared[settled] @ square),
+                   error=None if doubt.error is None else error[kept],
+                   fixed_error=float(error[settled] @ square),
+                   fixed_even=float(square.sum()))  # fmt: skip
 
 
 def shortfall(stack: Stack, row: str, designs: Array, found: Mapping[str, Array]) -> Array:

@@ -223,3 +223,34 @@ def test_pieces_of_one_part_share_the_error_of_its_mean(tmp_path: Path) -> None:
     h = np.sqrt(limit * (2.0 * v + 4.0 * v / n))
     expected = 100.0 * (2.0 * stats.norm.cdf(40.0 / h) - 1.0)
     assert problem.frame(t)["promised_yield_percent"].iloc[0] == pytest.approx(expected, abs=1e-8)
+
+
+def test_one_limit_alone_takes_the_error_of_the_mean_in_full(tmp_path: Path) -> None:
+    """h = a + sqrt((sqrt(a^2 + N) - a)^2 + c^2) by explicit sums; the optimum meets it."""
+    problem = built(tmp_path, text().replace("lower = -40.0\n", "").replace(PRIORS[2], ""))
+    t = np.array([14.0, 9.0, 20.0, 5.0])
+    z, k = stats.norm.ppf(0.95), stats.norm.ppf(0.9973)
+
+    def reach(t: np.ndarray) -> float:
+        even, own, error = 0.0, 0.0, 0.0
+        for at, values in enumerate(samples()):
+            n = len(values)
+            v = (SLOPES[at] * float(np.std(values, ddof=1)) * t[at] / 10.0) ** 2
+            e = (n - 1.0) / (n - 3.0)
+            even += e * v
+            own += ((((n - 1.0) / stats.chi2.ppf(0.05, n - 1.0)) - e) * v) ** 2
+            error += e * v / n
+        a = np.sqrt(even)
+        return float(a + np.hypot(np.sqrt(even + np.sqrt(own)) - a, z / k * np.sqrt(error)))
+
+    found = problem.frame(t[None, :]).iloc[0]
+    expected = 100.0 * stats.norm.cdf(40.0 / reach(t))
+    assert found["promised_yield_percent"] == pytest.approx(expected, abs=1e-9)
+    least = cheapest(problem)
+    assert k * reach(least.design) == pytest.approx(40.0, rel=1e-6)
+    kept = problem.frame(least.design[None, :]).iloc[0]
+    assert 94.0 <= kept["assurance_percent"] <= 98.0
+    slopes, step = problem.gradient(t[None, :])["promised_yield_percent"][0], 1e-5
+    values = problem.frame(t + step * np.vstack([np.eye(4), -np.eye(4)]))["promised_yield_percent"]
+    by_steps = (values.to_numpy()[:4] - values.to_numpy()[4:]) / (2.0 * step)
+    np.testing.assert_allclose(slopes, by_steps, atol=1e-5 * np.abs(by_steps).max())

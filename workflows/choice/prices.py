@@ -25,11 +25,12 @@ NEIGHBOURS = 2
 
 
 def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd.DataFrame:
-    """What one unit less of each requirement costs at points of a front.
+    """What one unit less of each requirement costs at points of a front; of a lower limit (a
+    yield), one unit more.
 
-    At the least cost -dC/dt_j = sum_i price_i dy_i/dt_j for every tolerance inside of its bounds
-    (Karush, Kuhn and Tucker); the prices, none below 0, fit that best, each tolerance weighted by
-    its width. Limits that a point does not use up have the price 0. Columns: `point`, `output`,
+    At the least cost -dC/dt_j = sum_i price_i s_i dy_i/dt_j for every tolerance inside of its
+    bounds (Karush, Kuhn and Tucker), s_i -1 at a lower limit and else 1; the prices, none below 0,
+    fit that best, each tolerance weighted by its width. Limits that a point does not use up have the price 0. Columns: `point`, `output`,
     `price` (cost per unit of the output), `source`: `multiplier` where the point is proven optimal
     (gap at most `PROVEN` %) and the conditions hold, `front` where it is the slope of the front of
     two objectives, else `estimate`, with `spread_percent`, what the conditions leave.
@@ -38,7 +39,7 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     if front.empty or not names or not slopes.saved.size or COST not in front:
         return pd.DataFrame()
     binding = _binding(problem, front.iloc[rows], names)
-    found, left = _fitted(problem, slopes, binding)
+    found, left = _fitted(problem, slopes, binding, _sides(problem, front.iloc[rows], names))
     sure = _proven(front)[rows] & (left <= FITS)
     sources = np.where(sure, "multiplier", "estimate").astype(object)
     frames = []
@@ -54,7 +55,7 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
 
 
 def _fitted(
-    problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_]
+    problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_], sides: Array
 ) -> tuple[Array, Array]:
     """Prices (n, requirements) by the conditions of an optimum, and what these leave [%] (n,)."""
     free = {v.name: at for at, v in enumerate(problem.free)}
@@ -76,7 +77,7 @@ def _fitted(
         right = save[row, kept]
         if not len(used) or not np.any(kept) or not np.any(right):
             continue
-        matrix = each[row][kept][:, used]
+        matrix = each[row][kept][:, used] * sides[row, used]
         size = np.linalg.norm(matrix, axis=0)
         scaled = matrix / np.where(size > 0.0, size, 1.0)
         solution, rest = _above_zero(scaled, right)
@@ -103,6 +104,17 @@ def _binding(problem: ToleranceProblem, front: pd.DataFrame, names: list[str]) -
             scale = max(abs(b) for b in (limits[name].low, limits[name].high) if np.isfinite(b))
             margin = front[f"margin_{name}"].to_numpy(dtype=float)
             found[:, at] = margin <= BINDING * (scale or limits[name].scale)
+    return found
+
+
+def _sides(problem: ToleranceProblem, front: pd.DataFrame, names: list[str]) -> Array:
+    """-1 (n, requirements) where the nearer limit is a lower one, else 1."""
+    found = np.ones((len(front), len(names)))
+    limits = {limit.name: limit for limit in problem.limits}
+    for at, name in enumerate(names):
+        if name in limits and name not in problem.objectives:
+            value, one = front[name].to_numpy(dtype=float), limits[name]
+            found[value - one.low < one.high - value, at] = -1.0
     return found
 
 

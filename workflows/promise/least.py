@@ -9,13 +9,17 @@ from numpy.typing import NDArray
 
 from ...algorithms.exact.bounds import row_limits
 from ...algorithms.exact.choices import Optimum, least_cost
+from ...algorithms.exact.epsilon import SETS
 from ...algorithms.exact.solver import Exact, closed_form
+from ...algorithms.hybrid import Hybrid
 from ...algorithms.search import search
 from ...algorithms.settings import Budget
 from ...problems.forms import Form
 from ...problems.stack import Stack
 
 Array = NDArray[np.float64]
+EVALUATIONS = 600
+"""Of a search among many choices of processes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +36,15 @@ class Least:
 
 
 def cheapest(stack: Stack) -> Least:
-    """The cheapest design of a stack whose only objective is the cost: exact where it can be."""
-    found = search(stack, Exact(), Budget(), stack.settings.seed)
+    """The cheapest design of a stack whose only objective is the cost: exact where it can be.
+
+    Many choices without a closed form are searched (an expected yield by sampled machines).
+    """
+    choices = float(np.prod([len(part.processes) for part in stack.definition.parts], dtype=float))
+    if closed_form(stack) is None and choices > SETS:
+        found = search(stack, Hybrid(), Budget(evaluations=EVALUATIONS), stack.settings.seed)
+    else:
+        found = search(stack, Exact(), Budget(), stack.settings.seed)
     if not len(found.f):
         return Least.none(stack)
     at = int(np.argmin(found.f[:, 0]))

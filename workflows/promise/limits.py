@@ -8,7 +8,9 @@ from ...problems.tolerance_problem import ToleranceProblem
 
 def promised_limits(problem: ToleranceProblem) -> set[str]:
     """Names of the limits that keep the promise of a problem, none where it promises nothing."""
-    if not isinstance(problem, Stack) or problem.promises is None:
+    if problem.promise is None:
         return set()
-    output = problem.promises.promise.output
-    return {one.measured.name(output) for one in problem.promises.each}
+    if isinstance(problem, Stack) and problem.promises is not None:
+        output = problem.promise.output
+        return {one.measured.name(output) for one in problem.promises.each}
+    return {problem.promise.output}

@@ -8,17 +8,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ...problems.promise import ASSURANCE, ASSURED, STATEMENTS, YIELD
+from ...problems.promise import ASSURANCE, ASSURED, STATEMENTS, YIELD, Promise
+from ...problems.promising import Promising
 from ...problems.stack import Stack
 from ...problems.stack.anew import cheapest_at, with_statement
 from ...problems.tolerance_problem import ToleranceProblem
 from .least import cheapest
 from .next_parts import next_parts
-from .shapes import bootstrapped, shapely, withheld
+from .shapes import bootstrapped, doubt, shapely, withheld
 
 COSTS = ("statement", "cost", "dearer_percent", YIELD, ASSURANCE)
-KNOWN = ("part", "parts", "unit", "mean", "std", "made_to", "df", "type", "index", "value", "low",
-         "high", "departures")  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +28,14 @@ class PromiseOutcome:
     sentence: str
     costs: pd.DataFrame
     next_parts: pd.DataFrame
-    capability: pd.DataFrame
 
 
 def promise_outcome(
     problem: ToleranceProblem, front: pd.DataFrame, point: int
 ) -> PromiseOutcome | None:
     """The promise at one point of a front; None where nothing is promised or found."""
+    if isinstance(problem, Promising) and problem.promise is not None and not front.empty:
+        return _of_deviations(problem, problem.promise, front.iloc[point], point)
     if not isinstance(problem, Stack) or problem.promises is None or front.empty:
         return None
     promise, row = problem.promises.promise, front.iloc[point]
@@ -53,11 +53,29 @@ def promise_outcome(
         "costs": {one["statement"]: one["cost"] for one in costs.to_dict("records")},
         "hangs_on": str(ranking["part"].iloc[0]) if len(ranking) else None,
     }
+    if (level := problem.promises.level) is not None:
+        summary |= {"level_percent": 100.0 * level.confidence, "level_sure": level.sure,
+                    "without_choice_percent": 100.0 * level.without}  # fmt: skip
     if shapely(problem):
         design = problem.designs_of(front.iloc[[point]])[0]
         summary["bootstrap_percent"] = bootstrapped(problem, design)
-    return PromiseOutcome(summary, sentence(summary, promise.words(), costs), costs, ranking,
-                          capability_table(problem))  # fmt: skip
+    return PromiseOutcome(summary, sentence(summary, promise.words(), costs), costs, ranking)
+
+
+def _of_deviations(
+    problem: Promising, promise: Promise, row: pd.Series, point: int
+) -> PromiseOutcome:
+    """The promise of a problem that gives variances: its assurance, and what withholds the word."""
+    samples = [(name, one) for name, _, one in problem.samples()]
+    summary: dict[str, Any] = promise.table() | {
+        "point": point,
+        ASSURANCE: float(row[ASSURANCE]),
+        "assured_withheld": [f"{name} {why}" for name, one in samples if (why := doubt(one))],
+        "hangs_on": None,
+    }
+    nothing = pd.DataFrame({"statement": [], "cost": []})
+    return PromiseOutcome(summary, sentence(summary, promise.words(), nothing), nothing,
+                          pd.DataFrame())  # fmt: skip
 
 
 def by_statement(stack: Stack) -> pd.DataFrame:
@@ -90,6 +108,8 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
     if "bootstrap_percent" in summary:
         told += f", by the Bayesian bootstrap {float(summary['bootstrap_percent']):.1f} %"
     by = costs.set_index("statement")["cost"]
+    if by.empty:
+        return f"{told}."
     if np.isfinite(by.get(ASSURED, np.nan)) and np.isfinite(by.iloc[0]):
         told += (f". At the least cost the estimates alone would ask for {by.iloc[0]:.4g}, an "
                  f"expected yield for {by.get('predictive', np.nan):.4g}, assurance for "
@@ -99,19 +119,3 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
     if summary["hangs_on"]:
         told += f". It hangs most on {summary['hangs_on']}: measure more of it first"
     return f"{told}."
-
-
-def capability_table(stack: Stack) -> pd.DataFrame:
-    """Every measured characteristic: its indices with confidence limits, its type, departures."""
-    rows = []
-    for part in stack.definition.parts:
-        sample = part.sample
-        if sample is None:
-            continue
-        base = {"part": part.name, "parts": len(sample.deviations), "unit": part.unit,
-                "mean": sample.knowledge.mean, "std": sample.knowledge.std,
-                "made_to": sample.made_to, "df": sample.knowledge.df, "type": sample.type,
-                "departures": "; ".join(one.text for one in sample.found)}  # fmt: skip
-        rows += [base | {"index": name, "value": one.value, "low": one.low, "high": one.high}
-                 for name, one in sample.indices.items()]  # fmt: skip
-    return pd.DataFrame(rows, columns=list(KNOWN))

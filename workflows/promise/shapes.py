@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from ...models.capability import cumulants_drawn, kept
+from ...models.capability import PartSample, cumulants_drawn, kept
 from ...problems.stack import Stack
-from ...problems.stack.definition import Part
 
 Array = NDArray[np.float64]
 FEW = 20
@@ -21,12 +20,13 @@ DRAWS = 4000
 
 def withheld(stack: Stack) -> list[str]:
     """Why the word "assured" is withheld, a phrase for each part; none where it is not."""
-    return [f"{part.name} {why}" for part in stack.definition.parts if (why := _doubt(part))]
+    return [f"{name} {why}" for name, _, sample in stack.samples() if (why := doubt(sample))]
 
 
 def shapely(stack: Stack) -> bool:
     """Whether a measured part is not normal, as far as the tests tell."""
-    return any(_shaped(part) for part in stack.definition.parts)
+    return any(part.sample is not None and _shaped(part.sample)
+               for part in stack.definition.parts)  # fmt: skip
 
 
 def bootstrapped(stack: Stack, design: Array) -> float:
@@ -63,16 +63,17 @@ def _cumulants(stack: Stack, at: int) -> Array:
     return cumulants_drawn(sample.deviations * scale, DRAWS, rng)
 
 
-def _shaped(part: Part) -> bool:
-    return part.sample is not None and any(one.kind in NOT_NORMAL for one in part.sample.found)
+def _shaped(sample: PartSample) -> bool:
+    return any(one.kind in NOT_NORMAL for one in sample.found)
 
 
-def _doubt(part: Part) -> str:
-    if part.sample is None or not _shaped(part):
+def doubt(sample: PartSample) -> str:
+    """Why a sample does not carry an assurance, empty where it does."""
+    if not _shaped(sample):
         return ""
-    if any(one.kind == "outlier" for one in part.sample.found):
+    if any(one.kind == "outlier" for one in sample.found):
         return "has an outlier"
-    values = part.sample.deviations
+    values = sample.deviations
     skew, excess = float(stats.skew(values)), float(stats.kurtosis(values))
     if excess > abs(skew):
         return f"has heavy tails (excess kurtosis {excess:.2g})"

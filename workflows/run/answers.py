@@ -20,6 +20,8 @@ ALIKE = 1e-9
 """Relative difference of two values that is none."""
 EXACT = 1e-3
 """Gap [percent] that is none."""
+TENTH = 0.1
+"""Share of a limit by which it is loosened, to say what it costs."""
 NEAR = 1e-3
 """Share of a limit within which a point uses it up."""
 
@@ -176,7 +178,7 @@ class Words:
             price, proven = priced
             how = ("by the multiplier of the proven optimum" if proven else
                    "estimated by the conditions of an optimum")  # fmt: skip
-            step = abs(limit.high if np.isfinite(limit.high) else limit.low) * 0.1 or 1.0
+            step = _step(limit)
             unit = f" {limit.unit}".rstrip()
             cost = f" {self.units[COST]}".rstrip()
             return (f"{where} the limit of {text} binds: loosening it by {step:.3g}{unit} would "
@@ -239,6 +241,14 @@ class Words:
             f"{percent(middle)} below a point of the front in the median, {percent(most)} at "
             f"most ({statement})."
         )
+
+
+def _step(limit: Limit) -> float:
+    """A tenth of a limit; of a lower one in percent a tenth of what it leaves."""
+    if np.isfinite(limit.high):
+        return abs(limit.high) * TENTH or 1.0
+    left = 100.0 - limit.low if limit.unit == "percent" else np.inf
+    return min(abs(limit.low), left if left > 0.0 else np.inf) * TENTH or 1.0
 
 
 def reason(statement: str) -> str:

@@ -1,4 +1,4 @@
-"""The promise of a run, beside its other answers."""
+"""The promise of a run and what is known of measured parts, beside its other answers."""
 
 from __future__ import annotations
 
@@ -7,6 +7,15 @@ from dataclasses import replace
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 from ..promise.limits import promised_limits
+
+
+def with_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
+    """The result with what is known of measured parts, where there are some."""
+    if not problem.samples():
+        return result
+    from ..promise.capability import capability_table
+
+    return replace(result, capability=capability_table(problem))
 
 
 def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
@@ -22,6 +31,5 @@ def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
         return result
     answers = dict(result.answers) | {"promise": found.sentence}
     summary = dict(result.summary) | {"promise": found.summary, "answers": answers}
-    return replace(result, summary=summary, promise=found.costs,
-                   next_parts=found.next_parts if len(found.next_parts) else None,
-                   capability=found.capability if len(found.capability) else None)  # fmt: skip
+    return replace(result, summary=summary, promise=found.costs if len(found.costs) else None,
+                   next_parts=found.next_parts if len(found.next_parts) else None)  # fmt: skip

@@ -28,7 +28,7 @@ from .choices import with_choices
 from .front import inside, nearest_miss, reported_front, with_references
 from .kept import REDUCERS, keep
 from .plan import RunOutcome, RunPlan
-from .promised import with_promise
+from .promised import with_capability, with_promise
 from .proofs import (
     Exact,
     end_notes,
@@ -144,7 +144,7 @@ def _with_more(
 ) -> RunResult:
     """The result with what is worked out from it; after a break without what takes long."""
     if not cut:
-        result = with_promise(result, problem)
+        result = with_capability(with_promise(result, problem), problem)
     result = with_units(result, problem)
     if not (found.interrupted and takes_long(problem)):
         result = with_requirements(result, problem)

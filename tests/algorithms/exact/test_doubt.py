@@ -19,10 +19,13 @@ from tolevo.problems.forms import Feature, Form, Way
 from tolevo.problems.spread import spread_of
 
 
-def drawn(seed: int, parts: int, fixed: float = 0.0) -> Form:
+def drawn(seed: int, parts: int, fixed: float = 0.0, one_limit: bool = False) -> Form:
     rng = np.random.default_rng(seed)
     spread, price = rng.uniform(0.5, 2.0, parts), rng.uniform(0.2, 4.0, parts)
     surplus = Surplus(rng.uniform(0.0, 1.5, parts), rng.uniform(0.0, 0.4, parts), fixed, fixed)
+    if one_limit:
+        surplus = Surplus(surplus.own, 0.0 * surplus.own, fixed, error=0.1 * surplus.shared,
+                          fixed_error=0.1 * fixed, fixed_even=fixed)  # fmt: skip
     features = tuple(
         Feature(f"t{at}", (Way(Reciprocal(0.1, b), 0.01, 50.0, (0.0,), (a,)),))
         for at, (a, b) in enumerate(zip(spread.tolist(), price.tolist(), strict=True))
@@ -54,10 +57,10 @@ def test_optimum_of_a_conic_solver(parts: int, fixed: float) -> None:
     assert combination.values(found.t)[0, 0] <= limit
 
 
-@pytest.mark.parametrize("fixed", [0.0, 0.7])
-def test_no_chord_lies_below_the_norm(fixed: float) -> None:
+@pytest.mark.parametrize(("fixed", "one_limit"), [(0.0, False), (0.7, False), (0.7, True)])
+def test_no_chord_lies_below_the_norm(fixed: float, one_limit: bool) -> None:
     """20,000 chords and as many tangents, with all terms: none above by more than rounding."""
-    form, rng = drawn(3, 9, fixed), np.random.default_rng(8)
+    form, rng = drawn(3, 9, fixed, one_limit), np.random.default_rng(8)
     ends = 10.0 ** rng.uniform(-2.0, 1.5, (2, 20_000, 1, 9))
     share = rng.uniform(size=(20_000, 1, 1))
     middle = share * ends[0] + (1.0 - share) * ends[1]
@@ -75,6 +78,75 @@ def test_the_general_programme_agrees() -> None:
     other = Programme(Combination(form, (0,) * 6)).least_cost(limits)
     np.testing.assert_allclose(found.cost, other.cost, rtol=1e-7)
     np.testing.assert_allclose(found.bound, other.bound, rtol=1e-6)
+
+
+def test_one_limit_against_a_conic_solver() -> None:
+    """a + sqrt(b^2 + c^2) as the largest of 181 sums of norms: 1e-4 below the whole circle."""
+    cvxpy: Any = pytest.importorskip("cvxpy", reason="the oracle comes with the extra dev")
+    form, limit = drawn(4, 4, 0.0, one_limit=True), 6.0
+    surplus = form.surpluses[0]
+    assert surplus is not None
+    assert surplus.error is not None
+    a = np.array([feature.ways[0].spread[0] for feature in form.features])
+    b = np.array([feature.ways[0].curve.b for feature in form.features])  # type: ignore[attr-defined]
+    t, square, root = cvxpy.Variable(4), cvxpy.Variable(4), cvxpy.Variable()
+    s = cvxpy.multiply(a, t)
+    even, mean = cvxpy.norm2(s), cvxpy.norm2(cvxpy.multiply(np.sqrt(surplus.error), s))
+    within = [t >= 0.01, t <= 50.0]
+    within += [cvxpy.quad_over_lin(s[at], root) <= square[at] for at in range(4)]
+    within += [cvxpy.sum(square) + cvxpy.norm2(cvxpy.multiply(surplus.own, square)) <= root]
+    for angle in np.linspace(0.0, 0.5 * np.pi, 181):
+        cos, sin = float(np.cos(angle)), float(np.sin(angle))
+        within.append((1.0 - cos) * even + cos * root + sin * mean <= limit)
+    problem = cvxpy.Problem(cvxpy.Minimize(b @ cvxpy.inv_pos(t)), within)
+    problem.solve(solver="CLARABEL")
+    found = least_cost(form, np.array([[limit]]))
+    assert found.cost[0] == pytest.approx(float(problem.value) + 0.4, rel=1e-4)
+    assert found.bound[0] >= found.cost[0] * (1.0 - 1e-6)
+
+
+def test_points_alone_are_all_looked_at() -> None:
+    """Three machines for each of six parts: the cheapest of 729 by explicit sums."""
+    rng, k = np.random.default_rng(2), 3.0
+    std, price = rng.uniform(0.5, 1.5, (6, 3)), rng.uniform(1.0, 3.0, (6, 3))
+    features = tuple(
+        Feature(f"t{at}", tuple(Way(Reciprocal(p, 0.0), s, s, (0.0,), (k,)) for s, p in zip(
+            std[at].tolist(), price[at].tolist(), strict=True)), f"p{at}")
+        for at in range(6)
+    )  # fmt: skip
+    surplus = Surplus(np.full(6, 0.8), np.zeros(6))
+    form = Form(("v",), features, np.zeros(1), np.zeros(1), "", surpluses=(surplus,))
+    limits, at = np.array([[0.1], [8.0], [9.0]]), np.arange(6)
+    found = least_cost(form, limits)
+    for row, limit in enumerate(limits[:, 0].tolist()):
+        costs = [
+            float(price[at, ways].sum())
+            for ways in map(list, product(range(3), repeat=6))
+            if k * np.sqrt((v := std[at, ways] ** 2).sum() + 0.8 * np.linalg.norm(v)) <= limit
+        ]
+        assert found.cost[row] == pytest.approx(min(costs, default=np.inf))
+        assert found.bound[row] == found.cost[row]
+
+
+def test_points_beside_ranges_are_proven() -> None:
+    """Two searched parts and three on one of two machines: the best of all eight choices."""
+    form = drawn(6, 5)
+    machines = tuple(
+        replace(feature, ways=tuple(
+            Way(Reciprocal(price, 0.0), s, s, (0.0,), feature.ways[0].spread)
+            for price, s in ((1.0, 1.1), (1.7, 0.5 + 0.1 * at))), choice=f"p{at}")
+        for at, feature in enumerate(form.features[2:])
+    )  # fmt: skip
+    mixed, limit = replace(form, features=(*form.features[:2], *machines)), np.array([[4.0]])
+    each = [
+        least_cost(replace(mixed, features=(*form.features[:2], *(
+            replace(feature, ways=(feature.ways[way],))
+            for feature, way in zip(machines, ways, strict=True)))), limit).cost[0]
+        for ways in product((0, 1), repeat=3)
+    ]  # fmt: skip
+    found = least_cost(mixed, limit)
+    assert found.cost[0] == pytest.approx(min(each), rel=1e-6)
+    assert min(each) * (1.0 - 1e-4) <= found.bound[0] <= min(each) * (1.0 + 1e-9)
 
 
 def test_ways_are_bound_together() -> None:

@@ -15,6 +15,7 @@ from tolevo.workflows.choice.rounding import rounded
 from tolevo.workflows.choice.slopes import slopes_of
 from tolevo.workflows.choice.steps import values_of
 from tolevo.workflows.choice.tolerances import tolerances
+from tolevo.workflows.promise.least import cheapest
 
 HEAD = """
 problem = "stack"
@@ -70,6 +71,28 @@ def test_the_price_of_a_worst_case_by_its_closed_form(tmp_path: Path) -> None:
     slopes = front_slopes(front, "variation")
     assert slopes is not None
     np.testing.assert_allclose(slopes[1], whole**2 / (0.2 * 0.3), rtol=1e-9)
+
+
+def test_the_price_of_a_yield_by_optima_at_limits_beside(tmp_path: Path) -> None:
+    """A lower limit: what one percent more costs, by the difference of proven least costs."""
+
+    def at(least: float) -> Any:
+        text = HEAD.format("rss") + "nominal = 0.0\nlower = -0.1\nupper = 0.1\n"
+        text += f'[objectives]\nminimise = ["cost"]\n[limits]\nyield_percent = {least}\n'
+        parts = (PART.format(at, 10.0, s, b) for at, (s, b) in
+                 enumerate([(1.0, 0.1), (-1.0, 0.05), (0.5, 0.2)]))  # fmt: skip
+        (tmp_path / "y.toml").write_text(text + "".join(parts), encoding="utf-8")
+        return read(tmp_path / "y.toml").problem
+
+    low, middle, high = (cheapest(at(least)) for least in (99.725, 99.73, 99.735))
+    problem = at(99.73)
+    designs = middle.design[None, :]
+    front = problem.frame(designs).assign(gap_percent=0.0)
+    (found,) = prices(problem, front, slopes_of(problem, designs)).to_dict("records")
+    assert found["output"] == "yield_percent"
+    assert found["source"] == "multiplier"
+    # the slope changes by 2 % over the step on either side: 1e-3 is beyond its curvature
+    assert found["price"] == pytest.approx((high.cost - low.cost) / 0.01, rel=1e-3)
 
 
 def test_no_price_where_every_tolerance_is_at_its_bound(tmp_path: Path) -> None:

@@ -1,0 +1,80 @@
+"""Forms whose every way is a point: all choices are looked at, the cheapest that fits counts.
+
+Machines without inspection have no tolerance to search. Of them alone there are few choices, and
+under doubt of their scatter no prices of the squares tell two of them apart.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...problems.forms import Feature, Form
+from .combination import Optimum
+
+Array = NDArray[np.float64]
+MOST = 300_000
+"""Choices of ways that are looked at."""
+
+
+def only_points(form: Form) -> bool:
+    """Whether all ways of a form of roots are points, and few enough to look at all choices."""
+    points = all(way.low == way.high for feature in form.features for way in feature.ways)
+    rooted = form.joint is None and form.correlation is None
+    return points and rooted and form.combinations <= MOST
+
+
+def least_of_points(form: Form, limits: Array) -> Optimum:
+    """The cheapest choice that keeps each set of upper limits (n, r); its cost is its own bound.
+
+    Cost and bound are inf where none keeps them.
+    """
+    cost, values = _every(form)
+    order = np.argsort(cost, kind="stable")
+    n, shape = len(limits), tuple(len(feature.ways) for feature in form.features)
+    found = Optimum(np.zeros((n, len(shape)), dtype=np.int64), np.full((n, len(shape)), np.nan),
+                    np.full(n, np.inf), np.full(n, np.inf), np.zeros_like(limits))  # fmt: skip
+    for row, limit in enumerate(limits):
+        fits = np.all(values[:, order] <= limit[:, None], axis=0)
+        if not np.any(fits):
+            continue
+        best = int(order[int(np.argmax(fits))])
+        ways = np.array(np.unravel_index(best, shape), dtype=np.int64)
+        found.chosen[row], found.cost[row] = ways, cost[best]
+        found.bound[row] = cost[best]
+        found.t[row] = [f.ways[way].low for f, way in zip(form.features, ways, strict=True)]
+    return found
+
+
+def _every(form: Form) -> tuple[Array, Array]:
+    """Cost (m,) and requirements (r, m) of every choice, the last feature changing fastest."""
+    cost, linear = np.full(1, form.base), form.offset[:, None].copy()
+    square = form.constant[:, None].copy()
+    for feature in form.features:
+        each, ends, squares = _points(feature, len(form.outputs))
+        cost = np.add.outer(cost, each).ravel()
+        linear, square = _outer(linear, ends), _outer(square, squares)
+    shape = tuple(len(feature.ways) for feature in form.features)
+    ways = np.unravel_index(np.arange(len(cost)), shape)
+    for row, surplus in enumerate(form.surpluses):
+        if surplus is not None:
+            own = [_points(feature, len(form.outputs))[2][row, way]
+                   for feature, way in zip(form.features, ways, strict=True)]  # fmt: skip
+            square[row] += surplus.value(np.stack(own, axis=1))[0]
+    return cost, linear + np.sqrt(square)
+
+
+def _outer(sums: Array, more: Array) -> Array:
+    """Sums (r, m) and what the ways of one more feature add (r, w), as sums (r, m w)."""
+    return np.asarray((sums[:, :, None] + more[:, None, :]).reshape(len(sums), -1))
+
+
+def _points(feature: Feature, rows: int) -> tuple[Array, Array, Array]:
+    """Cost (w,), linear terms and squares (r, w) of the ways of a feature."""
+    t = np.array([way.low for way in feature.ways])
+    cost = np.array([float(way.curve.cost(t[at : at + 1])[0])
+                     for at, way in enumerate(feature.ways)])  # fmt: skip
+    linear = np.array([way.linear for way in feature.ways]).T * t
+    offset = np.array([way.offset or (0.0,) * rows for way in feature.ways]).T
+    square = (np.array([way.spread for way in feature.ways]).T * t) ** 2
+    return feature.count * cost, linear + offset, square

@@ -1,0 +1,43 @@
+"""`[variables.<name>.measured]`: what parts that were measured tell of a variable."""
+
+from __future__ import annotations
+
+from ..declarations import Kind, Variable
+from ..models.capability import PartSample, read_sample
+from ..models.inputs.reading import keys
+from ..section import Section
+
+BOUNDS = ("value", "low", "high", "limits", "mid")
+"""Keys of a variable that a measured standard deviation leaves no room for."""
+
+
+def read_measured(
+    section: Section, variable: Variable, mid: float | None, t: float | None
+) -> PartSample | None:
+    """The `measured` table of a variable of a half-width or standard deviation; None where there is
+    none, or after a fault.
+
+    `mid` is its mid-limit, `t` the half-width where it is fixed. Of a half-width the sample gives
+    the distribution, of a standard deviation its value.
+    """
+    if "measured" not in section or "machine" in section:  # beside machines it is a fault already
+        section.known(("measured",))
+        return None
+    deviates = variable.kind is Kind.STANDARD_DEVIATION
+    if not deviates and not (variable.random and variable.kind is Kind.HALF_WIDTH):
+        section.take("measured")
+        section.fault("measured", f"{variable.name} ({variable.kind}) takes no measured parts: "
+                      "half-widths with a distribution and standard deviations do")  # fmt: skip
+        return None
+    stated = [key for key in (BOUNDS if deviates else keys()) if key in section]
+    for key in stated:
+        section.fault(key, "is stated beside measured, which tells it: keep one")
+    found = read_sample(section, variable.unit, None, mid or 0.0, t, follows=not deviates)
+    if found is None or stated:
+        return None
+    if found.offset and mid is None:
+        section.fault("measured.mean", f"must be \"corrected\": errors of {variable.name} have no "
+                      "mid-limit here and count as centred, and the sample is "
+                      f"{found.offset:+.4g} {variable.unit} off")  # fmt: skip
+        return None
+    return found

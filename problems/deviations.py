@@ -1,0 +1,131 @@
+"""A promised output as a sum of independent deviations, some of processes known by samples.
+
+The output is normal about its mean, with the variance sum_j s_j^2 + rest, s_j the standard
+deviation that variable j adds by the estimates. What the samples leave open of s_j and of the mean
+of variable j enters by the norm of `models.capability`, or by draws of the posterior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from ..models.capability import Knowledge, Norm, norm_of
+from .promise import ASSURED, Promise
+
+Array = NDArray[np.float64]
+DRAWS = 20_000
+"""Draws of the posterior that a stated assurance is of."""
+AT_ONCE = 2_000_000
+"""Yields that are computed at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deviations:
+    """Of n designs: `mean` (n,) of the output, the standard deviation (n,) that each variable adds
+    to it, the variance `rest` (n,) of what is known, and the limits that units are to keep.
+    """
+
+    mean: Array
+    each: Mapping[str, Array]
+    rest: Array
+    lower: float = -np.inf
+    upper: float = np.inf
+
+    def stacked(self, names: tuple[str, ...]) -> Array:
+        """Standard deviations (n, k) of some variables."""
+        return np.stack([self.each[name] for name in names], axis=1)
+
+    def known(self, names: tuple[str, ...]) -> Array:
+        """Variance (n,) of all that is not among some variables."""
+        others = [one**2 for name, one in self.each.items() if name not in names]
+        return np.asarray(np.sum([self.rest, *others], axis=0))
+
+    @property
+    def sides(self) -> list[tuple[float, float]]:
+        """Direction and place of each limit."""
+        ends = ((1.0, self.upper), (-1.0, self.lower))
+        return [(side, end) for side, end in ends if np.isfinite(end)]
+
+
+@dataclass(frozen=True, eq=False)
+class PromisedOutput:
+    """What is promised of an output, by what samples tell of the processes of some variables."""
+
+    promise: Promise
+    processes: Mapping[str, Knowledge]
+    seed: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The variables whose processes are known by samples."""
+        return tuple(self.processes)
+
+    def norm(self, given: Deviations) -> Norm:
+        """The norm of the standard deviations (n, k) of these variables."""
+        one = np.ones(len(self.processes))
+        quantile = self.quantile(given) if len(given.sides) == 1 else None
+        return norm_of(list(self.processes.values()), one, one, self.promise.confidence,
+                       quantile=quantile)  # fmt: skip
+
+    def quantile(self, given: Deviations) -> float:
+        """Standard deviations that must fit between the mean and each limit."""
+        share = self.promise.share
+        return float(ndtri(0.5 * (1.0 + share) if len(given.sides) == 2 else share))
+
+    def spread(self, given: Deviations) -> Array:
+        """The standard deviation (n,) that an assured promise reckons with."""
+        rest = np.maximum(given.known(self.names), 1e-300)
+        if not self.names:
+            return np.sqrt(rest)
+        return self.norm(given).value(given.stacked(self.names), rest)
+
+    def promised(self, given: Deviations) -> Array:
+        """The promised yield [percent] (n,): assured by the norm, or expected over the draws."""
+        if self.promise.statement != ASSURED:
+            return 100.0 * np.concatenate(
+                [np.empty(0), *(one.mean(axis=1) for one in self._yields(given))])  # fmt: skip
+        room = np.min([side * (end - given.mean) for side, end in given.sides], axis=0)
+        z = room / self.spread(given)
+        return np.asarray(100.0 * (2.0 * ndtr(z) - 1.0 if len(given.sides) == 2 else ndtr(z)))
+
+    def lacking(self, given: Deviations) -> Array:
+        """By how much (n,) the nearest limit would have to give way for an assured promise."""
+        reach = self.quantile(given) * self.spread(given)
+        lacking = [reach - side * (end - given.mean) for side, end in given.sides]
+        return np.asarray(np.max(lacking, axis=0))
+
+    def assurance(self, given: Deviations) -> tuple[Array, Array]:
+        """Probability [percent] (n,) that the promised share of units conforms, its error."""
+        every = [np.mean(one >= self.promise.share, axis=1) for one in self._yields(given)]
+        kept = np.concatenate([np.empty(0), *every])
+        error = np.sqrt(np.maximum(kept * (1.0 - kept), 1.0 / DRAWS) / DRAWS)
+        return 100.0 * kept, 100.0 * error
+
+    @cached_property
+    def _drawn(self) -> tuple[Array, Array]:
+        """Variances over their estimates, errors of means over the estimates (draws, k)."""
+        drawn = [known.drawn(DRAWS, np.random.default_rng([self.seed, at]))
+                 for at, known in enumerate(self.processes.values())]  # fmt: skip
+        if not drawn:
+            return np.ones((DRAWS, 0)), np.zeros((DRAWS, 0))
+        return (np.stack([one for one, _ in drawn], axis=1),
+                np.stack([one for _, one in drawn], axis=1))  # fmt: skip
+
+    def _yields(self, given: Deviations) -> list[Array]:
+        """Yields (k, draws) of the designs, some at a time."""
+        variance, error = self._drawn
+        own = given.stacked(self.names) if self.names else np.zeros((len(given.mean), 0))
+        known, found = given.known(self.names), []
+        step = max(1, AT_ONCE // DRAWS)
+        for first in range(0, len(own), step):
+            rows = slice(first, first + step)
+            std = np.sqrt(np.maximum(own[rows] ** 2 @ variance.T + known[rows, None], 1e-300))
+            mean = given.mean[rows, None] + own[rows] @ error.T
+            found.append(ndtr((given.upper - mean) / std) - ndtr((given.lower - mean) / std))
+        return found

@@ -1,0 +1,98 @@
+"""The geometric backlash as a sum of deviations, for promises by measured parts.
+
+Every term constant + b t z + q t^2 z^2 has a mean and a variance; a sample of the process of z
+scales the variance. The share of the eccentricity that is of second order is taken to follow it
+alike: it is less than a thousandth of the variance of its term in the document's case.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.capability import Surplus
+from ...units import ARCMIN
+from ..deviations import Deviations
+from ..forms import Feature, Form
+from ..promise import ASSURED, PROMISED
+from .form import OUTPUTS, form_of
+from .made import TERMS
+
+if TYPE_CHECKING:
+    from .problem import RvBacklash
+
+Array = NDArray[np.float64]
+MEAN = OUTPUTS.index("backlash_geometric_mean_arcmin")
+STD = OUTPUTS.index("backlash_geometric_std_arcmin")
+OTHERS = ("involute_grade", "crank_bearing_um")
+"""Variables of the first and last stage, in the order of their terms."""
+
+
+def deviations_of(problem: RvBacklash, designs: Array) -> Deviations:
+    """Mean and standard deviations [arcmin] of the geometric backlash, below its limit."""
+    total, growth = problem.total(designs), 1.0 + problem.change.growth
+    terms = dict(zip((*OTHERS, *TERMS), (*total.free, *total.clipped), strict=True))
+    cumulants = {name: term.cumulants()[:2] for name, term in terms.items()}
+    mean = np.sum([one[0] for one in cumulants.values()], axis=0) + problem.change.effective
+    each = {name: growth * np.sqrt(np.maximum(one[1], 0.0)) / ARCMIN
+            for name, one in cumulants.items()}  # fmt: skip
+    return Deviations(mean / ARCMIN, each, np.zeros(len(designs)), upper=problem.limit)
+
+
+def promised_form(problem: RvBacklash) -> Form | None:
+    """The form of the geometric backlash, with a row of its own for an assured promise."""
+    form, promised = form_of(problem), problem.promised
+    if form is None or promised is None or promised.promise.statement != ASSURED:
+        return form
+    at = {name: k for k, name in enumerate(promised.names)}
+    one = Deviations(np.zeros(1), {}, np.zeros(1), upper=problem.limit)
+    norm, quantile, features = promised.norm(one), promised.quantile(one), []
+    doubt, own, error = norm.surplus(), *np.zeros((2, len(form.features)))
+    assert doubt.error is not None
+    for place, feature in enumerate(form.features):
+        wider = 1.0
+        if (k := at.get(feature.variable)) is not None:
+            wider = float(np.sqrt(norm.even[k]))
+            own[place], error[place] = doubt.own[k], doubt.error[k]
+        features.append(_with_row(feature, quantile * wider))
+    surplus = Surplus(own, np.zeros_like(own), error=error)
+    none = (None,) * len(form.outputs)
+    return _form(problem, form, tuple(features), (*none, surplus) if np.any(own) else ())
+
+
+def _with_row(feature: Feature, factor: float) -> Feature:
+    """A feature whose ways add to the promise as well: mean, and so many standard deviations."""
+    ways = tuple(
+        replace(
+            way,
+            linear=(*way.linear, way.linear[MEAN]),
+            spread=(*way.spread, factor * way.spread[STD]),
+            offset=(*way.offset, way.offset[MEAN]) if way.offset else (),
+        )
+        for way in feature.ways
+    )
+    return replace(feature, ways=ways)
+
+
+def _form(
+    problem: RvBacklash,
+    form: Form,
+    features: tuple[Feature, ...],
+    surpluses: tuple[Surplus | None, ...],
+) -> Form:
+    promise = problem.settings.promise
+    assert promise is not None
+    return replace(
+        form,
+        outputs=(*form.outputs, PROMISED),
+        features=features,
+        offset=np.append(form.offset, form.offset[MEAN]),
+        constant=np.append(form.constant, 0.0),
+        most=(np.inf,) * len(form.outputs) + (problem.limit,),
+        surpluses=surpluses,
+        statement=f"{form.statement}; promised: {promise.words()}, by the geometric backlash and "
+        "normal processes as measured",
+    )

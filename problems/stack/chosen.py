@@ -1,0 +1,95 @@
+"""Processes of a stack that are chosen by sampled scatter: the level that keeps such a choice."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from ...models.capability import Aim, Level, Processes, Ways, calibrated
+from ..promise import ASSURED, Promise
+from .definition import Part
+from .made import spread_and_mean
+from .measured import Measured
+
+Array = NDArray[np.float64]
+POINTS = 6
+"""Tolerances of a range that stand for it in the choices that are judged."""
+NEVER = 1.0 - 1e-12
+"""Level of the norm where none is sure: hardly an allocation keeps it."""
+
+
+def level_of(measured: Sequence[Measured], promise: Promise, seed: int) -> Level | None:
+    """The level of the norm; None where no sampled process is chosen among others, or no assurance
+    is asked for. A stated level is taken as it is.
+    """
+    parts, bounded = measured[0].parts, [one for one in measured if one.mechanism.bounded]
+    if promise.statement != ASSURED or not bounded or not chosen_by_sample(parts):
+        return None
+    if promise.level_percent is not None:
+        return Level(0.01 * promise.level_percent, float("nan"), float("nan"), sure=True)
+    owners: list[tuple[int, str]] = []
+    df: list[float] = []
+    n: list[float] = []
+    for at, part in enumerate(parts):
+        for number in range(len(part.processes)):
+            if _owner(part, at, number) not in owners:
+                known = part.known(number)
+                owners.append(_owner(part, at, number))
+                df.append(np.inf if known is None else known.df)
+                n.append(np.inf if known is None else known.n)
+    ways = [_ways(part, at, bounded, owners) for at, part in enumerate(parts)]
+    found = calibrated(ways, Processes(np.array(df), np.array(n)), _aim(bounded, promise),
+                       np.random.default_rng([seed, len(parts)]))  # fmt: skip
+    return found if found.sure else Level(NEVER, found.kept, found.without, sure=False)
+
+
+def chosen_by_sample(parts: Sequence[Part]) -> bool:
+    """Whether a part has several processes, one of them known by a sample."""
+    return any(part.sampled and len(part.processes) > 1 for part in parts)
+
+
+def _owner(part: Part, at: int, number: int) -> tuple[int, str]:
+    """Part and machine: a machine scatters alike with and without inspection."""
+    machine = part.processes[number].machine
+    return at, "" if machine is None else machine.name
+
+
+def _aim(bounded: Sequence[Measured], promise: Promise) -> Aim:
+    """What is promised of every requirement with limits."""
+    ends = np.array([[one.mechanism.lower, one.mechanism.upper] for one in bounded])
+    ends -= np.array([[one.mechanism.centre] for one in bounded])
+    both = np.all(np.isfinite(ends), axis=1)
+    quantile = ndtri(np.where(both, 0.5 * (1.0 + promise.share), promise.share))
+    return Aim(promise.share, promise.confidence, ends, quantile)
+
+
+def _ways(
+    part: Part, at: int, bounded: Sequence[Measured], owners: Sequence[tuple[int, str]]
+) -> Ways:
+    """All processes of a part, at points of their ranges."""
+    cost, owner, spread, mean = [], [], [], []
+    for number, process in enumerate(part.processes):
+        ends = process.low, process.high
+        t = np.array([process.low]) if ends[0] == ends[1] else np.geomspace(*ends, POINTS)
+        made = spread_and_mean(part, process, t)
+        price = np.zeros(len(t)) if process.curve is None else process.curve.cost(t)
+        cost.append(part.count * price)
+        owner += [owners.index(_owner(part, at, number))] * len(t)
+        spread.append(made[0])
+        mean.append(made[1])
+    spreads, means = np.concatenate(spread), np.concatenate(mean)
+    each = np.array([one.linear.covariance[at, at] for one in bounded])
+    squares = np.array([np.sum(one.mechanism.sensitivities[one.mechanism.owners == at] ** 2)
+                        for one in bounded])  # fmt: skip
+    slope = np.array([one.linear.slope[at] for one in bounded])
+    moving = np.array([one.linear.mean[at] for one in bounded])
+    return Ways(
+        cost=np.concatenate(cost),
+        process=np.array(owner, dtype=np.int64),
+        std=np.sqrt(each)[:, None] * spreads,
+        mean=slope[:, None] * means + moving[:, None] * spreads,
+        pieces=np.divide(slope**2, squares, out=np.zeros_like(slope), where=squares > 0.0),
+    )
