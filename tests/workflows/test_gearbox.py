@@ -14,10 +14,15 @@ from tolevo.cli import app
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "gearbox.md"
-FEW = ("parameters.search_units=64", "parameters.report_units=256", 'algorithm.name="ga"',
-       "algorithm.population=16", "algorithm.generations=6", "references=none",
-       'objectives.minimise=["cost"]', "limits.backlash_max_arcmin=6.0")  # fmt: skip
-"""A search short enough for a test."""
+COARSE = "parameters.positions=13"
+FEW = {
+    "check": (),
+    "run": (COARSE, "parameters.search_units=32", "parameters.report_units=64", "references=none",
+            'algorithm.name="ga"', "algorithm.population=8", "algorithm.generations=2",
+            'objectives.minimise=["cost"]', "limits.backlash_max_arcmin=6.0"),
+    "gap": (COARSE,),
+}  # fmt: skip
+"""Settings by command that make it short enough for a test."""
 pytestmark = pytest.mark.source_tree
 
 
@@ -33,7 +38,7 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for words in commands():
         moved = [str(ROOT / one) if one.startswith("docs/") else one for one in words[1:]]
         moved = [str(place / one) if one.startswith("runs/") else one for one in moved]
-        few = [part for one in FEW for part in ("--set", one)] if moved[0] == "run" else []
+        few = [part for one in FEW[moved[0]] for part in ("--set", one)]
         done = CliRunner().invoke(app, [*moved, "--quiet", *few])
         assert done.exit_code == 0, done.output
     return place / "runs"
