@@ -75,8 +75,11 @@ class RvBacklash(Machined):
         given = self.settings
         self.model = declared.backlash_model(
             given.parameters,
-            {_stem(name): s.centre for name, s in self.given.variables.items()
-             if s.centre is not None},
+            {
+                _stem(name): s.centre
+                for name, s in self.given.variables.items()
+                if s.centre is not None
+            },
             {_stem(name): s.distribution for name, s in given.variables.items() if s.distribution},
         )
         self.limit = number(given.parameters["backlash_limit_arcmin"])

@@ -106,7 +106,7 @@ def test_errors_without_a_mid_limit_are_centred(tmp_path: Path) -> None:
     for where in ("rv_transmission_error", "pose_accuracy"):
         variable = name if where.startswith("rv") else ARM
         text = faults(tmp_path, table_of(where, variable, SAMPLE | {"made_to": 4.0}))
-        assert f"variables.{variable}.measured.mean: must be \"corrected\"" in text
+        assert f'variables.{variable}.measured.mean: must be "corrected"' in text
 
 
 def test_a_semicolon_file_is_read_said_and_stored(tmp_path: Path) -> None:
