@@ -16,7 +16,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "gearbox.md"
 FEW = {
     "check": (),
-    "run": ("parameters.positions=13", "parameters.search_units=32", "parameters.report_units=64", "references=none",
+    "run": ("parameters.positions=13", "parameters.search_units=32",
+            "parameters.report_units=64", "references=none",
             'algorithm.name="ga"', "algorithm.population=8", "algorithm.generations=2",
             'objectives.minimise=["cost"]', "limits.backlash_max_arcmin=6.0"),
     "gap": (),
