@@ -41,7 +41,8 @@ def stated(folder: Path, cp: float, mid: float, **more: Any) -> Any:
 def outputs(problem: Any, at: float) -> pd.DataFrame:
     designs = np.array([[float(v.document) for v in problem.variables]])
     designs[:, problem.names.index(PIN)] = at
-    return problem.frame(designs)
+    found: pd.DataFrame = problem.frame(designs)
+    return found
 
 
 @pytest.mark.parametrize("mean", ["corrected", "as_found"])
@@ -94,7 +95,9 @@ def test_a_standard_deviation_is_that_of_the_parts(tmp_path: Path) -> None:
 def sigma_of(folder: Path, problem: str) -> str:
     """A link's standard deviation of a robot."""
     free = problem_of(folder, {"problem": problem}).free
-    return next(v.name for v in free if v.kind == "standard deviation" and v.name.endswith("mrad"))
+    return next(
+        str(v.name) for v in free if v.kind == "standard deviation" and v.name.endswith("mrad")
+    )
 
 
 def test_errors_without_a_mid_limit_are_centred(tmp_path: Path) -> None:
