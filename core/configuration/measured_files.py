@@ -1,4 +1,4 @@
-"""`measured` tables of parts, variables and machines: what stands in their files, put in its place."""
+"""`measured` tables of parts, variables and machines: what their files say, put in its place."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
 
 
 def _owners(table: Raw) -> Iterator[tuple[str, Raw]]:
-    """Every table that may have a `measured` one, with its place: parts, variables, all machines."""
+    """Every table that may have a `measured` one, with its place: parts, variables, machines."""
     for at, part in tables_in(table, "part"):
         yield f"part[{at}]", part
         for number, machine in tables_in(part, "machine"):

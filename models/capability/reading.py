@@ -177,7 +177,7 @@ def _made_to(
     if section.take("made_to") == FIXED:
         if t is None and follows:
             section.fault("made_to", "cannot be fixed where the tolerance is searched, as tighter "
-                          "limits would change nothing: state a machine, [[...machine]]")  # fmt: skip
+                          "limits would change nothing: state a machine")  # fmt: skip
         return t if follows else 0.0
     given = section.number("made_to", own or unit, POSITIVE)
     if given is not None:

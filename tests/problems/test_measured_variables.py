@@ -41,7 +41,8 @@ def stated(folder: Path, cp: float, mid: float, **more: Any) -> Any:
 def outputs(problem: Any, at: float) -> pd.DataFrame:
     designs = np.array([[float(v.document) for v in problem.variables]])
     designs[:, problem.names.index(PIN)] = at
-    return problem.frame(designs)
+    found: pd.DataFrame = problem.frame(designs)
+    return found
 
 
 @pytest.mark.parametrize("mean", ["corrected", "as_found"])
@@ -94,7 +95,9 @@ def test_a_standard_deviation_is_that_of_the_parts(tmp_path: Path) -> None:
 def sigma_of(folder: Path, problem: str) -> str:
     """A link's standard deviation of a robot."""
     free = problem_of(folder, {"problem": problem}).free
-    return next(v.name for v in free if v.kind == "standard deviation" and v.name.endswith("mrad"))
+    return next(
+        str(v.name) for v in free if v.kind == "standard deviation" and v.name.endswith("mrad")
+    )
 
 
 def test_errors_without_a_mid_limit_are_centred(tmp_path: Path) -> None:
@@ -106,7 +109,7 @@ def test_errors_without_a_mid_limit_are_centred(tmp_path: Path) -> None:
     for where in ("rv_transmission_error", "pose_accuracy"):
         variable = name if where.startswith("rv") else ARM
         text = faults(tmp_path, table_of(where, variable, SAMPLE | {"made_to": 4.0}))
-        assert f"variables.{variable}.measured.mean: must be \"corrected\"" in text
+        assert f'variables.{variable}.measured.mean: must be "corrected"' in text
 
 
 def test_a_semicolon_file_is_read_said_and_stored(tmp_path: Path) -> None:

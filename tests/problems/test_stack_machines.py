@@ -181,7 +181,7 @@ def test_off_centre_machines_are_proven_by_cells(
     given["part"] = given["part"][: 2 if len(limits) > 1 else 3]
     problem = stack(given)
     cost, bound, _, _ = solved(problem)
-    assert bound <= cost <= bound * 1.004
+    assert bound <= cost <= bound * 1.002
     rng = np.random.default_rng(1)
     x = rng.uniform(problem.xl, problem.xu, (20_000, problem.n_var))
     designs = problem.complete(x)
@@ -201,12 +201,12 @@ def test_two_limits_about_a_moving_mean_lie_below_their_tangents(p: float) -> No
         low, high = np.where(kept, std, low), np.where(kept, high, std)
     lines = [(1.0 - mean) / norm.ppf(p), 0.0 * mean + 1.0 / norm.ppf(0.5 * (1.0 + p))]
     found = tangents(p)
-    assert len(found) == 3 or p < 0.7
+    assert len(found) == 4 or p < 0.7
     lines += [(room - mean) / z for z, room in found]
     least = np.min(lines, axis=0)
     assert np.all(least >= low * (1.0 - 1e-9))
     if p >= 0.99:
-        assert np.all(least <= low * 1.002)
+        assert np.all(least <= low * (1.0018 if p < 0.9973 else 1.0014))
 
 
 def test_yield_of_machines_without_inspection_is_that_of_a_sample() -> None:

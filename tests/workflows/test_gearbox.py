@@ -14,10 +14,15 @@ from tolevo.cli import app
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "gearbox.md"
-FEW = ("parameters.search_units=64", "parameters.report_units=256", 'algorithm.name="ga"',
-       "algorithm.population=16", "algorithm.generations=6", "references=none",
-       'objectives.minimise=["cost"]', "limits.backlash_max_arcmin=6.0")  # fmt: skip
-"""A search short enough for a test."""
+FEW = {
+    "check": (),
+    "run": ("parameters.positions=13", "parameters.search_units=32",
+            "parameters.report_units=64", "references=none",
+            'algorithm.name="ga"', "algorithm.population=8", "algorithm.generations=2",
+            'objectives.minimise=["cost"]', "limits.backlash_max_arcmin=6.0"),
+    "gap": (),
+}  # fmt: skip
+"""Settings by command that make it short enough for a test."""
 pytestmark = pytest.mark.source_tree
 
 
@@ -26,14 +31,14 @@ def commands() -> list[list[str]]:
     return [shlex.split(line) for line in text.splitlines() if line.startswith("tolevo ")]
 
 
-@pytest.fixture(scope="module")
-def ended(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder in which the commands of the page ended, their results below runs/."""
-    place = tmp_path_factory.mktemp("works")
+def follow(place: Path, *steps: str) -> Path:
+    """Follow steps of the page; the folder below which their results are."""
     for words in commands():
+        if words[1] not in steps:
+            continue
         moved = [str(ROOT / one) if one.startswith("docs/") else one for one in words[1:]]
         moved = [str(place / one) if one.startswith("runs/") else one for one in moved]
-        few = [part for one in FEW for part in ("--set", one)] if moved[0] == "run" else []
+        few = [part for one in FEW[moved[0]] for part in ("--set", one)]
         done = CliRunner().invoke(app, [*moved, "--quiet", *few])
         assert done.exit_code == 0, done.output
     return place / "runs"
@@ -43,7 +48,8 @@ def test_each_step_is_a_command_of_the_page() -> None:
     assert [words[1] for words in commands()] == ["check", "run", "gap"]
 
 
-def test_the_spreadsheet_is_ready_for_the_drawing(ended: Path) -> None:
+def test_the_spreadsheet_is_ready_for_the_drawing(tmp_path: Path) -> None:
+    ended = follow(tmp_path, "check", "run")
     book = load_workbook(ended / "gearbox" / "allocation.xlsx")
     heads, *rows = book["Allocation"].iter_rows(values_only=True)
     pitch = [dict(zip(heads, row, strict=True)) for row in rows if "pitch_um" in row]
@@ -58,7 +64,9 @@ def test_the_spreadsheet_is_ready_for_the_drawing(ended: Path) -> None:
     assert "EUR" in json.dumps(told)
 
 
-def test_the_lot_that_is_off_is_named(ended: Path) -> None:
+@pytest.mark.slow  # 18 s of CPU: at fewer positions of a turn an input is named beside the lot
+def test_the_lot_that_is_off_is_named(tmp_path: Path) -> None:
+    ended = follow(tmp_path, "gap")
     said = json.loads((ended / "gearbox_gap" / "gap.json").read_text(encoding="utf-8"))
     (effect,) = said["effects"]
     assert effect["name"] == "lot_offset"

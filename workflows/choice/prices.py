@@ -30,10 +30,11 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
 
     At the least cost -dC/dt_j = sum_i price_i s_i dy_i/dt_j for every tolerance inside of its
     bounds (Karush, Kuhn and Tucker), s_i -1 at a lower limit and else 1; the prices, none below 0,
-    fit that best, each tolerance weighted by its width. Limits that a point does not use up have the price 0. Columns: `point`, `output`,
-    `price` (cost per unit of the output), `source`: `multiplier` where the point is proven optimal
-    (gap at most `PROVEN` %) and the conditions hold, `front` where it is the slope of the front of
-    two objectives, else `estimate`, with `spread_percent`, what the conditions leave.
+    fit that best, each tolerance weighted by its width. Limits that a point does not use up have
+    the price 0. Columns: `point`, `output`, `price` (cost per unit of the output), `source`:
+    `multiplier` where the point is proven optimal (gap at most `PROVEN` %) and the conditions hold,
+    `front` where it is the slope of the front of two objectives, else `estimate`, with
+    `spread_percent`, what the conditions leave.
     """
     names, rows = list(slopes.along), slopes.rows
     if front.empty or not names or not slopes.saved.size or COST not in front:
