@@ -75,8 +75,17 @@ def as_svg(figure: Figure) -> bytes:
 
 def _saved(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
     buffer = BytesIO()
+    _lay_out(figure)
     with mpl.rc_context(FIXED), warnings.catch_warnings():
         # A letter that the font lacks becomes a box; the page's tables still have it.
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH, metadata=metadata)
     return buffer.getvalue()
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the axes once for all formats: `savefig` would draw everything twice to do so."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
