@@ -93,6 +93,22 @@ class SymmetricSum:
         self._last, self._sure = (kept, p, found), sure
         return found
 
+    def values(self, s: Array, probability: float) -> Array:
+        """Quantiles (n,) alone: with less work where many sums have scales in common."""
+        s = np.abs(np.asarray(s, dtype=float))
+        std, end = self._size(s)
+        high = self._high(std, end, np.asarray(probability))
+        if np.any(np.count_nonzero(s > 0.0, axis=1) <= 1) or not _alike(s, end + high):
+            return self.quantile(s, probability).value
+        series = self._series(s, end, high, _Series.of_values)
+        return series.solved(np.full(len(s), probability), high, float(ndtri(probability)) * std)
+
+    def _high(self, std: Array, end: Array, p: Array) -> Array:
+        """What quantiles lie below (n,): sums of this kind are strictly sub-Gaussian, so that
+        P(X > y) <= exp(-y^2 / (2 std^2)).
+        """
+        return np.minimum(end, 1.1 * std * np.sqrt(-2.0 * np.log(1.0 - p)) + 1e-300)
+
     def below(self, s: Array, y: Array) -> tuple[Array, Array, Array]:
         """P(X <= y) (n,) of scales (n, m), its derivatives in s (n, m), and the bound of its error.
 
@@ -164,8 +180,7 @@ class SymmetricSum:
         for begin in range(0, len(rows), most):
             own = rows[begin : begin + most]
             std, end = self._size(s[own])
-            # a variable of this kind is strictly sub-Gaussian: P(X > y) <= exp(-y^2 / (2 std^2))
-            high = np.minimum(end, 1.1 * std * np.sqrt(-2.0 * np.log(1.0 - p[own])) + 1e-300)
+            high = self._high(std, end, p[own])
             series = _Series.of(self, s[own], np.where(end > 0.0, end + high, 1.0), TERMS[at])
             done = (series.missing <= ENOUGH) | (end <= 0.0) | (at + 1 == len(TERMS))
             if np.any(done):
@@ -363,9 +378,13 @@ def _alike(s: Array, period: Array) -> bool:
 
 def _times(phi: Array, law: Even, s: Array, omega: Array) -> None:
     """Multiply `phi` (n, terms) by what each column of s (n, m) adds: equal scales once."""
-    each = [np.unique(column, return_inverse=True) for column in s.T]
-    values = law.value(np.concatenate([scales for scales, _ in each])[:, None] * omega)
-    at = 0
-    for scales, rows in each:
-        phi *= values[at + rows]
-        at += len(scales)
+    order = np.argsort(s, axis=0)
+    ranked = np.take_along_axis(s, order, axis=0).T
+    first = np.ones(ranked.shape, dtype=bool)
+    first[:, 1:] = ranked[:, 1:] > ranked[:, :-1]
+    values = law.value(ranked[first][:, None] * omega)
+    rows = np.empty(ranked.shape, dtype=np.int64)
+    at = np.cumsum(first).reshape(ranked.shape) - 1
+    np.put_along_axis(rows, order.T, at, axis=1)
+    for own in rows:
+        phi *= values[own]

@@ -52,7 +52,7 @@ class Law:
         p = 0.5 * (1.0 + coverage)
         if self.covariance is not None:
             return np.asarray(float(ndtri(p)) * self._std(t))
-        return self.deviations.quantile(self._scales(t), p).value
+        return self.deviations.values(self._scales(t), p)
 
     def half_width_slopes(self, t: Tolerances, coverage: float) -> Array:
         """d half_width/dt, (n, p)."""
