@@ -75,10 +75,10 @@ def as_svg(figure: Figure) -> bytes:
 
 def _saved(figure: Figure, kind: str, metadata: dict[str, None]) -> bytes:
     buffer = BytesIO()
-    _lay_out(figure)
     with mpl.rc_context(FIXED), warnings.catch_warnings():
         # A letter that the font lacks becomes a box; the page's tables still have it.
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        _lay_out(figure)
         figure.savefig(buffer, format=kind, dpi=DOTS_PER_INCH, metadata=metadata)
     return buffer.getvalue()
 

@@ -25,6 +25,8 @@ DRAWN = 400
 """Points of the exact front that are drawn."""
 CHECKED = 50
 """Points of the exact front whose bounds are looked at."""
+EXACT = 1e-3
+"""Gap [percent] that is none."""
 INFORMATIVE = 25.0
 """Median gap [percent] beyond which a bound that leaves limits out says nothing."""
 LEFT_OUT = "limits left out"
@@ -167,7 +169,7 @@ def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
             ("cost", float(front["cost"].min()), cheapest)]  # fmt: skip
     return [
         f"end of the front: the least {name} is {found:.4g}; none below {proven:.4g} is possible "
-        f"({100.0 * (found - proven) / abs(proven):.2g} % missing at most)"
+        f"({percent(100.0 * (found - proven) / abs(proven))} missing at most)"
         for name, found, proven in ends
         if proven is not None and np.isfinite(proven) and proven != 0.0
     ]
@@ -182,5 +184,10 @@ def proof_notes(front: pd.DataFrame, statement: str) -> list[str]:
         return [f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it "
                 f"in the median, for it leaves out what holds them back ({statement})"]  # fmt: skip
     return [f"proven: no allocation of equal or better other objectives costs less than the bound "
-            f"({statement}); the points lie {np.nanmedian(gap):.3g} % above it in the median, "
-            f"{np.nanmax(gap):.3g} % at most"]  # fmt: skip
+            f"({statement}); the points lie {percent(float(np.nanmedian(gap)))} above it in the "
+            f"median, {percent(float(np.nanmax(gap)))} at most"]  # fmt: skip
+
+
+def percent(value: float) -> str:
+    """A gap in words: what is rounding is not printed as 1e-09 %."""
+    return "0.001 %" if value < EXACT else f"{value:.2g} %"
