@@ -1,1 +1,62 @@
-"""Optimisers through pymoo, the search loop, and indicators."""
+"""Optimisers through pymoo, the search loop, and indicators.
+
+The settings of every algorithm of the suite are here by the name of their class; each is imported
+when it is first used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .age_moea2 import AGEMOEA2
+    from .exact.solver import Exact
+    from .ga import GA
+    from .gde3 import GDE3
+    from .hybrid import Hybrid
+    from .nsga2 import NSGA2
+    from .nsga3 import NSGA3
+    from .random_search import RandomSearch
+    from .settings import Crossover, Mutation
+    from .sms_emoa import SMSEMOA
+
+_PLACES = {
+    "AGEMOEA2": ".age_moea2",
+    "Crossover": ".settings",
+    "Exact": ".exact.solver",
+    "GA": ".ga",
+    "GDE3": ".gde3",
+    "Hybrid": ".hybrid",
+    "Mutation": ".settings",
+    "NSGA2": ".nsga2",
+    "NSGA3": ".nsga3",
+    "RandomSearch": ".random_search",
+    "SMSEMOA": ".sms_emoa",
+}
+
+__all__ = [
+    "AGEMOEA2",
+    "GA",
+    "GDE3",
+    "NSGA2",
+    "NSGA3",
+    "SMSEMOA",
+    "Crossover",
+    "Exact",
+    "Hybrid",
+    "Mutation",
+    "RandomSearch",
+]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+if not TYPE_CHECKING:  # type checkers know the names above, and no others
+
+    def __getattr__(name):
+        if name in _PLACES:
+            return getattr(import_module(_PLACES[name], __name__), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -35,6 +35,12 @@ class Driver(ABC):
         """Designs (n, variables) to be evaluated."""
 
     @abstractmethod
+    def begin_with(self, x: Array) -> None:
+        """Put designs (n, variables), no more than were asked for, in the place of the first ones
+        of those.
+        """
+
+    @abstractmethod
     def tell(self, f: Array, g: Array) -> None:
         """Objectives and constraints of all designs that were asked for."""
 
@@ -69,6 +75,9 @@ class ArrayDriver(Driver):
         self.asked = self.engine.ask()
         return self.asked
 
+    def begin_with(self, x: Array) -> None:
+        self.asked = np.concatenate([x, self.asked[len(x) :]])
+
     def tell(self, f: Array, g: Array) -> None:
         self.engine.tell(self.asked, f, g)
 
@@ -95,6 +104,9 @@ class PymooDriver(Driver):
     def ask(self) -> Array:
         self.asked = self.algorithm.ask()
         return np.asarray(self.asked.get("X"), dtype=float)
+
+    def begin_with(self, x: Array) -> None:
+        self.asked[: len(x)].set("X", x)
 
     def tell(self, f: Array, g: Array) -> None:
         self.asked.set("F", f, "G", g, "H", np.zeros((len(f), 0)))

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from typing import Final
 
-    from .api import check, evaluate, gap, read, report, reproduce, run, simulate, study
+    from . import algorithms
+    from .api import check, evaluate, gap, read, report, reproduce, run, search, simulate, study
     from .errors import ConfigurationError
     from .results import Gap, Reproduction, Run, Study
     from .tables import read_aqdef, read_table
@@ -16,7 +17,18 @@ if TYPE_CHECKING:
     __version__: Final[str] = ""
 
 _ROOMS = {
-    ".api": ("check", "evaluate", "gap", "read", "report", "reproduce", "run", "simulate", "study"),
+    ".api": (
+        "check",
+        "evaluate",
+        "gap",
+        "read",
+        "report",
+        "reproduce",
+        "run",
+        "search",
+        "simulate",
+        "study",
+    ),
     ".errors": ("ConfigurationError",),
     ".results": ("Gap", "Reproduction", "Run", "Study"),
     ".tables": ("read_aqdef", "read_table"),
@@ -30,6 +42,7 @@ __all__ = [
     "Run",
     "Study",
     "__version__",
+    "algorithms",
     "check",
     "evaluate",
     "gap",
@@ -39,6 +52,7 @@ __all__ = [
     "report",
     "reproduce",
     "run",
+    "search",
     "simulate",
     "study",
 ]
@@ -55,6 +69,8 @@ if not TYPE_CHECKING:  # type checkers know the names above, and no others
             from importlib.metadata import version
 
             return version("tolevo")
+        if name == "algorithms":
+            return import_module(".algorithms", __name__)
         if name in _PLACES:
             return getattr(import_module(_PLACES[name], __name__), name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

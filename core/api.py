@@ -9,59 +9,67 @@ user should read, as soon as it is known: how a table was read ("read: ..."), "n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from os import PathLike, fspath
+from collections.abc import Callable, Sequence
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from . import tables
-from .arguments import (
-    beside,
-    choice_faults,
-    file_faults,
-    page_faults,
-    start_faults,
-    watch_faults,
-)
+from .arguments import beside, page_faults, watch_faults
 from .configuration import Configuration
 from .configuration import read as read_raw
-from .errors import Fault, InputError, raise_all
-from .results import Gap, Reproduction, Run, Scratch, Study
+from .errors import Fault, raise_all
+from .given import (
+    READ,
+    AnyPath,
+    Frame,
+    Raw,
+    Source,
+    Tell,
+    collected,
+    file_faults_of,
+    folder_for,
+    opened,
+    raw,
+    readable,
+    start_faults_of,
+    told,
+    written,
+)
+from .results import Gap, Reproduction, Run, Study
 
 if TYPE_CHECKING:
     from .algorithms.search import Progress
+    from .algorithms.settings import AlgorithmSettings
+    from .workflows.asking import Search
     from .workflows.gap.progress import GapProgress
     from .workflows.report import Report
     from .workflows.reproduce.plan import ClaimsProgress
     from .workflows.study.plan import StudyProgress
 
-AnyPath = str | PathLike[str]
-Source = AnyPath | Mapping[str, Any] | Configuration
-"""A configuration: a path, a dictionary with the keys of the file, or what `read` returns."""
-Raw = AnyPath | Mapping[str, Any]
-"""A configuration: a path, or a dictionary with the keys of the file."""
-Frame = AnyPath | pd.DataFrame
-"""A table: a path, or a frame whose columns bear the names that the file would have."""
-READ = "read"
-NOTES = "notes"
-"""Key in `attrs` of returned frames: what was understood, and what the user should know."""
-Tell = Callable[[str], None]
-Found = TypeVar("Found")
 
-
-def read(source: Source, settings: Sequence[str] = ()) -> Configuration:
+def read(
+    source: Source,
+    settings: Sequence[str] = (),
+    *,
+    algorithm: AlgorithmSettings | None = None,
+    seed: int | None = None,
+) -> Configuration:
     """The configuration of a problem or model, checked and completed.
 
-    `settings` are "key=value" as `--set` takes them. Raises ConfigurationError with every fault.
+    `settings` are "key=value" as `--set` takes them. An `algorithm` (such as
+    `tolevo.algorithms.NSGA2(population=40)`) and a `seed` take the place of those in the source,
+    whose budget stays. Raises ConfigurationError with every fault.
     """
     if not isinstance(source, Configuration):
-        return read_raw(_raw(source), settings)
+        return read_raw(raw(source), settings, algorithm, seed)
     if settings:
         place, remedy = "--set", "give what it was read from, or change it before it is read"
         raise_all([Fault(place, f"cannot change a configuration that is complete: {remedy}")])
-    return source
+    same = algorithm is None and seed is None
+    return source if same else read_raw(source.tables(), (), algorithm, seed)
 
 
 def check(source: Source, settings: Sequence[str] = ()) -> str:
@@ -74,13 +82,15 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
 
     if isinstance(source, Configuration):
         return describe(read(source, settings))
-    return checked(_raw(source), settings)
+    return checked(raw(source), settings)
 
 
 def run(
     source: Source,
     out: AnyPath | None = None,
     *,
+    algorithm: AlgorithmSettings | None = None,
+    seed: int | None = None,
     settings: Sequence[str] = (),
     workers: int = 1,
     progress: Callable[[Progress], None] | None = None,
@@ -88,24 +98,56 @@ def run(
     resume: bool = False,
     overwrite: bool = False,
 ) -> Run:
-    """One optimisation: from a configuration to a Pareto front (`.front`).
+    """One optimisation: from a configuration or a problem to a Pareto front (`.front`).
 
-    `progress` is called after every generation. The result does not depend on `workers`. With
-    `resume`, `out` may hold the same run, which is gone on with. Raises ConfigurationError with
-    every fault.
+    `algorithm` and `seed` take the place of those in the configuration. `progress` is called after
+    every generation. The result does not depend on `workers`. With `resume`, `out` may hold the
+    same run, which is gone on with. Raises ConfigurationError with every fault.
     """
     from .workflows.run import run as running
     from .workflows.run.reach import searchable
 
-    faults = _start_faults(out, workers, resume, overwrite)
-    configuration = _collected(lambda: _with_problem(read(source, settings)), faults)
+    faults = start_faults_of(out, workers, resume, overwrite)
+    configuration = collected(
+        lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults
+    )
     plan = configuration.plan()
-    _collected(lambda: searchable(plan.problem), faults)
+    collected(lambda: searchable(plan.problem), faults)
     raise_all(faults)
-    _told(tell, "warning", plan.problem.cautions())
-    folder, kept = _folder(out)
+    told(tell, "warning", plan.problem.cautions())
+    folder, kept = folder_for(out)
     done = running(plan, folder, workers, progress, resume, overwrite or out is None)
     return Run(done.status, done.lines, done.result, folder, kept)
+
+
+def search(
+    source: Source,
+    algorithm: AlgorithmSettings | None = None,
+    *,
+    seed: int | None = None,
+    start: Frame | None = None,
+    settings: Sequence[str] = (),
+) -> Search:
+    """A search in a loop of one's own: `ask` for designs, `tell` what came out, take the `result`.
+
+    `start` are designs, one per row, that the first generation begins with (the first of them, if
+    they are more than it holds); a front or an allocation can be given as it stands. The algorithm
+    is that of the configuration where none is given. Raises ConfigurationError with every fault.
+    """
+    from .workflows.asking import Search, askable
+
+    configuration = _with_problem(read(source, settings, algorithm=algorithm, seed=seed))
+    raise_all(askable(configuration.algorithm_name, configuration.algorithm))
+    problem, designs = configuration.problem, None
+    assert problem is not None
+    assert configuration.algorithm is not None
+    if start is not None:
+        from .workflows.evaluate import designs_in
+
+        designs = designs_in(problem, *readable(start, tables.ReadOptions()))
+    return Search(
+        problem, configuration.algorithm, configuration.seed, configuration.engine, designs
+    )
 
 
 def study(
@@ -129,14 +171,14 @@ def study(
     from .workflows.study import executor_of
     from .workflows.study import study as studying
 
-    faults = _start_faults(out, workers, resume, overwrite, shared=True)
+    faults = start_faults_of(out, workers, resume, overwrite, shared=True)
     if dask and workers is not None:
         faults.append(Fault("--dask", "has workers of its own; leave out --workers"))
-    plan = _collected(lambda: read_study(_raw(source), settings), faults)
+    plan = collected(lambda: read_study(raw(source), settings), faults)
     raise_all(faults)
     executor = executor_of(workers or 1, dask)
-    _told(tell, "warning", plan.warnings)
-    folder, kept = _folder(out)
+    told(tell, "warning", plan.warnings)
+    folder, kept = folder_for(out)
     done = studying(plan, folder, executor, progress, resume, overwrite or out is None)
     return Study(done.status, done.lines, done.data, folder, kept)
 
@@ -167,16 +209,16 @@ def gap(
     from .workflows.gap.gap import gap as closing
     from .workflows.gap.read import checked_table
 
-    faults = _start_faults(out, workers, resume, overwrite)
-    plan, found = gap_plan(_raw(source), settings)
-    table, wrong, place = _opened(data, tables.ReadOptions(encoding, delimiter, decimal))
+    faults = start_faults_of(out, workers, resume, overwrite)
+    plan, found = gap_plan(raw(source), settings)
+    table, wrong, place = opened(data, tables.ReadOptions(encoding, delimiter, decimal))
     file = None if isinstance(data, pd.DataFrame) else Path(data)
     readings, more = checked_table(plan, table, wrong, place, file)
     raise_all([*found, *faults, *more])
     assert plan is not None
     assert readings is not None
-    _told(tell, READ, readings.understood)
-    folder, kept = _folder(out)
+    told(tell, READ, readings.understood)
+    folder, kept = folder_for(out)
     done = closing(plan, readings, folder, workers, progress, resume, overwrite or out is None)
     return Gap(done.status, done.lines, done.result, folder, kept)
 
@@ -199,10 +241,10 @@ def reproduce(
     from .workflows.reproduce.reproduce import reproduce as comparing
     from .workflows.study.execution import executor_of
 
-    faults = _start_faults(out, workers, resume, overwrite)
-    plan = _collected(lambda: read_claims([Path(one) for one in claims], settings), faults)
+    faults = start_faults_of(out, workers, resume, overwrite)
+    plan = collected(lambda: read_claims([Path(one) for one in claims], settings), faults)
     raise_all(faults)
-    folder, kept = _folder(out)
+    folder, kept = folder_for(out)
     executor = executor_of(workers)
     done = comparing(plan, folder, executor, progress, resume, overwrite or out is None)
     return Reproduction(done.status, done.lines, done.result, folder, kept)
@@ -226,17 +268,17 @@ def evaluate(
     """
     from .workflows.evaluate import evaluated
 
-    faults = _file_faults(out, designs)
-    configuration = _collected(lambda: _with_problem(read(source, settings)), faults)
+    faults = file_faults_of(out, designs)
+    configuration = collected(lambda: _with_problem(read(source, settings)), faults)
     raise_all(faults)
     problem, notes = configuration.problem, list[str]()
     assert problem is not None
-    _told(tell, "note", problem.effect_notes())
-    _told(tell, "model", [problem.model_statement] if problem.model_statement else ())
-    table, place = _readable(designs, tables.ReadOptions(encoding, delimiter, decimal))
+    told(tell, "note", problem.effect_notes())
+    told(tell, "model", [problem.model_statement] if problem.model_statement else ())
+    table, place = readable(designs, tables.ReadOptions(encoding, delimiter, decimal))
     found = evaluated(problem, table, place, notes.extend)
-    _told(tell, READ, notes)
-    return _written(found, notes, out)
+    told(tell, READ, notes)
+    return written(found, notes, out)
 
 
 def simulate(
@@ -257,11 +299,11 @@ def simulate(
     from .configuration.simulated import build_model
     from .workflows.simulate import simulated
 
-    faults = _file_faults(out, inputs)
-    configuration = _collected(lambda: read(source, settings), faults)
+    faults = file_faults_of(out, inputs)
+    configuration = collected(lambda: read(source, settings), faults)
     raise_all(faults)
     model, given = build_model(configuration), configuration.settings
-    table, place = _readable(inputs, tables.ReadOptions(encoding, delimiter, decimal))
+    table, place = readable(inputs, tables.ReadOptions(encoding, delimiter, decimal))
     understood, notes = list[str](), list[str]()
     found = simulated(
         model,
@@ -275,9 +317,9 @@ def simulate(
         understood.extend,
         notes.extend,
     )
-    _told(tell, READ, understood)
-    _told(tell, "note", notes)
-    return _written(found, [*understood, *notes], out)
+    told(tell, READ, understood)
+    told(tell, "note", notes)
+    return written(found, [*understood, *notes], out)
 
 
 def report(
@@ -303,7 +345,7 @@ def report(
         return _watched(paths, target, drawn, tell)
     raise_all(page_faults(paths, target, drawn))
     found = built(paths, target, drawn)
-    _told(tell, "warning", found.remarks)
+    told(tell, "warning", found.remarks)
     return found
 
 
@@ -313,13 +355,13 @@ def _watched(
     """`report` again and again; where the page lies is told when it is first there."""
     from .workflows.report import watch
 
-    page, told = out or beside(folders[0]), set[Path]()
+    page, shown_before = out or beside(folders[0]), set[Path]()
     raise_all([*watch_faults(folders, figures), *page_faults(folders[:1], page)])
 
     def shown(found: Report) -> None:
-        if found.path not in told:
-            _told(tell, "page", [f"{found.path}, renewed every 5 s; Ctrl-C ends it"])
-        told.add(found.path)
+        if found.path not in shown_before:
+            told(tell, "page", [f"{found.path}, renewed every 5 s; Ctrl-C ends it"])
+        shown_before.add(found.path)
 
     return watch(folders[0], page, shown)
 
@@ -328,73 +370,3 @@ def _with_problem(configuration: Configuration) -> Configuration:
     if configuration.problem is None:
         raise_all([Fault("problem", "is missing: a model alone can only be simulated")])
     return configuration
-
-
-def _collected(found: Callable[[], Found], faults: Sequence[Fault]) -> Found:
-    """What `found` returns; its faults are raised together with those found before."""
-    try:
-        return found()
-    except InputError as error:
-        raise InputError([*error.faults, *faults]) from None
-
-
-def _start_faults(
-    out: AnyPath | None, workers: int | None, resume: bool, overwrite: bool, shared: bool = False
-) -> list[Fault]:
-    if out is not None:
-        return start_faults(Path(out), workers, resume, overwrite, shared)
-    faults = choice_faults(workers, resume, overwrite)
-    if resume:
-        text = "needs the directory that holds what is to be gone on with: out"
-        faults.append(Fault("--resume", text))
-    return faults
-
-
-def _file_faults(out: AnyPath | None, source: Frame) -> list[Fault]:
-    if out is None:
-        return []
-    return file_faults(Path(out), None if isinstance(source, pd.DataFrame) else Path(source))
-
-
-def _folder(out: AnyPath | None) -> tuple[Path, Scratch | None]:
-    """Where the files go: the user's directory, or one that goes with the result."""
-    if out is not None:
-        return Path(fspath(out)), None
-    kept = Scratch()
-    return kept.path / "result", kept
-
-
-def _raw(source: Raw) -> Path | Mapping[str, Any]:
-    return source if isinstance(source, Mapping) else Path(source)
-
-
-def _opened(
-    source: Frame, options: tables.ReadOptions
-) -> tuple[tables.Table | None, list[Fault], str]:
-    """A table, the faults of its form, and how they name it."""
-    if isinstance(source, pd.DataFrame):
-        return *tables.table_of(source, "frame"), "frame"
-    path = Path(source)
-    return *tables.opened(path, path.name, options), path.name
-
-
-def _readable(source: Frame, options: tables.ReadOptions) -> tuple[tables.Table, str]:
-    """A table and how faults name it; raises those of its form."""
-    table, faults, place = _opened(source, options)
-    raise_all(faults)
-    assert table is not None
-    return table, place
-
-
-def _told(tell: Tell | None, kind: str, lines: Iterable[str]) -> None:
-    if tell is not None:
-        for line in lines:
-            tell(f"{kind}: {line}")
-
-
-def _written(found: pd.DataFrame, notes: Sequence[str], out: AnyPath | None) -> pd.DataFrame:
-    """The frame, in a file as well where one is named, and then with its notes."""
-    if out is not None:
-        tables.write(found, Path(out))
-    found.attrs[NOTES] = tuple(notes)
-    return found

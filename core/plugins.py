@@ -11,6 +11,7 @@ from .models.inputs import Distribution
 from .models.measurable import Changeable, Column, MeasurableModel, Role
 from .problems.settings import Settings
 from .problems.tolerance_problem import ToleranceProblem
+from .workflows.study.records import Design, Factor
 
 __all__ = [
     "Action",
@@ -19,9 +20,11 @@ __all__ = [
     "Column",
     "CostCurve",
     "Crossover",
+    "Design",
     "Distribution",
     "Effect",
     "EffectParameter",
+    "Factor",
     "Kind",
     "MeasurableModel",
     "Mutation",

@@ -10,7 +10,8 @@ import ast
 import re
 import sys
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
+from functools import lru_cache, reduce
+from importlib import import_module
 from importlib.machinery import ModuleSpec
 from importlib.metadata import (
     EntryPoint,
@@ -26,7 +27,18 @@ from typing import Any, TypeVar
 from .errors import Fault, InputError, nearest, refuse
 
 Kind = TypeVar("Kind")
-GROUPS = ("models", "problems", "algorithms", "effects", "calculations", "curves", "distributions")
+PATH = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_][\w.]*")
+"""A class that is named by its module instead of an entry point."""
+GROUPS = (
+    "models",
+    "problems",
+    "algorithms",
+    "effects",
+    "calculations",
+    "curves",
+    "distributions",
+    "designs",
+)
 PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError,
                  RuntimeError, SyntaxError, TypeError, ValueError)  # fmt: skip
 """What importing a plugin that is broken may raise; it is the user's to mend, with a name."""
@@ -78,12 +90,15 @@ def origin(group: str, name: str) -> str:
 
 
 def load(group: str, name: str) -> Any:
-    """The class registered as `name`.
+    """The class registered as `name`, or the one at the path "package.module:Class".
 
     Raises InputError where the name is unknown, where its plugin cannot be imported, or where an
     extra that it names in `extras` is not installed.
     """
-    offer, kind = _find(group, name), group.removesuffix("s")
+    kind = group.removesuffix("s")
+    if PATH.fullmatch(name):
+        return _by_path(kind, name)
+    offer = _find(group, name)
     try:
         found = offer.load()
     except PLUGIN_FAULTS as error:  # a plugin may raise anything while it is imported
@@ -95,6 +110,24 @@ def load(group: str, name: str) -> Any:
             command = f"pip install '{offer.dist.name}[{extra}]'"
             raise refuse(kind, f'"{name}" needs {", ".join(missing)}: {command}')
     return found
+
+
+def _by_path(kind: str, path: str) -> Any:
+    """What a path names. Raises InputError where it cannot be imported."""
+    module, _, attribute = path.partition(":")
+    try:
+        return reduce(getattr, attribute.split("."), import_module(module))
+    except PLUGIN_FAULTS as error:
+        text = f'"{path}" cannot be imported ({type(error).__name__}: {error}); its module must be '
+        raise refuse(kind, f"{text}installed, or lie in a directory of PYTHONPATH") from error
+
+
+def name_of(group: str, kind: type) -> str:
+    """The name under which a class is registered, else its path."""
+    for offer in _offers(group):
+        if offer.attr == kind.__qualname__ and offer.load() is kind:
+            return offer.name
+    return f"{kind.__module__}:{kind.__qualname__}"
 
 
 class Kinds(Mapping[str, type[Kind]]):

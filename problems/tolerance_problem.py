@@ -329,13 +329,17 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
         """
         known = self.outputs_of(designs, errors=False) if found is None else found
         found = {**known, **self._verified(designs, known)}
-        columns: dict[str, Any] = {v.name: self._shown(v, designs) for v in self.variables}
+        columns: dict[str, Any] = dict(self.designs_frame(designs))
         columns |= {output.name: found[output.name] for output in self.outputs}
         for limit in self.limits:
             columns |= limit.margins(self.values(designs, found, limit.name))
         frame = pd.DataFrame(columns)
         frame["feasible"] = np.all(self.violations(designs, found) <= 0.0, axis=1)
         return frame
+
+    def designs_frame(self, designs: Array) -> pd.DataFrame:
+        """Full designs (n, all variables) as a table holds them, a column per variable."""
+        return pd.DataFrame({v.name: self._shown(v, designs) for v in self.variables})
 
     def _shown(self, variable: Variable, designs: Array) -> Any:
         """A variable (n,) as tables hold it: whole numbers as such, choices by name."""

@@ -17,7 +17,7 @@ VIEW = (np.radians(-60.0), np.radians(18.0))
 """Azimuth and elevation of the eye."""
 PALE, DEEP = np.array([214.0, 222.0, 232.0]), np.array([178.0, 34.0, 34.0])
 """Colours of no share and of the largest one."""
-JOINT, LINK, TOOL = 11.0, 7.0, 3.0
+JOINT, LINK, TOOL = 14.0, 7.0, 3.0
 READABLE = 0.35
 """Share, over the largest, from which on a number is white on its joint."""
 
@@ -44,7 +44,7 @@ def _drawing(stored: Mapping[str, Any], caption: str) -> str:
     scale = float(np.min((np.array([WIDTH, HEIGHT]) - 2.0 * EDGE) / np.maximum(high - low, 1e-9)))
     shift = 0.5 * (np.array([WIDTH, HEIGHT]) - scale * (low + high))
     most = max(float(one["share"]) for one in parts) or 1.0
-    dots = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="1.6" fill="#8a94a3"/>'
+    dots = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.4" fill="#8a94a3"/>'
                    for x, y in np.unique(np.round(scale * poses + shift, 1), axis=0))  # fmt: skip
     shapes = [_shape(one, scale * line + shift, most)
               for one, line in zip(parts, lines, strict=True)]  # fmt: skip
@@ -70,8 +70,8 @@ def _shape(part: Mapping[str, Any], points: Array, most: float) -> str:
         label = escape(str(part["name"]).rpartition(" ")[2])
         ink = "#fff" if share > READABLE * most else "#222"
         return (f'<g>{title}<circle cx="{x:.1f}" cy="{y:.1f}" r="{JOINT:g}" fill="{colour}" '
-                f'stroke="#222" stroke-width="1.2"/><text x="{x:.1f}" y="{y + 4.0:.1f}" '
-                f'text-anchor="middle" font-size="11" fill="{ink}">{label}</text></g>')  # fmt: skip
+                f'stroke="#222" stroke-width="1.2"/><text x="{x:.1f}" y="{y + 5.5:.1f}" '
+                f'text-anchor="middle" font-size="16" fill="{ink}">{label}</text></g>')  # fmt: skip
     width = TOOL if part["kind"] == "tool" else LINK
     stroke = "#222" if part["kind"] == "tool" else colour
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from .. import tables
 from ..declarations import Variable
@@ -11,6 +13,8 @@ from ..likely_units import unit_hint
 from ..problems.slips import slip
 from ..problems.tolerance_problem import ToleranceProblem
 
+Array = NDArray[np.float64]
+
 
 def evaluated(
     problem: ToleranceProblem,
@@ -18,7 +22,17 @@ def evaluated(
     place: str,
     understood: tables.Tell = tables.silent,
 ) -> pd.DataFrame:
-    """Every variable, output and limit margin at the designs in a table that faults call `place`.
+    """Every variable, output and limit margin at the designs in a table: see `designs_in`."""
+    return problem.frame(designs_in(problem, found, place, understood))
+
+
+def designs_in(
+    problem: ToleranceProblem,
+    found: tables.Table,
+    place: str,
+    understood: tables.Tell = tables.silent,
+) -> Array:
+    """Full designs (n, all variables) in a table that faults call `place`.
 
     A column may be left out where the problem fixes that variable; where it is given, it counts.
     `[columns]` of the configuration says what columns of the file are.
@@ -48,7 +62,7 @@ def evaluated(
         bad = {frame.index[row]: why for row, why in bad_rows.items()}
         faults += tables.cell_faults(place, name, bad)
     raise_all(faults)
-    return problem.frame(designs)
+    return designs
 
 
 def _slips(problem: ToleranceProblem, frame: pd.DataFrame) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -65,6 +66,12 @@ class Configuration:
     def toml(self) -> str:
         """The resolved configuration as TOML."""
         return tomli_w.dumps(dict(self.resolved))
+
+    def tables(self) -> dict[str, Any]:
+        """The resolved configuration as a file has it; an object in the place of a name stays."""
+        read = tomllib.loads(self.toml())
+        named = {"problem": self.resolved["problem"]} if "problem" in self.resolved else {}
+        return read | named
 
     @cached_property
     def hash(self) -> str:

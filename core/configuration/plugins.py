@@ -7,18 +7,37 @@ from typing import Any
 from .. import registry
 from ..errors import InputError
 from ..section import Section
+from .named import Named
 
 
 def load_named(section: Section, key: str, group: str, default: str = "") -> Any:
-    """The class that `key` names in the registry `group`; None and a fault where there is none."""
+    """The class that `key` names in the registry `group`, or the object that stands there.
+
+    None and a fault where there is none.
+    """
     name = section.text(key)
     if name is None:
         if key in section or not default:
             return None
         name = default
     try:
-        return registry.load(group, name)
+        return name.given if isinstance(name, Named) else registry.load(group, name)
     except InputError as error:
         for fault in error.faults:
             section.fault(key, fault.message)
+    return None
+
+
+def problem_of(top: Section) -> Any:
+    """What `problem` names: a class of this suite, or what stands for a plain pymoo problem."""
+    found = load_named(top, "problem", "problems")
+    if found is None or hasattr(found, "configured"):
+        return found
+    from ..problems.plain import plain_kind  # most configurations have none
+
+    try:
+        return plain_kind(found)
+    except InputError as error:
+        for fault in error.faults:
+            top.fault("problem", fault.message)
     return None

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..algorithms.settings import AlgorithmSettings
 from ..declarations import Value, completed
 from ..errors import Fault, InputError, raise_all
 from ..problems.settings import Settings, VariableSetting
@@ -16,6 +17,7 @@ from ..workflows.choice.steps import rounding_faults
 from ..workflows.run.contradictions import contradictions
 from .cells import with_poses
 from .choice import read_choice, resolved_choice
+from .complete import complete_tables
 from .configuration import Configuration
 from .costs import check_ends, narrowed, read_costs
 from .effects import read_effects, resolved_effects
@@ -23,12 +25,13 @@ from .files import with_files
 from .goals import read_limits, read_objectives, read_propagation
 from .labels import read_labels
 from .model_columns import read_design_columns, read_model_columns, resolved_columns
-from .money import read_money, resolved_money
+from .money import read_money
+from .objects import with_choices
 from .pairs import belongs, stranger
 from .parameters import read_parameters
-from .plugins import load_named
+from .plugins import load_named, problem_of
 from .reducers import with_reducers
-from .resolved import resolved_problem, resolved_variables
+from .resolved import resolved_variables
 from .search import check_size, read_algorithm, read_budget, read_engine, resolved_algorithm
 from .sense import read_sense, resolved_sense
 from .source import Source, Table, folder_of, overridden
@@ -42,13 +45,19 @@ PROBLEM_ONLY = ("references", "costs", "propagation", "objectives", "limits", "a
                 "rounding", "currency")  # fmt: skip
 
 
-def read(source: Source, overrides: Sequence[str] = ()) -> Configuration:
+def read(
+    source: Source,
+    overrides: Sequence[str] = (),
+    algorithm: AlgorithmSettings | None = None,
+    seed: int | None = None,
+) -> Configuration:
     """The configuration in a TOML file or dictionary, with `key=value` overrides applied.
 
-    Raises InputError with every fault found.
+    An `algorithm` and a `seed` take the place of its own. Raises InputError with every fault found.
     """
     faults: list[Fault] = []
-    return read_tables(overridden(source, overrides, faults), folder_of(source), faults)
+    table = with_choices(overridden(source, overrides, faults), algorithm, seed)
+    return read_tables(table, folder_of(source), faults)
 
 
 def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuration:
@@ -81,7 +90,7 @@ def _read_problem(
     """A configuration with a problem."""
     if "problem" not in top:
         top.fault("problem", 'is missing: name a problem (see `tolevo list`), or model = "..."')
-    named = load_named(top, "problem", "problems")
+    named = problem_of(top)
     top = with_poses(with_reducers(top, named, folder), named, folder)
     kind = named.configured(top) if named else None
     model = load_named(top, "model", "models", kind.default_model if kind else "")
@@ -112,17 +121,9 @@ def _read_problem(
     raise_all(contradictions(problem, asked["algorithm_name"]))
     assert asked["algorithm"] is not None
     resolved = {
-        "problem": top.take("problem"),
-        **({"model": model_name} if model_name else {}),
-        **labels.stated(),
-        "seed": seed,
+        **complete_tables(problem, top.take("problem"), model_name),
         "references": references,
-        **resolved_money(problem.settings.money, resolved_problem(problem)),
         "algorithm": resolved_algorithm(*asked.values()),
-        **resolved_columns(columns),
-        **resolved_zero(zero),
-        **resolved_sense(sense),
-        **resolved_effects(settings.effects),
         **resolved_choice(choice),
     }
     return Configuration(

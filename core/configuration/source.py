@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import Fault, InputError
+from .objects import with_names
 
 Table = dict[str, Any]
 Source = Path | Mapping[str, Any]
@@ -35,7 +36,7 @@ def overridden(source: Source, overrides: Sequence[str], faults: list[Fault]) ->
 def load(source: Source, faults: list[Fault]) -> Table | None:
     """The tables of a configuration, which may be changed, or None and the fault of its file."""
     if not isinstance(source, Path):
-        return deepcopy(dict(source))
+        return deepcopy(with_names(source))
     place = str(source)
     try:
         text = source.read_bytes().decode("utf-8-sig")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from .algorithm import AlgorithmContract
 from .curve import CurveContract
+from .design import DesignContract
 from .distribution import DistributionContract
 from .effect import COLUMNS, EffectContract
 from .model import ModelContract
@@ -17,6 +18,7 @@ __all__ = [
     "COLUMNS",
     "AlgorithmContract",
     "CurveContract",
+    "DesignContract",
     "DistributionContract",
     "EffectContract",
     "ModelContract",

@@ -7,6 +7,7 @@ over units and poses together; the links' errors at a pose are jointly normal.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import scipy
@@ -26,14 +27,14 @@ PER_JOINT = 4
 class AccuracySample:
     """Units (n,) at poses: `pose` (n,) numbers those of the maps.
 
-    `link` (n, 3) are standard normal, `side` (n, joints) is +1 or -1, `wave` (n, joints, 2) normal
-    with the `phase` (n, joints), `unit` (n, dimensions) in (0, 1) is for the reducers' errors.
+    `link` (n, 3) are standard normal, `side` (n, joints) is +1 or -1, `wave` (2, 2, n, joints) the
+    cosine and sine of the phase times two standard normal components, `unit` (n, dimensions) in
+    (0, 1) is for the reducers' errors.
     """
 
     pose: NDArray[np.int64]
     link: Array
     side: Array
-    phase: Array
     wave: Array
     unit: Array
 
@@ -50,13 +51,14 @@ class AccuracySample:
         count, n = 3, len(points)
         side = np.where(points[:, count : count + joints] < 0.5, -1.0, 1.0)
         phase = 2.0 * np.pi * points[:, count + joints : count + 2 * joints]
-        waves = ndtri(points[:, count + 2 * joints : count + 4 * joints])
+        normal = ndtri(points[:, count + 2 * joints : count + 4 * joints]).reshape(n, joints, 2)
+        waves = [[turn * normal[:, :, at] for at in range(2)]
+                 for turn in (np.cos(phase), np.sin(phase))]  # fmt: skip
         return cls(
             np.arange(n) % poses,
             ndtri(points[:, :3]),
             side,
-            phase,
-            waves.reshape(n, joints, 2),
+            np.array(waves),
             points[:, count + 4 * joints :],
         )
 
@@ -66,9 +68,10 @@ class AccuracySample:
         `backlash` (n, joints) with the hysteresis, `wave_root` (joints, 2, 2) a root of the
         covariance of the wave's components [rad], `free` (n, joints) 0 where a flank is held.
         """
-        waves = np.einsum("jab,njb->nja", wave_root, self.wave)
-        te = waves[..., 0] * np.cos(self.phase) + waves[..., 1] * np.sin(self.phase)
-        return np.asarray(0.5 * self.side * backlash * free + te)
+        found = 0.5 * self.side * backlash * free
+        for a, b in product(range(2), repeat=2):
+            found += wave_root[:, a, b] * self.wave[a, b]
+        return np.asarray(found)
 
     def errors(self, drives: Drives, covariance: Array, joint: Array) -> Array:
         """Position errors (n, 3) [m] by the first-order maps.

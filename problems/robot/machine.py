@@ -18,6 +18,8 @@ from ...units import ARCMIN, MM, MRAD
 Array = NDArray[np.float64]
 NONE = 1e-18
 """Square of a rotation per rotation of a drive that is rounding."""
+ROUNDING = 1e-20
+"""Mean square, over the largest of its kind, that is rounding: it must not be paid for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +94,9 @@ class Machine(ABC):
         places = self.places
         rows = (places.move / MM, places.turn[:, :2] / MRAD, places.turn[:, 2:] / MRAD)
         each = [places.mean(np.sum(row**2, axis=1)) for row in rows]
-        return np.array([[row[own].sum() for own in self.columns] for row in each])
+        return np.array(
+            [_without_rounding(np.array([row[own].sum() for own in self.columns])) for row in each]
+        )
 
     def free(self, places: Places) -> Array:
         """1 where no flank of a drive (n, geared) is held, 0 where gravity holds one."""
@@ -115,7 +119,7 @@ class Machine(ABC):
             "yaw_": turn[:, 2] * (ARCMIN / MRAD) ** 2,
         }
         return {
-            f"{name}{what}": places.mean(weight * own)
+            f"{name}{what}": _without_rounding(places.mean(weight * own))
             for name, own in each.items()
             for what, weight in (("backlash", free), ("wave", np.ones_like(free)))
         }
@@ -191,3 +195,8 @@ class Sampled:
         """Position errors (units, 3) [mm] of links (variables,) and joints [rad]."""
         covariance = np.einsum("k,kpij->pij", sigma**2, self.links)
         return self.sample.errors(self.drives, covariance, joint) / MM
+
+
+def _without_rounding(squares: Array) -> Array:
+    """Mean squares with 0 for those that differ from it by rounding."""
+    return np.where(squares > ROUNDING * squares.max(initial=0.0), squares, 0.0)

@@ -117,8 +117,10 @@ class SerialArmAllocation(RobotProblem):
         tool = self.machine.frames.tool
         faults = []
         for at, text in found[:NAMED]:
-            place = f"cell.poses[{at}]" if cell.listed else "cell"
-            where = ", ".join(f"{1e3 * one:.4g}" for one in self._commanded(at, tool))
+            key = "joints_deg" if cell.in_joints else "poses"
+            place = f"cell.{key}[{at}]" if cell.listed else "cell"
+            at_mm = np.round(1e3 * self._commanded(at, tool), 6) + 0.0  # no -0
+            where = ", ".join(f"{one:.4g}" for one in at_mm)
             faults.append(Fault(place, f"pose {at + 1} ({where} mm) {text}; {remedy}"))
         if len(found) > NAMED:
             more = len(found) - NAMED

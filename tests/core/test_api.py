@@ -148,6 +148,6 @@ def test_importing_the_package_imports_nothing_else() -> None:
 def test_the_examples_of_the_page_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(DOCS.parents[1])
     blocks = [part.split("```")[0] for part in DOCS.read_text("utf-8").split("```python\n")[1:]]
-    assert len(blocks) == 3
-    for block in (blocks[0], blocks[2]):  # the second is the test above
+    assert len(blocks) == 5
+    for block in (blocks[0], *blocks[2:]):  # the second is the test above
         exec(compile(block, str(DOCS), "exec"), {})

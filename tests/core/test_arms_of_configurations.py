@@ -188,8 +188,8 @@ class TestBadInput:
         found = faults(
             changed(cell={"joints_deg": [[0, -84, 21, 0, 0, 0], [0, -84, 21, 0, 60, 0]]})
         )
-        assert list(found) == ["cell.poses[0]"]
-        assert "joints 4 and 6 move the tool alike" in found["cell.poses[0]"]
+        assert list(found) == ["cell.joints_deg[0]"]
+        assert "joints 4 and 6 move the tool alike" in found["cell.joints_deg[0]"]
 
     def test_no_masses(self) -> None:
         bare = rows(joint_4={"mass_kg": None, "centre_of_mass_mm": None})

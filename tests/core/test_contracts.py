@@ -19,7 +19,9 @@ from tolevo.models.costs import (
 from tolevo.models.costs.curve import Array
 from tolevo.models.inputs import DISTRIBUTIONS, Beta, Normal, Rayleigh, Triangular, Uniform
 from tolevo.models.rv_reducer.lost_motion import RvLostMotion
-from tolevo.testing import CurveContract, DistributionContract, ModelContract
+from tolevo.testing import CurveContract, DesignContract, DistributionContract, ModelContract
+from tolevo.workflows.study.designs import Factorial, LatinHypercube, Morris, Sobol
+from tolevo.workflows.study.records import Factor
 
 
 class TestReciprocal(CurveContract):
@@ -114,3 +116,23 @@ def test_a_plugin_that_is_no_curve_stops_nothing_else(monkeypatch: pytest.Monkey
         CURVES["table"]
     assert set(CURVES.sound()) == set(CURVES) - {"table"}
     assert CURVES.name_of(Reciprocal) == "reciprocal"
+
+
+class TestFactorial(DesignContract):
+    design = Factorial()
+    factors = (
+        Factor("algorithm.population", low=20.0, high=80.0, integer=True, count=3),
+        Factor("algorithm.crossover.eta", levels=(5.0, 15.0, 30.0)),
+    )
+
+
+class TestLatinHypercube(DesignContract):
+    design = LatinHypercube(64)
+
+
+class TestMorris(DesignContract):
+    design = Morris(10)
+
+
+class TestSobol(DesignContract):
+    design = Sobol(128)

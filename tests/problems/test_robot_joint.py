@@ -134,7 +134,8 @@ class TestErrorsAsBuilt:
 
 
 class TestLeastCosts:
-    """Sections 4 and 6 of the note. The reducers' curves are ours, not the note's: 0.04 % apart."""
+    """Sections 4 and 6 of the note. Least costs are up to 0.04 % below the note's; why ours
+    stand is in test_robot_least_cost."""
 
     @pytest.mark.parametrize(
         ("calibrated", "cost"), [("none", 75.524343), ("position", 55.982930)]
@@ -308,19 +309,15 @@ class TestNestedEqualsJoint:
         assert np.all(own.bound <= found["cost"] * (1.0 + 1e-9))
 
 
-@pytest.fixture(scope="module")
-def surface() -> tuple[RobotJoint, np.ndarray, dict[str, np.ndarray]]:
-    problem = machine()
-    form = closed_form(problem)
-    assert form is not None
-    designs = problem.complete(exact_vectors(problem, form, 64))
-    return problem, designs, problem._outputs(designs, searching=True)
-
-
 class TestFourObjectives:
-    def test_gap(self, surface: tuple[RobotJoint, np.ndarray, dict[str, np.ndarray]]) -> None:
-        problem, designs, found = surface
-        assert len(designs) > 48
+    @pytest.mark.parametrize("points", [12, pytest.param(64, marks=pytest.mark.slow)])
+    def test_gap(self, points: int) -> None:
+        problem = machine()
+        form = closed_form(problem)
+        assert form is not None
+        designs = problem.complete(exact_vectors(problem, form, points))
+        found = problem._outputs(designs, searching=True)
+        assert len(designs) > 0.75 * points
         own = proof(problem, found, len(designs))
         assert np.max(own.gap_percent(found["cost"])) <= 1e-3  # 1e-5 of the cost
 
@@ -329,11 +326,9 @@ class TestFourObjectives:
         found = at_limits(machine(), [0.05, 0.01, 0.2])
         assert np.isinf(found.cost[0]) and np.isinf(found.bound[0])
 
-    def test_genetic_algorithm_stays_above(
-        self, surface: tuple[RobotJoint, np.ndarray, dict[str, np.ndarray]]
-    ) -> None:
-        """2000 evaluations; 40,000 end 11 % (nested), 16 % (67 variables) above the surface."""
-        problem = surface[0]
+    def test_genetic_algorithm_stays_above(self) -> None:
+        """2000 evaluations; 40,000 end 21 % (nested), 20 % (67 variables) above the surface."""
+        problem = machine()
         found = search(problem, NSGA3(population=100), Budget(evaluations=2000), 1)
         designs = problem.complete(found.x[:: max(1, len(found.x) // 20)])
         values = problem._outputs(designs, searching=True)
@@ -345,11 +340,15 @@ class TestMonteCarloOfTheExactPose:
     """Units by Newton's method: links normal, sides and phases at random, poses over the ring."""
 
     @pytest.mark.parametrize(
-        ("rms", "calibrated", "accuracy"),
-        [(0.0597, "none", 0.1497), (0.0579, "position", 0.1517), (0.05, "none", None)],
-    )
-    def test_rms_and_accuracy(self, rms: float, calibrated: str, accuracy: float | None) -> None:
-        problem, design, _ = optimum(rms, calibrated)
+        ("rms", "calibrated", "flanks", "accuracy"),
+        [(0.0597, "none", "free", 0.1497), (0.0579, "position", "free", 0.1517),
+         (0.05, "none", "held", None)],
+    )  # fmt: skip
+    def test_rms_and_accuracy(
+        self, rms: float, calibrated: str, flanks: str, accuracy: float | None
+    ) -> None:
+        """As built, calibrated, and with flanks held, where backlash is a zero of the drive."""
+        problem, design, _ = optimum(rms, calibrated, flanks)
         n, rng = 30_000, np.random.default_rng(7)
         r, z = rng.uniform(0.3, 0.65, n), rng.uniform(0.1, 0.3, n)
         errors = np.zeros((n, len(NAMES)))
@@ -369,7 +368,8 @@ class TestMonteCarloOfTheExactPose:
                 rng.uniform(0, 2 * np.pi, n),
             )
             te = parts[:, 0] * np.cos(phase) + parts[:, 1] * np.sin(phase)
-            arcmin = 0.5 * rng.choice([-1.0, 1.0], n) * play + te
+            side = rng.choice([-1.0, 1.0], n) if flanks == "free" else np.zeros(n)
+            arcmin = 0.5 * side * play + te
             errors[:, NAMES.index(f"drive_zero_{drive}_mrad")] = arcmin * np.pi / 10800.0
         found = 1e3 * np.linalg.norm(
             exact_pose(problem.machine_of(), r, z, 0.0, errors).position, axis=1

@@ -156,7 +156,7 @@ class TestLeastCosts:
     """Section 4: costs at A = 0.15 mm by the note's c, which it gives with three digits: 0.3 %."""
 
     def test_at_a_rms_of_80_um(self) -> None:
-        """97.620499; the reducers' curves are 0.07 % apart, as those of the manipulator."""
+        """97.620499; ours is 0.07 % lower, as test_robot_least_cost finds by itself."""
         problem = problem_of(calibrated="position")
         _, found, bound = optimum(problem, 0.08)
         assert found["cost_reducers"] == pytest.approx(97.620499, rel=1e-3)
@@ -296,6 +296,15 @@ class TestEveryToleranceOfSixReducers:
         shares = [one for name, one in found.items() if name.startswith("share_")]
         assert len(shares) == 31
         assert sum(shares) == pytest.approx(100.0, rel=1e-12)
+
+
+class TestLeastError:
+    def test_what_has_no_effect_costs_nothing(self) -> None:
+        """Joint 6 turns about the flange: by inverse kinematics 1e-18 mm, which is no effect."""
+        cell = replace(arm().cell, listed=((0.3, 0.0, 0.6), (0.4, 0.1, 0.5)))
+        machine = problem_of(replace(arm(), cell=cell)).machine
+        assert machine.squares["wave"][5] == 0.0
+        assert np.all(machine.squares["wave"][:5] > 0.0)
 
 
 class TestFewJoints:

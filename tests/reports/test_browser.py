@@ -273,6 +273,29 @@ tolerance = 0.02
 """
 
 
+MACHINE = {
+    "cost": 61.6,
+    "poses": [[300.0, 0.0, 100.0], [650.0, 0.0, 100.0], [650.0, 0.0, 300.0]],
+    "parts": [
+        {"name": "arm 1", "kind": "link", "share": 9.0, "points": [[0, 0, 400], [300, 90, 400]]},
+        {
+            "name": f"rod {EVIL}",
+            "kind": "link",
+            "share": 0.0,
+            "points": [[300, 90, 400], [450, 0, 200]],
+        },
+        {"name": "joint 1", "kind": "joint", "share": 61.0, "points": [[0, 0, 400]]},
+        {"name": "joint 2", "kind": "joint", "share": 30.0, "points": [[300, 90, 400]]},
+        {
+            "name": "platform",
+            "kind": "tool",
+            "share": 0.0,
+            "points": [[450, 0, 200], [470, 0, 180]],
+        },
+    ],
+}
+
+
 @pytest.fixture(scope="module")
 def problem(tmp_path_factory: pytest.TempPathFactory) -> Any:
     path = tmp_path_factory.mktemp("stack") / "c.toml"
@@ -307,7 +330,7 @@ def real(problem: Any) -> RunResult:
         "Gap of the bearing", front, reference, pd.DataFrame(),
         {"answers": {"asked": "Least cost against least variation.", "found": "Found: all.",
                      "proof": found.statement},
-         "mechanism": problem.mechanism()},
+         "mechanism": problem.mechanism(), "machine": MACHINE},
         (Axis("cost", ""), Axis("variation", "mm")), tuple(axes), (), (), "",
         choices=decided.choices, allocation=decided.allocation, prices=decided.prices,
         contributions=decided.contributions, tolerances=decided.tolerances,

@@ -75,7 +75,8 @@ class Words:
         limits = [self.limit(one) for one in self.problem.limits if one.count and one.name in given]
         others = sum(one.count > 0 for one in self.problem.limits) - len(limits)
         if others > 0:
-            limits.append(f"{others} limits that the problem sets itself")
+            plural = "limit" if others == 1 else "limits"
+            limits.append(f"{others} {plural} that the problem sets itself")
         kept = f", with {', '.join(limits)}" if limits else ", without limits"
         tolerances = sum(v.tolerance for v in self.problem.free)
         return (f"{goal}{kept}; {tolerances} tolerances searched"

@@ -169,10 +169,17 @@ def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
             ("cost", float(front["cost"].min()), cheapest)]  # fmt: skip
     return [
         f"end of the front: the least {name} is {found:.4g}; none below {proven:.4g} is possible "
-        f"({percent(100.0 * (found - proven) / abs(proven))} missing at most)"
+        f"({_missing(found, proven)} missing at most)"
         for name, found, proven in ends
-        if proven is not None and np.isfinite(proven) and proven != 0.0
+        if proven is not None and np.isfinite(proven)
     ]
+
+
+def _missing(found: float, proven: float) -> str:
+    """How much an end of a front lacks: a share of what is possible, where that is above 0."""
+    if proven <= 0.0:
+        return f"{found - proven:.2g}"
+    return f"{100.0 * (found - proven) / proven:.2g} %"
 
 
 def proof_notes(front: pd.DataFrame, statement: str) -> list[str]:

@@ -90,11 +90,13 @@ class Factor:
 class Design(ABC):
     """A design of experiments: a frozen dataclass whose fields are the keys of `[design]`.
 
-    `metadata` of a field may give low, high, choices, as with algorithms. A kind is registered in
-    `designs.DESIGNS` by its name.
+    `metadata` of a field may give low, high, choices, as with algorithms. It is an entry point of
+    `tolevo.designs`, under the name `kind`.
     """
 
     kind: ClassVar[str]
+    analysis: ClassVar[str] = "latin_hypercube"
+    """The kind of design whose analysis its results get: by default a response surface."""
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
         """What is wrong with it for these factors and replicates (too small: what it needs).

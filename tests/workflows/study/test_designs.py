@@ -38,7 +38,7 @@ def messages(design: Design, factors: tuple[Factor, ...] = ALL, seeds: int = 10)
 
 
 def test_every_kind_is_known_by_its_name() -> None:
-    kinds = ["one_at_a_time", "factorial", "latin_hypercube", "morris", "sobol", "table"]
+    kinds = ["factorial", "latin_hypercube", "morris", "one_at_a_time", "sobol", "table"]
     assert list(DESIGNS) == kinds
     assert all(DESIGNS[kind].kind == kind for kind in kinds)
 

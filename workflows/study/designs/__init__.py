@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import MappingProxyType
-
+from ....registry import Kinds
 from ..records import Design
 from .factorial import Factorial
 from .latin_hypercube import LatinHypercube
@@ -13,9 +11,7 @@ from .one_at_a_time import OneAtATime
 from .sobol import Sobol
 from .table import Table
 
-DESIGNS: Mapping[str, type[Design]] = MappingProxyType(
-    {one.kind: one for one in (OneAtATime, Factorial, LatinHypercube, Morris, Sobol, Table)}
-)
-"""The kinds of designs by name."""
+DESIGNS: Kinds[Design] = Kinds("designs", Design)
+"""The kinds of designs by name: entry points of `tolevo.designs`."""
 
 __all__ = ["DESIGNS", "Factorial", "LatinHypercube", "Morris", "OneAtATime", "Sobol", "Table"]

@@ -25,6 +25,7 @@ class Factorial(Design):
     """All combinations, the last key fastest."""
 
     kind: ClassVar[str] = "factorial"
+    analysis: ClassVar[str] = "factorial"
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
         found = level_faults(factors, self.kind)

@@ -25,6 +25,7 @@ class Morris(Design):
     """Elementary effects (Morris 1991) along `trajectories` of one setting more than keys."""
 
     kind: ClassVar[str] = "morris"
+    analysis: ClassVar[str] = "morris"
     trajectories: int = field(default=20, metadata={"low": 1, "need": SETTINGS})
     levels: int = field(default=4, metadata={"low": 2})
 

@@ -19,6 +19,7 @@ class OneAtATime(Design):
     """The documents' design. It shows no interaction, and the first point is the run as it is."""
 
     kind: ClassVar[str] = "one_at_a_time"
+    analysis: ClassVar[str] = "one_at_a_time"
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:
         return level_faults(factors, self.kind)

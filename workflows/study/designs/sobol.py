@@ -23,6 +23,7 @@ class Sobol(Design):
     """`samples` blocks of A, A with one key from B for every key, and B (Saltelli et al. 2010)."""
 
     kind: ClassVar[str] = "sobol"
+    analysis: ClassVar[str] = "sobol"
     samples: int = field(default=128, metadata={"low": 1, "need": SETTINGS})
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:

@@ -21,6 +21,7 @@ class Table(Design):
     """One setting per row of `file` (CSV or Parquet), one column per varied key."""
 
     kind: ClassVar[str] = "table"
+    analysis: ClassVar[str] = "table"
     file: str = ""
 
     def faults(self, factors: tuple[Factor, ...], seeds: int) -> list[Fault]:

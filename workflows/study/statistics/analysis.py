@@ -33,13 +33,13 @@ def analyse(settings: StudySettings, data: StudyData, rng: np.random.Generator) 
     """All statistics of a finished study; the same data and generator give the same result."""
     design = data.design.reset_index(drop=True)
     keys = [factor.key for factor in settings.factors]
-    found = contrasts(settings.design.kind, design, settings.factors, settings.base)
+    found = contrasts(settings.design.analysis, design, settings.factors, settings.base)
     responses = tuple(
         Response(name, name in LARGER_IS_BETTER, BEST.get(name)) for name in settings.responses
     )
     all_runs = [runs_of(data.table, name, len(design)) for name in settings.responses]
     tested = _joined([tests(runs, design, settings, found, rng) for runs in all_runs])
-    alone = found if settings.design.kind == "one_at_a_time" else []
+    alone = found if settings.design.analysis == "one_at_a_time" else []
     return StudyResult(
         title=settings.title,
         kind=settings.design.kind,

@@ -33,7 +33,7 @@ def sensitivity(
     """
     if not runs.reached or runs.replicates < 2 or np.isnan(runs.array).all():
         return pd.DataFrame(columns=list(COLUMNS))
-    values, kind = runs.array, settings.design.kind
+    values, kind = runs.array, settings.design.analysis
     keys = [factor.key for factor in settings.factors]
     rows: Rows = []
     if kind == "sobol":
@@ -62,7 +62,7 @@ def _variances(
     rng: np.random.Generator,
 ) -> Rows:
     """Shares of variance; seeds that failed at any setting are left out."""
-    kind = settings.design.kind
+    kind = settings.design.analysis
     if kind == "factorial":
         names, shares = factorial_shares(values, found, rng)
     elif kind == "latin_hypercube":

@@ -39,9 +39,9 @@ def _variances(
     if not runs.reached:
         return pd.DataFrame()
     rows: list[dict[str, Any]] = []
-    if settings.design.kind == "latin_hypercube" and complete(runs.array).shape[1]:
+    if settings.design.analysis == "latin_hypercube" and complete(runs.array).shape[1]:
         rows = surface_tests(runs.array, design, settings.factors)
-    elif settings.design.kind != "latin_hypercube":
+    elif settings.design.analysis != "latin_hypercube":
         rows = [level_test(runs.array, contrast) for contrast in found]
     if not rows:
         return pd.DataFrame()

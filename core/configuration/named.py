@@ -1,0 +1,23 @@
+"""A name in a configuration that an object stands behind."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class Named(str):
+    """The name of an object, as configurations write it, and the object itself."""
+
+    given: Any
+    __slots__ = ("given",)
+
+    @classmethod
+    def of(cls, given: Any) -> Named:
+        """An object that is no string, named by the path of its class."""
+        kind = given if isinstance(given, type) else type(given)
+        found = cls(f"{kind.__module__}:{kind.__qualname__}")
+        found.given = given
+        return found
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Named:
+        return self

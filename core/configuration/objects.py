@@ -1,0 +1,69 @@
+"""Objects in the place of names: a problem or an algorithm in a dictionary of a configuration."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from typing import Any
+
+import tomli_w
+
+from .. import registry
+from ..algorithms.settings import AlgorithmSettings, Budget
+from ..problems.tolerance_problem import ToleranceProblem
+from .complete import complete_tables
+from .named import Named
+
+KEPT = (*(field.name for field in fields(Budget)), "engine")
+"""Keys of `[algorithm]` that are not of the algorithm."""
+
+
+def with_names(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The tables with names and settings in the place of objects.
+
+    A problem of this suite becomes the tables that describe it, below those that are given beside
+    it; any other object keeps itself beside its name. An algorithm becomes its table.
+    """
+    found, problem = dict(tables), tables.get("problem")
+    if isinstance(problem, ToleranceProblem) and not hasattr(problem, "own"):
+        found = _joined(_described(problem), {k: v for k, v in found.items() if k != "problem"})
+    elif problem is not None and not isinstance(problem, str):
+        found["problem"] = Named.of(getattr(problem, "own", problem))
+    if isinstance(own := found.get("algorithm"), AlgorithmSettings):
+        found["algorithm"] = algorithm_table(own)
+    return found
+
+
+def algorithm_table(given: AlgorithmSettings) -> dict[str, Any]:
+    """The `[algorithm]` table of an algorithm's settings."""
+    settings: dict[str, Any] = asdict(given)  # type: ignore[call-overload]
+    return {"name": registry.name_of("algorithms", type(given)), **settings}
+
+
+def _described(problem: ToleranceProblem) -> dict[str, Any]:
+    """The tables that make a problem again, as a file has them."""
+    name = registry.name_of("problems", type(problem))
+    return tomllib.loads(tomli_w.dumps(complete_tables(problem, name, problem.default_model)))
+
+
+def _joined(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables over tables; a value takes the place of a value."""
+    found = dict(below)
+    for key, value in above.items():
+        inner = found.get(key)
+        both = isinstance(inner, Mapping) and isinstance(value, Mapping)
+        found[key] = _joined(inner, value) if both else value  # type: ignore[arg-type]
+    return found
+
+
+def with_choices(
+    table: dict[str, Any], algorithm: AlgorithmSettings | None, seed: int | None
+) -> dict[str, Any]:
+    """The tables with another algorithm and seed, where they are given; budget and engine stay."""
+    chosen: dict[str, Any] = {} if seed is None else {"seed": seed}
+    if algorithm is not None:
+        given = table.get("algorithm", {})
+        kept = {key: given[key] for key in KEPT if isinstance(given, dict) and key in given}
+        chosen["algorithm"] = algorithm_table(algorithm) | kept
+    return table | chosen

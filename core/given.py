@@ -1,0 +1,111 @@
+"""What the functions of the Python interface take, and how they hand it on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+
+import pandas as pd
+
+from . import tables
+from .arguments import choice_faults, file_faults, start_faults
+from .configuration import Configuration
+from .errors import Fault, InputError, raise_all
+from .results import Scratch
+
+if TYPE_CHECKING:
+    from pymoo.core.problem import Problem
+
+    from .problems.tolerance_problem import ToleranceProblem
+
+AnyPath: TypeAlias = str | PathLike[str]
+Raw: TypeAlias = "AnyPath | Mapping[str, Any] | ToleranceProblem | Problem"
+"""A configuration: a path, a dictionary with the keys of the file, which may have objects in the
+place of problem and algorithm, or a problem alone: of this suite, or a plain pymoo one."""
+Source: TypeAlias = "Raw | Configuration"
+"""A configuration, or what `read` returns."""
+Frame = AnyPath | pd.DataFrame
+"""A table: a path, or a frame whose columns bear the names that the file would have."""
+READ = "read"
+NOTES = "notes"
+"""Key in `attrs` of returned frames: what was understood, and what the user should know."""
+Tell = Callable[[str], None]
+Found = TypeVar("Found")
+
+
+def collected(found: Callable[[], Found], faults: Sequence[Fault]) -> Found:
+    """What `found` returns; its faults are raised together with those found before."""
+    try:
+        return found()
+    except InputError as error:
+        raise InputError([*error.faults, *faults]) from None
+
+
+def start_faults_of(
+    out: AnyPath | None, workers: int | None, resume: bool, overwrite: bool, shared: bool = False
+) -> list[Fault]:
+    """What keeps a command from starting with these arguments."""
+    if out is not None:
+        return start_faults(Path(out), workers, resume, overwrite, shared)
+    faults = choice_faults(workers, resume, overwrite)
+    if resume:
+        text = "needs the directory that holds what is to be gone on with: out"
+        faults.append(Fault("--resume", text))
+    return faults
+
+
+def file_faults_of(out: AnyPath | None, source: Frame) -> list[Fault]:
+    """What keeps a table from being read, or its result from being written."""
+    if out is None:
+        return []
+    return file_faults(Path(out), None if isinstance(source, pd.DataFrame) else Path(source))
+
+
+def folder_for(out: AnyPath | None) -> tuple[Path, Scratch | None]:
+    """Where the files go: the user's directory, or one that goes with the result."""
+    if out is not None:
+        return Path(fspath(out)), None
+    kept = Scratch()
+    return kept.path / "result", kept
+
+
+def raw(source: Raw) -> Path | Mapping[str, Any]:
+    """A path or the tables of a configuration."""
+    if isinstance(source, str | PathLike):
+        return Path(source)
+    return source if isinstance(source, Mapping) else {"problem": source}
+
+
+def opened(
+    source: Frame, options: tables.ReadOptions
+) -> tuple[tables.Table | None, list[Fault], str]:
+    """A table, the faults of its form, and how they name it."""
+    if isinstance(source, pd.DataFrame):
+        return *tables.table_of(source, "frame"), "frame"
+    path = Path(source)
+    return *tables.opened(path, path.name, options), path.name
+
+
+def readable(source: Frame, options: tables.ReadOptions) -> tuple[tables.Table, str]:
+    """A table and how faults name it; raises those of its form."""
+    table, faults, place = opened(source, options)
+    raise_all(faults)
+    assert table is not None
+    return table, place
+
+
+def told(tell: Tell | None, kind: str, lines: Iterable[str]) -> None:
+    """Call `tell` with each line, marked by its kind."""
+    if tell is not None:
+        for line in lines:
+            tell(f"{kind}: {line}")
+
+
+def written(found: pd.DataFrame, notes: Sequence[str], out: AnyPath | None) -> pd.DataFrame:
+    """The frame, in a file as well where one is named, and then with its notes."""
+    if out is not None:
+        tables.write(found, Path(out))
+    found.attrs[NOTES] = tuple(notes)
+    return found

@@ -1,0 +1,73 @@
+"""A plain pymoo problem with names, limits and settings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pymoo.core.problem import Problem
+from scipy.stats import qmc
+
+from ...declarations import number
+from ...models.costs import CostCurve
+from ..settings import Bound, Settings
+from ..tolerance_problem import ToleranceProblem
+from .declared import MISSED, equalities_of, inequalities_of, limits_of, objectives_of, outputs_of
+from .declared import variables_of as declared_variables
+
+Array = NDArray[np.float64]
+SPREAD = 6
+"""Binary logarithm of the designs whose objectives span the box of the hypervolume."""
+
+
+class PlainProblem(ToleranceProblem):
+    """A pymoo `Problem` as it is: its objectives are minimised, its constraints are limits.
+
+    Names and units are x1, ..., f1, ..., g1, ..., h1, ... without units unless the problem declares
+    `variables` and `outputs` (tuples of `Variable` and `Output`). It needs no cost. Nothing is
+    proven of it.
+    """
+
+    default_costs: Mapping[str, CostCurve] = MappingProxyType({})
+    default_limits: ClassVar[Mapping[str, Bound]] = {}
+
+    def __init__(self, own: Problem, settings: Settings | None = None) -> None:
+        self.own = own
+        self.parameters = (MISSED,) if own.n_eq_constr else ()
+        self.variables, self.outputs = declared_variables(own), outputs_of(own)
+        self.default_objectives = objectives_of(own)
+        super().__init__(settings)
+
+    def _completed(self, given: Settings) -> Settings:
+        missed = number(given.parameters.get(MISSED.name, MISSED.default))
+        limits = dict(limits_of(self.own, missed)) | dict(given.limits)
+        return super()._completed(replace(given, limits=limits))
+
+    def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
+        found = self.own.evaluate(designs, return_as_dictionary=True)
+        names = {"F": objectives_of(self.own), "G": inequalities_of(self.own),
+                 "H": equalities_of(self.own)}  # fmt: skip
+        return {
+            name: column
+            for key, of_key in names.items()
+            if of_key
+            for name, column in zip(of_key, np.asarray(found[key], dtype=float).T, strict=True)
+        }
+
+    def _corners(self) -> Array:
+        """The corners, and designs between them: extremes need not lie at the corners."""
+        inside = qmc.Sobol(len(self.free), scramble=False).random_base2(SPREAD)
+        between = self.complete(self.xl + inside * (self.xu - self.xl))
+        return np.concatenate([super()._corners(), between])
+
+    def relaxed(self, limits: Mapping[str, Bound]) -> PlainProblem:
+        """The same problem with some limits replaced."""
+        return PlainProblem(self.own, replace(self.given, limits={**self.given.limits, **limits}))
+
+    def without_effects(self) -> PlainProblem:
+        """The same problem: effects have no place in it."""
+        return PlainProblem(self.own, replace(self.given, effects=()))
