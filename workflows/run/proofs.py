@@ -179,7 +179,7 @@ def _missing(found: float, proven: float) -> str:
     """How much an end of a front lacks: a share of what is possible, where that is above 0."""
     if proven <= 0.0:
         return f"{found - proven:.2g}"
-    return f"{100.0 * (found - proven) / proven:.2g} %"
+    return percent(100.0 * (found - proven) / proven)
 
 
 def proof_notes(front: pd.DataFrame, statement: str) -> list[str]:
