@@ -101,7 +101,9 @@ class SymmetricSum:
         if np.any(np.count_nonzero(s > 0.0, axis=1) <= 1) or not _alike(s, end + high):
             return self.quantile(s, probability).value
         series = self._series(s, end, high, _Series.of_values)
-        return series.solved(np.full(len(s), probability), high, float(ndtri(probability)) * std)
+        return series.solved(
+            np.full(len(s), probability), high, np.asarray(float(ndtri(probability)) * std)
+        )
 
     def _high(self, std: Array, end: Array, p: Array) -> Array:
         """What quantiles lie below (n,): sums of this kind are strictly sub-Gaussian, so that
@@ -135,7 +137,7 @@ class SymmetricSum:
         s = np.abs(np.asarray(s, dtype=float))
         std, end = self._size(s)
         ends = [np.minimum(np.abs(y), end) for y in (low, high)]
-        series = self._series(s, end, np.maximum(*ends), _Series.of_values)
+        series = self._series(s, end, np.asarray(np.maximum(*ends), dtype=float), _Series.of_values)
         found, error = np.zeros(len(s)), np.zeros(len(s))
         for side, y, most in ((-1.0, low, ends[0]), (1.0, high, ends[1])):
             beyond = np.abs(y) >= end
