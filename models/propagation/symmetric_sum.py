@@ -318,7 +318,7 @@ class _Series:
             missing = np.where(order > 0.0, whole / (np.pi * order), 1.0)
         unknown = np.full(len(s), np.inf)
         none = np.empty((len(s), 0, terms))
-        return cls(k, omega, phi, none, period, missing, unknown, unknown)
+        return cls(np.asarray(k, dtype=float), omega, phi, none, period, missing, unknown, unknown)
 
     def of_rows(self, rows: NDArray[np.bool_] | slice) -> _Series:
         """The series of some sums."""
