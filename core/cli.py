@@ -19,7 +19,7 @@ from .files import write_text
 from .options import Asked, Dialect, Into, grouped
 from .results import Finished
 
-GARBAGE = 50_000
+GARBAGE = 200_000
 """New objects between two searches for cycles: imports make many objects and no garbage."""
 STATUS = {"done": 0, "no_feasible_point": 1, "interrupted": INTERRUPTED}
 

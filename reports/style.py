@@ -128,7 +128,9 @@ details { margin: var(--s1) 0; }
   .fields > div > span { min-width: 100%; }
   .scroll { max-height: none; }
 }
+@page { margin: 14mm; }
 @media print {
+  section:not(.sheet) .scroll table { font-size: 8pt; }
   body { max-width: none; padding: 0; font-size: 10pt; }
   .scroll { overflow: visible; max-height: none !important; border: 0; }
   .work { grid-template-columns: minmax(0, 1fr); border: 0; background: none; padding: 0; }

@@ -25,8 +25,10 @@ def read_choice(
     weights = _weights(section.section("weights"), objectives)
     limits = read_limits(section.section("limits"), outputs, variables)
     budget = section.number("budget", within=POSITIVE)
+    share = section.number("roughness_share", within=Range(low=0.0, high=1.0, open_low=True))
     section.finish()
-    return ChoiceSettings(weights, limits, budget, _steps(top.section("rounding"), variables))
+    steps = _steps(top.section("rounding"), variables)
+    return ChoiceSettings(weights, limits, budget, steps, share)
 
 
 def _weights(section: Section, objectives: Sequence[str]) -> dict[str, float]:
@@ -80,9 +82,11 @@ def _step(section: Section, variable: Variable) -> Step | None:
 def resolved_choice(settings: ChoiceSettings) -> dict[str, Any]:
     """The tables that say this; what was not given is left out."""
     limits = {name: _limit(bound.low, bound.high) for name, bound in settings.limits.items()}
-    budget = {} if settings.budget is None else {"budget": settings.budget}
+    numbers = {} if settings.budget is None else {"budget": settings.budget}
+    if settings.roughness_share is not None:
+        numbers["roughness_share"] = settings.roughness_share
     parts: Mapping[str, Any] = {"weights": dict(settings.weights), "limits": nested(limits)}
-    choice = {name: table for name, table in parts.items() if table} | budget
+    choice = {name: table for name, table in parts.items() if table} | numbers
     steps = {name: list(step) if isinstance(step, tuple) else step
              for name, step in settings.steps.items()}  # fmt: skip
     return {name: table for name, table in (("choice", choice), ("rounding", steps)) if table}

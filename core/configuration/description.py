@@ -11,6 +11,7 @@ from ..models.effects.effect import Target
 from ..models.effects.readings import target_of
 from ..problems.money import unit_of_cost
 from ..problems.settings import VariableSetting
+from ..workflows.choice.roughness import roughness_assumptions
 from ..workflows.study.plan import StudyPlan
 from .configuration import Configuration
 from .table import TABLE, table_model
@@ -26,7 +27,9 @@ def describe(configuration: Configuration) -> str:
     lines += _effects(configuration)
     lines += [f"Costs in {unit}", ""] if (unit := unit_of_cost(problem.settings.money)) else []
     lines += ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
-    lines += ["", "Assumptions (no document prints them)", *_assumptions(problem.assumptions())]
+    lines += ["", "Assumptions (no document prints them)",
+              *_assumptions(problem.assumptions()),
+              *_assumptions(roughness_assumptions(problem, configuration.choice))]  # fmt: skip
     if warnings := problem.cautions():
         lines += ["", "Warnings", *(f"  {warning}" for warning in warnings)]
     return _commented(configuration.toml(), lines)

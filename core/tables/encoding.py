@@ -10,11 +10,7 @@ from __future__ import annotations
 import codecs
 import re
 
-import chardet
-
 from ..errors import refuse
-from .east_asian import east_asian
-from .western import SURE, UNSURE, western
 
 BOMS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
@@ -81,6 +77,12 @@ def _plain(content: bytes) -> str | None:
 
 def _legacy(content: bytes, place: str) -> str:
     """An encoding of one or two bytes per character."""
+    # Few tables come so far: the detector takes longer to import than most take to be read.
+    import chardet
+
+    from .east_asian import east_asian
+    from .western import SURE, UNSURE, western
+
     lines = _beyond_ascii(content)
     detected = chardet.detect(lines[:SAMPLE])
     name, language = str(detected["encoding"] or "").lower(), str(detected.get("language") or "")

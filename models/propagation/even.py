@@ -42,6 +42,10 @@ class Even(ABC):
     def characteristic(self, w: Array) -> tuple[Array, Array]:
         """phi(w) = E cos(w z) and its derivative -E z sin(w z), each of the shape of `w`."""
 
+    def value(self, w: Array) -> Array:
+        """phi(w) alone."""
+        return self.characteristic(w)[0]
+
     @abstractmethod
     def envelope(self, w: Array) -> tuple[Array, Array]:
         """A bound of |phi| that falls from w on at least like w^-d, and d, each shape of `w`."""
@@ -72,6 +76,10 @@ class EvenPlateau(Even):
         other = _sinc(b * w)
         return one[0] * other[0], a * one[1] * other[0] + b * one[0] * other[1]
 
+    def value(self, w: Array) -> Array:
+        one = _sinc_alone(0.5 * (1.0 + self.top) * w)
+        return one if self.top == 1.0 else one * _sinc_alone(0.5 * (1.0 - self.top) * w)
+
     def envelope(self, w: Array) -> tuple[Array, Array]:
         if self.top == 1.0:
             return _power(1.0, 1.0, w)
@@ -100,6 +108,9 @@ class EvenNormal(Even):
     def characteristic(self, w: Array) -> tuple[Array, Array]:
         phi = np.exp(-0.5 * (self.sigma * w) ** 2)
         return phi, -(self.sigma**2) * w * phi
+
+    def value(self, w: Array) -> Array:
+        return np.asarray(np.exp(-0.5 * (self.sigma * w) ** 2))
 
     def envelope(self, w: Array) -> tuple[Array, Array]:
         square = (self.sigma * w) ** 2
@@ -211,11 +222,22 @@ def even_law(law: Distribution) -> tuple[float, Even] | None:
     return None
 
 
+def _sinc_alone(w: Array) -> Array:
+    """sin(w)/w."""
+    near = np.abs(w) < NEAR
+    safe = np.where(near, 1.0, w)
+    value = np.asarray(np.sin(safe) / safe)
+    if np.any(near):
+        square = np.asarray(w)[near] ** 2
+        value[near] = 1.0 - square / 6.0 + square * square / 120.0
+    return value
+
+
 def _sinc(w: Array) -> tuple[Array, Array]:
     """sin(w)/w and its derivative."""
     near = np.abs(w) < NEAR
     safe = np.where(near, 1.0, w)
-    value = np.where(near, 1.0 - w * w / 6.0 + w**4 / 120.0, np.sin(safe) / safe)
+    value = _sinc_alone(w)
     slope = np.where(near, -w / 3.0 + w**3 / 30.0, (np.cos(safe) - value) / safe)
     return value, slope
 

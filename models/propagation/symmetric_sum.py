@@ -15,7 +15,7 @@ inputs are cut at `REACH` standard deviations, beyond which lies less than 1e-17
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -42,6 +42,8 @@ LARGE = 3
 """Number of terms up to which a sum remembers how many it needs."""
 STEPS = 60
 """Steps of Newton's method, bisected where it leaves its bracket."""
+FEW = 4
+"""Times that each scale of a variable occurs, on average, for sums to be seen as alike."""
 BLOCK = 1 << 21
 """Numbers that are worked on at once."""
 
@@ -91,6 +93,24 @@ class SymmetricSum:
         self._last, self._sure = (kept, p, found), sure
         return found
 
+    def values(self, s: Array, probability: float) -> Array:
+        """Quantiles (n,) alone: with less work where many sums have scales in common."""
+        s = np.abs(np.asarray(s, dtype=float))
+        std, end = self._size(s)
+        high = self._high(std, end, np.asarray(probability))
+        if np.any(np.count_nonzero(s > 0.0, axis=1) <= 1) or not _alike(s, end + high):
+            return self.quantile(s, probability).value
+        series = self._series(s, end, high, _Series.of_values)
+        return series.solved(
+            np.full(len(s), probability), high, np.asarray(float(ndtri(probability)) * std)
+        )
+
+    def _high(self, std: Array, end: Array, p: Array) -> Array:
+        """What quantiles lie below (n,): sums of this kind are strictly sub-Gaussian, so that
+        P(X > y) <= exp(-y^2 / (2 std^2)).
+        """
+        return np.minimum(end, 1.1 * std * np.sqrt(-2.0 * np.log(1.0 - p)) + 1e-300)
+
     def below(self, s: Array, y: Array) -> tuple[Array, Array, Array]:
         """P(X <= y) (n,) of scales (n, m), its derivatives in s (n, m), and the bound of its error.
 
@@ -109,6 +129,25 @@ class SymmetricSum:
         found, error = np.where(flat, (y >= 0.0).astype(float), found), np.where(flat, 0.0, error)
         return np.clip(found, 0.0, 1.0), np.where((beyond | flat)[:, None], 0.0, slopes), error
 
+    def within(self, s: Array, low: Array, high: Array) -> tuple[Array, Array]:
+        """P(low < X <= high) (n,) of scales (n, m), and the bound of its error.
+
+        One series without derivatives serves both ends: a sixth of the work of `below` twice.
+        """
+        s = np.abs(np.asarray(s, dtype=float))
+        std, end = self._size(s)
+        ends = [np.minimum(np.abs(y), end) for y in (low, high)]
+        series = self._series(s, end, np.asarray(np.maximum(*ends), dtype=float), _Series.of_values)
+        found, error = np.zeros(len(s)), np.zeros(len(s))
+        for side, y, most in ((-1.0, low, ends[0]), (1.0, high, ends[1])):
+            beyond = np.abs(y) >= end
+            share = np.where(beyond, 1.0, 2.0 * series.below(most) - 1.0)
+            below = np.where(std > 0.0, 0.5 + 0.5 * np.sign(y) * share, (y >= 0.0).astype(float))
+            doubt = np.where(beyond, 2e-17, series.missing + ROUNDING)
+            found += side * np.clip(below, 0.0, 1.0)
+            error += np.where((std > 0.0) & np.isfinite(y), doubt, 0.0)
+        return found, error
+
     def density(self, s: Array, y: Array) -> Array:
         """Density of X (n,) at y (n,)."""
         s = np.abs(np.asarray(s, dtype=float))
@@ -124,13 +163,15 @@ class SymmetricSum:
             ends = np.where(s > 0.0, s * self._ends, 0.0).sum(axis=1)
         return std, np.minimum(ends, REACH * std)
 
-    def _series(self, s: Array, end: Array, most: Array) -> _Series:
-        safe = np.where(end > 0.0, end + most, 1.0)
-        found = _Series.of(self, s, safe, TERMS[self._begin])
+    def _series(
+        self, s: Array, end: Array, most: Array, make: Callable[..., _Series] | None = None
+    ) -> _Series:
+        of, safe = make or _Series.of, np.where(end > 0.0, end + most, 1.0)
+        found = of(self, s, safe, TERMS[self._begin])
         for terms in TERMS[self._begin + 1 :]:
             if np.all((found.missing <= ENOUGH) | (end <= 0.0)):
                 break
-            found = _Series.of(self, s, safe, terms)
+            found = of(self, s, safe, terms)
         return found
 
     def _blocks(self, found: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array,
@@ -141,8 +182,7 @@ class SymmetricSum:
         for begin in range(0, len(rows), most):
             own = rows[begin : begin + most]
             std, end = self._size(s[own])
-            # a variable of this kind is strictly sub-Gaussian: P(X > y) <= exp(-y^2 / (2 std^2))
-            high = np.minimum(end, 1.1 * std * np.sqrt(-2.0 * np.log(1.0 - p[own])) + 1e-300)
+            high = self._high(std, end, p[own])
             series = _Series.of(self, s[own], np.where(end > 0.0, end + high, 1.0), TERMS[at])
             done = (series.missing <= ENOUGH) | (end <= 0.0) | (at + 1 == len(TERMS))
             if np.any(done):
@@ -258,6 +298,28 @@ class _Series:
             steep = np.where(rest_order > 1.0, partial * room[:, None] / (rest_order - 1.0), np.inf)
         return cls(np.asarray(k, dtype=float), omega, phi, slopes, period, missing, dense, steep)
 
+    @classmethod
+    def of_values(cls, total: SymmetricSum, s: Array, period: Array, terms: int) -> _Series:
+        """The same without derivatives in the scales: nothing is known of their errors."""
+        if shared := _alike(s, period):
+            period = np.full_like(period, period.max())
+        k = 2.0 * np.arange(terms) + 1.0
+        omega = np.pi * k / period[:, None]
+        phi, last = np.ones_like(omega), omega[:, -1:] * s
+        whole, order = np.ones(len(s)), np.zeros(len(s))
+        for law, own in total._kinds.items():
+            if shared:
+                _times(phi, law, s[:, own], omega[0])
+            else:
+                phi *= np.prod(law.value(s[:, own, None] * omega[:, None, :]), axis=1)
+            bound, fall = law.envelope(last[:, own])
+            whole, order = whole * np.prod(bound, axis=1), order + np.sum(fall, axis=1)
+        with np.errstate(divide="ignore"):
+            missing = np.where(order > 0.0, whole / (np.pi * order), 1.0)
+        unknown = np.full(len(s), np.inf)
+        none = np.empty((len(s), 0, terms))
+        return cls(np.asarray(k, dtype=float), omega, phi, none, period, missing, unknown, unknown)
+
     def of_rows(self, rows: NDArray[np.bool_] | slice) -> _Series:
         """The series of some sums."""
         if isinstance(rows, slice):
@@ -306,3 +368,25 @@ def _others(each: Array) -> tuple[Array, Array]:
     before = np.cumprod(np.concatenate([ones, each[:, :-1]], axis=1), axis=1)
     after = np.cumprod(np.concatenate([ones, each[:, :0:-1]], axis=1), axis=1)[:, ::-1]
     return np.asarray(before, dtype=float), np.asarray(after, dtype=float)
+
+
+def _alike(s: Array, period: Array) -> bool:
+    """Whether sums (n, m) have so few different scales that one period for all saves work."""
+    if period.max() > 1.25 * period.min():
+        return False
+    distinct = len(s[0]) + np.count_nonzero(np.diff(np.sort(s, axis=0), axis=0))
+    return bool(FEW * distinct <= s.size)
+
+
+def _times(phi: Array, law: Even, s: Array, omega: Array) -> None:
+    """Multiply `phi` (n, terms) by what each column of s (n, m) adds: equal scales once."""
+    order = np.argsort(s, axis=0)
+    ranked = np.take_along_axis(s, order, axis=0).T
+    first = np.ones(ranked.shape, dtype=bool)
+    first[:, 1:] = ranked[:, 1:] > ranked[:, :-1]
+    values = law.value(ranked[first][:, None] * omega)
+    rows = np.empty(ranked.shape, dtype=np.int64)
+    at = np.cumsum(first).reshape(ranked.shape) - 1
+    np.put_along_axis(rows, order.T, at, axis=1)
+    for own in rows:
+        phi *= values[own]

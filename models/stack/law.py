@@ -37,6 +37,10 @@ class Law:
 
     def yield_percent(self, t: Tolerances) -> tuple[Array, Array]:
         """Share of units within the limits (n,), in percent, and a bound of its error (n,)."""
+        (_, high), (_, low) = self._ends(t)
+        if self.covariance is None:
+            found, error = self.deviations.within(self._scales(t), low, high)
+            return 100.0 * np.clip(found, 0.0, 1.0), 100.0 * error + ROUNDING
         found, error = np.zeros(len(t)), np.zeros(len(t))
         for sign, end in self._ends(t):
             below, _, doubt = self._below(t, end)
@@ -48,7 +52,7 @@ class Law:
         p = 0.5 * (1.0 + coverage)
         if self.covariance is not None:
             return np.asarray(float(ndtri(p)) * self._std(t))
-        return self.deviations.quantile(self._scales(t), p).value
+        return self.deviations.values(self._scales(t), p)
 
     def half_width_slopes(self, t: Tolerances, coverage: float) -> Array:
         """d half_width/dt, (n, p)."""

@@ -183,9 +183,15 @@ class Stack(ToleranceProblem):
 
     # ---------------------------------------------------------------- outputs
 
+    def needed(self, designs: Array) -> dict[str, Array]:
+        return self._found(np.asarray(designs, dtype=float), searching=False, needed=True)
+
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
+        return self._found(designs, searching, needed=searching)
+
+    def _found(self, designs: Array, searching: bool, needed: bool) -> dict[str, Array]:
         t = self.made(designs)
-        found = {"cost": self.cost_of(designs)} | self.yields.outputs(t, searching)
+        found = {"cost": self.cost_of(designs)} | self.yields.outputs(t, searching, needed)
         for one in self.measured:
             found |= one.variations(t) | one.margin(t) | self._shares(one, t, searching)
         if self.promises is not None:

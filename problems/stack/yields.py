@@ -30,22 +30,27 @@ class Yields:
     limits: tuple[Limit, ...]
     wanted: frozenset[str]
 
-    def outputs(self, t: Tolerances, searching: bool) -> dict[str, Array]:
-        """Half-widths and yields; NaN without limits, or where a search does not need them."""
+    def outputs(self, t: Tolerances, searching: bool, needed: bool) -> dict[str, Array]:
+        """Half-widths and yields; NaN without limits.
+
+        Of those that only a report shows, NaN where a search or a judge wants what is `needed`.
+        """
         found: dict[str, Array] = {}
         bounded = [one for one in self.measured if one.mechanism.bounded]
         for one in self.measured:
             if one.requirement.method == "monte_carlo":
-                found |= self._half_width(one, t, searching)
+                found |= self._half_width(one, t, searching, needed)
             own = [one] if one.mechanism.bounded else []
-            found |= self._yield(one.name("yield_percent"), own, t, searching)
+            found |= self._yield(one.name("yield_percent"), own, t, searching, needed)
         if self.measured[0].requirement.key:
-            found |= self._yield("yield_percent", bounded, t, searching)
+            found |= self._yield("yield_percent", bounded, t, searching, needed)
         return found
 
-    def _half_width(self, one: Measured, t: Tolerances, searching: bool) -> dict[str, Array]:
+    def _half_width(
+        self, one: Measured, t: Tolerances, searching: bool, needed: bool
+    ) -> dict[str, Array]:
         name = one.name("variation")
-        if searching and not self.wanted & {name, "variation"}:
+        if needed and not self.wanted & {name, "variation"}:
             return {name: np.full(len(t), np.nan)}
         coverage = self.settings.propagation.coverage
         if isinstance(one.law, Law):
@@ -56,11 +61,16 @@ class Yields:
         return self.searching if searching else self.reported
 
     def _yield(
-        self, name: str, bounded: Sequence[Measured], t: Tolerances, searching: bool
+        self,
+        name: str,
+        bounded: Sequence[Measured],
+        t: Tolerances,
+        searching: bool,
+        needed: bool,
     ) -> dict[str, Array]:
         """A yield and its error over requirements with limits."""
         names = (name, f"{name}_error")
-        if not bounded or (searching and name not in self.wanted):
+        if not bounded or (needed and name not in self.wanted):
             return {name: np.full(len(t), np.nan) for name in names}
         law = bounded[0].law
         if len(bounded) == 1 and isinstance(law, Law):

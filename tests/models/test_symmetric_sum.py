@@ -113,3 +113,31 @@ def test_laws_that_are_not_even_and_log_concave_are_refused() -> None:
         mean, even = even_law(law) or (1.0, EvenPlateau())
         assert mean == 0.0
         assert even.std**2 == pytest.approx(float(law.raw_moments(2)[2]), rel=1e-9)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=repr)
+def test_the_share_between_two_ends_is_that_of_each(law: EvenPlateau) -> None:
+    """Ends inside and outside of the reach, none at all, and a sum of nothing; 1e-13: rounding."""
+    total = SymmetricSum([law, EvenPlateau(), EvenNormal(0.4)])
+    s = np.array([[1.0, 0.4, 0.2]] * 5 + [[0.0, 0.0, 0.0]])
+    low = np.array([-0.9, -0.5, 0.1, -np.inf, -90.0, -0.1])
+    high = np.array([0.7, np.inf, 0.6, 0.2, 90.0, 0.1])
+    found, error = total.within(s, low, high)
+    one, _, first = total.below(s, np.where(np.isfinite(low), low, -1e9))
+    other, _, second = total.below(s, np.where(np.isfinite(high), high, 1e9))
+    assert_allclose(found, other - one, atol=1e-13)
+    assert np.all(error <= first + second + 1e-13)
+    assert found[-2:].tolist() == [1.0, 1.0]
+
+
+def test_sums_with_scales_in_common_are_as_accurate_as_alone() -> None:
+    """Neighbours of one design share all scales but one; 1e-13: rounding of both series."""
+    total = SymmetricSum([EvenPlateau(), EvenPlateau(0.5), EvenNormal(0.4)] * 4)
+    base = np.linspace(1.0, 0.3, 12)
+    s = np.where(np.eye(12, dtype=bool), 1.1 * base, base)
+    low, high = np.full(12, -2.0), np.linspace(1.0, 2.5, 12)
+    found, _ = total.within(s, low, high)
+    alone = [total.within(s[i : i + 1], low[:1], high[i : i + 1])[0][0] for i in range(12)]
+    assert_allclose(found, alone, atol=1e-13)
+    # the slope of a probability at its 99 % quantile is above 0.01 here
+    assert_allclose(total.values(s, 0.99), total.quantile(s, 0.99).value, rtol=1e-11)

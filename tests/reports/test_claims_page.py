@@ -41,7 +41,7 @@ def row(name: str, verdict: str, **more: object) -> dict[str, object]:
     }  # fmt: skip
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def result() -> ClaimsResult:
     rows = [
         row("good", "reproduced"),

@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import os
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,12 +17,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
-from tests.reports.test_browser import claims, gap, problem, real, study
+from tests.reports.test_browser import claims, gap, pages, problem, real, study
 from tolevo.reports import page
-from tolevo.reports.claims import claims_page
-from tolevo.reports.gap import gap_page
 from tolevo.reports.sheets import drawing_page
-from tolevo.reports.study import study_page
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -33,7 +29,7 @@ pytestmark = pytest.mark.skipif(
     shutil.which("chromium") is None and not os.environ.get("CI"),
     reason="no chromium here: apt-get install chromium",
 )
-__all__ = ["claims", "gap", "problem", "real", "study"]
+__all__ = ["claims", "gap", "pages", "problem", "real", "study"]
 STORED = Path(__file__).parents[1] / "data" / "pictures"
 WRITE = os.environ.get("TOLEVO_PICTURES") == "write"
 WIDTH = 200
@@ -108,17 +104,11 @@ def test_the_page_of_a_run_looks_as_it_did(tab: Tab, run_page: Path, width: int,
 
 @pytest.mark.parametrize(("kind", "width", "look"), OTHERS)
 def test_other_pages_look_as_they_did(
-    tab: Tab, tmp_path: Path, gap: Any, study: Any, claims: Any, real: Any,
-    kind: str, width: int, look: str,
-) -> None:  # fmt: skip
-    made: dict[str, Callable[[], str | None]] = {
-        "gap": lambda: gap_page(gap),
-        "study": lambda: study_page(study),
-        "claims": lambda: claims_page(claims),
-        "drawing": lambda: drawing_page(real),
-    }
+    tab: Tab, tmp_path: Path, pages: dict[str, str], real: Any, kind: str, width: int, look: str
+) -> None:
     path = tmp_path / "p.html"
-    path.write_text(made[kind]() or "", encoding="utf-8")
+    made = drawing_page(real) if kind == "drawing" else pages[kind]
+    path.write_text(made or "", encoding="utf-8")
     assert as_stored(taken(tab, path, width, look), f"{kind}-{width}-{look}") < MOST
 
 

@@ -19,7 +19,7 @@ EVIL = '<script>alert("x")</script>'
 NAN = float("nan")
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def result() -> StudyResult:
     """Two keys one at a time, three settings, two seeds, one failed run."""
     design = pd.DataFrame({"algorithm.population": [80, 20, 80], "algorithm.kind": ["a", "a", "b"]})

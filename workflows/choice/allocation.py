@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...declarations import Kind, Variable
 from ...problems.tolerance_problem import ToleranceProblem
 from .notation import inspection, notation, plain, process_of
-from .roughness import roughness
+from .roughness import SHARE, roughness
 
 Array = NDArray[np.float64]
 COLUMNS = ("choice", "point", "variable", "meaning", "kind", "unit", "nominal", "mid", "unrounded",
@@ -27,6 +27,7 @@ def allocation(
     designs: Mapping[int, tuple[Array, Array]],
     grades: Mapping[str, Mapping[float, str]],
     said: Mapping[str, str],
+    share: float = SHARE,
 ) -> pd.DataFrame:
     """One row per chosen point and variable.
 
@@ -36,8 +37,8 @@ def allocation(
     deviations of a zone are from the nominal. `grade` is the tolerance class where one is stated,
     `symbol` that of a geometrical characteristic. `notation` is what to write on the drawing,
     `process` how the part is made where that is chosen, `roughness_Ra_um` what that implies for the
-    surface (`roughness`), `cpk_wanted` the capability that the model
-    counts on, and `inspection` what an inspector needs to know of it. Where a problem is one of
+    surface (at most a `share` of its zone), `cpk_wanted` the capability that the model counts on,
+    and `inspection` what an inspector needs to know of it. Where a problem is one of
     several models, the last column says which.
     """
     rows = []
@@ -49,7 +50,7 @@ def allocation(
             rows.append(
                 {"choice": label, "point": point, "rounding": said.get(variable.name, "fixed")}
                 | _row(problem, variable, own, new, name)
-                | _written(problem, variable, designs[point][1], new, name)
+                | _written(problem, variable, designs[point][1], new, name, share)
                 | models[point]
             )
     columns = [*COLUMNS, *(["model"] if problem.model_statement else [])]
@@ -96,7 +97,12 @@ def _row(
 
 
 def _written(
-    problem: ToleranceProblem, variable: Variable, design: Array, new: float, grade: str
+    problem: ToleranceProblem,
+    variable: Variable,
+    design: Array,
+    new: float,
+    grade: str,
+    share: float,
 ) -> dict[str, Any]:
     """What to write on the drawing, and what whoever makes and inspects the part needs to know."""
     drawn = problem.drawn(variable.name)
@@ -105,7 +111,7 @@ def _written(
     stated = drawn.get("cpk")
     cpk = float(stated) if stated else _capability(given)
     process, half = process_of(problem, variable, design), variable.kind is Kind.HALF_WIDTH
-    rough = roughness(process, 2.0 * new, variable.unit) if half else None
+    rough = roughness(process, 2.0 * new, variable.unit, share) if half else None
     written = notation(variable, nominal, mid, new, drawn.get("class", grade))
     return {
         "notation": written if rough is None else f"{written}; Ra {plain(rough)}",

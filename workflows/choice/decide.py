@@ -15,6 +15,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from .allocation import allocation
 from .contributions import contributions
 from .prices import prices
+from .roughness import share_of
 from .rounding import rounded
 from .rules import COST, MEANINGS, Points, chosen
 from .sensitivity import sensitivity
@@ -65,7 +66,7 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     return Decisions(
         _table(problem, front, found, new, spread),
         spread,
-        allocation(problem, by_point, both, grades, rules),
+        allocation(problem, by_point, both, grades, rules, share_of(settings)),
         contributions(problem, slopes),
         rules,
         prices(problem, front, slopes),

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from ...declarations import Assumption
+from ...problems.tolerance_problem import ToleranceProblem
 from ...units import converted, fits
+from .settings import ChoiceSettings
 
 PREFERRED = (0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.3, 12.5, 25.0)
 """Preferred values of Ra [um], ISO 21920-1."""
@@ -17,15 +20,39 @@ USUAL: Mapping[str, tuple[float, float]] = {
 """Ra [um] that a process usually reaches, by how its name begins (ASME B46.1, appendix B)."""
 SHARE = 1.0 / 20.0
 """Ra as a share of the width of the zone at most: peaks, some five times Ra, take a quarter."""
+WHY = "Ra is at most this share of the width of a zone: peaks, some five times Ra, take a quarter"
 
 
-def roughness(process: str, width: float, unit: str) -> float | None:
-    """The largest preferred Ra [um] that a zone of a `width` takes, within what the process of its
-    cost curve usually reaches; None where the process is not known by name, or it is no length.
+def share_of(settings: ChoiceSettings) -> float:
+    """The most that Ra may be of the width of a zone."""
+    return SHARE if settings.roughness_share is None else settings.roughness_share
+
+
+def roughness_assumptions(
+    problem: ToleranceProblem, settings: ChoiceSettings
+) -> tuple[Assumption, ...]:
+    """What a roughness takes for granted, where a process of the problem implies one."""
+    names = [label for v in problem.variables if v.name.endswith("_process") for label in v.labels]
+    if not any(_usual(name) for name in names):
+        return ()
+    set_by = "default" if settings.roughness_share is None else "configuration"
+    why = WHY if settings.roughness_share is None else WHY.split(":")[0]
+    return (Assumption("choice.roughness_share", share_of(settings), "", why, set_by),)
+
+
+def roughness(process: str, width: float, unit: str, share: float = SHARE) -> float | None:
+    """The largest preferred Ra [um] that a zone of a `width` takes, at most a `share` of it and
+    within what the process of its cost curve usually reaches; None where the process is not known
+    by name, or it is no length.
     """
-    stem = next((one for one in USUAL if process.lower().startswith(one)), None)
-    if stem is None or not unit or not fits(unit, "um"):
+    usual = _usual(process)
+    if usual is None or not unit or not fits(unit, "um"):
         return None
-    finest, coarsest = USUAL[stem]
-    most = min(coarsest, SHARE * float(converted(width, unit, "um")))
+    finest, coarsest = usual
+    most = min(coarsest, share * float(converted(width, unit, "um")))
     return max((one for one in PREFERRED if finest <= one <= most * (1.0 + 1e-9)), default=finest)
+
+
+def _usual(process: str) -> tuple[float, float] | None:
+    """Ra [um] that a process usually reaches; None where it is not known by name."""
+    return next((ra for stem, ra in USUAL.items() if process.lower().startswith(stem)), None)

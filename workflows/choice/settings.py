@@ -22,9 +22,11 @@ class ChoiceSettings:
 
     `limits` are what the cheapest point must keep beside those of the run, `budget` is the most
     that the best point may cost, and `steps` says by variable what can be ordered.
+    `roughness_share` is the most that Ra may be of the width of a zone, None where it is not said.
     """
 
     weights: Mapping[str, float] = field(default_factory=dict)
     limits: Mapping[str, Bound] = field(default_factory=dict)
     budget: float | None = None
     steps: Mapping[str, Step] = field(default_factory=dict)
+    roughness_share: float | None = None

@@ -12,14 +12,12 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult, unit_of_cost
 from ...units import split_unit
 from ..promise.limits import promised_limits
-from .proofs import INFORMATIVE, LEFT_OUT
+from .proofs import EXACT, INFORMATIVE, LEFT_OUT, percent
 from .references import gain_column
 
 COST = "cost"
 ALIKE = 1e-9
 """Relative difference of two values that is none."""
-EXACT = 1e-3
-"""Gap [percent] that is none."""
 TENTH = 0.1
 """Share of a limit by which it is loosened, to say what it costs."""
 NEAR = 1e-3
@@ -254,11 +252,6 @@ def _step(limit: Limit) -> float:
 def reason(statement: str) -> str:
     """Why nothing is proven, without saying again that nothing is."""
     return statement.removeprefix("nothing is proven: ") or "there is no bound of the cost"
-
-
-def percent(value: float) -> str:
-    """A gap in words: what is rounding is not printed as 1e-09 %."""
-    return "0.001 %" if value < EXACT else f"{value:.2g} %"
 
 
 def words(name: str) -> str:

@@ -27,6 +27,8 @@ DRAWN = 400
 """Points of the exact front that are drawn."""
 CHECKED = 50
 """Points of the exact front whose bounds are looked at."""
+EXACT = 1e-3
+"""Gap [percent] that is none."""
 INFORMATIVE = 25.0
 """Median gap [percent] beyond which a bound that leaves limits out says nothing."""
 LEFT_OUT = "limits left out"
@@ -193,7 +195,7 @@ def _missing(found: float, proven: float) -> str:
     """How much an end of a front lacks: a share of what is possible, where that is above 0."""
     if proven <= 0.0:
         return f"{found - proven:.2g}"
-    return f"{100.0 * (found - proven) / proven:.2g} %"
+    return percent(100.0 * (found - proven) / proven)
 
 
 def proof_notes(front: pd.DataFrame, statement: str) -> list[str]:
@@ -205,5 +207,10 @@ def proof_notes(front: pd.DataFrame, statement: str) -> list[str]:
         return [f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it "
                 f"in the median, for it leaves out what holds them back ({statement})"]  # fmt: skip
     return [f"proven: no allocation of equal or better other objectives costs less than the bound "
-            f"({statement}); the points lie {np.nanmedian(gap):.3g} % above it in the median, "
-            f"{np.nanmax(gap):.3g} % at most"]  # fmt: skip
+            f"({statement}); the points lie {percent(float(np.nanmedian(gap)))} above it in the "
+            f"median, {percent(float(np.nanmax(gap)))} at most"]  # fmt: skip
+
+
+def percent(value: float) -> str:
+    """A gap in words: what is rounding is not printed as 1e-09 %."""
+    return "0.001 %" if value < EXACT else f"{value:.2g} %"

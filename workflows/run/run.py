@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -20,6 +20,7 @@ from ...files import write_text
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ..choice import decide
+from ..choice.roughness import roughness_assumptions
 from . import effects, overlay
 from .alternatives import alternatives, sentences
 from .answers import answers
@@ -132,7 +133,8 @@ def _run(
     write(result, out)
     if not cut:
         place.complete(status)
-    return RunOutcome(status, out, _lines(result, status, out), result)
+    told = proof_notes(front, statement)
+    return RunOutcome(status, out, _lines(result, status, out, told), result)
 
 
 def _with_more(
@@ -195,7 +197,13 @@ def _summary(
         "ideal": dict(zip(names, ideal.tolist(), strict=True)),
         "nadir": dict(zip(names, nadir.tolist(), strict=True)),
         "notes": list(notes),
-        "assumptions": [asdict(a) for a in plan.problem.assumptions()],
+        "assumptions": [
+            asdict(a)
+            for a in (
+                *plan.problem.assumptions(),
+                *roughness_assumptions(plan.problem, plan.choice),
+            )
+        ],
         **_model(plan.problem),
         **_costs(plan.problem),
         **effects.summary(plan.problem),
@@ -287,8 +295,8 @@ def _of_cost(axis: Axis) -> str:
     return f" {axis.unit}" if axis.name == "cost" and axis.unit else ""
 
 
-def _lines(result: RunResult, status: str, out: Path) -> tuple[str, ...]:
-    """A short summary for the terminal."""
+def _lines(result: RunResult, status: str, out: Path, told: Sequence[str]) -> tuple[str, ...]:
+    """A short summary for the terminal; notes that are `told` by the answers are left out."""
     lines = [f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
              f"evaluations, {float(str(result.summary['seconds'])):.1f} s"]  # fmt: skip
     lines += [*mechanism_lines(result.summary), *model_lines(result.summary)]
@@ -298,7 +306,8 @@ def _lines(result: RunResult, status: str, out: Path) -> tuple[str, ...]:
         values = ", ".join(f"{axis.name} {row[axis.name]:.4g}" + _of_cost(axis)
                            for axis in result.objectives)  # fmt: skip
         lines.append(f"reference {row['label']}: {values}; {kept}")
-    lines += [f"note: {note}" for note in result.notes]
+    answered = told if "proof" in result.answers else ()
+    lines += [f"note: {note}" for note in result.notes if note not in answered]
     if status == "no_feasible_point":
         lines.append(f"the nearest miss is in {out / 'nearest_miss.csv'}; relax the limit it "
                      "breaks, widen the ranges or raise the budget")  # fmt: skip

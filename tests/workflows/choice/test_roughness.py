@@ -1,8 +1,37 @@
 """Roughness of a surface by the process of its cost curve and the width of its zone."""
 
+from pathlib import Path
+
 import pytest
 
+import tolevo
 from tolevo.workflows.choice.roughness import roughness
+
+TURNED = """
+problem = "stack"
+[objectives]
+minimise = ["cost"]
+[limits]
+variation = 0.05
+[requirement]
+name = "gap"
+unit = "mm"
+[[part]]
+name = "ring"
+nominal = 20.0
+unit = "mm"
+sensitivity = 1.0
+[[part.process]]
+name = "turned"
+t_min = 0.02
+t_max = 0.2
+cost = { model = "reciprocal", a = 1.0, b = 0.1 }
+[[part.process]]
+name = "ground"
+t_min = 0.005
+t_max = 0.03
+cost = { model = "reciprocal", a = 2.0, b = 0.1 }
+"""
 
 
 @pytest.mark.parametrize(
@@ -20,3 +49,29 @@ from tolevo.workflows.choice.roughness import roughness
 )
 def test_roughness(process: str, width: float, unit: str, ra: float | None) -> None:
     assert roughness(process, width, unit) == ra
+
+
+def test_a_share_of_ones_own() -> None:
+    """A tenth of 40 um is 4 um: 3.2 is the preferred value below."""
+    assert roughness("turned", 0.04, "mm", 0.1) == 3.2
+
+
+def test_the_share_is_an_assumption_that_can_be_set(tmp_path: Path) -> None:
+    """The zone is IT10 at 20 mm, 84 um: a twentieth is 4.2, a hundredth 0.84 um."""
+    path = tmp_path / "c.toml"
+    path.write_text(TURNED, encoding="utf-8")
+    assert "choice.roughness_share = 0.05 (default)" in tolevo.check(path)
+    own = tolevo.read(path, ["choice.roughness_share=0.01"])
+    assert "roughness_share = 0.01" in own.toml()
+    usual, finer = tolevo.run(path), tolevo.run(own)
+    told = [one for one in finer.record.summary["assumptions"] if "roughness" in one["name"]]
+    assert [(one["value"], one["set_by"]) for one in told] == [(0.01, "configuration")]
+    columns = [run.record.allocation["roughness_Ra_um"].max() for run in (usual, finer)]
+    assert columns == [3.2, 0.8]
+
+
+def test_a_share_out_of_range_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "c.toml"
+    path.write_text(TURNED, encoding="utf-8")
+    with pytest.raises(tolevo.ConfigurationError, match=r"choice\.roughness_share: must"):
+        tolevo.read(path, ["choice.roughness_share=0"])
