@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -139,7 +140,7 @@ class Shafts(Promising):
                       for name in ("a_um", "b_um"))  # fmt: skip
     outputs = (Output("cost", "", "cost", low=0.0), Output("yield_percent", "%", "units", 100.0))
     default_costs = {name: Reciprocal(0.1, 1.0) for name in ("a_um", "b_um")}  # noqa: RUF012
-    default_limits: ClassVar[dict[str, Bound]] = {}
+    default_limits: ClassVar[Mapping[str, Bound]] = {}
     default_objectives = ("cost",)
 
     def deviations(self, designs: np.ndarray) -> Deviations:

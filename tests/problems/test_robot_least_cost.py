@@ -72,7 +72,9 @@ def square(t: Array, grade: Array) -> Array:
     v = v + bent**2 * error**4 * (1.0 / 5.0 - 1.0 / 9.0)
     above = 0.5 * (1.0 + erf(m / np.sqrt(2.0 * v)))
     density = np.sqrt(v) * np.exp(-0.5 * m * m / v) / np.sqrt(2.0 * np.pi)
-    return a * a + w + 2.0 * a * (m * above + density) + (m * m + v) * above + m * density
+    return np.asarray(
+        a * a + w + 2.0 * a * (m * above + density) + (m * m + v) * above + m * density
+    )
 
 
 @dataclass(frozen=True)
@@ -107,14 +109,14 @@ class Machine:
         sigma, t, angles = self.parts(y)
         each = np.sum(0.1 + PRICE / t**POWER, axis=-1) + np.sum(2.0 / angles, axis=-1)
         each = each + [GRADES[grade] for grade in grades]
-        return np.sum(self.references / sigma, axis=-1) + each @ self.factors
+        return np.asarray(np.sum(self.references / sigma, axis=-1) + each @ self.factors)
 
     def loads(self, y: Array, grades: Array) -> Array:
         """Squares of the requirements over those of their limits."""
         sigma, t, angles = self.parts(y)
         waves = np.sum(plane_of(5.0)[0] ** 2, axis=0) / 2.0
         each = self.sizes**2 * (0.25 * square(t, grades) + angles**2 @ waves)
-        return (sigma**2 @ self.h.T + each @ self.g.T) / self.limits**2
+        return np.asarray((sigma**2 @ self.h.T + each @ self.g.T) / self.limits**2)
 
     def least(self, grades: Array, start: float) -> tuple[float, Array]:
         """Cost and loads of SLSQP from a share of the box, slopes by complex steps."""

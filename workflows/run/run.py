@@ -49,6 +49,8 @@ from .sketch import drawn
 from .units import with_units
 from .write import write
 
+MISS = "nearest_miss.csv"
+
 
 def run(
     plan: RunPlan,
@@ -122,19 +124,18 @@ def _run(
     result = _result(plan, found, front, references, summary, proven, exact)
     result = replace(with_choices(result, decisions, plan, exact), overlays=others,
                      relaxed=_together(relaxed))  # fmt: skip
-    told = {"answers": answers(result, plan.problem, statement)}
-    result = replace(result, summary=dict(result.summary) | told)
+    said = answers(result, plan.problem, statement)
+    result = replace(result, summary={**result.summary, "answers": said})
     result = _with_more(result, plan.problem, found, cut, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     if front.empty:
-        miss = nearest_miss(plan.problem, found).to_csv(index=False)
-        write_text(out / "nearest_miss.csv", miss)
+        write_text(out / MISS, nearest_miss(plan.problem, found).to_csv(index=False))
     write(result, out)
     if not cut:
         place.complete(status)
-    told = proof_notes(front, statement)
-    return RunOutcome(status, out, _lines(result, status, out, told), result)
+    lines = _lines(result, status, out, proof_notes(front, statement))
+    return RunOutcome(status, out, lines, result)
 
 
 def _with_more(
