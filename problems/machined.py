@@ -20,8 +20,9 @@ from ..models.machines.offers import PLUG_IN, Offer, Way, departures, samples_of
 from ..models.machines.reading import Owner, read_offers
 from ..section import Section
 from ..units import split_unit
+from .drawing import Interval
 from .settings import Settings, VariableSetting
-from .tolerance_problem import Interval, ToleranceProblem
+from .tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
 SCALE = 3.0

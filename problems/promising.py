@@ -14,10 +14,11 @@ from ..declarations import Output
 from ..errors import Fault
 from ..section import Section
 from .deviations import Deviations, PromisedOutput
+from .drawing import Interval
 from .promise import ASSURANCE, ASSURED, PLUG_IN, PROMISED, Promise, read_promise
 from .promise_outputs import contradictions, means_promise, outputs_of_promise
 from .settings import Bound, Settings
-from .tolerance_problem import Interval, ToleranceProblem
+from .tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
 STEP = 1e-5

@@ -19,6 +19,7 @@ from ..models.capability import PartSample
 from ..models.costs import CostCurve
 from ..section import Section
 from .assumptions import assumptions_of
+from .drawing import Drawing, Interval
 from .limits import impossible, limits_of
 from .money import price_notes, with_currency
 from .nesting import Nesting
@@ -30,11 +31,9 @@ from .shown import Shown, effect_notes
 from .slips import unit_slips
 
 Array = NDArray[np.float64]
-Interval = tuple[float, float]
-"""Proven lower and upper bound of an output over the search space; infinite where not known."""
 
 
-class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
+class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing):
     """A tolerance allocation problem: some variables are searched, the others fixed.
 
     A subclass declares `parameters`, `variables`, `outputs` and defaults, and gives `_outputs`.
@@ -397,22 +396,3 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable):
         """What was measured, by name, its unit, and what the sample tells."""
         return tuple((v.name, v.unit, own) for v in self.variables
                      if (own := self.settings.variables[v.name].sample))  # fmt: skip
-
-    # ---------------------------------------------------------------- drawings
-
-    def room(self, name: str, design: Array) -> Interval:
-        """The range of a variable in which the rest of a full design (all variables,) leaves it."""
-        at = [variable.name for variable in self.free].index(name)
-        return float(self.xl[at]), float(self.xu[at])
-
-    def zone(self, name: str) -> tuple[float | None, float]:
-        """Nominal size of what a variable tolerates, None where it is not known, and the middle of
-        its zone as a deviation from it, both in the unit of the variable.
-        """
-        return None, self.settings.variables[name].mid or 0.0
-
-    def drawn(self, name: str) -> Mapping[str, str]:
-        """What the drawing says of the part that a variable tolerates: `class` (g6), `symbol`,
-        number of the `drawing` and of the `characteristic`; what is not known is left out.
-        """
-        return {}

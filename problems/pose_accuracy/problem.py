@@ -23,9 +23,10 @@ from ...models.manipulator.sources import matrix, orientation_combinations, posi
 from ...records import Bars
 from ...section import Section
 from ...units import MM, MRAD, UM
+from ..drawing import Interval
 from ..forms import Feature, Form, Way
 from ..settings import Bound, Settings
-from ..tolerance_problem import Interval, ToleranceProblem
+from ..tolerance_problem import ToleranceProblem
 from .grouping import (
     NINE,
     SOURCES,

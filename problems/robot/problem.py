@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from ...declarations import Assumption, Value
 from ...errors import Fault
 from ...models.robot.sample import ratio
+from ..drawing import Interval
 from ..forms import Form
 from ..settings import Bound, Settings, VariableSetting
-from ..tolerance_problem import Interval, ToleranceProblem
+from ..tolerance_problem import ToleranceProblem
 from .definition import Definition, declarations
 from .form import form_of
 from .gears import Built, Gears

@@ -25,13 +25,13 @@ from ...models.rv_reducer import declared, modification
 from ...models.rv_reducer.backlash import Allocation, stage_means
 from ...units import ARCMIN, MM
 from ..deviations import Deviations
+from ..drawing import Interval
 from ..forms import Form
 from ..least import ends_of_front
 from ..machined import Machined
 from ..promise import ASSURED, PROMISED
 from ..promising import Promising
 from ..settings import Bound, Settings
-from ..tolerance_problem import Interval
 from .by_contact import verdicts
 from .costs import DEFAULT_COSTS
 from .counterparts import changes_of, sentence

@@ -15,8 +15,8 @@ from ...models.rv_reducer.population.lattice import (
     spreads_evenly,
 )
 from ...units import MM
+from ..drawing import Interval
 from ..settings import Bound, Settings
-from ..tolerance_problem import Interval
 
 GEARS = range(8, 41)
 """Teeth of sun gears that a ratio of gears is looked for with."""

@@ -20,12 +20,12 @@ from ...models.rv_reducer.population.lattice import nearest_prime
 from ...models.rv_reducer.population.unit_basis import stem
 from ...records import UnitsShown
 from ...units import ARCMIN, MM
+from ..drawing import Interval
 from ..machined import Machined
 from ..rv_backlash.costs import DEFAULT_COSTS
 from ..rv_backlash.made import MACHINABLE
 from ..settings import Bound, Settings, VariableSetting
 from ..shown import Variant
-from ..tolerance_problem import Interval
 from . import geometry
 from .counterparts import changes_of, sentence
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES

@@ -20,9 +20,10 @@ from ...models.assembly.process import Process
 from ...models.assembly.transmission import Transmission
 from ...models.inputs import Normal
 from ...units import ARCSEC, MRAD
+from ..drawing import Interval
 from ..forms import Form
 from ..settings import Bound, VariableSetting
-from ..tolerance_problem import Interval, ToleranceProblem
+from ..tolerance_problem import ToleranceProblem
 from . import declared
 from .counterparts import departures_with, sentence, waves_of
 from .form import form_of

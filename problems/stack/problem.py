@@ -16,13 +16,13 @@ from ...declarations import Assumption, Output, Parameter, Variable
 from ...errors import Fault, ModelError
 from ...models.capability import PartSample
 from ...models.costs import CostCurve
-from ...models.machines.offers import samples_of
 from ...models.stack import Linear, Tolerances
 from ...section import Section
+from ..drawing import Interval
 from ..forms import Form
 from ..promise import Promise, read_promise
 from ..settings import Bound, Settings, VariableSetting
-from ..tolerance_problem import Interval, ToleranceProblem
+from ..tolerance_problem import ToleranceProblem
 from .assumptions import assumptions_of
 from .by_limit import by_limit
 from .convex import form_of, limits_by_spread
@@ -41,6 +41,7 @@ from .joint import joint_intervals, joint_slopes, joint_variations
 from .made import as_made, ends_as_made
 from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
+from .processes import corner_of, out_of_process, samples_of
 from .promises import Promises, promise_faults, promise_limits
 from .reading import read_definition
 from .remarks import domain_remarks, warnings_of
@@ -165,21 +166,12 @@ class Stack(ToleranceProblem):
         return designs
 
     def misplaced(self, designs: Array) -> dict[str, dict[int, str]]:
-        found: dict[str, dict[int, str]] = {}
-        for part in self._parts:
-            name = f"{part.name}_t"
-            if not part.alternatives:
-                continue
-            for row, (t, at) in enumerate(
-                zip(self.column(designs, name), self._chosen(designs, part), strict=True)
-            ):
-                process = part.processes[at]
-                if not process.low <= t <= process.high:
-                    found.setdefault(name, {})[row] = (
-                        f"process {process.name} holds {process.low:g} to {process.high:g} "
-                        f"{part.unit}, got {t:g}"
-                    )
-        return found
+        return {
+            f"{part.name}_t": wrong
+            for part in self._parts
+            if (wrong := out_of_process(part, self.column(designs, f"{part.name}_t"),
+                                        self._chosen(designs, part)))
+        }  # fmt: skip
 
     # ---------------------------------------------------------------- outputs
 
@@ -371,14 +363,7 @@ class Stack(ToleranceProblem):
 
     def _corner(self, tight: bool) -> Array:
         """The design with every tolerance at its tightest or loosest, and a process for it."""
-        found = np.zeros(len(self.variables))
-        for part in self._parts:
-            ends = [p.low if tight else -p.high for p in part.processes]
-            at = int(np.argmin(ends))
-            found[self.names.index(f"{part.name}_t")] = abs(ends[at])
-            if part.alternatives:
-                found[self.names.index(f"{part.name}_process")] = at
-        return found
+        return corner_of(self._parts, self.names, tight)
 
     def least_cost(self) -> tuple[str, Stack] | None:
         """The cheapest design within the limits, where a run has other objectives beside."""
@@ -399,12 +384,7 @@ class Stack(ToleranceProblem):
         return assumptions_of(self.definition)
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
-        found = []
-        for part in self.definition.parts:
-            found += [] if part.sample is None else [(part.name, part.unit, part.sample)]
-            found += [(f"{part.name}, machine {machine}", part.unit, sample)
-                      for machine, sample in samples_of(part.machines)]  # fmt: skip
-        return tuple(found)
+        return samples_of(self.definition.parts)
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
         return domain_remarks(self.measured, front)

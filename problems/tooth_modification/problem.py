@@ -16,8 +16,9 @@ from ...models.rv_reducer.contact.errors import PartErrors
 from ...models.rv_reducer.contact.performance import backlash, loading
 from ...models.rv_reducer.geometry import RvGeometry
 from ...units import ARCMIN, MM
+from ..drawing import Interval
 from ..settings import Settings
-from ..tolerance_problem import Interval, ToleranceProblem
+from ..tolerance_problem import ToleranceProblem
 from . import declared
 
 Array = NDArray[np.float64]
