@@ -21,6 +21,7 @@ from tolevo.models.effects.compose import predicted
 from tolevo.models.effects.population.law import Law
 from tolevo.models.propagation import Convolution
 from tolevo.models.rv_reducer.batch import RvBatch
+from tolevo.reports.gap.path import path_figure
 from tolevo.units import ARCMIN
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.distance import distance, floor
@@ -198,6 +199,25 @@ def test_steps_tell_what_the_mixture_did() -> None:
     assert numbers["share"].low < 0.35 < numbers["share"].high
     step = 2.6 * units(seed=2)[BACKLASH].std()
     assert numbers["offset_arcmin"].low < step < numbers["offset_arcmin"].high
+
+
+def test_steps_of_a_batch_are_drawn_by_what_they_gain() -> None:
+    """A batch has no rows to leave out: its figure shows the gain over what a step must gain."""
+    result = found("mixed up")
+    figure = path_figure(result)
+    assert figure is not None
+    (axes,) = figure.axes
+    assert axes.get_xscale() == "log"
+    assert axes.get_xlabel() == "gain over what the step must gain"
+    shown = [one for one in result.steps if one.gain > 0.0 and one.threshold > 0.0]
+    lines = {str(line.get_label()): line for line in axes.get_lines()}
+    expected = [one.gain / one.threshold for one in shown if one.accepted]
+    drawn = np.asarray(lines["accepted"].get_xdata(), dtype=float)
+    np.testing.assert_allclose(drawn, expected)
+    assert "what a step must gain" in lines
+    added = [one for one in shown if one.action == "add"]
+    assert len(added) >= 2
+    assert all(one.accepted <= (one.gain > one.threshold) for one in added)
 
 
 def test_a_drift_that_hides_a_mixture_goes() -> None:
