@@ -6,8 +6,9 @@ when it is first used.
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from ..lazy import lazily
 
 if TYPE_CHECKING:
     from .age_moea2 import AGEMOEA2
@@ -55,8 +56,4 @@ def __dir__() -> list[str]:
 
 
 if not TYPE_CHECKING:  # type checkers know the names above, and no others
-
-    def __getattr__(name):
-        if name in _PLACES:
-            return getattr(import_module(_PLACES[name], __name__), name)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    __getattr__ = lazily(__name__, _PLACES)

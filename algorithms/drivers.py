@@ -35,9 +35,9 @@ class Driver(ABC):
         """Designs (n, variables) to be evaluated."""
 
     @abstractmethod
-    def begin_with(self, x: Array) -> None:
-        """Put designs (n, variables), no more than were asked for, in the place of the first ones
-        of those.
+    def begin_with(self, x: Array) -> Array:
+        """The designs (n, variables) that are asked for, with others, no more than these, in the
+        place of the first ones.
         """
 
     @abstractmethod
@@ -75,8 +75,9 @@ class ArrayDriver(Driver):
         self.asked = self.engine.ask()
         return self.asked
 
-    def begin_with(self, x: Array) -> None:
+    def begin_with(self, x: Array) -> Array:
         self.asked = np.concatenate([x, self.asked[len(x) :]])
+        return self.asked
 
     def tell(self, f: Array, g: Array) -> None:
         self.engine.tell(self.asked, f, g)
@@ -105,8 +106,9 @@ class PymooDriver(Driver):
         self.asked = self.algorithm.ask()
         return np.asarray(self.asked.get("X"), dtype=float)
 
-    def begin_with(self, x: Array) -> None:
+    def begin_with(self, x: Array) -> Array:
         self.asked[: len(x)].set("X", x)
+        return np.asarray(self.asked.get("X"), dtype=float)
 
     def tell(self, f: Array, g: Array) -> None:
         self.asked.set("F", f, "G", g, "H", np.zeros((len(f), 0)))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from .lazy import lazily
 
 if TYPE_CHECKING:
     from typing import Final
@@ -33,7 +34,7 @@ _ROOMS = {
     ".results": ("Gap", "Reproduction", "Run", "Study"),
     ".tables": ("read_aqdef", "read_table"),
 }
-_PLACES = {name: room for room, names in _ROOMS.items() for name in names}
+_PLACES = {name: room for room, names in _ROOMS.items() for name in names} | {"algorithms": ""}
 
 __all__ = [
     "ConfigurationError",
@@ -63,14 +64,11 @@ def __dir__() -> list[str]:
 
 
 if not TYPE_CHECKING:  # type checkers know the names above, and no others
+    _named = lazily(__name__, _PLACES)
 
     def __getattr__(name):
         if name == "__version__":
             from importlib.metadata import version
 
             return version("tolevo")
-        if name == "algorithms":
-            return import_module(".algorithms", __name__)
-        if name in _PLACES:
-            return getattr(import_module(_PLACES[name], __name__), name)
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return _named(name)

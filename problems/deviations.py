@@ -16,13 +16,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ..models.capability import Knowledge, Norm, norm_of
-from .promise import ASSURED, Promise
+from .promise import ASSURED, AT_ONCE, DRAWS, Promise, assured_percent
 
 Array = NDArray[np.float64]
-DRAWS = 20_000
-"""Draws of the posterior that a stated assurance is of."""
-AT_ONCE = 2_000_000
-"""Yields that are computed at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +100,7 @@ class PromisedOutput:
         """Probability [percent] (n,) that the promised share of units conforms, its error."""
         every = [np.mean(one >= self.promise.share, axis=1) for one in self._yields(given)]
         kept = np.concatenate([np.empty(0), *every])
-        error = np.sqrt(np.maximum(kept * (1.0 - kept), 1.0 / DRAWS) / DRAWS)
-        return 100.0 * kept, 100.0 * error
+        return assured_percent(kept)
 
     @cached_property
     def _drawn(self) -> tuple[Array, Array]:

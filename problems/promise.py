@@ -5,8 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..section import Range, Section
 
+Array = NDArray[np.float64]
 PLUG_IN, PREDICTIVE, ASSURED = "plug_in", "predictive", "assured"
 STATEMENTS = (PLUG_IN, PREDICTIVE, ASSURED)
 YIELDS = Range(50.0, 100.0, open_high=True)
@@ -14,6 +18,18 @@ CONFIDENCES = Range(80.0, 100.0, open_high=True)
 """Below 80 % upper limits of variances are no limits above their posterior means."""
 YIELD, PROMISED, ASSURANCE = "yield_percent", "promised_yield_percent", "assurance_percent"
 """Outputs: what estimates say, what the statement promises, how surely the promise is kept."""
+
+
+DRAWS = 20_000
+"""Draws of the posterior that a stated assurance is of."""
+AT_ONCE = 2_000_000
+"""Yields that are computed at once."""
+
+
+def assured_percent(kept: Array, draws: int = DRAWS) -> tuple[Array, Array]:
+    """An assurance [percent] (n,) by the shares of draws that keep a promise, and its error."""
+    error = np.sqrt(np.maximum(kept * (1.0 - kept), 1.0 / draws) / draws)
+    return 100.0 * kept, 100.0 * error
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,9 +72,7 @@ class Search:
             if self._start is not None:
                 names = self.problem.names
                 free = [names.index(variable.name) for variable in self.problem.free]
-                first = self._start[: len(self._open), free]
-                self._driver.begin_with(first)
-                self._open = np.concatenate([first, self._open[len(first) :]])
+                self._open = self._driver.begin_with(self._start[: len(self._open), free])
                 self._start = None
         return self.problem.designs_frame(self.problem.complete(self._open))
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.gap.trial import NAMERS, WORKFLOW
+from benchmarks.kept import kept as results
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = "benchmarks/gap"
@@ -48,16 +49,7 @@ def key(one: dict[str, Any]) -> Key:
 
 def kept(path: Path) -> dict[Key, dict[str, Any]]:
     """The answers that are there and of today's code; a line that was cut off is left out."""
-    found: dict[Key, dict[str, Any]] = {}
-    if path.exists():
-        for text in path.read_text(encoding="utf-8").splitlines():
-            try:
-                one = json.loads(text)
-            except json.JSONDecodeError:
-                continue
-            if one.get("code") == code_of(one["namer"]):
-                found[key(one)] = one
-    return found
+    return {key(one): one for one in results(path) if one.get("code") == code_of(one["namer"])}
 
 
 def as_text(answers: Iterable[dict[str, Any]]) -> str:

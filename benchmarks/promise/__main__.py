@@ -7,7 +7,6 @@ nine equal parts 99 % at most, and their costs 1.42, 1.21 and 1.10 of the plug-i
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -16,6 +15,7 @@ from tempfile import gettempdir
 import numpy as np
 from scipy import stats
 
+from ..kept import keep, kept
 from .cases import Case, cases
 from .repeats import SHARE, Repeat, repeat
 
@@ -38,24 +38,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for seed in seeds:
             if (case.key, seed) not in known:
                 known[case.key, seed] = one = repeat(case, seed)
-                with given.kept.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps({"case": case.key, "seed": seed} | asdict(one)) + "\n")
+                keep(given.kept, {"case": case.key, "seed": seed} | asdict(one))
         rows.append((case, [known[case.key, seed] for seed in seeds]))
         print(row(*rows[-1]), flush=True)
     print(f"\n{table(rows)}")
 
 
 def read(path: Path) -> dict[tuple[str, int], Repeat]:
-    """Results that are kept, by case and seed; a line that was cut off is left out."""
-    found = {}
-    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
-        try:
-            one = json.loads(line)
-        except json.JSONDecodeError:
-            continue
-        key = one.pop("case"), one.pop("seed")
-        found[key] = Repeat(**one)
-    return found
+    """Results that are kept, by case and seed."""
+    return {(one.pop("case"), one.pop("seed")): Repeat(**one) for one in kept(path)}
 
 
 def table(rows: Sequence[tuple[Case, Sequence[Repeat]]]) -> str:

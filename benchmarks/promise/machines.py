@@ -8,7 +8,6 @@ be 91 % at least; the share of samples without an assured choice is stated.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -25,6 +24,7 @@ from tolevo.models.capability.knowledge import Knowledge, knowledge_of
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
 
+from ..kept import keep, kept
 from .cases import SIZES
 from .repeats import CONFIDENCE, SHARE
 
@@ -144,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--kept", type=Path, default=Path(gettempdir(), "tolevo_machines.jsonl"),
                         help="file of results, by which an interrupted run goes on")  # fmt: skip
     given = parser.parse_args(arguments)
-    known = read(given.kept)
+    known = {(one.pop("case"), one.pop("seed")): Choice(**one) for one in kept(given.kept)}
     print("| machines | plug-in kept | assured kept | lower 95 % limit | cost | level (median) "
           "| no assured choice | promise broken |\n"
           "|---|---:|---:|---:|---:|---:|---:|---:|")  # fmt: skip
@@ -152,22 +152,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for seed in range(given.count):
             if (case.key, seed) not in known:
                 known[case.key, seed] = one = repeat(case, seed)
-                with given.kept.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps({"case": case.key, "seed": seed} | asdict(one)) + "\n")
+                keep(given.kept, {"case": case.key, "seed": seed} | asdict(one))
         print(row(case, [known[case.key, seed] for seed in range(given.count)]), flush=True)
-
-
-def read(path: Path) -> dict[tuple[str, int], Choice]:
-    """Results that are kept, by case and seed; a line that was cut off is left out."""
-    found = {}
-    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
-        try:
-            one = json.loads(line)
-        except json.JSONDecodeError:
-            continue
-        key = one.pop("case"), one.pop("seed")
-        found[key] = Choice(**one)
-    return found
 
 
 def figures(own: Sequence[Choice]) -> tuple[float, float, float, float, float]:

@@ -7,7 +7,6 @@ centred or one-sided the gap is to be 0.1 % at most.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
@@ -17,6 +16,7 @@ from tempfile import gettempdir
 
 import numpy as np
 
+from ..kept import keep, kept
 from ..outcome import verdict
 from .drawn import Drawn, run
 
@@ -38,8 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     missing = [seed for seed in seeds if seed not in known]
     for done, one in enumerate(results(missing, given.workers), 1):
         known[one.seed] = one
-        with given.kept.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(one)) + "\n")
+        keep(given.kept, asdict(one))
         print(f"\r{done} of {len(missing)}", end="", flush=True)
     found = [known[seed] for seed in seeds]
     none = sum(not one.found for one in found)
@@ -60,10 +59,7 @@ def results(seeds: Sequence[int], workers: int) -> Iterator[Drawn]:
 
 def read(path: Path) -> list[Drawn]:
     """Results that are kept."""
-    if not path.exists():
-        return []
-    rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    return [Drawn(**row | {"limits": tuple(row["limits"])}) for row in rows]
+    return [Drawn(**row | {"limits": tuple(row["limits"])}) for row in kept(path)]
 
 
 def table(found: Sequence[Drawn]) -> str:

@@ -38,7 +38,8 @@ def fill_measured(table: Raw, folder: Path, faults: list[Fault]) -> None:
                 continue
             wanted, before = own.get("characteristic"), len(faults)
             found = [_read(folder / name, wanted, options, place, faults) for name in names]
-            filled = together([one for one in found if one is not None], names, place, faults)
+            known = [(one, name) for one, name in zip(found, names, strict=True) if one is not None]
+            filled = together([one for one, _ in known], [name for _, name in known], place, faults)
             if len(faults) > before:
                 own["values"] = None  # nothing more is said of them
                 continue
@@ -81,7 +82,7 @@ def together(found: list[Raw], names: Sequence[str], place: str, faults: list[Fa
     if len(found) < 2:
         return found[0] if found else {}
     for key, what in REVISED.items():
-        stated = {str(one[key]): name for one, name in zip(found, names, strict=False)
+        stated = {str(one[key]): name for one, name in zip(found, names, strict=True)
                   if key in one}  # fmt: skip
         if len(stated) > 1:
             each = ", ".join(f"{value} in {name}" for value, name in stated.items())
@@ -92,7 +93,7 @@ def together(found: list[Raw], names: Sequence[str], place: str, faults: list[Fa
         whole |= one
     whole["values"] = [value for one in found for value in one["values"]]
     whole["lots"] = []
-    for one, name in zip(found, names, strict=False):
+    for one, name in zip(found, names, strict=True):
         whole["lots"] += one.get("lots") or [Path(name).stem] * len(one["values"])
     return whole
 

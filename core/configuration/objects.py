@@ -11,8 +11,10 @@ import tomli_w
 
 from .. import registry
 from ..algorithms.settings import AlgorithmSettings, Budget
+from ..problems.plain import PlainProblem
 from ..problems.tolerance_problem import ToleranceProblem
 from .complete import complete_tables
+from .merging import merge
 from .named import Named
 
 KEPT = (*(field.name for field in fields(Budget)), "engine")
@@ -26,10 +28,13 @@ def with_names(tables: Mapping[str, Any]) -> dict[str, Any]:
     it; any other object keeps itself beside its name. An algorithm becomes its table.
     """
     found, problem = dict(tables), tables.get("problem")
-    if isinstance(problem, ToleranceProblem) and not hasattr(problem, "own"):
-        found = _joined(_described(problem), {k: v for k, v in found.items() if k != "problem"})
+    if isinstance(problem, PlainProblem):
+        found["problem"] = Named.of(problem.own)
+    elif isinstance(problem, ToleranceProblem):
+        beside = {key: value for key, value in found.items() if key != "problem"}
+        merge(found := _described(problem), beside, whole=True)
     elif problem is not None and not isinstance(problem, str):
-        found["problem"] = Named.of(getattr(problem, "own", problem))
+        found["problem"] = Named.of(problem)
     if isinstance(own := found.get("algorithm"), AlgorithmSettings):
         found["algorithm"] = algorithm_table(own)
     return found
@@ -45,16 +50,6 @@ def _described(problem: ToleranceProblem) -> dict[str, Any]:
     """The tables that make a problem again, as a file has them."""
     name = registry.name_of("problems", type(problem))
     return tomllib.loads(tomli_w.dumps(complete_tables(problem, name, problem.default_model)))
-
-
-def _joined(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables over tables; a value takes the place of a value."""
-    found = dict(below)
-    for key, value in above.items():
-        inner = found.get(key)
-        both = isinstance(inner, Mapping) and isinstance(value, Mapping)
-        found[key] = _joined(inner, value) if both else value  # type: ignore[arg-type]
-    return found
 
 
 def with_choices(

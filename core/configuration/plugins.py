@@ -6,6 +6,7 @@ from typing import Any
 
 from .. import registry
 from ..errors import InputError
+from ..problems.plain import plain_kind
 from ..section import Section
 from .named import Named
 
@@ -33,8 +34,6 @@ def problem_of(top: Section) -> Any:
     found = load_named(top, "problem", "problems")
     if found is None or hasattr(found, "configured"):
         return found
-    from ..problems.plain import plain_kind  # most configurations have none
-
     try:
         return plain_kind(found)
     except InputError as error:

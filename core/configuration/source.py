@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import Fault, InputError
+from .merging import merge
 from .objects import with_names
 
 Table = dict[str, Any]
@@ -86,18 +87,3 @@ def _setting(key: str, value: str) -> Table | None:
         except (ValueError, RecursionError):
             continue
     return None
-
-
-def merge(table: Table, setting: Table) -> bool:
-    """Put `setting` (one dotted key) into `table`; a fixed value takes the place of a range."""
-    for key, value in setting.items():
-        if isinstance(value, dict) and value and key in table:
-            if not isinstance(table[key], dict) or not merge(table[key], value):
-                return False
-        else:
-            for other in {"value": ("low", "high"), "low": ("value",), "high": ("value",)}.get(
-                key, ()
-            ):
-                table.pop(other, None)
-            table[key] = value
-    return True

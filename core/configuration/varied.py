@@ -10,7 +10,8 @@ from ..counts import SETTINGS
 from ..errors import nearest
 from ..section import Range, Section, flat, shown
 from ..workflows.study.records import Factor, Level
-from .source import Table, merge
+from .merging import merge
+from .source import Table
 
 RANGE_KEYS = ("low", "high", "levels", "log", "integer")
 SEED = "seed"

@@ -18,6 +18,11 @@ MISSED = Parameter(
 )  # fmt: skip
 
 
+def parameters_of(own: Problem) -> tuple[Parameter, ...]:
+    """The tolerance of equality constraints, where there are any."""
+    return (MISSED,) if own.n_eq_constr else ()
+
+
 def variables_of(own: Problem) -> tuple[Variable, ...]:
     """One variable per column: those that the problem declares as `variables`, else x1, x2, ..."""
     declared: tuple[Variable, ...] = getattr(own, "variables", ())

@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 
 from pymoo.core.problem import Problem
 
-from ...declarations import Output, Parameter, Value, Variable
+from ...declarations import Output, Parameter, Variable
 from ...errors import raise_all, refuse
 from ...models.costs import CostCurve
 from ...section import Section
-from ..settings import Bound, Settings
-from .declared import MISSED, faults_of, limits_of, objectives_of, outputs_of, variables_of
+from ..settings import Settings
+from .declared import faults_of, objectives_of, outputs_of, parameters_of, variables_of
 from .problem import PlainProblem
 
 
@@ -29,7 +29,7 @@ class PlainKind:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The tolerance of equality constraints, where there are any."""
-        return (MISSED,) if self.own.n_eq_constr else ()
+        return parameters_of(self.own)
 
     @property
     def variables(self) -> tuple[Variable, ...]:
@@ -46,18 +46,9 @@ class PlainKind:
         """All objectives."""
         return objectives_of(self.own)
 
-    @property
-    def default_limits(self) -> Mapping[str, Bound]:
-        """All constraints."""
-        return limits_of(self.own, float(MISSED.default))  # type: ignore[arg-type]
-
     def configured(self, top: Section) -> PlainKind:
         """Itself: its declarations do not depend on the configuration."""
         return self
-
-    def unpriced(self, parameters: Mapping[str, Value]) -> frozenset[str]:
-        """No variable has a cost of its own."""
-        return frozenset()
 
     def __call__(self, settings: Settings) -> PlainProblem:
         return PlainProblem(self.own, settings)

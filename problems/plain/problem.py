@@ -10,14 +10,21 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 from pymoo.core.problem import Problem
-from scipy.stats import qmc
 
 from ...declarations import number
 from ...models.costs import CostCurve
 from ..settings import Bound, Settings
 from ..tolerance_problem import ToleranceProblem
-from .declared import MISSED, equalities_of, inequalities_of, limits_of, objectives_of, outputs_of
-from .declared import variables_of as declared_variables
+from .declared import (
+    MISSED,
+    equalities_of,
+    inequalities_of,
+    limits_of,
+    objectives_of,
+    outputs_of,
+    parameters_of,
+    variables_of,
+)
 
 Array = NDArray[np.float64]
 SPREAD = 6
@@ -37,8 +44,8 @@ class PlainProblem(ToleranceProblem):
 
     def __init__(self, own: Problem, settings: Settings | None = None) -> None:
         self.own = own
-        self.parameters = (MISSED,) if own.n_eq_constr else ()
-        self.variables, self.outputs = declared_variables(own), outputs_of(own)
+        self.parameters = parameters_of(own)
+        self.variables, self.outputs = variables_of(own), outputs_of(own)
         self.default_objectives = objectives_of(own)
         super().__init__(settings)
 
@@ -60,6 +67,8 @@ class PlainProblem(ToleranceProblem):
 
     def _corners(self) -> Array:
         """The corners, and designs between them: extremes need not lie at the corners."""
+        from scipy.stats import qmc  # takes long to import
+
         inside = qmc.Sobol(len(self.free), scramble=False).random_base2(SPREAD)
         between = self.complete(self.xl + inside * (self.xu - self.xl))
         return np.concatenate([super()._corners(), between])

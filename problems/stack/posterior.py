@@ -16,14 +16,11 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from ...models.stack import AsMade, Tolerances, mean_of, spread_of
+from ..promise import AT_ONCE, DRAWS, assured_percent
 from .definition import Part
 from .measured import Measured
 
 Array = NDArray[np.float64]
-DRAWS = 20_000
-"""Draws of the posterior that a stated assurance is of."""
-AT_ONCE = 2_000_000
-"""Yields that are computed at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,16 +73,15 @@ class Posterior:
         """
         kept = np.empty(len(t))
         for chosen, rows in self._portions(t):
-            every = np.all([self._yields(one, t[rows], chosen)[0] >= share for one in of], axis=0)
+            every = np.all([self._yields(one, t[rows], chosen) >= share for one in of], axis=0)
             kept[rows] = every.mean(axis=1)
-        error = np.sqrt(np.maximum(kept * (1.0 - kept), 1.0 / self.draws) / self.draws)
-        return 100.0 * kept, 100.0 * error
+        return assured_percent(kept, self.draws)
 
     def expected(self, one: Measured, t: Tolerances) -> Array:
         """Expected yield [percent] (n,) of a requirement."""
         found = np.empty(len(t))
         for chosen, rows in self._portions(t):
-            found[rows] = 100.0 * self._yields(one, t[rows], chosen)[0].mean(axis=1)
+            found[rows] = 100.0 * self._yields(one, t[rows], chosen).mean(axis=1)
         return found
 
     def expected_slopes(self, one: Measured, t: Tolerances) -> Array:
@@ -109,20 +105,25 @@ class Posterior:
         slope = one.linear.slope * std
         return variance * np.diag(one.linear.covariance), error * slope + one.linear.mean
 
-    def _yields(
-        self, one: Measured, t: Tolerances, chosen: tuple[int, ...]
-    ) -> tuple[Array, tuple[Array, Array, Array]]:
-        """Yields (n, draws), and standard deviation and distance of each limit behind them."""
-        square, shift = self._coefficients(one, chosen)
+    def _yields(self, one: Measured, t: Tolerances, chosen: tuple[int, ...]) -> Array:
+        """Yields (n, draws)."""
+        _, above, below = self._ends(one, t, *self._coefficients(one, chosen))
+        return np.asarray(ndtr(above) - ndtr(below))
+
+    def _ends(
+        self, one: Measured, t: Tolerances, square: Array, shift: Array
+    ) -> tuple[Array, Array, Array]:
+        """Standard deviations, and how many of these the limits are away from the mean, (n, draws)
+        each, of variances and shifts at t = 1.
+        """
         s, mechanism = spread_of(t), one.mechanism
         std = np.maximum(np.sqrt(s**2 @ square.T), 1e-300)
         mean = mechanism.centre + (mean_of(t) @ one.linear.slope)[:, None] + s @ shift.T
-        above, below = (mechanism.upper - mean) / std, (mechanism.lower - mean) / std
-        return np.asarray(ndtr(above) - ndtr(below)), (std, above, below)
+        return std, (mechanism.upper - mean) / std, (mechanism.lower - mean) / std
 
     def _slopes(self, one: Measured, t: Tolerances, chosen: tuple[int, ...]) -> Array:
-        _, (std, above, below) = self._yields(one, t, chosen)
         square, shift = self._coefficients(one, chosen)
+        std, above, below = self._ends(one, t, square, shift)
         bells = [np.where(np.isfinite(z), np.exp(-0.5 * np.where(np.isfinite(z), z, 0.0) ** 2), 0.0)
                  / (np.sqrt(2.0 * np.pi) * std) for z in (above, below)]  # fmt: skip
         far = [np.where(np.isfinite(z), z, 0.0) for z in (above, below)]

@@ -132,6 +132,22 @@ def test_what_is_given_beside_a_problem_counts() -> None:
     found = tolevo.read({"problem": PoseAccuracy(), "limits": {"yaw_mrad": 0.4}})
     assert found.problem is not None
     assert found.problem.settings.limits["yaw_mrad"] == Bound(high=0.4)
+    fixed = {"problem": RvBacklash(), "variables": {"pin_position_um": {"value": 3.0}}}
+    problem = tolevo.read(fixed).problem  # a value takes the place of a range, as in a file
+    assert problem is not None
+    assert problem.fixed["pin_position_um"] == 3.0
+
+
+class OwnsSomething(PoseAccuracy):
+    """A problem of the suite with an attribute that a plain one has as well."""
+
+    own = "workshop"
+
+
+def test_an_attribute_makes_no_plain_problem() -> None:
+    found = tolevo.read(OwnsSomething())
+    assert found.problem_name.endswith(":OwnsSomething")
+    assert isinstance(found.problem, PoseAccuracy)
 
 
 def test_algorithm_and_seed_take_the_place_of_those_in_the_source() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from ...problems.forms import Form
 from ...problems.stack import Stack
 
 Array = NDArray[np.float64]
+Solved: TypeAlias = tuple[Form, Optimum]
+"""The form of a stack, and its least cost."""
 EVALUATIONS = 600
 """Of a search among many choices of processes."""
 
@@ -51,7 +54,7 @@ def cheapest(stack: Stack) -> Least:
     return Least(float(found.f[at, 0]), stack.complete(found.x[at : at + 1])[0])
 
 
-def solved(stack: Stack) -> tuple[Form, Optimum] | None:
+def solved(stack: Stack) -> Solved | None:
     """The form of a stack and its least cost with multipliers; None without a closed form."""
     form = closed_form(stack)
     if form is None:

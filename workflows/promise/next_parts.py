@@ -14,12 +14,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ...algorithms.exact.solver import closed_form
 from ...models.capability import Knowledge
-from ...problems.forms import Form
 from ...problems.spread import spread_of
 from ...problems.stack import Stack
 from ...problems.stack.anew import with_knowledge
-from .least import solved
+from .least import Solved, solved
 
 Array = NDArray[np.float64]
 MORE = 20
@@ -41,20 +41,23 @@ def next_parts(stack: Stack, first: int = FIRST) -> pd.DataFrame:
     if start is None or not names:
         return pd.DataFrame(columns=list(COLUMNS))
     cost = float(start[1].cost[0])
-    gains = {name: shadow_gain(stack, name) for name in names}
+    gains = {name: shadow_gain(stack, name, start) for name in names}
     ranked = sorted(names, key=lambda name: -gains[name])
     rows = []
     for rank, name in enumerate(ranked, 1):
-        expected = expected_gain(stack, name) if rank <= first else np.nan
+        expected = expected_gain(stack, name, start) if rank <= first else np.nan
         rows.append((rank, name, int(_known(stack, name).n), MORE, gains[name],
                      100.0 * gains[name] / cost, expected, 100.0 * expected / cost))  # fmt: skip
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def shadow_gain(stack: Stack, name: str) -> float:
-    """What more parts of one characteristic are worth at the present tolerances."""
-    start = solved(stack)
-    anew = solved_form(stack, name)
+def shadow_gain(stack: Stack, name: str, start: Solved | None = None) -> float:
+    """What more parts of one characteristic are worth at the present tolerances.
+
+    `start` is the form of the stack with its least cost, where it is known.
+    """
+    start = start or solved(stack)
+    anew = closed_form(with_knowledge(stack, {name: with_more(_known(stack, name), 1.0)}))
     if start is None or anew is None:
         return 0.0
     form, found = start
@@ -67,20 +70,15 @@ def shadow_gain(stack: Stack, name: str) -> float:
     return float(found.multiplier[0] @ np.maximum(before - after, 0.0))
 
 
-def solved_form(stack: Stack, name: str) -> Form | None:
-    """The form with more parts of one characteristic and the same estimates."""
-    found = solved(with_knowledge(stack, {name: with_more(_known(stack, name), 1.0)}))
-    return None if found is None else found[0]
-
-
-def expected_gain(stack: Stack, name: str) -> float:
+def expected_gain(stack: Stack, name: str, start: Solved | None = None) -> float:
     """The expected fall of the least cost by the next sample of one characteristic.
 
-    What it will say of the variance follows an F distribution; its mean is taken as it is.
+    What it will say of the variance follows an F distribution; its mean is taken as it is. `start`
+    is as in `shadow_gain`.
     """
     from scipy import stats  # takes long to import
 
-    start = solved(stack)
+    start = start or solved(stack)
     if start is None:
         return float("nan")
     known = _known(stack, name)

@@ -1,0 +1,29 @@
+"""Tables over tables, as `--set` and what is given beside an object change a configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+INSTEAD = {"value": ("low", "high"), "low": ("value",), "high": ("value",)}
+"""Keys that go where another is set: a fixed value takes the place of a range, and the reverse."""
+
+
+def merge(table: dict[str, Any], over: Mapping[str, Any], whole: bool = False) -> bool:
+    """Put the values of `over` into `table`, tables into tables.
+
+    False where a table meets a value; if `whole`, it takes the place of that value.
+    """
+    for key, value in over.items():
+        inner = table.get(key)
+        meets = isinstance(value, dict) and bool(value) and key in table
+        if meets and isinstance(inner, dict):
+            if not merge(inner, value, whole):
+                return False
+            continue
+        if meets and not whole:
+            return False
+        for other in INSTEAD.get(key, ()):
+            table.pop(other, None)
+        table[key] = value
+    return True
