@@ -13,6 +13,7 @@ from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import gettempdir
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +60,8 @@ def results(seeds: Sequence[int], workers: int) -> Iterator[Drawn]:
 
 def read(path: Path) -> list[Drawn]:
     """Results that are kept."""
-    return [Drawn(**row | {"limits": tuple(row["limits"])}) for row in kept(path)]
+    rows: list[Any] = list(kept(path))
+    return [Drawn(**row | {"limits": tuple(row["limits"])}) for row in rows]
 
 
 def table(found: Sequence[Drawn]) -> str:
