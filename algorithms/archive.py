@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .engine.survival import ranks
+from .engine.ordering import in_order, lowest_ranks_in_order
 
 Array = NDArray[np.float64]
 State = dict[str, NDArray[Any]]
@@ -98,34 +98,23 @@ def lowest_ranks(x: Array, f: Array, room: int) -> NDArray[np.int64]:
     """
     rows = _distinct(x, f)
     if len(rows) <= room:
-        return rows
-    rank = ranks(f.take(rows, axis=0))
+        return np.sort(rows)
+    rank = lowest_ranks_in_order(f.take(rows, axis=0), room)
     reached = np.bincount(rank).cumsum()
     room = max(room, int(reached[0]))
     last = int(reached.searchsorted(room))
-    over = int(reached[last]) - room
-    kept = rank <= last
-    if over:
-        kept[(rank == last).nonzero()[0][-over:]] = False
-    return rows[kept]
+    within = np.sort(rows[rank == last])[: room - int(reached[last - 1]) if last else room]
+    return np.sort(np.concatenate([rows[rank < last], within]))
 
 
 def _distinct(x: Array, f: Array) -> NDArray[np.int64]:
-    """The first row of each design, in order: equal designs have equal objectives."""
-    kept = np.ones(len(x), dtype=bool)
-    rows = _alike(f[:, 0])
-    kept[rows] = False
-    order = rows[np.lexsort((*x[rows, :2].T, *f[rows].T))]  # stable: the first of equal rows first
-    near, before = order[1:], order[:-1]
-    same = np.all(f[near] == f[before], axis=1)
-    same[same] = np.all(x[near[same]] == x[before[same]], axis=1)
-    kept[order[:1]] = kept[near[~same]] = True
-    return kept.nonzero()[0]
+    """The first row of each design, in the order of the objectives.
 
-
-def _alike(values: Array) -> NDArray[np.int64]:
-    """Rows whose value (n,) is not the only one of its kind, in order."""
-    order = values.argsort()
-    value = values.take(order)
-    twins = (value[1:] == value[:-1]).nonzero()[0]
-    return np.unique(order[np.concatenate([twins, twins + 1])])
+    Equal designs have equal objectives.
+    """
+    rows = in_order(*f.T, *x[:, :2].T)
+    near, before = rows[1:], rows[:-1]
+    same = (f.take(near, axis=0) == f.take(before, axis=0)).all(axis=1)
+    twins = same.nonzero()[0]
+    same[twins] = (x.take(near[twins], axis=0) == x.take(before[twins], axis=0)).all(axis=1)
+    return np.concatenate([rows[:1], near[~same]])

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .engine.ordering import in_order
 from .indicators import REFERENCE, hypervolume, nondominated
 
 Array = NDArray[np.float64]
 State = dict[str, NDArray[Any]]
-TOGETHER = 32
+TOGETHER = 16
 """Batches that wait for each other at most."""
 
 
@@ -137,5 +138,5 @@ def _in_order(front: Array, batches: Sequence[Array]) -> tuple[Array, NDArray[np
         better = (at < 0) | (new[1] < front[:, 1].take(at))
         kept = np.concatenate([np.arange(len(front)), better.nonzero()[0] + len(front)])
         points, since = points.take(kept, axis=1), since.take(kept)
-    order = np.lexsort((since, points[1], points[0]))
+    order = in_order(points[0], points[1], since)
     return points.take(order, axis=1), since.take(order)

@@ -44,8 +44,8 @@ class Progress:
     share: float | None = None
 
 
-Row = tuple[int, float, float | None, float, str, float | None]
-"""Of a batch: evaluations, seconds, seconds left, share that is feasible, phase, share done."""
+Row = tuple[int, float, float, str, float | None]
+"""Of a batch: evaluations, seconds, share that is feasible, phase, share done."""
 
 
 class Run:
@@ -132,17 +132,16 @@ class Run:
     def _remember(self, x: Array, f: Array, violation: Array) -> None:
         found = self.archive.add(x, f, violation)
         self.attained.add(found)
-        remaining = self._remaining()
         share = len(found) / len(f) if len(f) else 0.0
-        self._rows.append((self.evaluations, self.seconds, remaining, share, *self._phase))
+        self._rows.append((self.evaluations, self.seconds, share, *self._phase))
         if self._report is not None:
             self._report(self._progress(len(self._rows) - 1, self.attained.values()[-1]))
 
     def _progress(self, at: int, value: float) -> Progress:
         """The state after the batch `at`, with its hypervolume."""
-        evaluations, seconds, remaining, share, phase, done = self._rows[at]
+        evaluations, seconds, share, phase, done = self._rows[at]
         return Progress(at + 1, self.generations, evaluations, self.budget.evaluations, seconds,
-                        remaining, value, share, phase, done)  # fmt: skip
+                        self._remaining(at), value, share, phase, done)  # fmt: skip
 
     def choose(self, x: Array) -> None:
         """Add search vectors (n, variables) to those that the algorithm gives as its result."""
@@ -152,17 +151,18 @@ class Run:
         """Say what is being done, and the share of the whole that is done."""
         self._phase = name, share
 
-    def _remaining(self) -> float | None:
-        """Seconds left, by the budget that will be used up first."""
-        seconds, left = self.seconds, []
+    def _remaining(self, at: int) -> float | None:
+        """Seconds left after the batch `at`, by the budget that will be used up first."""
+        evaluations, seconds, _, _, done = self._rows[at]
+        left = []
         if self.generations is not None:
-            left.append(seconds * (self.generations / (self.generation + 1) - 1.0))
+            left.append(seconds * (self.generations / (at + 1) - 1.0))
         if self.budget.evaluations is not None:
-            left.append(seconds * (self.budget.evaluations / max(1, self.evaluations) - 1.0))
+            left.append(seconds * (self.budget.evaluations / max(1, evaluations) - 1.0))
         if self.budget.time_limit_s is not None:
             left.append(self.budget.time_limit_s - seconds)
-        if self._phase[1]:
-            left.append(seconds * (1.0 / self._phase[1] - 1.0))
+        if done:
+            left.append(seconds * (1.0 / done - 1.0))
         return max(0.0, min(left)) if left else None
 
     def state(self) -> State:
@@ -181,7 +181,7 @@ class Run:
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on from a `state()`; the clock goes on from its seconds."""
-        self._rows = [(int(n), s, None, share, "", None)
+        self._rows = [(int(n), s, share, "", None)
                       for _, n, s, _, share in state["history"].tolist()]  # fmt: skip
         evaluations, seconds = state["counts"].tolist()
         self.evaluations = int(evaluations)

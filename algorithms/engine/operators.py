@@ -11,10 +11,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 CROSSED = 0.5
 """Probability per variable that simulated binary crossover changes it, as pymoo has it."""
-CLOSE = 1e-14
-"""Parents' values nearer than this are not crossed."""
-OUTWARD = np.array([[-0.5], [0.5]])
-"""Half the senses in which the smaller and the larger of two children lie from their middle."""
+OUTWARD = np.array([[-2.0], [2.0]])
+"""Twice the senses in which the smaller and the larger of two children lie from their middle."""
 
 
 def tournament(
@@ -54,31 +52,34 @@ def crossover(
     drawn = rng.random(k * (1 + variables))
     crossed = drawn[k:].reshape(k, variables) < CROSSED
     crossed &= (drawn[:k] < probability)[:, None]
-    crossed &= np.abs(first - second) > CLOSE
+    crossed &= first != second
     at = crossed.ravel().nonzero()[0]
     found = np.concatenate([first, second])
     flat = found.reshape(-1)
     other = at + k * variables
     p, q = flat.take(at), flat.take(other)
-    pair = np.empty((2, len(at)))
-    np.minimum(p, q, out=pair[0])
-    np.maximum(p, q, out=pair[1])
-    ends = space.ends_of(k).take(at, axis=1)
+    low, high = ends = space.ends_of(k).take(at, axis=1)
     u, swapped = rng.random((2, len(at)))
-    delta, power = pair[1] - pair[0], eta + 1.0
-    scaled = np.abs(pair - ends)
-    scaled *= 2.0
+    delta, power = np.abs(p - q), eta + 1.0
+    scaled = np.empty((2, len(at)))  # of the smaller child, and of the larger
+    np.minimum(p, q, out=scaled[0])
+    np.maximum(p, q, out=scaled[1])
+    np.subtract(ends, scaled, out=scaled)
+    scaled *= OUTWARD
     scaled /= delta
     scaled += 1.0
     scaled **= -power
     np.subtract(2.0, scaled, out=scaled)  # alpha of the paper
     scaled *= u
-    scaled = np.where(scaled > 1.0, 1.0 / (2.0 - scaled), scaled)
+    beyond = scaled > 1.0
+    np.divide(1.0, 2.0 - scaled, out=scaled, where=beyond)
     scaled **= 1.0 / power
     scaled *= delta
-    scaled *= OUTWARD
-    scaled += 0.5 * (p + q)
-    moved = _within(scaled, ends[0], ends[1])
+    scaled /= OUTWARD
+    p += q
+    p *= 0.5
+    scaled += p
+    moved = _within(scaled, low, high)
     flat[at], flat[other] = np.where(swapped < 0.5, moved[::-1], moved)
     return found
 
@@ -98,11 +99,24 @@ def mutate(
     flat, at = found.reshape(-1), changed.ravel().nonzero()[0]
     low, high = space.ends_of(len(x)).take(at, axis=1)
     old, u, power = flat.take(at), rng.random(len(at)), eta + 1.0
-    down, span = u <= 0.5, high - low
-    share = np.abs(old - np.where(down, low, high)) / span
-    base = np.minimum(u, 1.0 - u)
-    step = (2.0 * base + (1.0 - 2.0 * base) * (1.0 - share) ** power) ** (1.0 / power) - 1.0
-    flat[at] = _within(old + np.where(down, step, -step) * span, low, high)
+    u -= 0.5  # below 0 the point moves down
+    step, span = np.where(u <= 0.0, low, high), high - low
+    step -= old
+    np.abs(step, out=step)
+    step /= span
+    np.subtract(1.0, step, out=step)
+    step **= power
+    aside = np.abs(u)
+    aside *= 2.0
+    step *= aside
+    np.subtract(1.0, aside, out=aside)
+    step += aside
+    step **= 1.0 / power
+    step -= 1.0
+    np.copysign(step, u, out=step)
+    step *= span
+    step += old
+    flat[at] = _within(step, low, high)
     return found
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .ordering import ranks
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -14,15 +16,6 @@ def violation_of(g: Array) -> Array:
     if not g.shape[1]:
         return np.zeros(len(g))
     return np.asarray(np.maximum(g, 0.0).sum(axis=1))
-
-
-def ranks(f: Array) -> Indices:
-    """Non-domination rank (n,) of objectives (n, m), the best is 0; equal points rank equally."""
-    if f.shape[1] == 1:
-        return np.unique(f[:, 0], return_inverse=True)[1].astype(np.int64)
-    import moocore
-
-    return np.asarray(moocore.pareto_rank(f), dtype=np.int64)
 
 
 def crowding_distances(f: Array, rank: Indices) -> Array:
@@ -42,20 +35,22 @@ def crowding_distances(f: Array, rank: Indices) -> Array:
 
 def _crowding(f: Array) -> Array:
     """`crowding_distances` (n,) of points that all have the same rank."""
-    if len(f) <= 2:  # these are the ends, whatever their values
-        return np.full(len(f), np.inf)
-    found, gap = np.zeros(len(f)), np.empty(len(f))
-    for values in f.T:
-        order = values.argsort(kind="stable")
-        value = values.take(order)
-        span = value[-1] - value[0]
-        if span > 0.0:  # an objective that does not differ says nothing
-            np.subtract(value[2:], value[:-2], out=gap[1:-1])
-            gap[0] = gap[-1] = np.inf
-            gap /= span
-            found[order] += gap
-    found /= f.shape[1]
-    return found
+    n, m = f.shape
+    if n <= 2:  # these are the ends, whatever their values
+        return np.full(n, np.inf)
+    values, begins = f.T.ravel(), n * np.arange(m)[:, None]
+    order = values.reshape(m, n).argsort(axis=1, kind="stable") + begins
+    ordered = values.take(order)
+    gap = np.full((m, n), np.inf)
+    np.subtract(ordered[:, 2:], ordered[:, :-2], out=gap[:, 1:-1])
+    span = ordered[:, -1:] - ordered[:, :1]
+    if np.count_nonzero(span) == m:
+        gap /= span
+    else:  # an objective that does not differ says nothing
+        gap = np.divide(gap, span, out=np.zeros_like(gap), where=span > 0.0)
+    found = np.empty(m * n)
+    found[order] = gap
+    return np.asarray(found.reshape(m, n).sum(axis=0) / m)
 
 
 def survivors(
