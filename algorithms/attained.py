@@ -109,7 +109,8 @@ def _areas(
     Where none joins it is the one before, at first `value`.
     """
     ends = counted.sum(axis=1).cumsum()
-    first, second = scaled.take(counted.nonzero()[1], axis=1)
+    column = np.arange(scaled.shape[1])[None, :].repeat(len(counted), axis=0)
+    first, second = scaled.take(column[counted], axis=1)
     widths, heights = np.empty_like(first), REFERENCE - second
     np.subtract(first[1:], first[:-1], out=widths[:-1])
     last = ends[np.diff(ends, prepend=0) > 0] - 1

@@ -38,12 +38,7 @@ class Space:
         size = points * len(self.low)
         if self._tiled.shape[1] < size:
             object.__setattr__(self, "_tiled", np.tile(self.ends, points))
-        return self._tiled
-
-    @cached_property
-    def wide(self) -> NDArray[np.bool_]:
-        """Which variables (variables,) have more than one value."""
-        return self.low < self.high
+        return self._tiled[:, :size]
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         """Uniformly drawn points (count, variables)."""
@@ -52,7 +47,7 @@ class Space:
 
     def repaired(self, x: Array) -> Array:
         """The points with whole numbers where the space has them."""
-        return np.where(self.integer, np.rint(x), x) if self.integer.any() else x
+        return np.where(self.integer, np.rint(x), x) if np.count_nonzero(self.integer) else x
 
 
 class ArrayEngine(ABC):

@@ -30,8 +30,8 @@ class NSGA2Engine(ArrayEngine):
     def _offspring(self) -> Array:
         pairs = -(-self.population // 2)
         parents = tournament(self.f, self.v, self.rank, self.crowding, 2 * pairs, self.rng)
-        first, second = self.x.take(parents[::2], axis=0), self.x.take(parents[1::2], axis=0)
-        children = crossover(first, second, self.space, *self.mating, self.rng)
+        mated = self.x.take(parents.reshape(pairs, 2).T.ravel(), axis=0)
+        children = crossover(mated, self.space, *self.mating, self.rng)
         return mutate(children[: self.population], self.space, *self.mutation, self.rng)
 
     def _select(self, x: Array, f: Array, v: Array) -> NDArray[np.int64]:

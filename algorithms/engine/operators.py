@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 CROSSED = 0.5
 """Probability per variable that simulated binary crossover changes it, as pymoo has it."""
+CLOSE = 1e-14
+"""Parents' values nearer than this are not crossed, as pymoo has it."""
 OUTWARD = np.array([[-2.0], [2.0]])
 """Twice the senses in which the smaller and the larger of two children lie from their middle."""
 
@@ -24,7 +26,8 @@ def tournament(
     crowded one; ties are drawn. None dominates another where all ranks are 0.
     """
     n = len(f)
-    rounds = np.concatenate([rng.permutation(n) for _ in range(-(-2 * count // n))])
+    turns = np.arange(n)[None, :].repeat(-(-2 * count // n), axis=0)
+    rounds = rng.permuted(turns, axis=1, out=turns).ravel()
     a, b = rounds[: 2 * count : 2], rounds[1 : 2 * count : 2]
     ca, cb = crowding.take(a), crowding.take(b)
     first, second = ca > cb, cb > ca
@@ -41,20 +44,20 @@ def tournament(
 
 
 def crossover(
-    first: Array, second: Array, space: Space, probability: float, eta: float,
-    rng: np.random.Generator,
-) -> Array:  # fmt: skip
-    """Simulated binary crossover (Deb & Agrawal 1995) of parents (k, variables): (2 k, variables).
+    parents: Array, space: Space, probability: float, eta: float, rng: np.random.Generator
+) -> Array:
+    """Simulated binary crossover (Deb & Agrawal 1995) of parents (2 k, variables), as a copy.
 
-    `probability` is that of a mating to be crossed at all.
+    The first is mated with the one after the k-th, and so on. `probability` is that of a mating to
+    be crossed at all.
     """
-    k, variables = first.shape
+    found = parents.copy()
+    k, variables = len(parents) // 2, parents.shape[1]
     drawn = rng.random(k * (1 + variables))
     crossed = drawn[k:].reshape(k, variables) < CROSSED
-    crossed &= (drawn[:k] < probability)[:, None]
-    crossed &= first != second
+    crossed[drawn[:k] >= probability] = False
+    crossed &= np.abs(parents[:k] - parents[k:]) > CLOSE
     at = crossed.ravel().nonzero()[0]
-    found = np.concatenate([first, second])
     flat = found.reshape(-1)
     other = at + k * variables
     p, q = flat.take(at), flat.take(other)
@@ -71,8 +74,7 @@ def crossover(
     scaled **= -power
     np.subtract(2.0, scaled, out=scaled)  # alpha of the paper
     scaled *= u
-    beyond = scaled > 1.0
-    np.divide(1.0, 2.0 - scaled, out=scaled, where=beyond)
+    scaled = np.where(scaled > 1.0, 1.0 / (2.0 - scaled), scaled)
     scaled **= 1.0 / power
     scaled *= delta
     scaled /= OUTWARD
@@ -93,11 +95,12 @@ def mutate(
     x: Array, space: Space, probability: float, eta: float, rng: np.random.Generator
 ) -> Array:
     """Polynomial mutation (Deb & Goyal 1996) of points (n, variables), bounded; as a copy."""
-    changed = rng.random(x.shape) < probability
-    changed &= space.wide
+    low, high = space.ends_of(len(x))
+    changed = rng.random(x.size) < probability
+    changed &= low < high
     found = x.copy()
-    flat, at = found.reshape(-1), changed.ravel().nonzero()[0]
-    low, high = space.ends_of(len(x)).take(at, axis=1)
+    flat, at = found.reshape(-1), changed.nonzero()[0]
+    low, high = low.take(at), high.take(at)
     old, u, power = flat.take(at), rng.random(len(at)), eta + 1.0
     u -= 0.5  # below 0 the point moves down
     step, span = np.where(u <= 0.0, low, high), high - low
