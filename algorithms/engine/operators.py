@@ -23,24 +23,23 @@ def tournament(
     """Winners (count,) of binary tournaments in which every point takes part equally often.
 
     The smaller violation wins; of two feasible points the one that dominates, else the less
-    crowded one; ties are drawn. None dominates another where all ranks are 0.
+    crowded one; of a tie the first, and which one that is, is drawn. None dominates another where
+    all ranks are 0.
     """
     n = len(f)
     turns = np.arange(n)[None, :].repeat(-(-2 * count // n), axis=0)
     rounds = rng.permuted(turns, axis=1, out=turns).ravel()
     a, b = rounds[: 2 * count : 2], rounds[1 : 2 * count : 2]
-    ca, cb = crowding.take(a), crowding.take(b)
-    first, second = ca > cb, cb > ca
+    second = crowding.take(b) > crowding.take(a)
     if np.count_nonzero(rank):
         fa, fb = f.take(a, axis=0), f.take(b, axis=0)
         below, above = (fa <= fb).all(axis=1), (fb <= fa).all(axis=1)
-        same = below == above  # neither dominates, or the objectives are equal
-        first, second = np.where(same, first, below), np.where(same, second, above)
+        even = below == above  # neither dominates, or the objectives are equal
+        second = np.where(even, second, above)
     if np.count_nonzero(v):
         va, vb = v.take(a), v.take(b)
-        broken = (va > 0.0) | (vb > 0.0)
-        first, second = np.where(broken, va < vb, first), np.where(broken, vb < va, second)
-    return np.where(first | (~second & (rng.random(count) < 0.5)), a, b)
+        second = np.where((va > 0.0) | (vb > 0.0), vb < va, second)
+    return np.where(second, b, a)
 
 
 def crossover(
@@ -81,8 +80,9 @@ def crossover(
     p += q
     p *= 0.5
     scaled += p
-    moved = _within(scaled, low, high)
-    flat[at], flat[other] = np.where(swapped < 0.5, moved[::-1], moved)
+    smaller, larger = _within(scaled, low, high)
+    above = np.where(swapped < 0.5, at, other)
+    flat[above], flat[at + other - above] = larger, smaller
     return found
 
 

@@ -42,23 +42,29 @@ def lowest_ranks_in_order(f: Array, enough: int) -> Indices:
     """`ranks` (n,) of points (n, m) that are `in_order` of their objectives, the lowest of them.
 
     Ranks after the one with which `enough` points are reached are not told apart. Of two objectives
-    a point is in the first rank where its second is less than that of all points before it, so that
-    a pass over the points that are left gives a rank each.
+    each rank takes one pass over the points that are left.
     """
     if f.shape[1] != 2:
         return ranks(f)
-    new = np.ones(len(f), dtype=bool)
-    np.any(f[1:] != f[:-1], axis=1, out=new[1:])
-    second, rest = f[:, 1].copy(), new.nonzero()[0]
-    found, rank, reached = np.empty(len(f), dtype=np.int64), 0, 0
-    while len(rest) and reached < enough and rank < PASSES:
-        values = second.take(rest)
-        best = np.ones(len(rest), dtype=bool)
-        np.less(values[1:], np.minimum.accumulate(values)[:-1], out=best[1:])
-        found[rest[best]] = rank
-        rest = rest[~best]
-        rank, reached = rank + 1, reached + np.count_nonzero(best)
-    found[rest] = rank + ranks(f.take(rest, axis=0)) if reached < enough and len(rest) else rank
-    if np.count_nonzero(new) == len(f):
-        return found
-    return found.take(np.maximum.accumulate(np.where(new, np.arange(len(f)), 0)))
+    first, second = f.T
+    found, rest = np.zeros(len(f), dtype=np.int64), np.arange(len(f))
+    for rank in range(1, PASSES + 1):
+        rest = rest[~_lowest(first.take(rest), second.take(rest))]
+        found[rest] = rank
+        if len(rest) <= max(0, len(f) - enough):
+            return found
+    found[rest] += ranks(f.take(rest, axis=0))
+    return found
+
+
+def _lowest(first: Array, second: Array) -> NDArray[np.bool_]:
+    """Which points in order, of two objectives (n,) each, none of them dominates.
+
+    The second objective is less than that of all points before, or the point equals the last one of
+    which that is true.
+    """
+    least = np.minimum.accumulate(second)
+    lower = np.ones(len(first), dtype=bool)
+    np.less(second[1:], least[:-1], out=lower[1:])
+    last = np.maximum.accumulate(np.where(lower, first, -np.inf))
+    return (second == least) & (first == last)

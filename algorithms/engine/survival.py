@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .ordering import ranks
+from .ordering import lowest_ranks_in_order
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -19,38 +19,51 @@ def violation_of(g: Array) -> Array:
 
 
 def crowding_distances(f: Array, rank: Indices) -> Array:
-    """Crowding distance (n,) within each rank (Deb et al. 2002), as pymoo has it.
+    """Crowding distance (n,) within each rank (Deb et al. 2002) of points `in_order`, as pymoo's.
 
     The sum over the objectives of the gap between the two neighbours, divided by the range of the
     rank and by the number of objectives; infinite at the ends of a rank.
     """
+    crowding = _crowding_of_two if f.shape[1] == 2 else _crowding
     if not np.count_nonzero(rank):
-        return _crowding(f)
+        return crowding(f)
     found = np.empty(len(f))
     for level in range(int(rank.max()) + 1):
         rows = (rank == level).nonzero()[0]
-        found[rows] = _crowding(f.take(rows, axis=0))
+        found[rows] = crowding(f.take(rows, axis=0))
+    return found
+
+
+def _crowding_of_two(f: Array) -> Array:
+    """`crowding_distances` (n,) of points of one rank, in order: of the second objective, reversed.
+
+    Of equal points the first has the gaps before them and the last those after them.
+    """
+    found = np.full(len(f), np.inf)
+    if len(f) > 2:
+        span = f[-1] - f[0]
+        gap = (f[2:] - f[:-2]) / span if span[0] > 0.0 else np.zeros((len(f) - 2, 2))
+        np.add(gap[:, 0], gap[:, 1], out=found[1:-1])
+        found *= 0.5
     return found
 
 
 def _crowding(f: Array) -> Array:
     """`crowding_distances` (n,) of points that all have the same rank."""
-    n, m = f.shape
-    if n <= 2:  # these are the ends, whatever their values
-        return np.full(n, np.inf)
-    values, begins = f.T.ravel(), n * np.arange(m)[:, None]
-    order = values.reshape(m, n).argsort(axis=1, kind="stable") + begins
-    ordered = values.take(order)
-    gap = np.full((m, n), np.inf)
-    np.subtract(ordered[:, 2:], ordered[:, :-2], out=gap[:, 1:-1])
-    span = ordered[:, -1:] - ordered[:, :1]
-    if np.count_nonzero(span) == m:
-        gap /= span
-    else:  # an objective that does not differ says nothing
-        gap = np.divide(gap, span, out=np.zeros_like(gap), where=span > 0.0)
-    found = np.empty(m * n)
-    found[order] = gap
-    return np.asarray(found.reshape(m, n).sum(axis=0) / m)
+    if len(f) <= 2:  # these are the ends, whatever their values
+        return np.full(len(f), np.inf)
+    found, gap = np.zeros(len(f)), np.empty(len(f))
+    for values in f.T:
+        order = values.argsort(kind="stable")
+        value = values.take(order)
+        span = value[-1] - value[0]
+        if span > 0.0:  # an objective that does not differ says nothing
+            np.subtract(value[2:], value[:-2], out=gap[1:-1])
+            gap[0] = gap[-1] = np.inf
+            gap /= span
+            found[order] += gap
+    found /= f.shape[1]
+    return found
 
 
 def survivors(
@@ -83,16 +96,19 @@ def survivors(
 
 def _best(f: Array, count: int, rng: np.random.Generator) -> tuple[Indices, Indices, Array]:
     """`survivors` where all points are feasible; all of them where there are no more."""
-    rank = ranks(f)
+    sequence = np.lexsort(f.T[::-1])
+    f = f.take(sequence, axis=0)
+    rank = lowest_ranks_in_order(f, count)
     last = np.bincount(rank).cumsum().searchsorted(count)  # with this rank they are reached
     inside = (rank <= last).nonzero()[0]
     level = rank.take(inside)
     crowding = crowding_distances(f.take(inside, axis=0), level)
-    if len(inside) <= count:
-        return inside, level, crowding
-    drawn = rng.random(len(inside)).argsort()
+    rows = sequence.take(inside)
+    if len(rows) <= count:
+        return rows, level, crowding
+    drawn = rng.random(len(rows)).argsort()
     order = drawn.take((-crowding).take(drawn).argsort(kind="stable"))
     if last:
         order = order.take(level.take(order).argsort(kind="stable"))
     order = order[:count]
-    return inside.take(order), level.take(order), crowding.take(order)
+    return rows.take(order), level.take(order), crowding.take(order)
