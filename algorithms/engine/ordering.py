@@ -1,4 +1,4 @@
-"""Rows in an order of several keys, and the lowest non-domination ranks of rows in such an order."""
+"""Rows in an order of several keys, and the lowest non-domination ranks of ordered rows."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult, unit_of_cost
 from ...units import split_unit
 from ..promise.limits import promised_limits
-from .proofs import EXACT, INFORMATIVE, LEFT_OUT, percent
+from .proofs import EXACT, INFORMATIVE, LEFT_OUT, distance_words, percent
 from .references import gain_column
 
 COST = "cost"
@@ -151,7 +151,7 @@ class Words:
                     "equal " + " and ".join(words(n) for n in self.names if n != COST)
                     if len(self.names) > 1 else "least")  # fmt: skip
                 what = "an allocation that costs" if name == COST else f"a {words(name)} that is"
-                parts.append(f"{what} {abs(value):.3g} % {side} at {at}")
+                parts.append(f"{what} {distance_words(abs(value))} {side} at {at}")
         return "there is " + ", or ".join(parts) if parts else ""
 
     def of_limits(self) -> str:

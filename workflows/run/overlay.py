@@ -16,11 +16,14 @@ from ...algorithms.nsga2 import NSGA2
 from ...algorithms.settings import AlgorithmSettings, Budget, Crossover, Mutation
 from ...problems.tolerance_problem import ToleranceProblem
 from .plan import RunPlan
+from .proofs import distance_words
 from .references import SideSearch
 
 Array = NDArray[np.float64]
 ABOVE = "above_best_known_percent"
 """Column: how much more a point costs than the best known front at its other objective."""
+ROUNDING = 1e-9
+"""Distance [percent] that is none."""
 POINTS = 30
 EVOLUTION = NSGA2(population=100, crossover=Crossover(eta=5.0), mutation=Mutation(eta=10.0))
 BUDGET = Budget(generations=60)
@@ -64,7 +67,8 @@ def above(row: Array, best: Array) -> float:
     """
     best = best[np.argsort(best[:, 1], kind="stable")]
     least = float(np.exp(np.interp(row[1], best[:, 1], np.log(best[:, 0]))))
-    return max(0.0, 100.0 * (float(row[0]) / least - 1.0))
+    share = 100.0 * (float(row[0]) / least - 1.0)
+    return share if share > ROUNDING else 0.0
 
 
 def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]) -> list[str]:
@@ -76,15 +80,16 @@ def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]
         return [f"{label} found no feasible point in the same problem"]
     distance = front[ABOVE].to_numpy(dtype=float)
     own, least = front[second].min(), other[second].min()
+    middle, most = distance_words(np.median(distance)), distance_words(np.max(distance))
     told = [f"nothing is proven of this problem; against the best known front, its own joined with "
-            f"that of {label}, the points cost {np.median(distance):.3g} % more in the median and "
-            f"{np.max(distance):.3g} % at most at equal {second}"]  # fmt: skip
+            f"that of {label}, the points cost {middle} more in the median and {most} at most at "
+            f"equal {second}"]  # fmt: skip
     best = front[["cost", second]].to_numpy(dtype=float)
     behind = [above(row, best) for row in other[["cost", second]].to_numpy(dtype=float)
               if best[:, 1].min() <= row[1] <= best[:, 1].max()]  # fmt: skip
     if behind:
-        told.append(f"{label}: {len(other)} points, which cost {np.median(behind):.3g} % more than "
-                    "this front in the median")  # fmt: skip
+        told.append(f"{label}: {len(other)} points, which cost {distance_words(np.median(behind))} "
+                    "more than this front in the median")  # fmt: skip
     if least > own * 1.001:
         told.append(f"{label} finds nothing below {second} {least:.4g}; this front begins at "
                     f"{own:.4g}")  # fmt: skip

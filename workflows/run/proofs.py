@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -207,10 +208,15 @@ def proof_notes(front: pd.DataFrame, statement: str) -> list[str]:
         return [f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it "
                 f"in the median, for it leaves out what holds them back ({statement})"]  # fmt: skip
     return [f"proven: no allocation of equal or better other objectives costs less than the bound "
-            f"({statement}); the points lie {percent(float(np.nanmedian(gap)))} above it in the "
-            f"median, {percent(float(np.nanmax(gap)))} at most"]  # fmt: skip
+            f"({statement}); the points lie {distance_words(np.nanmedian(gap))} above it in the "
+            f"median, {distance_words(np.nanmax(gap))} at most"]  # fmt: skip
 
 
 def percent(value: float) -> str:
-    """A gap in words: what is rounding is not printed as 1e-09 %."""
+    """The most that a gap may be, in words: what is rounding is not printed as 1e-09 %."""
     return "0.001 %" if value < EXACT else f"{value:.2g} %"
+
+
+def distance_words(value: float | np.floating[Any]) -> str:
+    """A distance [percent] in words: what is rounding is told as such."""
+    return "less than 0.001 %" if value < EXACT else f"{value:.3g} %"

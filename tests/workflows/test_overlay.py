@@ -1,0 +1,40 @@
+"""How far a front is from the best known one, in numbers and in words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from tolevo.workflows.run.overlay import ABOVE, above, notes, with_distance
+from tolevo.workflows.run.proofs import distance_words
+
+NAMES = ["cost", "backlash_arcmin"]
+
+
+def front(cost: list[float]) -> pd.DataFrame:
+    return pd.DataFrame({"cost": cost, "backlash_arcmin": [1.0, 2.0, 3.0]})
+
+
+def test_distance_between_two_points_of_a_front_falls_geometrically() -> None:
+    best = np.array([[8.0, 1.0], [2.0, 2.0]])
+    np.testing.assert_allclose(above(np.array([5.0, 1.5]), best), 25.0)
+
+
+def test_points_of_the_best_front_are_not_above_it_by_rounding() -> None:
+    """exp(log(c)) is 2e-16 away from c for some of these costs."""
+    costs = np.linspace(3.0, 40.0, 200)
+    best = np.column_stack([costs[::-1], np.arange(200.0)])
+    raw = [100.0 * (c / float(np.exp(np.log(c))) - 1.0) for c in costs]
+    assert max(raw) > 0.0
+    assert [above(row, best) for row in best] == [0.0] * 200
+
+
+def test_distances_that_are_rounding_are_told_as_such() -> None:
+    assert distance_words(2.22e-14) == "less than 0.001 %"
+    assert distance_words(0.0456) == "0.0456 %"
+    own, other = front([17.3, 9.1, 5.7]), front([18.0, 9.5, 6.0])
+    told = notes(with_distance(own, other, NAMES), "NSGA-II", other, NAMES)
+    assert "cost less than 0.001 % more in the median and less than 0.001 % at most" in told[0]
+    assert "which cost 4.4 % more" in told[1]
+    worse = with_distance(other, own, NAMES)
+    np.testing.assert_allclose(worse[ABOVE], [4.0462, 4.3956, 5.2632], rtol=1e-4)
