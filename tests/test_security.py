@@ -5,11 +5,11 @@ from __future__ import annotations
 import ast
 import io
 import pickle
+import re
 import shutil
 import sys
 import zipfile
 from collections.abc import Iterator
-from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 
@@ -38,6 +38,8 @@ RUNS_CODE = {
 }
 """Calls that may run what stands in a file, or a command."""
 MODULES = {"joblib", "dill", "cloudpickle", "yaml", "shelve", "marshal", "ctypes", "code", "runpy"}
+BUILTINS = ("eval", "exec", "compile", "__import__")
+RISKY = re.compile(r"\b(?:" + "|".join([*RUNS_CODE, *MODULES, *BUILTINS]) + r")\b")
 ALLOWED = {
     ("workflows/study/trial.py", "pickle.loads"): "what the study itself sent to its worker",
     ("testing/effect.py", "pickle.loads"): "what the test itself has just pickled",
@@ -80,12 +82,12 @@ def tolevo(*arguments: object) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
-def sources() -> Iterator[tuple[str, ast.Module]]:
-    """Every module of the package with its place in it."""
+def sources() -> Iterator[tuple[str, str]]:
+    """The text of every module of the package with its place in it."""
     for room in ROOMS:
         folder = Path(str(files(f"tolevo.{room}".rstrip("."))))
         for path in sorted(folder.rglob("*.py")):
-            yield str(Path(room) / path.relative_to(folder)), ast.parse(path.read_text("utf-8"))
+            yield str(Path(room) / path.relative_to(folder)), path.read_text("utf-8")
 
 
 def dangers(tree: ast.Module) -> Iterator[str]:
@@ -105,7 +107,7 @@ def dangers(tree: ast.Module) -> Iterator[str]:
 
 def _call(node: ast.Call) -> Iterator[str]:
     called = node.func
-    if isinstance(called, ast.Name) and called.id in ("eval", "exec", "compile", "__import__"):
+    if isinstance(called, ast.Name) and called.id in BUILTINS:
         yield called.id
     if not isinstance(called, ast.Attribute) or not isinstance(called.value, ast.Name):
         return
@@ -116,7 +118,14 @@ def _call(node: ast.Call) -> Iterator[str]:
 
 
 def test_no_module_runs_what_stands_in_a_file() -> None:
-    found = {(place, one) for place, tree in sources() for one in dangers(tree)}
+    searched = dict(sources())
+    assert {"registry.py", "workflows/study/trial.py", "reports/page.py"} <= set(searched)
+    found = {
+        (place, one)
+        for place, text in searched.items()
+        if RISKY.search(text)  # the others need not be parsed
+        for one in dangers(ast.parse(text))
+    }
     assert found == set(ALLOWED)
 
 
@@ -276,12 +285,3 @@ def test_a_formula_is_no_python(tmp_path: Path, marker: Path) -> None:
         assert ended.exit_code == 2
         assert "formula" in ended.stderr
         assert not marker.exists()
-
-
-def test_the_rooms_are_all_of_the_package() -> None:
-    """A room that is not searched would promise nothing."""
-    package = import_module("tolevo")
-    inner = {Path(one).name for one in package.__path__}
-    assert inner
-    names = {name for name in ("models", "problems", "algorithms", "workflows", "reports")}
-    assert names == set(ROOMS) - {""}
