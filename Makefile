@@ -31,8 +31,8 @@ run: $(READY)  ## the main job: cost against backlash of the RV-40E-121
 test: $(READY)  ## the tests, on all cores
 	$(BIN)/python -m pytest --numprocesses logical --dist worksteal -m "not slow"
 
-test-long: $(READY)  ## all tests, those as well that take half a minute or more each
-	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
+test-long: $(READY)  ## all tests, slow ones as well, and 20,000 damaged inputs
+	TOLEVO_EXAMPLES=$${TOLEVO_EXAMPLES:-20000} $(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
 test-versions: $(READY)  ## the tests with the lowest and newest versions of all packages, per Python (needs the network)
 	@$(BIN)/pip install --quiet uv
