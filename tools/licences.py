@@ -45,11 +45,11 @@ def licence_of(found: Distribution) -> str:
     name = str(found.metadata["Name"]).lower()
     if name in BY_HAND:
         return BY_HAND[name]
-    if stated := found.metadata.get("License-Expression"):
-        return str(stated)
+    if stated := found.metadata.get_all("License-Expression"):
+        return str(stated[0])
     marks = [one.split(" :: ")[-1] for one in found.metadata.get_all("Classifier") or ()
              if one.startswith("License ::") and one != "License :: OSI Approved"]  # fmt: skip
-    text = (found.metadata.get("License") or "").strip().split("\n")[0]
+    text = str((found.metadata.get_all("License") or [""])[0]).strip().split("\n")[0]
     return ", ".join(marks) or text[:60] or "not stated"
 
 

@@ -39,16 +39,14 @@ def tried(version: str, python: str, resolution: str) -> str:
     """What came of one environment: `passed`, or the step that failed."""
     folder = PLACE / f"{version}-{resolution}"
     own = str(folder / "bin" / "python")
-    install = [UV, "pip", "install", "--quiet", "--python", own, "--resolution", resolution]
-    tests = [own, "-m", "pytest", "-q", "--numprocesses", "logical", "-m", "not slow"]
+    install = [str(UV), "pip", "install", "--quiet", "--python", own, "--resolution", resolution]
     steps = {
-        "environment": [UV, "venv", "--quiet", "--clear", "--python", python, folder],
+        "environment": [str(UV), "venv", "--quiet", "--clear", "--python", python, str(folder)],
         "installation": [*install, "--editable", f"{ROOT}[{EXTRAS}]"],
-        "tests": tests,
+        "tests": [own, "-m", "pytest", "-q", "--numprocesses", "logical", "-m", "not slow"],
     }
     for name, command in steps.items():
-        words = [str(word) for word in command]
-        if subprocess.run(words, cwd=ROOT, check=False).returncode:  # noqa: S603
+        if subprocess.run(command, cwd=ROOT, check=False).returncode:  # noqa: S603
             return f"{name} failed"
     return "passed"
 
