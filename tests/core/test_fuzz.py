@@ -71,10 +71,9 @@ def tables(rng: np.random.Generator) -> tuple[pd.DataFrame, str]:
     """A table of readings, and the line ends and signs that it is written with."""
     rows = int(rng.integers(1, 30))
     frame = pd.DataFrame({
-        "torque_Nm": rng.uniform(-400.0, 400.0, rows).round(3),
-        "direction": rng.choice([-1, 1], rows),
-        "output_angle_deg": rng.uniform(0.0, 360.0, rows).round(4),
-        "note": rng.choice(["a", "=b", "", "12 mm"], rows),
+        "unit": rng.choice(["a", "=b", "007", "12 mm"], rows),
+        **{f"dtheta_{at}_mrad": rng.uniform(-0.3, 0.3, rows).round(3) for at in range(1, 5)},
+        "precision_weight": rng.choice([0.5, 1.0], rows),
     })  # fmt: skip
     separator = ",;\t"[rng.integers(3)]
     text = frame.to_csv(index=False, sep=separator, decimal=",."[int(separator == ",")])
@@ -106,7 +105,7 @@ def outcome(folder: Path, name: str, content: bytes) -> str:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    (tmp_path / "c.toml").write_text('model = "rv_lost_motion"\n', encoding="utf-8")
+    (tmp_path / "c.toml").write_text('model = "assembly"\n', encoding="utf-8")
     return tmp_path
 
 
