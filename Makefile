@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-long lint coverage bench bench-gap lock figures clean
+.PHONY: help setup run test test-long test-versions lint coverage bench bench-gap lock figures clean
 
 PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
 	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$python" && break; done)
@@ -10,7 +10,7 @@ BENCH := .venv-bench/bin
 PEERS := .venv-bench/ready
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-10s%s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-15s%s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
 
 setup: $(READY)  ## makes .venv with the locked packages and this project
 
@@ -31,12 +31,17 @@ run: $(READY)  ## the main job: cost against backlash of the RV-40E-121
 test: $(READY)  ## the tests, on all cores
 	$(BIN)/python -m pytest --numprocesses logical --dist worksteal -m "not slow"
 
-test-long: $(READY)  ## all tests, those as well that take half a minute or more each
-	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
+test-long: $(READY)  ## all tests, slow ones as well, and 20,000 damaged inputs
+	TOLEVO_EXAMPLES=$${TOLEVO_EXAMPLES:-20000} $(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
-lint: $(READY)  ## style, types and the arrows between the rooms
+test-versions: $(READY)  ## the tests with the lowest and newest versions of all packages, per Python (needs the network)
+	@$(BIN)/pip install --quiet uv
+	$(BIN)/python tools/versions.py
+
+lint: $(READY)  ## style, licences, types and the arrows between the rooms
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python tools/licences.py --check
 	$(BIN)/python tools/link_packages.py
 	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target lint-pyright lint-mypy lint-imports
 
@@ -90,5 +95,5 @@ figures: $(READY)  ## draws the figures of the README anew
 	$(BIN)/python tools/readme_figures.py
 
 clean:  ## removes what make made, environments included, but no results
-	rm -rf .venv .venv-bench .links build dist htmlcov *.egg-info .coverage .coverage.* .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-bench .venv-versions .links build dist htmlcov *.egg-info .coverage .coverage.* .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

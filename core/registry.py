@@ -125,7 +125,7 @@ def _by_path(kind: str, path: str) -> Any:
 def name_of(group: str, kind: type) -> str:
     """The name under which a class is registered, else its path."""
     for offer in _offers(group):
-        if offer.attr == kind.__qualname__ and offer.load() is kind:
+        if offer.attr == kind.__qualname__ and _begun(offer) and offer.load() is kind:
             return offer.name
     return f"{kind.__module__}:{kind.__qualname__}"
 
@@ -155,9 +155,11 @@ class Kinds(Mapping[str, type[Kind]]):
         return len(names(self.group))
 
     def sound(self) -> dict[str, type[Kind]]:
-        """Those that can be imported: one that cannot is named when it is asked for."""
+        """Ours, and those of plugins that a configuration has named before: they are imported
+        already. One that cannot be used is named when it is asked for.
+        """
         found = {}
-        for name in self:
+        for name in dict.fromkeys(one.name for one in _offers(self.group) if _begun(one)):
             try:
                 found[name] = self[name]
             except InputError:
@@ -171,6 +173,11 @@ class Kinds(Mapping[str, type[Kind]]):
                 return name
         text = f"{kind.__module__}.{kind.__qualname__} is no entry point of tolevo.{self.group}"
         raise LookupError(text)
+
+
+def _begun(offer: EntryPoint) -> bool:
+    """Whether importing an entry point runs no code of a package that nobody has named."""
+    return offer.module.partition(".")[0] in sys.modules
 
 
 def needed(extra: str) -> list[Fault]:

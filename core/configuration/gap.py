@@ -235,7 +235,9 @@ def _named(section: Section, key: str, given: Any, known: list[str]) -> list[str
     if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
         section.fault(key, f'must be "all" or a list of names and families, got {shown(given)}')
         return []
-    families = {name: registry.load("effects", name).family for name in known} if given else {}
+    families: dict[str, str] = {}
+    if any(one not in known for one in given):  # a family may have members of any plugin
+        families = {name: registry.load("effects", name).family for name in known}
     found: list[str] = []
     for one in given:
         members = [one] if one in known else [n for n, family in families.items() if family == one]

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
-
 from .. import tables
+from ..csv_text import read_own_csv
 from ..directory import not_whole
 from ..errors import Fault, InputError
 from ..files import is_file, is_folder
@@ -141,7 +140,7 @@ def _of_run(section: Section, key: str, folder: Path, source: str) -> Nested | N
         return None
     if table.get("problem") != "rv_reducer":
         return _of_tables(section, key, table, f"the run {source}", folder)
-    frame = pd.read_csv(front)
+    frame = read_own_csv(front)
     parts = ["backlash_rms_arcmin_mean", "backlash_rms_arcmin_std", "cost"]
     if missing := [name for name in parts if name not in frame]:
         section.fault(key, f"{source}/front.csv lacks {', '.join(missing)}")

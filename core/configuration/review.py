@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from .. import tables
+from ..csv_text import read_own_csv
 from ..errors import Fault, InputError, nearest, raise_all
 from ..problems.promise import ASSURED, PLUG_IN, PROMISED, YIELD
 from ..problems.stack import Stack
@@ -84,7 +83,7 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
         faults.append(Fault(str(run), text))
         return None, {}
     try:
-        found = pd.read_csv(run / "allocation.csv")
+        found = read_own_csv(run / "allocation.csv")
     except (OSError, ValueError):
         text = "has no allocation.csv: it is no complete run with a choice"
         faults.append(Fault(str(run), text))

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..csv_text import original
 from ..errors import Fault
 from .bulk import Bulk, proven
 from .columns import Columns
@@ -126,7 +127,7 @@ def _table(
 
 def _squared(layout: Layout) -> tuple[list[str], list[Row]]:
     """The names and the rows without cells at the end that are empty in every row."""
-    header = [name.removeprefix("#").strip() if at == 0 else name
+    header = [original(name.removeprefix("#").strip() if at == 0 else name)
               for at, name in enumerate(layout.header[1])]  # fmt: skip
     body = layout.body
     while header and not header[-1] and all(

@@ -11,6 +11,7 @@ import pandas as pd
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from ..csv_text import originals
 from .typed import typed_column, whole_if_so
 
 
@@ -53,18 +54,25 @@ class Columns:
         if values is not None and not (values == np.floor(values)).all():
             bad = np.isnan(values)
             return np.where(bad, _objects(cells), values.astype(object)) if bad.any() else values
-        return pd.Series(_objects(cells), index=self._index(), dtype=object)
+        return pd.Series(_texts(cells), index=self._index(), dtype=object)
 
     def _typed(self, cells: Any, numeric: bool) -> Any:
         if not isinstance(cells, list | np.ndarray) and not pc.any(pc.equal(cells, "")).as_py():
-            return pd.array(cells, dtype="str")
-        return pd.Series(typed_column(_objects(cells), numeric), index=self._index())
+            marked = pc.any(pc.starts_with(cells, "'")).as_py()
+            return pd.array(_texts(cells) if marked else cells, dtype="str")
+        found = _objects(cells) if numeric else _texts(cells)
+        return pd.Series(typed_column(found, numeric), index=self._index())
 
     def _index(self) -> pd.Index[Any]:
         lines = self.lines
         if len(lines) and lines[-1] - lines[0] == len(lines) - 1:
             return pd.RangeIndex(lines[0], lines[-1] + 1)
         return pd.Index(lines)
+
+
+def _texts(cells: Any) -> NDArray[Any]:
+    """Cells as Python objects, those of a text file without their marks of text."""
+    return cells if isinstance(cells, np.ndarray) else originals(_objects(cells))
 
 
 def _objects(cells: Any) -> NDArray[Any]:

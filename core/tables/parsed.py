@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ..csv_text import csv_text
 from ..errors import Fault, nearest, raise_all
 from ..files import clear_parts, write_bytes, write_text
 from .assembling import SHOWN
@@ -40,7 +41,7 @@ def write(frame: pd.DataFrame, path: Path) -> None:
     if path.suffix.lower() in PARQUET:
         write_bytes(path, frame.to_parquet(index=False))
     else:
-        write_text(path, frame.to_csv(index=False, lineterminator="\n"))
+        write_text(path, csv_text(frame))
 
 
 def numbers(

@@ -18,7 +18,10 @@ def _parameters(kind: type[Distribution]) -> dict[str, Field[Any]]:
 
 
 def keys() -> tuple[str, ...]:
-    """Every key that `read_distribution` takes from a table."""
+    """Every key that `read_distribution` takes from a table.
+
+    Parameters of a plugin's distribution are among them once it has been named.
+    """
     parameters = (name for kind in DISTRIBUTIONS.sound().values() for name in _parameters(kind))
     return ("distribution", *dict.fromkeys(parameters), "cpk")
 
@@ -29,11 +32,11 @@ def read_distribution(section: Section, default: Distribution | None = None) -> 
     Without `distribution` its other keys change parameters of `default`, which comes back as it is
     where nothing is stated. None after a fault; every fault is reported at its key.
     """
-    known = keys()
     name = section.text("distribution", DISTRIBUTIONS)
     kind = None if default is None else type(default)
     if "distribution" in section:
         kind, default = (DISTRIBUTIONS[name] if name else None), None
+    known = keys()
     stated = {key: _value(section, key, kind) for key in known[1:] if key in section}
     section.known(known)
     if kind is not None:

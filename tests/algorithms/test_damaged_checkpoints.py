@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.fuzzing import share
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.algorithms.search import search
@@ -19,7 +20,7 @@ from tolevo.errors import InputError
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.problems.settings import PropagationSetting, Settings
 
-EACH = 250
+EACH = max(250, share(8, parts=6))
 """Files per way of damage: six ways make 1,500."""
 Members = dict[str, bytes]
 Damage = Callable[[bytes, np.random.Generator], bytes]

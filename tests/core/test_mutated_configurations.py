@@ -1,17 +1,16 @@
 """`tolevo check` on configurations that were broken at random: faults, never a traceback or a hang.
 
-A few hundred mutations are tried each time; `TOLEVO_MUTATIONS=3200` (and `TOLEVO_MUTATIONS_SEED`)
-tries as many: python -m pytest tests/core/test_mutated_configurations.py -n 2
+Mutated are all shipped files, all blocks of the documents, and kinds that are neither; how many
+times: `tests/fuzzing.py`.
 """
 
 import copy
-import os
-import signal
+import re
 import tomllib
 import traceback
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import suppress
 from datetime import UTC, datetime
 from importlib.resources import files
 from pathlib import Path
@@ -22,14 +21,12 @@ import pytest
 import tomli_w
 from typer.testing import CliRunner
 
+from tests.fuzzing import HANG, SEED, Hang, TooLarge, guarded, share
 from tolevo.cli import app
 
-COUNT = int(os.environ.get("TOLEVO_MUTATIONS", "320"))
-SEED = int(os.environ.get("TOLEVO_MUTATIONS_SEED", "1"))
+COUNT = share(50)
 CHUNKS = 16
 """Tests that share the mutations, so that all cores take part."""
-HANG = 10
-"""Seconds of computing after which a check hangs."""
 Table = dict[str, Any]
 
 OTHERS = {
@@ -184,7 +181,20 @@ def corpus() -> dict[str, str]:
     folder = Path(str(files("tolevo.configs")))
     shipped = {one.stem: one.read_text("utf-8") for one in sorted(folder.glob("*.toml"))
                if not one.stem.startswith("claims")}  # fmt: skip
-    return shipped | OTHERS
+    return shipped | OTHERS | blocks()
+
+
+def blocks() -> dict[str, str]:
+    """The TOML of the documents, where they are there, by page and number, without sketches."""
+    root = Path(__file__).parents[2]
+    found = {}
+    for page in [root / "README.md", *sorted((root / "docs").glob("*.md"))]:
+        text = page.read_text("utf-8") if page.is_file() else ""
+        for at, block in enumerate(re.findall(r"```toml\n(.*?)```", text, re.DOTALL)):
+            with suppress(tomllib.TOMLDecodeError):
+                if tomllib.loads(block):
+                    found[f"{page.stem} {at}"] = block
+    return found
 
 
 def mutated(texts: dict[str, str], rng: np.random.Generator) -> str:
@@ -270,34 +280,16 @@ def without_none(value: Any) -> Any:
         else value  # fmt: skip
 
 
-class Hang(BaseException):
-    """Not caught by what catches exceptions."""
-
-
-@contextmanager
-def alarm() -> Iterator[None]:
-    """Raise `Hang` after `HANG` seconds of computing; what waits is ended by the time of a test."""
-
-    def ring(number: int, frame: object) -> None:
-        raise Hang
-
-    before = signal.signal(signal.SIGPROF, ring)
-    signal.setitimer(signal.ITIMER_PROF, HANG)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-        signal.signal(signal.SIGPROF, before)
-
-
 def outcome(path: Path) -> str:
     """What is wrong with how `check` takes a file; empty where it is accepted or refused."""
     try:
-        with alarm(), warnings.catch_warnings():
+        with guarded(), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             result = CliRunner().invoke(app, ["check", str(path)])
     except Hang:
         return f"hangs for more than {HANG} s"
+    except TooLarge as error:
+        return f"takes {error}"
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         return "".join(traceback.format_exception(result.exception))
     if result.exit_code not in (0, 2):

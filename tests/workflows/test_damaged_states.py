@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import sqlite3
 from collections.abc import Callable
@@ -14,6 +13,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.fuzzing import share
 from tolevo.cli import app
 from tolevo.configuration.study import read_study
 from tolevo.directory import MANIFEST
@@ -23,7 +23,7 @@ from tolevo.workflows.reproduce.calculations.ga_settings import GaSettings
 from tolevo.workflows.study import study
 from tolevo.workflows.study.execution import InProcess
 
-TRIALS = int(os.environ.get("TOLEVO_TRIALS", "12"))
+TRIALS = share(2)
 GAP = """model = "table"
 [columns]
 "torque" = { role = "torque", unit = "N m" }

@@ -1,6 +1,7 @@
 """A run with effects in its model: the front before and after."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,12 +37,25 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> RunOutcome:
     return run(plan(WARM, BIAS), tmp_path_factory.mktemp("effects") / "a")
 
 
-def test_front_before_is_that_of_a_run_without_effects(outcome: RunOutcome, tmp_path: Path) -> None:
-    run(plan(), tmp_path / "plain")
+@pytest.fixture(scope="module")
+def plain(outcome: RunOutcome, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run without effects, in the place of one with them."""
+    folder = tmp_path_factory.mktemp("effects") / "a"
+    shutil.copytree(outcome.folder, folder)
+    assert (folder / "allocation_moved.csv").exists()
+    run(plan(), folder)
+    return folder
+
+
+def test_front_before_is_that_of_a_run_without_effects(outcome: RunOutcome, plain: Path) -> None:
     before = pd.read_csv(outcome.folder / "front_without_effects.csv")
-    plain = pd.read_csv(tmp_path / "plain" / "front.csv")
-    pd.testing.assert_frame_equal(before, plain[before.columns])
-    assert not (tmp_path / "plain" / "front_without_effects.csv").exists()
+    front = pd.read_csv(plain / "front.csv")
+    pd.testing.assert_frame_equal(before, front[before.columns])
+
+
+def test_effects_removed_from_a_run_leave_no_file(plain: Path) -> None:
+    assert not (plain / "allocation_moved.csv").exists()
+    assert not (plain / "front_without_effects.csv").exists()
 
 
 def test_allocation_moves_by_what_the_effect_does(outcome: RunOutcome) -> None:
@@ -97,11 +111,3 @@ def test_one_objective_moves_from_point_to_point(tmp_path: Path) -> None:
     moved = found.result.moved
     assert moved is not None
     assert moved["allocation"].tolist() == ["before", "kept", "after"]
-
-
-def test_effects_removed_from_a_run_leave_no_file(tmp_path: Path) -> None:
-    run(plan(WARM), tmp_path / "a")
-    assert (tmp_path / "a" / "allocation_moved.csv").exists()
-    run(plan(), tmp_path / "a")
-    assert not (tmp_path / "a" / "allocation_moved.csv").exists()
-    assert not (tmp_path / "a" / "front_without_effects.csv").exists()

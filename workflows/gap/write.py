@@ -8,6 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from ...csv_text import csv_text
 from ...files import write_bytes, write_text
 from ...gap_records import FoundEffect, GapResult, Region, Rival
 from ...reports.drawing import as_png, as_svg
@@ -26,7 +27,7 @@ def write(result: GapResult, folder: Path, lines: Sequence[str]) -> None:
     write_text(folder / "corrected.toml", result.corrected)
     write_bytes(folder / "residuals.parquet", result.residuals.to_parquet(index=False))
     if result.next_points is not None:
-        write_text(folder / POINTS, result.next_points.to_csv(index=False))
+        write_text(folder / POINTS, csv_text(result.next_points))
     drawn = drawings(result)
     for name, figure, _ in drawn:
         write_bytes(folder / f"{name}.png", as_png(figure))

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...csv_text import read_own_csv
 from ...directory import KINDS, MANIFEST, standing
 from ...directory.names import fits
 from .unfinished import remark_of
@@ -85,7 +86,7 @@ class Stored:
         if self.text(name, needed) is None:
             return None
         try:
-            found = pd.read_csv(self.folder / name, keep_default_na=True)
+            found = read_own_csv(self.folder / name)
         except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
             self.remark(name, f"is no table ({str(error).strip()}): was it edited by hand?")
             return None

@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 
 from ...claim_records import ClaimsResult, ComputedTable
+from ...csv_text import csv_text
 from ...files import write_bytes, write_text
 from ...reports.claims import claims_page, figures
 from ...reports.drawing import as_png, as_svg
@@ -20,12 +21,11 @@ TABLES, FIGURES = "tables", "figures"
 def write(result: ClaimsResult, folder: Path) -> None:
     """Verdicts as CSV and JSON, the tables and figures of the calculations, and the page."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_text(folder / "claims.csv", flat(result.table).to_csv(index=False, lineterminator="\n"))
+    write_text(folder / "claims.csv", csv_text(flat(result.table)))
     write_text(folder / "claims.json", as_json(told(result)))
     for stem, table in result.tables.items():
         (folder / TABLES).mkdir(exist_ok=True)
-        text = frame_of(table).to_csv(index=False, lineterminator="\n")
-        write_text(folder / TABLES / f"{stem}.csv", text)
+        write_text(folder / TABLES / f"{stem}.csv", csv_text(frame_of(table)))
     for one in figures(result):
         (folder / FIGURES).mkdir(exist_ok=True)
         write_bytes(folder / FIGURES / f"{one.name}.png", as_png(one.figure))

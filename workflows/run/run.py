@@ -14,6 +14,7 @@ import pandas as pd
 
 from ...algorithms.checkpoint import Checkpoint
 from ...algorithms.search import Progress, SearchResult, search
+from ...csv_text import csv_text
 from ...directory import Ownership, owned
 from ...errors import refuse
 from ...files import write_text
@@ -130,7 +131,7 @@ def _run(
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     if front.empty:
-        write_text(out / MISS, nearest_miss(plan.problem, found).to_csv(index=False))
+        write_text(out / MISS, csv_text(nearest_miss(plan.problem, found)))
     write(result, out)
     if not cut:
         place.complete(status)

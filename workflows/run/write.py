@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ...csv_text import csv_text
 from ...files import write_bytes, write_text
 from ...records import RunResult
 
@@ -71,7 +72,7 @@ def _texts(result: RunResult) -> dict[str, str]:
         "next_parts.csv": result.next_parts,
         "capability.csv": result.capability,
     }
-    texts = {n: frame.to_csv(index=False) for n, frame in tables.items() if frame is not None}
+    texts = {n: csv_text(frame) for n, frame in tables.items() if frame is not None}
     if result.tolerances:
         texts["tolerances.json"] = as_json(list(result.tolerances))
     return {"config.toml": result.configuration} | texts

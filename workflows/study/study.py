@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ...algorithms.course import CURVE
+from ...csv_text import csv_text
 from ...directory import KINDS, Ownership, owned
 from ...errors import Fault, RunError, refuse
 from ...files import write_bytes, write_text
@@ -147,7 +148,7 @@ def gathered(
 
 def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool) -> StudyOutcome:
     """Write the files of a study all of whose runs have ended, where nobody has done so before."""
-    out, table = place.folder, data.table.to_csv(index=False)
+    out, table = place.folder, csv_text(data.table)
     failed = data.table[data.table["status"] == "failed"]
     lines = [f"done: {len(data.table)} runs of {len(plan.points)} settings, {len(failed)} failed"]
     if len(failed):

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from ...csv_text import csv_text
 from ...files import write_bytes, write_text
 from ...records import StudyResult, mechanism_lines
 from ...reports.drawing import as_png, as_svg
@@ -18,7 +19,7 @@ from ..run.write import as_json
 def write(result: StudyResult, folder: Path) -> None:
     """`sensitivity.csv`, `tests.csv`, `medians.csv`, every figure and the page."""
     for name in ("sensitivity", "tests", "medians"):
-        write_text(folder / f"{name}.csv", getattr(result, name).to_csv(index=False))
+        write_text(folder / f"{name}.csv", csv_text(getattr(result, name)))
     for one in figures(result):
         write_bytes(folder / f"{one.name}.png", as_png(one.figure))
         write_bytes(folder / f"{one.name}.svg", as_svg(one.figure))

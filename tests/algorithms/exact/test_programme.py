@@ -58,6 +58,31 @@ CASES = [(9, 3, 0.0, False), (9, 5, 0.4, False), (9, 1, 0.0, True), (9, 4, 0.2, 
 
 
 @pytest.mark.parametrize(("n", "rows", "shift", "correlated"), CASES)
+def test_optimum_is_that_of_another_method(
+    n: int, rows: int, shift: float, correlated: bool
+) -> None:
+    """Sequential quadratic programmes in the logarithms of tolerances, slopes by differences."""
+    form = form_of(n, rows, shift, correlated)
+    limits = limits_of(form)
+    found = least_cost(form, limits)
+    curves = [feature.ways[0].curve for feature in form.features]
+    other = minimize(
+        lambda x: sum(float(c.cost(np.exp(x[i : i + 1]))[0]) for i, c in enumerate(curves)),
+        np.full(n, np.log(0.01)),
+        bounds=[(np.log(LOW), np.log(HIGH))] * n,
+        constraints=[{"type": "ineq", "fun": lambda x: limits[0] / by_hand(form, np.exp(x)) - 1.0}],
+        method="SLSQP",
+        options={"maxiter": 500, "ftol": 1e-12},
+    )
+    assert np.all(by_hand(form, found.t[0]) <= limits[0] * (1.0 + 1e-12))
+    np.testing.assert_allclose(found.cost[0], float(other.fun), rtol=1e-5)
+    np.testing.assert_allclose(found.bound, found.cost, rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("n", "rows", "shift", "correlated"),
+    [CASES[0], *(pytest.param(*case, marks=pytest.mark.slow) for case in CASES[1:])],
+)
 def test_optimum_is_that_of_a_trust_region_method(
     n: int, rows: int, shift: float, correlated: bool
 ) -> None:

@@ -65,11 +65,17 @@ def table_of(out: Path) -> pd.DataFrame:
     return pd.read_csv(out / "study.csv", keep_default_na=False, na_values=[""])
 
 
-def test_table_of_a_study(tmp_path: Path) -> None:
-    plan = read_study(written(tmp_path))
-    out = tmp_path / "out"
-    assert done(plan, out).status == "done"
-    found = table_of(out)
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, StudyOutcome]:
+    """The folder of a configuration, and its study, in `out` there."""
+    folder = tmp_path_factory.mktemp("study")
+    return folder, done(read_study(written(folder)), folder / "out")
+
+
+def test_table_of_a_study(whole: tuple[Path, StudyOutcome]) -> None:
+    folder, outcome = whole
+    assert outcome.status == "done"
+    found = table_of(folder / "out")
     assert list(found) == [
         "point", "algorithm.population", "algorithm.crossover.probability", "replicate", "seed",
         "status", "reason", "gap_percent", "evaluations_to_99", "feasible_fraction",
@@ -82,14 +88,14 @@ def test_table_of_a_study(tmp_path: Path) -> None:
     assert len(set(seeds[0])) == 3
 
 
-def test_a_run_is_that_of_search(tmp_path: Path) -> None:
+def test_a_run_is_that_of_search(whole: tuple[Path, StudyOutcome]) -> None:
     """Same designs as `search` with the same settings and seed, gap to the closed form."""
-    plan = read_study(written(tmp_path))
-    data = done(plan, tmp_path / "out").data
+    folder, outcome = whole
+    data = outcome.data
     assert data is not None
     row = data.table.iloc[-1]
     changes = ["algorithm.population=20", "algorithm.crossover.probability=0.99"]
-    run = read(tmp_path / "run.toml", changes)
+    run = read(folder / "run.toml", changes)
     assert run.problem is not None
     assert run.algorithm is not None
     found = search(run.problem, run.algorithm, run.budget, int(row["seed"]))
@@ -220,7 +226,8 @@ def test_a_failed_run_is_recorded_and_the_study_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str, reason: str
 ) -> None:
     faulty(monkeypatch, what)
-    outcome = done(read_study(written(tmp_path)), tmp_path / "out")
+    few = read_study(written(tmp_path), ["run.algorithm.generations=4"])
+    outcome = done(few, tmp_path / "out")
     found = table_of(tmp_path / "out")
     small = found["algorithm.population"] == 10
     assert (found["status"] == np.where(small, "failed", "done")).all()

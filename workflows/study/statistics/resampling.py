@@ -39,10 +39,17 @@ def crossed(a: Array, b: Array, weights: Array) -> Array:
 
     A weight of 0 leaves a run out; its values must be finite all the same.
     """
-    both = (weights * a).sum(-1) * (weights * b).sum(-1) - (weights**2 * a * b).sum(-1)
-    pairs = weights.sum(-1) ** 2 - (weights**2).sum(-1)
-    usable = pairs > 1e-9 * np.maximum((weights**2).sum(-1), 1e-300)
+    squares = weights**2
+    both = _summed(weights, a) * _summed(weights, b) - _summed(squares, a * b)
+    own = squares.sum(-1)
+    pairs = weights.sum(-1) ** 2 - own
+    usable = pairs > 1e-9 * np.maximum(own, 1e-300)
     return np.where(usable, both / np.where(usable, pairs, 1.0), np.nan)
+
+
+def _summed(weights: Array, values: Array) -> Array:
+    """Weighted sum over the last axis, without the array of products."""
+    return np.asarray(np.einsum("...r,...r->...", weights, values))
 
 
 def over_settings(values: Array, weights: Array) -> Array:

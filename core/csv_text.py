@@ -1,0 +1,81 @@
+"""Text of CSV files in which no spreadsheet finds a formula, and the same files read again.
+
+A spreadsheet computes a cell that begins with `=`, `+`, `-` or `@`, be it a name from somebody
+else's table. An apostrophe in front makes it text. Numbers are no text, and stay as they are.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?(?:inf|nan)"
+_NUMBERS = re.compile(rf"(?:{_NUMBER})(?:; (?:{_NUMBER}))*")
+"""One number or several, as in the table of claims."""
+_ACTIVE = re.compile(r"'*[=+\-@\t\r]")
+"""How a formula begins, or a text that has apostrophes in front of such a beginning already."""
+_MARKED = re.compile(r"'+[=+\-@\t\r]")
+
+
+def csv_text(frame: pd.DataFrame) -> str:
+    """A table without its index as CSV: LF line ends, and no cell or name that is a formula."""
+    columns = [_each(frame.iloc[:, at].to_numpy(), neutral) for at in range(frame.shape[1])]
+    if all(one is None for one in columns):
+        found = frame
+    else:
+        found = frame.copy()
+        for at, cells in enumerate(columns):
+            if cells is not None:
+                found.isetitem(at, cells)
+    names = [neutral(name) for name in frame.columns]
+    return found.to_csv(index=False, lineterminator="\n", header=names)
+
+
+def read_own_csv(path: Path) -> pd.DataFrame:
+    """A CSV table that `csv_text` wrote, every text as it was.
+
+    Raises OSError where the file cannot be read, ValueError where it is no table.
+    """
+    found = pd.read_csv(path)
+    for at in range(found.shape[1]):
+        cells = _each(found.iloc[:, at].to_numpy(), original)
+        if cells is not None:
+            found.isetitem(at, cells)
+    found.columns = pd.Index([original(name) for name in found.columns])
+    return found
+
+
+def neutral(cell: Any) -> Any:
+    """A cell that is text to a spreadsheet: with an apostrophe if it would be a formula."""
+    if not isinstance(cell, str) or not _ACTIVE.match(cell) or _NUMBERS.fullmatch(cell):
+        return cell
+    return f"'{cell}"
+
+
+def original(cell: Any) -> Any:
+    """The cell that `neutral` was given."""
+    return cell[1:] if isinstance(cell, str) and _MARKED.match(cell) else cell
+
+
+def originals(cells: NDArray[Any]) -> NDArray[Any]:
+    """`original` of every cell."""
+    found = _each(cells, original)
+    return cells if found is None else found
+
+
+def _each(cells: NDArray[Any], change: Any) -> NDArray[Any] | None:
+    """The changed cells of a column; None where none changes."""
+    if cells.dtype.kind not in "OUT":
+        return None
+    texts = {cell for cell in cells if isinstance(cell, str)}
+    changed = {text: new for text in texts if (new := change(text)) != text}
+    if not changed:
+        return None
+    found = np.empty(len(cells), dtype=object)
+    found[:] = [changed.get(cell, cell) if isinstance(cell, str) else cell for cell in cells]
+    return found

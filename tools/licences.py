@@ -1,0 +1,110 @@
+"""Licences of everything that an installation with all extras brings along: docs/licences.md.
+
+`python tools/licences.py` writes the page, `--check` fails where an installed package is not on it
+or has a licence that nobody has looked at. Packages of other versions of Python may stay on it.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+
+from packaging.requirements import Requirement
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "licences.md"
+EXTRAS = ("fast", "gap", "report", "study")
+BY_HAND = {"graphemeu": "MIT"}
+"""Licences of packages whose metadata do not say: read in their files."""
+KNOWN = {"moocore": "LGPL-2.1-or-later"}
+"""Licences that ask for more than to be named; what follows from them stands on the page."""
+PERMISSIVE = re.compile(
+    r"MIT|BSD|Apache|ISC|PSF|Python Software Foundation|Unlicense|Zlib|HPND|0BSD|PIL|MPL-2|CC0"
+)
+HEAD = """# Licences
+
+tolevo is MIT. At run time it uses the packages below (with the extras {extras});
+none of them is part of its wheel. All are permissive but one: **moocore is under the LGPL,
+version 2.1 or later**. Its hypervolumes and its sorting of fronts are called at run time, from a
+library that may be replaced. Who passes tolevo on together with moocore, in a container or a
+frozen application, passes on moocore's licence, its source or an offer of it, and a way to
+replace it.
+
+`python tools/licences.py` writes this page from the installed packages; `make lint` fails where
+one of them is missing here or comes under a licence that nobody has looked at.
+
+| package | licence | needed by |
+|---|---|---|
+"""
+
+
+def licence_of(found: Distribution) -> str:
+    """The licence as the package's metadata or, by hand, its files state it."""
+    name = str(found.metadata["Name"]).lower()
+    if name in BY_HAND:
+        return BY_HAND[name]
+    if stated := found.metadata.get_all("License-Expression"):
+        return str(stated[0])
+    marks = [one.split(" :: ")[-1] for one in found.metadata.get_all("Classifier") or ()
+             if one.startswith("License ::") and one != "License :: OSI Approved"]  # fmt: skip
+    text = str((found.metadata.get_all("License") or [""])[0]).strip().split("\n")[0]
+    return ", ".join(marks) or text[:60] or "not stated"
+
+
+def needed(name: str, extras: tuple[str, ...] = ()) -> Iterator[str]:
+    """Requirements of an installed distribution that apply here."""
+    for text in distribution(name).requires or ():
+        one = Requirement(text)
+        given = ({"extra": extra} for extra in ("", *extras))
+        if one.marker is None or any(one.marker.evaluate(dict(each)) for each in given):
+            yield one.name
+
+
+def closure() -> dict[str, str]:
+    """Names of the packages, each with the one that asked for it first."""
+    found: dict[str, str] = {}
+    open_ = [(name, "tolevo") for name in needed("tolevo", EXTRAS)]
+    while open_:
+        name, parent = open_.pop(0)
+        key = re.sub(r"[-_.]+", "-", name).lower()
+        if key in found:
+            continue
+        try:
+            inner = list(needed(key))
+        except PackageNotFoundError:
+            continue  # for another system
+        found[key] = parent
+        open_ += [(one, key) for one in inner]
+    return found
+
+
+def page() -> tuple[str, list[str]]:
+    """The text of the page, and the packages whose licence nobody has looked at."""
+    rows, doubted = [], []
+    for name, parent in sorted(closure().items()):
+        licence = licence_of(distribution(name))
+        rows.append(f"| {name} | {licence} | {parent} |\n")
+        if KNOWN.get(name) != licence and not PERMISSIVE.search(licence):
+            doubted.append(f"{name}: {licence}")
+    return HEAD.format(extras=", ".join(EXTRAS)) + "".join(rows), doubted
+
+
+def main() -> int:
+    """0 where the page is right."""
+    text, doubted = page()
+    for one in doubted:
+        print(f"a licence that nobody has looked at: {one}", file=sys.stderr)
+    if "--check" not in sys.argv:
+        PAGE.write_text(text, encoding="utf-8")
+    elif missing := set(text.splitlines()) - set(PAGE.read_text("utf-8").splitlines()):
+        print(
+            f"docs/licences.md lacks {sorted(missing)}: python tools/licences.py", file=sys.stderr
+        )
+        return 1
+    return 1 if doubted else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

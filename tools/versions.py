@@ -1,0 +1,70 @@
+"""The tests in environments with the lowest and the newest versions that pyproject.toml allows.
+
+`make test-versions [PYTHONS="3.11 3.13"]`: for every Python from 3.11 to 3.13 that is installed
+(missing ones are named), each in an environment of its own in `.venv-versions/`, without slow
+tests. A table says what passed; status 1 where a combination fails.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PLACE = ROOT / ".venv-versions"
+PYTHONS = ("3.11", "3.12", "3.13")
+RESOLUTIONS = ("lowest-direct", "highest")
+EXTRAS = "dev,fast,gap,report,study"
+UV = ROOT / ".venv" / "bin" / "uv"
+
+
+def installed(version: str) -> str | None:
+    """The interpreter of that version, where there is one."""
+    for name in (f"python{version}", "python3", sys.executable):
+        path = shutil.which(name)
+        code = "import sys; print('%d.%d' % sys.version_info[:2])"
+        if path and _output([path, "-c", code]) == version:
+            return path
+    return None
+
+
+def _output(command: list[str]) -> str:
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()  # noqa: S603
+
+
+def tried(version: str, python: str, resolution: str) -> str:
+    """What came of one environment: `passed`, or the step that failed."""
+    folder = PLACE / f"{version}-{resolution}"
+    own = str(folder / "bin" / "python")
+    install = [str(UV), "pip", "install", "--quiet", "--python", own, "--resolution", resolution]
+    steps = {
+        "environment": [str(UV), "venv", "--quiet", "--clear", "--python", python, str(folder)],
+        "installation": [*install, "--editable", f"{ROOT}[{EXTRAS}]"],
+        "tests": [own, "-m", "pytest", "-q", "--numprocesses", "logical", "-m", "not slow"],
+    }
+    for name, command in steps.items():
+        if subprocess.run(command, cwd=ROOT, check=False).returncode:  # noqa: S603
+            return f"{name} failed"
+    return "passed"
+
+
+def main() -> int:
+    """0 where every combination of what is installed passes."""
+    wanted = os.environ.get("PYTHONS", "").split() or list(PYTHONS)
+    rows = []
+    for version in wanted:
+        python = installed(version)
+        if python is None:
+            rows.append((version, "", "not installed: not tested"))
+            continue
+        rows += [(version, one, tried(version, python, one)) for one in RESOLUTIONS]
+    for version, resolution, result in rows:
+        print(f"Python {version:5} {resolution:14} {result}")
+    return int(any(result.endswith("failed") for _, _, result in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
