@@ -1,0 +1,95 @@
+"""The promise of `pose_accuracy`: machines that keep both limits at every pose of the ring.
+
+A state of the processes scales the standard deviations that are known by samples. What the error of
+a mean moves is the same in all machines of a process; it counts by the variance that it adds, which
+is the same to second order.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from ...declarations import number
+from ..judged import Judged, Shortfall
+from ..promise import PLUG_IN
+from ..settings import Settings
+from .outputs import BOTH, BOUNDS, LIMITED, UNITS
+
+Array = NDArray[np.float64]
+SURE = 1e-12
+"""Share of machines beyond a limit that is told from none."""
+FEW = 16
+"""Draws of the posterior that a search takes the expected yield of."""
+
+
+class PromisingPoses(Judged):
+    """Machines whose standard deviations are not as the samples say."""
+
+    promised_of: ClassVar[str] = BOTH
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        super().__init__(settings)
+        promise = self.settings.promise
+        self.sampled = promise is not None and promise.statement != PLUG_IN
+
+    @property
+    @abstractmethod
+    def squares(self) -> Mapping[str, Array]:
+        """Squared effect per squared unit of each variable, (poses or 1, variables), by output."""
+
+    @abstractmethod
+    def over_machines(self, designs: Array, names: Iterable[str]) -> dict[str, Array]:
+        """Outputs (n,) over machines of full designs (n, all), with their errors."""
+
+    def shortfall(
+        self, design: Array, scales: Array, shifts: Array, searching: bool = False
+    ) -> Shortfall:
+        """Standard normal quantiles that the share of machines within both limits falls short."""
+        found = self.over_machines(self._at(design, scales, shifts), [BOTH])
+        share = np.clip(0.01 * found[BOTH], SURE, 1.0 - SURE)
+        z = ndtri(share)
+        bell = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+        error = float(np.median(0.01 * found[f"{BOTH}_error"] / np.maximum(bell, 1e-6)))
+        return Shortfall(self._wanted - z, error)
+
+    @property
+    def _wanted(self) -> float:
+        """Standard normal quantile of the promised share."""
+        assert self.settings.promise is not None
+        return float(ndtri(self.settings.promise.share))
+
+    def _at(self, design: Array, scales: Array, shifts: Array) -> Array:
+        """Full designs (q, all) at states (q, k) of the processes."""
+        found = np.repeat(design[None, :], len(scales), axis=0)
+        columns = [self.names.index(name) for name in self.known]
+        found[:, columns] *= np.hypot(scales, shifts)
+        return found
+
+    def steepness(self, design: Array, searching: bool) -> tuple[Array, Array]:
+        """By what each adds to the variances, in those that the limits allow."""
+        columns = [self.names.index(name) for name in self.known]
+        total = np.zeros(len(columns))
+        for name, bound in zip(LIMITED, BOUNDS, strict=True):
+            each = self.squares[f"{name}_{UNITS[name]}"] * design**2
+            worst = each[int(np.argmax(each.sum(axis=1)))]
+            total += worst[columns] / number(self.settings.parameters[bound.name]) ** 2
+        return total, np.zeros_like(total)
+
+    def yield_at(self, design: Array, scale: Array, shift: Array, searching: bool) -> float:
+        own = self._at(design, scale[None, :], shift[None, :])
+        return float(self.over_machines(own, [BOTH])[BOTH][0])
+
+    def expected_yields(self, designs: Array, searching: bool) -> Array:
+        if not searching:
+            short = [self.verdict(one).shortfalls for one in designs]
+            return np.array([100.0 * float(np.mean(ndtr(self._wanted - one))) for one in short])
+        drawn = self._posterior
+        states = np.sqrt(drawn.variance[:FEW]), drawn.error[:FEW]
+        return np.array([self.over_machines(self._at(one, *states), [BOTH])[BOTH].mean()
+                         for one in designs])  # fmt: skip
