@@ -25,6 +25,7 @@ from ...section import Section
 from ...units import MM, MRAD, UM
 from ..drawing import Interval
 from ..forms import Feature, Form, Way
+from ..promise import ASSURANCE, PROMISED
 from ..settings import Bound, Settings
 from .grouping import (
     NINE,
@@ -275,7 +276,7 @@ class PoseAccuracy(PromisingPoses):
         other = np.array([self._other**2 if name == "position_mm" else 0.0 for name in outputs])
         relaxed = tuple(
             limit.name for limit in self.limits
-            if limit.name in OVER_MACHINES
+            if limit.name in (*OVER_MACHINES, PROMISED, ASSURANCE)
             or (limit.name in (*ERRORS, "cost") and np.isfinite(limit.low))
         )  # fmt: skip
         left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""

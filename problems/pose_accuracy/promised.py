@@ -24,6 +24,8 @@ from .outputs import BOTH, BOUNDS, LIMITED, UNITS
 Array = NDArray[np.float64]
 SURE = 1e-12
 """Share of machines beyond a limit that is told from none."""
+STEPS = 14
+"""Halvings of the range in which a search begins."""
 FEW = 16
 """Draws of the posterior that a search takes the expected yield of."""
 
@@ -84,6 +86,19 @@ class PromisingPoses(Judged):
     def yield_at(self, design: Array, scale: Array, shift: Array, searching: bool) -> float:
         own = self._at(design, scale[None, :], shift[None, :])
         return float(self.over_machines(own, [BOTH])[BOTH][0])
+
+    def starts(self) -> Array:
+        """Equal shares of all search ranges where the promise is just kept, and a half of that."""
+        promise = self.settings.promise
+        if promise is None or promise.statement == PLUG_IN:
+            return super().starts()
+        low, high, (near, far) = self.xl, self.xu, (0.0, 1.0)
+        for _ in range(STEPS):
+            share = 0.5 * (near + far)
+            design = self.complete((low * (high / low) ** share)[None, :])
+            kept = self.promised_yields(design, searching=True)[0] >= promise.yield_percent
+            near, far = (share, far) if kept else (near, share)
+        return self.complete(low * (high / low) ** np.array([[near], [0.5 * near]]))
 
     def expected_yields(self, designs: Array, searching: bool) -> Array:
         if not searching:
