@@ -47,6 +47,9 @@ class Promising(WithPromise):
         assert self.promised is not None
         return self.promised.assurance(self.deviations(designs))
 
+    def gradient(self, designs: Array) -> dict[str, Array]:
+        return super().gradient(designs) | self.promised_slopes(designs)
+
     def promised_slopes(self, designs: Array) -> dict[str, Array]:
         """Derivatives (n, all variables) of an assured yield, by central differences."""
         one = self.promised

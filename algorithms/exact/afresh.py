@@ -81,7 +81,7 @@ def _pushed(run: Run, branch: Branch, y: Array) -> Array:
 
 
 def _farther(run: Run) -> Array:
-    """By what limits (constraints,) are moved beyond what fresh units ask for, as shares of them."""
+    """By what share limits (constraints,) are moved beyond what fresh units ask for."""
     found = []
     for limit in run.problem.limits:
         tail = 100.0 - limit.low if limit.unit in ("percent", "%") else np.inf

@@ -234,7 +234,7 @@ class PoseAccuracy(PromisingPoses):
         for name, squares in self.squares.items():
             worst = squares[np.argmax(designs**2 @ squares.T, axis=1)]
             found[name] = worst * designs / values[name][:, None]
-        return found
+        return found | self.promised_slopes(designs)
 
     # ---------------------------------------------------------------- what is known
 

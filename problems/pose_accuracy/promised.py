@@ -8,7 +8,8 @@ is the same to second order.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy.special import ndtr, ndtri
 
 from ...declarations import number
 from ..judged import Judged, Shortfall
-from ..promise import PLUG_IN
+from ..promise import PLUG_IN, PROMISED
 from ..settings import Settings
 from .outputs import BOTH, BOUNDS, LIMITED, UNITS
 
@@ -26,8 +27,8 @@ SURE = 1e-12
 """Share of machines beyond a limit that is told from none."""
 STEPS = 14
 """Halvings of the range in which a search begins."""
-FEW = 16
-"""Draws of the posterior that a search takes the expected yield of."""
+STEP = 1e-3
+"""Relative step of a standard deviation for the slope of a promised yield."""
 
 
 class PromisingPoses(Judged):
@@ -92,19 +93,57 @@ class PromisingPoses(Judged):
         promise = self.settings.promise
         if promise is None or promise.statement == PLUG_IN:
             return super().starts()
-        low, high, (near, far) = self.xl, self.xu, (0.0, 1.0)
+        share = self._share(lambda one: float(self.promised_yields(one[None, :], True)[0]))
+        return np.stack([self._along(share), self._along(0.5 * share)])
+
+    def _along(self, share: float) -> Array:
+        """The full design (all,) at equal shares of all search ranges, by their logarithms."""
+        return self.complete((self.xl * (self.xu / self.xl) ** share)[None, :])[0]
+
+    def _share(self, yields: Callable[[Array], float]) -> float:
+        """The share at which a yield just keeps what is promised."""
+        assert self.settings.promise is not None
+        near, far = 0.0, 1.0
         for _ in range(STEPS):
             share = 0.5 * (near + far)
-            design = self.complete((low * (high / low) ** share)[None, :])
-            kept = self.promised_yields(design, searching=True)[0] >= promise.yield_percent
+            kept = yields(self._along(share)) >= self.settings.promise.yield_percent
             near, far = (share, far) if kept else (near, share)
-        return self.complete(low * (high / low) ** np.array([[near], [0.5 * near]]))
+        return near
+
+    @cached_property
+    def _expecting(self) -> float:
+        """How far along the worst direction the yield is the expected one, where the estimates just
+        keep what is promised.
+        """
+        none = np.ones(len(self.known)), np.zeros(len(self.known))
+        design = self._along(self._share(lambda one: self.yield_at(one, *none, True)))
+        wanted, worst = (
+            float(self.expected_yields(design[None, :], False)[0]),
+            self.worst(design, True),
+        )
+        radii = np.linspace(-1.0, 1.0, 21)
+        found = [self.yield_at(design, *worst.at(float(one)), True) for one in radii]
+        return float(np.interp(-wanted, -np.array(found), radii))
+
+    def promised_slopes(self, designs: Array) -> dict[str, Array]:
+        """Derivatives (n, all variables) of the promised yield, by differences on one sample."""
+        promise = self.settings.promise
+        if promise is None or promise.statement == PLUG_IN:
+            return {}
+        found = np.zeros_like(designs)
+        for at, v in enumerate(self.variables):
+            if v.name not in self.fixed and len(designs):
+                ends = [designs.copy() for _ in range(2)]
+                ends[0][:, at] *= 1.0 + STEP
+                ends[1][:, at] *= 1.0 - STEP
+                up, down = (self.promised_yields(one, searching=True) for one in ends)
+                found[:, at] = (up - down) / (2.0 * STEP * designs[:, at])
+        return {PROMISED: found}
 
     def expected_yields(self, designs: Array, searching: bool) -> Array:
         if not searching:
             short = [self.verdict(one).shortfalls for one in designs]
             return np.array([100.0 * float(np.mean(ndtr(self._wanted - one))) for one in short])
-        drawn = self._posterior
-        states = np.sqrt(drawn.variance[:FEW]), drawn.error[:FEW]
-        return np.array([self.over_machines(self._at(one, *states), [BOTH])[BOTH].mean()
+        radius = self._expecting if self.known else 0.0
+        return np.array([self.yield_at(one, *self.worst(one, True).at(radius), True)
                          for one in designs])  # fmt: skip
