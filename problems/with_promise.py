@@ -38,6 +38,12 @@ class PromisingKind:
         """Those of the problem, and of its promise."""
         return (*self.base.outputs, *outputs_of_promise(self.promise))
 
+    @property
+    def default_algorithm(self) -> str:
+        """That of the problem; gradients, where its units are evaluated for a promise."""
+        own = str(getattr(self.base, "default_algorithm", ""))
+        return own or ("exact" if self.promise.statement != PLUG_IN else "")
+
     def __call__(self, settings: Settings) -> ToleranceProblem:
         made: ToleranceProblem = self.base(replace(settings, promise=self.promise))
         return made

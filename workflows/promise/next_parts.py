@@ -23,7 +23,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ..choice.prices import prices
 from ..choice.slopes import slopes_of
 from .anew import known_of, with_knowledge
-from .least import Least, Solved, cheapest, solved
+from .least import Least, Solved, cheapest, improved, solved
 
 Array = NDArray[np.float64]
 MORE = 20
@@ -60,7 +60,7 @@ def next_parts(
     rows = []
     for rank, name in enumerate(ranked, 1):
         again = rank <= first and (start is not None or not problem.sampled)
-        expected = expected_gain(problem, name, start, cost) if again else np.nan
+        expected = expected_gain(problem, name, start, least) if again else np.nan
         rows.append((rank, name, int(known[name].n), MORE, gains[name],
                      100.0 * gains[name] / cost, expected, 100.0 * expected / cost))  # fmt: skip
     return pd.DataFrame(rows, columns=list(COLUMNS))
@@ -114,12 +114,12 @@ def _quantile(problem: ToleranceProblem, design: Array) -> float:
 
 
 def expected_gain(
-    problem: ToleranceProblem, name: str, start: Solved | None = None, cost: float = np.nan
+    problem: ToleranceProblem, name: str, start: Solved | None = None, least: Least | None = None
 ) -> float:
     """The expected fall of the least cost by the next sample of one characteristic.
 
     What it will say of the variance follows an F distribution; its mean is taken as it is. `start`
-    is as in `shadow_gain`, `cost` the least cost where there is no closed form.
+    is as in `shadow_gain`; without a closed form `least` is improved by gradients at its integers.
     """
     from scipy import stats  # takes long to import
 
@@ -127,18 +127,19 @@ def expected_gain(
     known = known_of(problem)[name]
     share = (np.arange(PLACES) + 0.5) / PLACES
     ratios = stats.f.ppf(share, MORE, known.df)
-    before = cost if start is None else float(start[1].cost[0])
-    costs = [_least(with_knowledge(problem, {name: with_more(known, ratio)}), start is not None)
-             for ratio in ratios.tolist()]  # fmt: skip
+    costs, before = [], np.nan if least is None else least.cost
+    if start is not None:
+        before = float(start[1].cost[0])
+    for ratio in ratios.tolist():
+        anew = with_knowledge(problem, {name: with_more(known, ratio)})
+        found = solved(anew) if start is not None else None
+        if found is not None:
+            costs.append(float(found[1].cost[0]))
+        elif start is None and least is not None:
+            costs.append(improved(anew, least.design).cost)
+        else:
+            return float("nan")
     return before - float(np.mean(costs))
-
-
-def _least(problem: ToleranceProblem, closed: bool) -> float:
-    """The least cost, NaN where there is none."""
-    if not closed:
-        return cheapest(problem).cost
-    found = solved(problem)
-    return float("nan") if found is None else float(found[1].cost[0])
 
 
 def with_more(known: Knowledge, ratio: float) -> Knowledge:
