@@ -82,6 +82,10 @@ class Judged(WithPromise):
         """Which means (k,) may be off; by default none."""
         return np.zeros(len(self.known), dtype=bool)
 
+    def coordinates(self, scales: Array, shifts: Array) -> Array:
+        """What the shortfall is a smooth function of, (q, d), of states (q, k)."""
+        return np.hstack([scales - 1.0, shifts[:, self.shifting]])
+
     def worst(self, design: Array, searching: bool) -> Worst:
         """The worst direction of the processes of a full design (all,)."""
         promise = self.settings.promise
@@ -127,15 +131,15 @@ class Judged(WithPromise):
         assert promise is not None
         if not self.known:
             return self._without_doubt(design)
-        moving, drawn = self.shifting, self._posterior
-        x = np.hstack([np.sqrt(drawn.variance) - 1.0, drawn.error[:, moving]])
+        drawn = self._posterior
+        x = self.coordinates(np.sqrt(drawn.variance), drawn.error)
         some = slice(0, evaluations(x.shape[1], self._has_slopes))
         seen = self.shortfall(design, np.sqrt(drawn.variance[some]), drawn.error[some])
         response, worst = Response.of(x[some], seen.values, seen.slopes), self.worst(design, False)
 
         def along(radius: float) -> float:
             scale, shift = worst.at(radius)
-            return float(response(np.hstack([scale - 1.0, shift[moving]])[None, :])[0])
+            return float(response(self.coordinates(scale[None, :], shift[None, :]))[0])
 
         values = response(x)
         wanted = float(np.quantile(values, promise.confidence, method="higher"))

@@ -74,6 +74,9 @@ class PromisingPoses(Judged):
         found[:, columns] *= np.hypot(scales, shifts)
         return found
 
+    def coordinates(self, scales: Array, shifts: Array) -> Array:
+        return np.hypot(scales, shifts) - 1.0
+
     def steepness(self, design: Array, searching: bool) -> tuple[Array, Array]:
         """By what each adds to the variances, in those that the limits allow."""
         columns = [self.names.index(name) for name in self.known]
