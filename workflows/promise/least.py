@@ -50,7 +50,7 @@ def cheapest(problem: ToleranceProblem, near: Array | None = None) -> Least:
     integers.
     """
     if problem.sampled and near is not None:
-        return improved(problem, near)
+        return _near(problem, near)
     if _many(problem):
         found = search(problem, Hybrid(), Budget(evaluations=EVALUATIONS), problem.settings.seed)
     else:
@@ -73,21 +73,17 @@ def _many(problem: ToleranceProblem) -> bool:
     return choices > SETS and closed_form(problem) is None
 
 
-def improved(problem: ToleranceProblem, near: Array) -> Least:
-    """The cheapest by gradients from a design (all,), at its integers; on fresh units where a
-    search sees a sample.
-    """
+def _near(problem: ToleranceProblem, near: Array) -> Least:
+    """By gradients from a design (all,), at its integers, tested on fresh units."""
     run = Run(problem, Budget(), problem.settings.seed)
     free = [problem.names.index(v.name) for v in problem.free]
     branch = Branch(run, np.clip(near[free], problem.xl, problem.xu), scale_of(problem))
     start = branch.smooth.scaled(near[None, free])[0]
     if branch.minimise(0, start, np.full(1, np.inf)) is None:
         return Least.none(problem)
-    x = branch.smooth.vectors(branch.y[0][None, :])
-    if problem.sampled:
-        x = kept(run, branch, branch.y[0], branch.f[0], search=True)
-        if np.any(problem.tested(x)[1] > 0.0):
-            return Least.none(problem)
+    x = kept(run, branch, branch.y[0], branch.f[0], search=True)
+    if np.any(problem.tested(x)[1] > 0.0):
+        return Least.none(problem)
     design = problem.complete(x)
     return Least(float(problem.cost_of(design)[0]), design[0])
 

@@ -23,7 +23,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ..choice.prices import prices
 from ..choice.slopes import slopes_of
 from .anew import known_of, with_knowledge
-from .least import Least, Solved, cheapest, improved, solved
+from .least import Least, Solved, cheapest, solved
 
 Array = NDArray[np.float64]
 MORE = 20
@@ -43,8 +43,7 @@ def next_parts(
     the cost. `least` is its least cost where that is known.
 
     Where the least cost has no closed form the shadow price is that of the conditions of an optimum
-    at the cheapest design; where it is judged by units nothing is optimised again. Empty where
-    neither is known.
+    at the cheapest design, and nothing is optimised again. Empty where neither is known.
     """
     known = known_of(problem)
     start = solved(problem) if known else None
@@ -59,8 +58,8 @@ def next_parts(
     ranked = sorted(gains, key=lambda name: -gains[name])
     rows = []
     for rank, name in enumerate(ranked, 1):
-        again = rank <= first and (start is not None or not problem.sampled)
-        expected = expected_gain(problem, name, start, least) if again else np.nan
+        again = rank <= first and start is not None
+        expected = expected_gain(problem, name, start) if again else np.nan
         rows.append((rank, name, int(known[name].n), MORE, gains[name],
                      100.0 * gains[name] / cost, expected, 100.0 * expected / cost))  # fmt: skip
     return pd.DataFrame(rows, columns=list(COLUMNS))
@@ -113,33 +112,27 @@ def _quantile(problem: ToleranceProblem, design: Array) -> float:
     return float(ndtri(np.clip(0.01 * found[0], 1e-12, 1.0 - 1e-12)))
 
 
-def expected_gain(
-    problem: ToleranceProblem, name: str, start: Solved | None = None, least: Least | None = None
-) -> float:
+def expected_gain(problem: ToleranceProblem, name: str, start: Solved | None = None) -> float:
     """The expected fall of the least cost by the next sample of one characteristic.
 
     What it will say of the variance follows an F distribution; its mean is taken as it is. `start`
-    is as in `shadow_gain`; without a closed form `least` is improved by gradients at its integers.
+    is as in `shadow_gain`; NaN without a closed form.
     """
     from scipy import stats  # takes long to import
 
     start = start or solved(problem)
+    if start is None:
+        return float("nan")
     known = known_of(problem)[name]
     share = (np.arange(PLACES) + 0.5) / PLACES
     ratios = stats.f.ppf(share, MORE, known.df)
-    costs, before = [], np.nan if least is None else least.cost
-    if start is not None:
-        before = float(start[1].cost[0])
+    costs = []
     for ratio in ratios.tolist():
-        anew = with_knowledge(problem, {name: with_more(known, ratio)})
-        found = solved(anew) if start is not None else None
-        if found is not None:
-            costs.append(float(found[1].cost[0]))
-        elif start is None and least is not None:
-            costs.append(improved(anew, least.design).cost)
-        else:
+        anew = solved(with_knowledge(problem, {name: with_more(known, ratio)}))
+        if anew is None:
             return float("nan")
-    return before - float(np.mean(costs))
+        costs.append(float(anew[1].cost[0]))
+    return float(start[1].cost[0]) - float(np.mean(costs))
 
 
 def with_more(known: Knowledge, ratio: float) -> Knowledge:
