@@ -205,6 +205,8 @@ def test_a_run_of_another_problem_is_reviewed(tmp_path: Path) -> None:
     told = reviewed(str(run), str(tmp_path / "now.csv"), "--since", str(tmp_path / "first.csv"))
     assert "promised: at least 99.73 % of the units conform, with 95 % confidence" in told
     assert "pin_radius_um scatters 2.5 times as much as the earlier parts" in told
-    row = next(line.split() for line in told.splitlines() if line.startswith("pin_radius_um  "))
+    row = next(
+        line.split() for line in told.splitlines() if line.split()[:2] == ["pin_radius_um", "um"]
+    )
     assert row[2] == "40"
     assert float(row[4]) == pytest.approx(5.0 / (3.0 * parts["pin_radius"].std()), rel=1e-3)
