@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -164,10 +165,9 @@ class Judged(WithPromise):
         return Verdict(self.yield_at(design, nothing, nothing, False), kept, 0.0, found.values)
 
 
-def _reached(along: object, wanted: float) -> float:
+def _reached(along: Callable[[float], float], wanted: float) -> float:
     """Where along the worst direction a value is reached, or the nearest end."""
-    assert callable(along)
-    ends = [float(along(end)) for end in (SOFTEST, HARDEST)]
+    ends = [along(end) for end in (SOFTEST, HARDEST)]
     if not ends[0] < wanted < ends[1]:
         return SOFTEST if wanted <= ends[0] else HARDEST
     return float(brentq(lambda b: along(b) - wanted, SOFTEST, HARDEST, xtol=1e-4))

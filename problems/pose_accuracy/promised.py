@@ -101,7 +101,7 @@ class PromisingPoses(Judged):
 
     def _along(self, share: float) -> Array:
         """The full design (all,) at equal shares of all search ranges, by their logarithms."""
-        return self.complete((self.xl * (self.xu / self.xl) ** share)[None, :])[0]
+        return np.asarray(self.complete((self.xl * (self.xu / self.xl) ** share)[None, :])[0])
 
     def _share(self, yields: Callable[[Array], float]) -> float:
         """The share at which a yield just keeps what is promised."""

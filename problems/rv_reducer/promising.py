@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 
@@ -24,7 +23,7 @@ class PromisingUnits(Judged):
     """Units that are built by processes in any state."""
 
     model: UnitModel
-    made: Mapping[str, Made]
+    made: dict[str, Made]
 
     @abstractmethod
     def as_built(self, design: Array) -> tuple[dict[str, float], dict[str, float]]:
