@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from ..models.capability import Knowledge, Norm, norm_of
-from .promise import ASSURED, AT_ONCE, DRAWS, Promise, assured_percent
+from .draws import Draws, Sums
+from .promise import ASSURED, Promise, assured_percent
 
 Array = NDArray[np.float64]
 
@@ -103,24 +104,15 @@ class PromisedOutput:
         return assured_percent(kept)
 
     @cached_property
-    def _drawn(self) -> tuple[Array, Array]:
-        """Variances over their estimates, errors of means over the estimates (draws, k)."""
-        drawn = [known.drawn(DRAWS, np.random.default_rng([self.seed, at]))
-                 for at, known in enumerate(self.processes.values())]  # fmt: skip
-        if not drawn:
-            return np.ones((DRAWS, 0)), np.zeros((DRAWS, 0))
-        return (np.stack([one for one, _ in drawn], axis=1),
-                np.stack([one for _, one in drawn], axis=1))  # fmt: skip
+    def _drawn(self) -> Draws:
+        """Draws of the processes, which all designs share."""
+        return Draws.of(list(self.processes.values()),
+                        [(self.seed, at) for at in range(len(self.processes))])  # fmt: skip
 
     def _yields(self, given: Deviations) -> list[Array]:
         """Yields (k, draws) of the designs, some at a time."""
-        variance, error = self._drawn
         own = given.stacked(self.names) if self.names else np.zeros((len(given.mean), 0))
-        known, found = given.known(self.names), []
-        step = max(1, AT_ONCE // DRAWS)
-        for first in range(0, len(own), step):
-            rows = slice(first, first + step)
-            std = np.sqrt(np.maximum(own[rows] ** 2 @ variance.T + known[rows, None], 1e-300))
-            mean = given.mean[rows, None] + own[rows] @ error.T
-            found.append(ndtr((given.upper - mean) / std) - ndtr((given.lower - mean) / std))
-        return found
+        known, step = given.known(self.names), self._drawn.rows
+        parts = [slice(first, first + step) for first in range(0, len(own), step)]
+        return [Sums(given.mean[rows], own[rows], own[rows], known[rows], given.lower,
+                     given.upper).yields(self._drawn) for rows in parts]  # fmt: skip

@@ -39,12 +39,14 @@ class Promise:
     `plug_in`: the yield that the estimates say. `predictive`: the expected yield, over what is not
     known of the processes. `assured`: a yield that is kept with the confidence. `level_percent` is
     the level of its norm where processes are chosen by samples; None: found by self-calibration.
+    `of` is the output that the estimates say the yield by.
     """
 
     yield_percent: float
     statement: str = ASSURED
     confidence_percent: float = 95.0
     level_percent: float | None = None
+    of: str = YIELD
 
     @property
     def share(self) -> float:
@@ -59,7 +61,7 @@ class Promise:
     @property
     def output(self) -> str:
         """The output that keeps the promise."""
-        return YIELD if self.statement == PLUG_IN else PROMISED
+        return self.of if self.statement == PLUG_IN else PROMISED
 
     def table(self) -> dict[str, Any]:
         """The table that states it."""
@@ -77,8 +79,8 @@ class Promise:
         }[self.statement]  # fmt: skip
 
 
-def read_promise(top: Section) -> Promise | None:
-    """The `[promise]` table; None where there is none, or it is faulty."""
+def read_promise(top: Section, of: str = YIELD) -> Promise | None:
+    """The `[promise]` table of a yield; None where there is none, or it is faulty."""
     if "promise" not in top:
         return None
     section = top.section("promise")
@@ -95,4 +97,4 @@ def read_promise(top: Section) -> Promise | None:
     wrong = any(key in section and value is None for key, value in given.items())
     if share is None or statement is None or wrong:
         return None
-    return Promise(share, statement, 95.0 if confidence is None else confidence, level)
+    return Promise(share, statement, 95.0 if confidence is None else confidence, level, of)

@@ -34,7 +34,7 @@ def assurances(name: str) -> tuple[Output, Output]:
 
 def means_promise(name: str, promise: Promise) -> bool:
     """Whether a limit on an output means the promise."""
-    return name.split(".")[-1] in (YIELD, promise.output)
+    return name.split(".")[-1] in (YIELD, promise.of, promise.output)
 
 
 def contradictions(promise: Promise, given: Mapping[str, Bound]) -> list[Fault]:

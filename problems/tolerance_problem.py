@@ -51,7 +51,7 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing):
     reference_ga: ClassVar[Mapping[str, float]] = {}
     """Settings of the single-objective GA beside a run, where the documents name them: population,
     generations, crossover and mutation probability; and, where not the GA's own, their eta."""
-    sampled: ClassVar[bool] = False
+    sampled: bool = False
     """Whether a search sees a fixed sample of units; its points are tested on a fresh one."""
     performance: ClassVar[frozenset[str]] = frozenset()
     """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""

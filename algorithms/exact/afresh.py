@@ -22,6 +22,8 @@ where it is not."""
 BEYOND, MARGIN = 1.2, 3e-4
 """Factor and share of a limit by which it is moved farther than fresh units ask for, so that rounds
 come to an end."""
+OF_TAIL = 0.02
+"""Share of what a lower limit on a percentage leaves to 100, by which it is moved farther."""
 FAR = 0.5
 """Share of a limit by which it is moved at most."""
 
@@ -48,7 +50,7 @@ def kept(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
     for _ in range(ROUNDS if search else 0):
         excess = _noted(run, branch, y, found)
         own = branch.smooth.values(y)[1]
-        moved = np.where(excess != own, excess - own + MARGIN, 0.0)
+        moved = np.where(excess != own, excess - own + _farther(run), 0.0)
         y = branch.solved(0, branch.restored(y, moved, FAR), limit, moved)
     _noted(run, branch, y, found)
     return min(found, key=lambda one: one[0])[1] if found else _pushed(run, branch, y)
@@ -65,13 +67,24 @@ def _noted(run: Run, branch: Branch, y: Array, found: list[tuple[float, Array]])
 
 def _pushed(run: Run, branch: Branch, y: Array) -> Array:
     """The search vector (1, variables) of a point pushed inside its limits on fresh units."""
-    slack = np.zeros(run.problem.n_ieq_constr)
+    slack, farther = np.zeros(run.problem.n_ieq_constr), _farther(run)
     for _ in range(SPARE):
         x = branch.smooth.vectors(y[None, :])
         excess = run.problem.tested(x)[1][0]
         if not np.any(excess > 0.0):
             break
         own = branch.smooth.values(y)[1]
-        slack = np.where(excess > 0.0, np.maximum(slack, -own) + BEYOND * excess + MARGIN, slack)
+        slack = np.where(excess > 0.0, np.maximum(slack, -own) + BEYOND * excess + farther,
+                         slack)  # fmt: skip
         y = branch.restored(y, slack, FAR)
     return branch.smooth.vectors(y[None, :])
+
+
+def _farther(run: Run) -> Array:
+    """By what share limits (constraints,) are moved beyond what fresh units ask for."""
+    found = []
+    for limit in run.problem.limits:
+        tail = 100.0 - limit.low if limit.unit in ("percent", "%") else np.inf
+        share = OF_TAIL * tail / limit.low if 0.0 < tail < limit.low else MARGIN
+        found += [min(MARGIN, share)] * limit.count
+    return np.array(found)

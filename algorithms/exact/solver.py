@@ -54,10 +54,13 @@ class Exact(Solver):
         if is_corrected(form):
             few = FEW if self.points == POINTS_BY_DEFAULT else CORRECTED
             x = corrected_vectors(run, form, min(points, few))
-            run.choose(x)
-            run.evaluate(x)
+            if len(x):
+                run.choose(x)
+                run.evaluate(x)
             return
         x = exact_vectors(run.problem, form, points)
+        if not len(x):
+            return
         if form.stands:  # a search knows what a requirement stands for less well than a report
             run.choose(x)
         _, violations = run.evaluate(x)

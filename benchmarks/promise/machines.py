@@ -141,6 +141,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Repeat every case, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=1000, help="repeats of each case")
+    parser.add_argument("--n", type=int, nargs="*", default=SIZES, help="sizes of the samples")
     parser.add_argument("--kept", type=Path, default=Path(gettempdir(), "tolevo_machines.jsonl"),
                         help="file of results, by which an interrupted run goes on")  # fmt: skip
     given = parser.parse_args(arguments)
@@ -148,7 +149,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print("| machines | plug-in kept | assured kept | lower 95 % limit | cost | level (median) "
           "| no assured choice | promise broken |\n"
           "|---|---:|---:|---:|---:|---:|---:|---:|")  # fmt: skip
-    for case in cases():
+    for case in (one for one in cases() if one.n in given.n):
         for seed in range(given.count):
             if (case.key, seed) not in known:
                 known[case.key, seed] = one = repeat(case, seed)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -98,31 +99,58 @@ def together(found: list[Raw], names: Sequence[str], place: str, faults: list[Fa
     return whole
 
 
+@dataclass(frozen=True)
+class MeasuredFile:
+    """A file of measured parts, opened once: what its characteristics are called, by what each is
+    asked for, and the values of one by its label.
+    """
+
+    place: str
+    labels: tuple[str, ...]
+    names: Mapping[str, str]
+    values: Callable[[str], Raw]
+
+    def named(self, wanted: Any) -> Raw:
+        """The characteristic that is wanted, or the only one; raises InputError without it."""
+        return self.values(_chosen(self.place, wanted, dict(self.names), list(self.labels)))
+
+
 def measured_in(path: Path, wanted: Any, options: tables.ReadOptions) -> Raw:
     """The values of one characteristic of a file, and what the file says of them.
 
     Raises InputError where the file or the characteristic is not there.
     """
+    return opened_parts(path, options).named(wanted)
+
+
+def opened_parts(path: Path, options: tables.ReadOptions) -> MeasuredFile:
+    """A file of measured parts. Raises InputError where it is not there, or cannot be read."""
     if path.suffix.lower() in SUFFIXES:
-        return _of_aqdef(path, wanted, options)
+        return _of_aqdef(path, options)
     found = tables.opened_whole(path, path.name, options)
     names = {name: name for name in found.numeric}
     names |= {found.headers.get(name, name): name for name in found.numeric}
-    name = _chosen(path.name, wanted, names, list(found.numeric))
-    column = found.frame[name].dropna()
-    unit = found.units.get(name, "")
-    values = [float(value) for value in column]
-    return {"values": values} | ({"unit": unit} if unit else {})
+
+    def values(name: str) -> Raw:
+        column, unit = found.frame[name].dropna(), found.units.get(name, "")
+        return {"values": [float(one) for one in column]} | ({"unit": unit} if unit else {})
+
+    return MeasuredFile(path.name, tuple(found.numeric), names, values)
 
 
-def _of_aqdef(path: Path, wanted: Any, options: tables.ReadOptions) -> Raw:
+def _of_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     known = [one for one in tables.read_aqdef(path, options.encoding) if not one.attributive]
-    names = {key: one.label for one in known for key in (one.number, one.name) if key}
-    label = _chosen(path.name, wanted, names, list(dict.fromkeys(one.label for one in known)))
-    one = next(one for one in known if one.label == label)
+    names = {key: one.label for one in known for key in (one.number, one.name, one.label) if key}
+    labels = tuple(dict.fromkeys(one.label for one in known))
+    return MeasuredFile(path.name, labels, names, lambda label: _values(
+        next(one for one in known if one.label == label)))  # fmt: skip
+
+
+def _values(one: tables.Characteristic) -> Raw:
+    """What a Q-DAS file says of a characteristic."""
     rows = [(value, lot) for value, lot in zip(one.values, one.batches, strict=True)
             if value is not None]  # fmt: skip
-    found: Raw = {"values": [float(value) for value, _ in rows], "characteristic": label}
+    found: Raw = {"values": [float(value) for value, _ in rows], "characteristic": one.label}
     if any(lot for _, lot in rows):
         found["lots"] = [lot for _, lot in rows]
     if one.unit:

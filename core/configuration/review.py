@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from .. import tables
 from ..csv_text import read_own_csv
+from ..declarations import Kind
 from ..errors import Fault, InputError, nearest, raise_all
 from ..problems.promise import ASSURED, PLUG_IN, PROMISED, YIELD
 from ..problems.stack import Stack
-from .measured_files import SUFFIXES, measured_in, together
+from ..problems.tolerance_problem import ToleranceProblem
+from ..problems.with_promise import WithPromise
+from ..units import split_unit
+from .measured_files import MeasuredFile, opened_parts, together
+from .measured_variables import BOUNDS
 from .reader import read_table
 from .source import Table, load
 
@@ -22,11 +27,13 @@ REPLACED = ("distribution", "cp", "cpk", "shift", "measured")
 """Keys of a part whose process is told by parts that were made."""
 ALLOCATION = ("point", "variable", "rounded")
 GAP = "gap.json"
+YIELDS = (YIELD, "ring_yield_percent")
+"""Outputs whose limit means a promise."""
 
 
 @dataclass(frozen=True)
 class Reopened:
-    """The stack of a run, the full design its drawing has, and the same stack as production says.
+    """The problem of a run, the design its drawing has, and the same problem as production says.
 
     `now` takes the means of the parts as they are found, `reset` as the run's configuration does,
     None where no allocation keeps the promise then;
@@ -34,12 +41,12 @@ class Reopened:
     `attributed` says what an analysis of the units' own measurement found.
     """
 
-    before: Stack
+    before: ToleranceProblem
     design: dict[str, float]
-    now: Stack
-    reset: Stack | None
+    now: ToleranceProblem
+    reset: ToleranceProblem | None
     made: tuple[str, ...]
-    since: Stack | None = None
+    since: ToleranceProblem | None = None
     attributed: str = ""
 
 
@@ -59,31 +66,28 @@ def reopened(
     if table is None:
         raise InputError(faults)
     _with_promise(table, faults)
-    now = _anew(table, design, files, options, faults)
-    earlier = _anew(table, design, since, options, faults) if since else None
+    before = _problem(table, faults)
+    if before is None:
+        raise InputError(faults)
+    owners = _owners(table, before, design)
+    now = _anew(table, owners, _opened(files, options, faults), faults)
+    earlier = _anew(table, owners, _opened(since, options, faults), faults) if since else None
     raise_all(faults)
-    assert now is not None
-    found = [_stack(one, faults) for one in (
-        table, _means_found(now), now, *([_means_found(earlier)] if earlier else []))]  # fmt: skip
+    shifting = {one.name for one in owners if one.shifts}
+    found = [_problem(one, faults) for one in (_means_found(now[0], shifting), now[0], *(
+        [_means_found(earlier[0], shifting)] if earlier else []))]  # fmt: skip
     raise_all(faults)
-    before, as_found = found[0], found[1]
-    assert before is not None
-    assert as_found is not None
-    made = tuple(str(one["name"]) for one, old in zip(now["part"], table["part"], strict=True)
-                 if one is not old)  # fmt: skip
-    return Reopened(before, design, as_found, found[2], made,
-                    found[3] if earlier else None, attributed)  # fmt: skip
+    assert found[0] is not None
+    return Reopened(before, design, found[0], found[1], now[1], found[2] if earlier else None,
+                    attributed)  # fmt: skip
 
 
 def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]]:
     """The resolved tables of a run and the rounded design of its first choice."""
     table = load(run / "config.toml", faults)
-    if table is not None and table.get("problem") != "stack":
-        text = "is the run of another problem: the promise of a stack can be reviewed"
-        faults.append(Fault(str(run), text))
-        return None, {}
     try:
         found = read_own_csv(run / "allocation.csv")
+        front = read_own_csv(run / "front.csv")
     except (OSError, ValueError):
         text = "has no allocation.csv: it is no complete run with a choice"
         faults.append(Fault(str(run), text))
@@ -91,9 +95,12 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
     if found.empty or not set(ALLOCATION) <= set(found):
         faults.append(Fault(str(run), "has an allocation.csv without an allocation"))
         return table, {}
-    own = found[found["point"] == found["point"].iloc[0]]
-    return table, {name: value for name, value in zip(own["variable"], own["rounded"], strict=True)
-                   if str(name).endswith("_t")}  # fmt: skip
+    point = int(found["point"].iloc[0])
+    own = found[found["point"] == point]
+    searched = front.iloc[point].to_dict() if point < len(front) else {}
+    rounded = zip(own["variable"], own["rounded"], strict=True)
+    return table, {str(name): value for name, value in (*searched.items(), *rounded)
+                   if isinstance(value, (int, float))}  # fmt: skip
 
 
 def _with_promise(table: Table, faults: list[Fault]) -> None:
@@ -101,7 +108,8 @@ def _with_promise(table: Table, faults: list[Fault]) -> None:
     if "promise" in table:
         table["limits"] = _without_promise(table.get("limits", {}))
         return
-    limit = table.get("limits", {}).pop(YIELD, None)
+    limits = table.get("limits", {})
+    limit = next((limits.pop(name) for name in YIELDS if name in limits), None)
     share = limit.get("min") if isinstance(limit, dict) else limit
     if share is None:
         text = "promises nothing: it has neither [promise] nor a limit on yield_percent"
@@ -113,103 +121,143 @@ def _with_promise(table: Table, faults: list[Fault]) -> None:
 def _without_promise(limits: Table) -> Table:
     """Limits without those that a promise sets, of each requirement."""
     return {name: _without_promise(own) if isinstance(own, dict) else own
-            for name, own in limits.items() if name not in (YIELD, PROMISED)}  # fmt: skip
+            for name, own in limits.items() if name not in (*YIELDS, PROMISED)}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Owner:
+    """What parts are measured of: a part of a stack or a variable; its table, unit and half-width.
+
+    `follows` says that its scatter follows the tolerance, `shifts` that its mean may be as found,
+    `chosen` that it is made on machines or processes to choose from.
+    """
+
+    name: str
+    unit: str
+    table: Table
+    t: float
+    follows: bool = True
+    shifts: bool = True
+    chosen: bool = False
+
+    @property
+    def names(self) -> set[str]:
+        """By which it is found in files."""
+        known = self.table.get("measured") or {}
+        own = self.name, self.table.get("characteristic"), known.get("characteristic")
+        return {str(name) for name in (*own, split_unit(self.name)[0]) if name}
+
+    def anew(self, measured: Table) -> Table:
+        """Its table with what parts say."""
+        gone = REPLACED if self.follows else (*REPLACED, *BOUNDS)
+        kept = {key: value for key, value in self.table.items() if key not in gone}
+        return kept | {"measured": measured}
+
+
+def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -> list[Owner]:
+    """The parts of a stack, or the variables of which parts can be measured."""
+    if isinstance(problem, Stack):
+        return [Owner(str(part["name"]), part["unit"], part,
+                      design.get(f"{part['name']}_t", float(part.get("tolerance") or 0.0)),
+                      chosen="machine" in part or "process" in part)
+                for part in table["part"]]  # fmt: skip
+    stated, found = table.get("variables", {}), []
+    for v in problem.variables:
+        follows = v.random and v.kind is Kind.HALF_WIDTH
+        if follows or v.kind is Kind.STANDARD_DEVIATION:
+            own = stated.get(v.name, {})
+            mid = problem.settings.variables[v.name].mid
+            t = problem.fixed.get(v.name, design.get(v.name, 0.0))
+            found.append(Owner(v.name, v.unit, own, t, follows, mid is not None, "machine" in own))
+    return found
+
+
+def _opened(
+    paths: Sequence[Path], options: tables.ReadOptions, faults: list[Fault]
+) -> list[MeasuredFile]:
+    """The files, each opened once."""
+    found = []
+    for path in paths:
+        try:
+            found.append(opened_parts(path, options))
+        except InputError as error:
+            faults += [one for one in error.faults if one not in faults]
+    return found
 
 
 def _anew(
-    table: Table,
-    design: dict[str, float],
-    files: Sequence[Path],
-    options: tables.ReadOptions,
-    faults: list[Fault],
-) -> Table | None:
-    """The tables with the values of the files in the place of what was known of the parts."""
-    found = copy.copy(table)
-    found["part"] = [_part(part, design, files, options, faults) for part in table["part"]]
-    if not faults and all(one is old for one, old in zip(found["part"], table["part"],
-                                                        strict=True)):  # fmt: skip
-        names = ", ".join(str(part["name"]) for part in table["part"])
+    table: Table, owners: Sequence[Owner], files: Sequence[MeasuredFile], faults: list[Fault]
+) -> tuple[Table, tuple[str, ...]]:
+    """The tables with the values of the files in the place of what was known, and whose are new."""
+    anew = {one.name: own for one in owners if (own := _measured(one, files, faults)) is not None}
+    if not anew and not faults:
+        names = ", ".join(one.name for one in owners)
         faults.append(Fault("PARTS", f"hold no characteristic of the run: name columns or "
                             f"characteristics like its parts ({names})"))  # fmt: skip
-    return found
+    found = copy.copy(table)
+    if "part" in table:
+        found["part"] = [anew.get(str(part["name"]), part) for part in table["part"]]
+    else:
+        found["variables"] = dict(table.get("variables", {})) | anew
+    return found, tuple(anew)
 
 
-def _part(
-    part: Table,
-    design: dict[str, float],
-    files: Sequence[Path],
-    options: tables.ReadOptions,
-    faults: list[Fault],
-) -> Table:
-    known = part.get("measured") or {}
-    wanted = {str(name) for name in (part["name"], part.get("characteristic"),
-                                     known.get("characteristic")) if name}  # fmt: skip
-    place = f"PARTS ({part['name']})"
+def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault]) -> Table | None:
+    """The table of an owner with what the files hold of it; None where they hold nothing."""
     found, names = [], []
-    for path in files:
-        one = _values(path, wanted, options, faults)
-        if one is not None:
-            found.append(one)
-            names.append(path.name)
+    for file in files:
+        name = next((one for one in file.names if one in owner.names), None)
+        if name is not None:
+            found.append(file.named(name))
+            names.append(file.place)
     if not found:
-        return part
+        return None
+    place = f"PARTS ({owner.name})"
     own: dict[str, Any] = together(found, names, place, faults)
-    if any(key in part for key in ("machine", "process")):
+    if owner.chosen:
         text = "has machines or processes to choose from: state what the parts say in them"
         faults.append(Fault(place, text))
-        return part
-    t = design.get(f"{part['name']}_t", float(part.get("tolerance") or 0.0))
-    stated = own.pop("made_to", None)
-    if stated is not None and abs(stated - t) > 1e-6 * t and own.get("unit") == part["unit"]:
-        faults.append(Fault(place, f"were made to {stated:g} {part['unit']}, the run's drawing has "
-                            f"{t:g} {part['unit']}: another revision?"))  # fmt: skip
-    own |= {key: known[key] for key in ("gauge", "mean") if key in known}
-    own |= {"made_to": f"{t!r} {part['unit']}"}
-    return {key: value for key, value in part.items() if key not in REPLACED} | {"measured": own}
-
-
-def _values(
-    path: Path, wanted: set[str], options: tables.ReadOptions, faults: list[Fault]
-) -> dict[str, Any] | None:
-    """The values of the first wanted characteristic of a file, None where it has none."""
-    try:
-        names = _names(path, options)
-        name = next((one for one in names if one in wanted), None)
-        return None if name is None else measured_in(path, name, options)
-    except InputError as error:
-        for fault in error.faults:
-            if fault not in faults:
-                faults.append(fault)
         return None
+    stated, t, unit = own.pop("made_to", None), owner.t, owner.unit
+    if (stated is not None and owner.follows and own.get("unit") == unit
+            and abs(stated - t) > 1e-6 * t):  # fmt: skip
+        faults.append(Fault(place, f"were made to {stated:g} {unit}, the run's drawing has {t:g} "
+                            f"{unit}: another revision?"))  # fmt: skip
+    known = owner.table.get("measured") or {}
+    own |= {key: known[key] for key in ("gauge", "mean") if key in known}
+    own |= {} if owner.shifts else {"mean": "corrected"}
+    own |= {"made_to": f"{t!r} {unit}"} if owner.follows else {}
+    return owner.anew(own)
 
 
-def _names(path: Path, options: tables.ReadOptions) -> list[str]:
-    if path.suffix.lower() in SUFFIXES:
-        known = tables.read_aqdef(path, options.encoding)
-        return [name for one in known for name in (one.number, one.name, one.label) if name]
-    found = tables.opened_whole(path, path.name, options)
-    return [*found.numeric, *(found.headers.get(name, name) for name in found.numeric)]
-
-
-def _means_found(table: Table) -> Table:
+def _means_found(table: Table, shifting: Collection[str]) -> Table:
     """The tables with the means of all samples as they are found, whether or not that is enough."""
-    found = table | {"promise": table["promise"] | {"statement": PLUG_IN}}
-    found["part"] = [
-        part | {"measured": part["measured"] | {"mean": "as_found"}} if "measured" in part else part
-        for part in table["part"]
-    ]
-    return found
+
+    def found(name: str, own: Any) -> Any:
+        if name not in shifting or not isinstance(own, dict) or "measured" not in own:
+            return own
+        return own | {"measured": own["measured"] | {"mean": "as_found"}}
+
+    anew = table | {"promise": table["promise"] | {"statement": PLUG_IN}}
+    if "part" in table:
+        return anew | {"part": [found(str(part["name"]), part) for part in table["part"]]}
+    variables = table.get("variables", {})
+    return anew | {"variables": {name: found(name, own) for name, own in variables.items()}}
 
 
-def _stack(table: Table, faults: list[Fault]) -> Stack | None:
+def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
     """The problem of some tables; None where it has faults, or limits that nothing keeps."""
     try:
         problem = read_table(copy.deepcopy(table), []).problem
     except InputError as error:
-        faults += [one for one in error.faults
-                   if one not in faults and not one.place.startswith("limits.")]  # fmt: skip
+        unknown = [one for one in error.faults if one.place == "promise"
+                   and "not a known key" in one.message]  # fmt: skip
+        if unknown:
+            faults.append(Fault("RUN", "is the run of a problem that makes no promises"))
+        faults += [one for one in error.faults if one not in (*faults, *unknown)
+                   and not one.place.startswith("limits.")]  # fmt: skip
         return None
-    assert isinstance(problem, Stack)
+    assert isinstance(problem, (Stack, WithPromise))
     return problem
 
 

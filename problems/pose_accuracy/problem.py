@@ -25,8 +25,8 @@ from ...section import Section
 from ...units import MM, MRAD, UM
 from ..drawing import Interval
 from ..forms import Feature, Form, Way
+from ..promise import ASSURANCE, PROMISED
 from ..settings import Bound, Settings
-from ..tolerance_problem import ToleranceProblem
 from .grouping import (
     NINE,
     SOURCES,
@@ -53,6 +53,7 @@ from .outputs import (
     UNITS,
 )
 from .pose import pose_faults, pose_of, words_of
+from .promised import PromisingPoses
 from .remarks import remarks_of
 
 Array = NDArray[np.float64]
@@ -77,7 +78,7 @@ class PoseKind:
         return PoseAccuracy(replace(settings, definition=self.grouping))
 
 
-class PoseAccuracy(ToleranceProblem):
+class PoseAccuracy(PromisingPoses):
     """Pose accuracy of the manipulator with full-circle rotation against cost (document M).
 
     Variables are standard deviations of the orientation sources, grouped into the document's nine
@@ -91,7 +92,7 @@ class PoseAccuracy(ToleranceProblem):
     default_objectives = ("cost", "squareness_mrad")
     default_model = "manipulator_pose"
     explained: ClassVar[Mapping[str, str]] = EXPLAINED
-    drawn_again = frozenset(("_fields", "population"))
+    drawn_again = frozenset(("_fields", "population", "_verdicts"))
     reference_ga: ClassVar[Mapping[str, float]] = {
         "population": 80, "generations": 400, "crossover": 0.99, "mutation": 0.08,
     }  # fmt: skip
@@ -108,14 +109,18 @@ class PoseAccuracy(ToleranceProblem):
     @classmethod
     def configured(cls, top: Section) -> Any:
         grouping = read_grouping(top)
-        if grouping is None:
-            return None
-        return PoseKind(grouping, variables_of(grouping), costs_of(grouping))
+        kind = None
+        if grouping is not None:
+            kind = PoseKind(grouping, variables_of(grouping), costs_of(grouping))
+        return cls.promising(kind, top)
 
     def more_tables(self) -> dict[str, Any]:
+        promised = super().more_tables()
         if self.grouping == NINE:
-            return {}
-        return {"grouping": {name: list(sources) for name, sources in self.grouping.items()}}
+            return promised
+        return promised | {
+            "grouping": {name: list(sources) for name, sources in self.grouping.items()}
+        }
 
     # ---------------------------------------------------------------- evaluation
 
@@ -200,7 +205,8 @@ class PoseAccuracy(ToleranceProblem):
         more = np.full((len(sigma), 3), self._other / np.sqrt(3.0))
         return np.hstack([sigma, more])
 
-    def _of_machines(self, designs: Array, names: Iterable[str]) -> dict[str, Array]:
+    def over_machines(self, designs: Array, names: Iterable[str]) -> dict[str, Array]:
+        """Outputs (n,) over machines of full designs (n, all), with their errors."""
         return self.population.outputs(self._sources(designs @ self._owners.T), names)
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
@@ -213,11 +219,11 @@ class PoseAccuracy(ToleranceProblem):
         asked = (*self.objectives, *(limit.name for limit in self.limits))
         nothing = np.full(len(designs), np.nan)
         left = {output.name: nothing for output in MACHINES}
-        return found | left | self._of_machines(designs, asked)
+        return found | left | self.over_machines(designs, asked)
 
     def _verified(self, designs: Array, found: Mapping[str, Array]) -> dict[str, Array]:
         """What machines do, of the designs that are reported."""
-        return self._of_machines(designs, (output.name for output in MACHINES))
+        return self.over_machines(designs, (output.name for output in MACHINES))
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives of all outputs; of the worst pose where every pose is looked at."""
@@ -228,7 +234,7 @@ class PoseAccuracy(ToleranceProblem):
         for name, squares in self.squares.items():
             worst = squares[np.argmax(designs**2 @ squares.T, axis=1)]
             found[name] = worst * designs / values[name][:, None]
-        return found
+        return found | self.promised_slopes(designs)
 
     # ---------------------------------------------------------------- what is known
 
@@ -270,7 +276,7 @@ class PoseAccuracy(ToleranceProblem):
         other = np.array([self._other**2 if name == "position_mm" else 0.0 for name in outputs])
         relaxed = tuple(
             limit.name for limit in self.limits
-            if limit.name in OVER_MACHINES
+            if limit.name in (*OVER_MACHINES, PROMISED, ASSURANCE)
             or (limit.name in (*ERRORS, "cost") and np.isfinite(limit.low))
         )  # fmt: skip
         left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""

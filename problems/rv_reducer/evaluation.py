@@ -158,8 +158,12 @@ class Evaluation:
         """
         if not any(self.means.values()):
             return {}
-        slopes, moving = self._slopes(name, alike=True), self.means.keys() - {"pin_position"}
+        slopes, moving = self.slopes_of_means(name), self.means.keys() - {"pin_position"}
         return {f"{one}_um": slopes[f"{one}_um"] for one in moving}
+
+    def slopes_of_means(self, name: str) -> dict[str, float]:
+        """The same by the mean of every error, by variable."""
+        return self._slopes(name, alike=True)
 
     def _slopes(self, name: str, alike: bool = False) -> dict[str, float]:
         """Derivatives of a sampled output over its units, by variable."""

@@ -38,6 +38,8 @@ from .outputs import (
     SAMPLED,
     SAMPLED_UNDER_LOAD,
 )
+from .promised import add_gradient
+from .promising import PromisingUnits
 from .references import REFERENCES
 from .refused import HOLD_INTERFERENCE, priceless, unlimited
 from .shown import units_shown
@@ -60,7 +62,7 @@ KEPT = 4
 SAMPLED_OUTPUTS = frozenset((*SAMPLED, *SAMPLED_UNDER_LOAD))
 
 
-class RvReducer(Machined):
+class RvReducer(PromisingUnits, Machined):
     """Tolerances of an RV reducer by exact contact of its units (default: RV-40E-121).
 
     A search sees a fixed population (`search_units` at `search_positions`); what is reported comes
@@ -78,7 +80,7 @@ class RvReducer(Machined):
     sampled = True
     performance = SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"}
     default_algorithm = "exact"
-    drawn_again = frozenset(("_searched", "_reported", "_recent"))
+    drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed"))
     reference_ga: ClassVar[Mapping[str, float]] = {
         "population": 100, "generations": 80, "crossover": 0.9, "crossover_eta": 5.0,
         "mutation": 0.1, "mutation_eta": 10.0,
@@ -160,11 +162,19 @@ class RvReducer(Machined):
         return self._recent[key]
 
     def _fresh(self, design: Array, drawn: Populations) -> Evaluation:
+        return Evaluation(self.model, drawn, *self.as_built(design))
+
+    def as_built(self, design: Array) -> tuple[dict[str, float], dict[str, float]]:
+        """Variables by name as good parts scatter, and by how much their means are off [um]."""
         own = self.effective(design[None, :])[0]
         row = {v.name: float(own[at]) for at, v in enumerate(type(self).variables)}
         means = {stem(name): float(mean[0])
                  for name, (_, mean) in self.as_made(design[None, :]).items()}  # fmt: skip
-        return Evaluation(self.model, drawn, row, means)
+        return row, means
+
+    def populations(self, searching: bool) -> Populations:
+        """The population of searches, or that of reported points."""
+        return self._searched if searching else self._reported
 
     # ---------------------------------------------------------------- evaluation
 
@@ -175,7 +185,8 @@ class RvReducer(Machined):
         return columns | self._statistics(designs, searching, SAMPLED_OUTPUTS, errors=True)
 
     def needed(self, designs: Array) -> dict[str, Array]:
-        return self._statistics(designs, searching=False, names=self._asked)
+        found = self._statistics(designs, searching=False, names=self._asked)
+        return found | self.promised_needs(designs)
 
     def _statistics(
         self, designs: Array, searching: bool, names: frozenset[str], errors: bool = False
@@ -219,6 +230,7 @@ class RvReducer(Machined):
                 found[name][at] = [slopes.get(v.name, 0.0) for v in self.variables]
                 for one, slope in evaluation.by_mean(name).items():
                     by_mean[name][one][at] = slope
+        add_gradient(self, designs, found, by_mean)
         return self.by_limits(designs, found, by_mean) | self._plain_slopes(designs)
 
     def _plain_slopes(self, designs: Array) -> dict[str, Array]:

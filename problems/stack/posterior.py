@@ -13,9 +13,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from ...models.stack import AsMade, Tolerances, mean_of, spread_of
+from ..draws import Draws, Sums
 from ..promise import AT_ONCE, DRAWS, assured_percent
 from .definition import Part
 from .measured import Measured
@@ -31,13 +31,13 @@ class Posterior:
     seed: int
     draws: int = DRAWS
 
-    def _drawn(self, chosen: tuple[int, ...]) -> tuple[Array, Array]:
-        """Variances over their estimates, and errors of means over the estimates (draws, p)."""
-        pairs = [self._each.get((at, self._source(at, number)))
-                 for at, number in enumerate(chosen)]  # fmt: skip
+    def _drawn(self, chosen: tuple[int, ...]) -> Draws:
+        """Draws of the processes that make the parts."""
         none = np.ones(self.draws), np.zeros(self.draws)
-        variance, error = zip(*(none if pair is None else pair for pair in pairs), strict=True)
-        return np.stack(variance, axis=1), np.stack(error, axis=1)
+        pairs = [self._each.get((at, self._source(at, number)), none)
+                 for at, number in enumerate(chosen)]  # fmt: skip
+        variance, error = zip(*pairs, strict=True)
+        return Draws(np.stack(variance, axis=1), np.stack(error, axis=1))
 
     @cached_property
     def _each(self) -> dict[tuple[int, str], tuple[Array, Array]]:
@@ -48,8 +48,8 @@ class Posterior:
                 key, known = (at, self._source(at, number)), part.known(number)
                 if known is not None and key not in found:
                     machine = [] if part.sample is not None else [number + 1]
-                    rng = np.random.default_rng([self.seed, at, *machine])
-                    found[key] = known.drawn(self.draws, rng)
+                    own = Draws.of([known], [(self.seed, at, *machine)], self.draws)
+                    found[key] = own.variance[:, 0], own.error[:, 0]
         return found
 
     def _source(self, at: int, number: int) -> str:
@@ -97,37 +97,33 @@ class Posterior:
         return [(chosen, rows[first : first + step]) for chosen, rows in self._choices(t)
                 for first in range(0, len(rows), step)]  # fmt: skip
 
-    def _coefficients(self, one: Measured, chosen: tuple[int, ...]) -> tuple[Array, Array]:
-        """Variances (draws, p) and shifts of the mean (draws, p) of a requirement at t = 1."""
-        variance, error = self._drawn(chosen)
-        std = np.array([p.distribution.sigma if p.sampled else 0.0  # type: ignore[attr-defined]
-                        for p in self.parts])  # fmt: skip
-        slope = one.linear.slope * std
-        return variance * np.diag(one.linear.covariance), error * slope + one.linear.mean
+    @property
+    def _std(self) -> Array:
+        """Standard deviations (p,) at t = 1 of parts that are known by samples, else 0."""
+        return np.array([p.distribution.sigma if p.sampled else 0.0  # type: ignore[attr-defined]
+                         for p in self.parts])  # fmt: skip
+
+    def _sums(self, one: Measured, t: Tolerances) -> Sums:
+        """The requirement as a sum of the deviations of the parts."""
+        s, mechanism, linear = spread_of(t), one.mechanism, one.linear
+        mean = mechanism.centre + mean_of(t) @ linear.slope + s @ linear.mean
+        return Sums(mean, s * np.sqrt(np.diag(linear.covariance)), s * linear.slope * self._std,
+                    np.zeros(len(s)), mechanism.lower, mechanism.upper)  # fmt: skip
 
     def _yields(self, one: Measured, t: Tolerances, chosen: tuple[int, ...]) -> Array:
         """Yields (n, draws)."""
-        _, above, below = self._ends(one, t, *self._coefficients(one, chosen))
-        return np.asarray(ndtr(above) - ndtr(below))
-
-    def _ends(
-        self, one: Measured, t: Tolerances, square: Array, shift: Array
-    ) -> tuple[Array, Array, Array]:
-        """Standard deviations, and how many of these the limits are away from the mean, (n, draws)
-        each, of variances and shifts at t = 1.
-        """
-        s, mechanism = spread_of(t), one.mechanism
-        std = np.maximum(np.sqrt(s**2 @ square.T), 1e-300)
-        mean = mechanism.centre + (mean_of(t) @ one.linear.slope)[:, None] + s @ shift.T
-        return std, (mechanism.upper - mean) / std, (mechanism.lower - mean) / std
+        return self._sums(one, t).yields(self._drawn(chosen))
 
     def _slopes(self, one: Measured, t: Tolerances, chosen: tuple[int, ...]) -> Array:
-        square, shift = self._coefficients(one, chosen)
-        std, above, below = self._ends(one, t, square, shift)
+        sums, drawn = self._sums(one, t), self._drawn(chosen)
+        std, above, below = sums.ends(drawn)
         bells = [np.where(np.isfinite(z), np.exp(-0.5 * np.where(np.isfinite(z), z, 0.0) ** 2), 0.0)
                  / (np.sqrt(2.0 * np.pi) * std) for z in (above, below)]  # fmt: skip
         far = [np.where(np.isfinite(z), z, 0.0) for z in (above, below)]
         by_mean = -(bells[0] - bells[1])
         by_std = -(bells[0] * far[0] - bells[1] * far[1])
-        each = by_mean @ shift + ((by_std / std) @ square) * spread_of(t)
-        return np.asarray(100.0 * each / self.draws)
+        s, linear = spread_of(t), one.linear
+        moved = by_mean @ drawn.error * linear.slope * self._std
+        moved += by_mean.sum(axis=1)[:, None] * linear.mean
+        wider = ((by_std / std) @ drawn.variance) * np.diag(linear.covariance) * s
+        return np.asarray(100.0 * (moved + wider) / self.draws)

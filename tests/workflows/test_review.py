@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tolevo.cli import app
+from tolevo.configuration import read
 
 CONFIGURATION = """
 problem = "stack"
@@ -170,3 +171,42 @@ def test_a_run_without_a_promise_has_nothing_to_review(
     done = CliRunner().invoke(app, ["review", str(tmp_path / "o"), str(first / "c.toml")])
     assert done.exit_code == 2
     assert words in done.output
+
+
+REDUCER = """
+problem = "rv_backlash"
+[objectives]
+minimise = ["cost"]
+[promise]
+yield_percent = 99.73
+statement = "assured"
+[variables.pin_radius_um.measured]
+values = {values}
+made_to = 4.0
+mean = "corrected"
+"""
+
+
+def test_a_run_of_another_problem_is_reviewed(tmp_path: Path) -> None:
+    """Variables are found by name, with or without their unit; files are opened once."""
+    rng, run = np.random.default_rng(3), tmp_path / "o"
+    run.mkdir()
+    text = REDUCER.format(values=rng.normal(0.0, 4.0 / 3.0, 20).round(4).tolist())
+    (run / "config.toml").write_text(text, encoding="utf-8")
+    problem = read(run / "config.toml").problem
+    found = problem.frame(problem.complete(0.5 * (problem.xl + problem.xu)[None, :]))
+    found.to_csv(run / "front.csv", index=False)
+    names = ["pin_radius_um", "pin_position_um"]
+    pd.DataFrame({"point": 0, "variable": names, "rounded": [5.0, 4.0]}).to_csv(
+        run / "allocation.csv", index=False)  # fmt: skip
+    parts = pd.DataFrame({"pin_radius": rng.normal(0.0, 3.0, 40), "note": 1.0}).round(4)
+    parts.to_csv(tmp_path / "now.csv", index=False)
+    parts.iloc[:, :1].multiply(0.4).to_csv(tmp_path / "first.csv", index=False)
+    told = reviewed(str(run), str(tmp_path / "now.csv"), "--since", str(tmp_path / "first.csv"))
+    assert "promised: at least 99.73 % of the units conform, with 95 % confidence" in told
+    assert "pin_radius_um scatters 2.5 times as much as the earlier parts" in told
+    row = next(
+        line.split() for line in told.splitlines() if line.split()[:2] == ["pin_radius_um", "um"]
+    )
+    assert row[2] == "40"
+    assert float(row[4]) == pytest.approx(5.0 / (3.0 * parts["pin_radius"].std()), rel=1e-3)

@@ -8,19 +8,23 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ...algorithms.exact.afresh import kept
 from ...algorithms.exact.bounds import row_limits
+from ...algorithms.exact.branch import Branch
 from ...algorithms.exact.choices import Optimum, least_cost
-from ...algorithms.exact.epsilon import SETS
+from ...algorithms.exact.epsilon import SETS, scale_of
 from ...algorithms.exact.solver import Exact, closed_form
 from ...algorithms.hybrid import Hybrid
+from ...algorithms.run import Run
 from ...algorithms.search import search
 from ...algorithms.settings import Budget
 from ...problems.forms import Form
 from ...problems.stack import Stack
+from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
 Solved: TypeAlias = tuple[Form, Optimum]
-"""The form of a stack, and its least cost."""
+"""The form of a problem, and its least cost."""
 EVALUATIONS = 600
 """Of a search among many choices of processes."""
 
@@ -33,31 +37,61 @@ class Least:
     design: Array
 
     @classmethod
-    def none(cls, stack: Stack) -> Least:
+    def none(cls, problem: ToleranceProblem) -> Least:
         """No design."""
-        return cls(float("nan"), np.full(len(stack.variables), np.nan))
+        return cls(float("nan"), np.full(len(problem.variables), np.nan))
 
 
-def cheapest(stack: Stack) -> Least:
-    """The cheapest design of a stack whose only objective is the cost: exact where it can be.
+def cheapest(problem: ToleranceProblem, near: Array | None = None) -> Least:
+    """The cheapest design of a problem whose only objective is the cost: exact where it can be.
 
-    Many choices without a closed form are searched (an expected yield by sampled machines).
+    Many choices without a closed form are searched (an expected yield by sampled machines). A
+    problem that is judged by its units is solved from the design `near` (all variables,), at its
+    integers.
     """
-    choices = float(np.prod([len(part.processes) for part in stack.definition.parts], dtype=float))
-    if closed_form(stack) is None and choices > SETS:
-        found = search(stack, Hybrid(), Budget(evaluations=EVALUATIONS), stack.settings.seed)
+    if problem.sampled and near is not None:
+        return _near(problem, near)
+    if _many(problem):
+        found = search(problem, Hybrid(), Budget(evaluations=EVALUATIONS), problem.settings.seed)
     else:
-        found = search(stack, Exact(), Budget(), stack.settings.seed)
-    if not len(found.f):
-        return Least.none(stack)
-    at = int(np.argmin(found.f[:, 0]))
-    return Least(float(found.f[at, 0]), stack.complete(found.x[at : at + 1])[0])
+        found = search(problem, Exact(), Budget(), problem.settings.seed)
+    x = found.chosen if len(found.chosen) else found.x
+    if not len(x):
+        return Least.none(problem)
+    designs = problem.complete(x)
+    costs = problem.cost_of(designs)
+    at = int(np.argmin(costs))
+    return Least(float(costs[at]), designs[at])
 
 
-def solved(stack: Stack) -> Solved | None:
-    """The form of a stack and its least cost with multipliers; None without a closed form."""
-    form = closed_form(stack)
+def _many(problem: ToleranceProblem) -> bool:
+    """Whether a problem has more choices of processes than are enumerated, and no closed form."""
+    if not isinstance(problem, Stack):
+        return False
+    parts = problem.definition.parts
+    choices = float(np.prod([len(part.processes) for part in parts], dtype=float))
+    return choices > SETS and closed_form(problem) is None
+
+
+def _near(problem: ToleranceProblem, near: Array) -> Least:
+    """By gradients from a design (all,), at its integers, tested on fresh units."""
+    run = Run(problem, Budget(), problem.settings.seed)
+    free = [problem.names.index(v.name) for v in problem.free]
+    branch = Branch(run, np.clip(near[free], problem.xl, problem.xu), scale_of(problem))
+    start = branch.smooth.scaled(near[None, free])[0]
+    if branch.minimise(0, start, np.full(1, np.inf)) is None:
+        return Least.none(problem)
+    x = kept(run, branch, branch.y[0], branch.f[0], search=True)
+    if np.any(problem.tested(x)[1] > 0.0):
+        return Least.none(problem)
+    design = problem.complete(x)
+    return Least(float(problem.cost_of(design)[0]), design[0])
+
+
+def solved(problem: ToleranceProblem) -> Solved | None:
+    """The form of a problem and its least cost with multipliers; None without a closed form."""
+    form = closed_form(problem)
     if form is None:
         return None
-    found = least_cost(form, row_limits(stack, form)[None, :])
+    found = least_cost(form, row_limits(problem, form)[None, :])
     return (form, found) if np.isfinite(found.cost[0]) else None

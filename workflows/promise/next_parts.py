@@ -13,13 +13,17 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from ...algorithms.exact.solver import closed_form
 from ...models.capability import Knowledge
+from ...problems.promise import PROMISED
 from ...problems.spread import spread_of
-from ...problems.stack import Stack
-from ...problems.stack.anew import with_knowledge
-from .least import Solved, solved
+from ...problems.tolerance_problem import ToleranceProblem
+from ..choice.prices import prices
+from ..choice.slopes import slopes_of
+from .anew import known_of, with_knowledge
+from .least import Least, Solved, cheapest, solved
 
 Array = NDArray[np.float64]
 MORE = 20
@@ -32,32 +36,42 @@ COLUMNS = ("rank", "part", "parts_measured", "more_parts", "shadow_gain", "shado
            "expected_gain", "expected_gain_percent")  # fmt: skip
 
 
-def next_parts(stack: Stack, first: int = FIRST) -> pd.DataFrame:
-    """The ranking of the measured parts of a stack with an assured promise and no objective but the
-    cost; empty where its least cost is not known in closed form.
+def next_parts(
+    problem: ToleranceProblem, first: int = FIRST, least: Least | None = None
+) -> pd.DataFrame:
+    """The ranking of the measured parts of a problem with an assured promise and no objective but
+    the cost. `least` is its least cost where that is known.
+
+    Where the least cost has no closed form the shadow price is that of the conditions of an optimum
+    at the cheapest design, and nothing is optimised again. Empty where neither is known.
     """
-    names = [part.name for part in stack.definition.parts if part.sample is not None]
-    start = solved(stack)
-    if start is None or not names:
-        return pd.DataFrame(columns=list(COLUMNS))
-    cost = float(start[1].cost[0])
-    gains = {name: shadow_gain(stack, name, start) for name in names}
-    ranked = sorted(names, key=lambda name: -gains[name])
+    known = known_of(problem)
+    start = solved(problem) if known else None
+    if start is not None:
+        cost = float(start[1].cost[0])
+        gains = {name: shadow_gain(problem, name, start) for name in known}
+    else:
+        least = least or (cheapest(problem) if known and not problem.sampled else None)
+        if least is None or not np.isfinite(least.cost):
+            return pd.DataFrame(columns=list(COLUMNS))
+        cost, gains = least.cost, shadow_gains(problem, least.design)
+    ranked = sorted(gains, key=lambda name: -gains[name])
     rows = []
     for rank, name in enumerate(ranked, 1):
-        expected = expected_gain(stack, name, start) if rank <= first else np.nan
-        rows.append((rank, name, int(_known(stack, name).n), MORE, gains[name],
+        again = rank <= first and start is not None
+        expected = expected_gain(problem, name, start) if again else np.nan
+        rows.append((rank, name, int(known[name].n), MORE, gains[name],
                      100.0 * gains[name] / cost, expected, 100.0 * expected / cost))  # fmt: skip
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
-def shadow_gain(stack: Stack, name: str, start: Solved | None = None) -> float:
+def shadow_gain(problem: ToleranceProblem, name: str, start: Solved | None = None) -> float:
     """What more parts of one characteristic are worth at the present tolerances.
 
-    `start` is the form of the stack with its least cost, where it is known.
+    `start` is the form of the problem with its least cost, where it is known.
     """
-    start = start or solved(stack)
-    anew = closed_form(with_knowledge(stack, {name: with_more(_known(stack, name), 1.0)}))
+    start = start or solved(problem)
+    anew = closed_form(with_knowledge(problem, {name: with_more(known_of(problem)[name], 1.0)}))
     if start is None or anew is None:
         return 0.0
     form, found = start
@@ -70,23 +84,51 @@ def shadow_gain(stack: Stack, name: str, start: Solved | None = None) -> float:
     return float(found.multiplier[0] @ np.maximum(before - after, 0.0))
 
 
-def expected_gain(stack: Stack, name: str, start: Solved | None = None) -> float:
+def shadow_gains(problem: ToleranceProblem, design: Array) -> dict[str, float]:
+    """The same of every characteristic by the conditions of an optimum at a full design (all,).
+
+    The promise is taken to cost alike by standard normal quantile. Empty where its price is not
+    known.
+    """
+    frame = problem.frame(design[None, :])
+    priced = prices(problem, frame, slopes_of(problem, design[None, :]))
+    own = priced[priced["output"] == PROMISED] if len(priced) else priced
+    if own.empty or not float(own["price"].iloc[0]) > 0.0:
+        return {}
+    known = known_of(problem)
+    before = _quantile(problem, design)
+    rise = 100.0 * np.exp(-0.5 * before**2) / np.sqrt(2.0 * np.pi)
+    gains = {}
+    for name, one in known.items():
+        anew = with_knowledge(problem, {name: with_more(one, 1.0)})
+        more = max(_quantile(anew, design) - before, 0.0)
+        gains[name] = float(own["price"].iloc[0]) * rise * more
+    return gains
+
+
+def _quantile(problem: ToleranceProblem, design: Array) -> float:
+    """Standard normal quantile of the promised yield, as a search sees it."""
+    found = problem.outputs_of(design[None, :], searching=True)[PROMISED]
+    return float(ndtri(np.clip(0.01 * found[0], 1e-12, 1.0 - 1e-12)))
+
+
+def expected_gain(problem: ToleranceProblem, name: str, start: Solved | None = None) -> float:
     """The expected fall of the least cost by the next sample of one characteristic.
 
     What it will say of the variance follows an F distribution; its mean is taken as it is. `start`
-    is as in `shadow_gain`.
+    is as in `shadow_gain`; NaN without a closed form.
     """
     from scipy import stats  # takes long to import
 
-    start = start or solved(stack)
+    start = start or solved(problem)
     if start is None:
         return float("nan")
-    known = _known(stack, name)
+    known = known_of(problem)[name]
     share = (np.arange(PLACES) + 0.5) / PLACES
     ratios = stats.f.ppf(share, MORE, known.df)
     costs = []
     for ratio in ratios.tolist():
-        anew = solved(with_knowledge(stack, {name: with_more(known, ratio)}))
+        anew = solved(with_knowledge(problem, {name: with_more(known, ratio)}))
         if anew is None:
             return float("nan")
         costs.append(float(anew[1].cost[0]))
@@ -102,9 +144,3 @@ def with_more(known: Knowledge, ratio: float) -> Knowledge:
         gauge = replace(gauge, seen=gauge.gauge + share * gauge.own, seen_df=gauge.seen_df + MORE)
     return replace(known, std=known.std * float(np.sqrt(share)), n=known.n + MORE, df=df,
                    difference=gauge)  # fmt: skip
-
-
-def _known(stack: Stack, name: str) -> Knowledge:
-    sample = next(part.sample for part in stack.definition.parts if part.name == name)
-    assert sample is not None
-    return sample.knowledge

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ...problems.promise import ASSURANCE, ASSURED, STATEMENTS, YIELD, Promise
-from ...problems.promising import Promising
 from ...problems.stack import Stack
-from ...problems.stack.anew import cheapest_at, with_statement
 from ...problems.tolerance_problem import ToleranceProblem
-from .least import cheapest
+from .anew import cheapest_at, with_statement
+from .least import Least, cheapest
+from .limits import promised_limits
 from .next_parts import next_parts
-from .shapes import bootstrapped, doubt, shapely, withheld
+from .shapes import bootstrapped, shapely, withheld
 
+Array = NDArray[np.float64]
+SURE = 2.0
+"""Standard errors by which an assurance by units may fall short of the confidence."""
 COSTS = ("statement", "cost", "dearer_percent", YIELD, ASSURANCE)
 
 
@@ -34,67 +39,75 @@ def promise_outcome(
     problem: ToleranceProblem, front: pd.DataFrame, point: int
 ) -> PromiseOutcome | None:
     """The promise at one point of a front; None where nothing is promised or found."""
-    if isinstance(problem, Promising) and problem.promise is not None and not front.empty:
-        return _of_deviations(problem, problem.promise, front.iloc[point], point)
-    if not isinstance(problem, Stack) or problem.promises is None or front.empty:
+    promise = problem.promise
+    if promise is None or front.empty or not promised_limits(problem):
         return None
-    promise, row = problem.promises.promise, front.iloc[point]
+    row, design = front.iloc[point], problem.designs_of(front.iloc[[point]])[0]
     levels = {name: float(row[name]) for name in problem.objectives if name != "cost"}
-    stack = cheapest_at(problem, levels)
-    costs = by_statement(stack)
-    ranking = next_parts(with_statement(stack, ASSURED))
-    why = withheld(problem)
-    names = [name for name in row.index if str(name).split(".")[-1] == ASSURANCE]
-    assurance = min(float(row[name]) for name in names)
+    own = cheapest_at(problem, levels)
+    least = {statement: _least(with_statement(own, statement), design, promise, levels)
+             for statement in STATEMENTS}  # fmt: skip
+    costs = by_statement(own, least)
+    ranking = next_parts(with_statement(own, ASSURED), least=least[ASSURED])
     summary: dict[str, Any] = promise.table() | {
         "point": point,
-        ASSURANCE: assurance,
-        "assured_withheld": why,
+        ASSURANCE: _least_of(dict(row), ASSURANCE),
+        "assured_withheld": withheld(problem),
         "costs": {one["statement"]: one["cost"] for one in costs.to_dict("records")},
         "hangs_on": str(ranking["part"].iloc[0]) if len(ranking) else None,
     }
-    if (level := problem.promises.level) is not None:
-        summary |= {"level_percent": 100.0 * level.confidence, "level_sure": level.sure,
-                    "without_choice_percent": 100.0 * level.without}  # fmt: skip
-    if shapely(problem):
-        design = problem.designs_of(front.iloc[[point]])[0]
-        summary["bootstrap_percent"] = bootstrapped(problem, design)
+    if promise.statement == ASSURED and problem.sampled:
+        doubt = SURE * _least_of(dict(row), f"{ASSURANCE}_error")
+        summary["kept"] = bool(summary[ASSURANCE] + doubt >= promise.confidence_percent)
+    if isinstance(problem, Stack):
+        summary |= _of_stack(problem, design)
     return PromiseOutcome(summary, sentence(summary, promise.words(), costs), costs, ranking)
 
 
-def _of_deviations(
-    problem: Promising, promise: Promise, row: pd.Series, point: int
-) -> PromiseOutcome:
-    """The promise of a problem that gives variances: its assurance, and what withholds the word."""
-    samples = [(name, one) for name, _, one in problem.samples()]
-    summary: dict[str, Any] = promise.table() | {
-        "point": point,
-        ASSURANCE: float(row[ASSURANCE]),
-        "assured_withheld": [f"{name} {why}" for name, one in samples if (why := doubt(one))],
-        "hangs_on": None,
-    }
-    nothing = pd.DataFrame({"statement": [], "cost": []})
-    return PromiseOutcome(summary, sentence(summary, promise.words(), nothing), nothing,
-                          pd.DataFrame())  # fmt: skip
+def _least(
+    problem: ToleranceProblem, design: Array, promise: Promise, levels: Mapping[str, float]
+) -> Least:
+    """The least cost by a statement; of one objective and the run's own statement that of the run,
+    where it is judged by units.
+    """
+    own = problem.promise
+    assert own is not None
+    if problem.sampled and not levels and own.statement == promise.statement:
+        return Least(float(problem.cost_of(design[None, :])[0]), design)
+    return cheapest(problem, design)
 
 
-def by_statement(stack: Stack) -> pd.DataFrame:
+def _of_stack(problem: Stack, design: Array) -> dict[str, Any]:
+    """What is found of the level of the norm, and by the Bayesian bootstrap."""
+    found: dict[str, Any] = {}
+    if problem.promises is not None and (level := problem.promises.level) is not None:
+        found |= {"level_percent": 100.0 * level.confidence, "level_sure": level.sure,
+                  "without_choice_percent": 100.0 * level.without}  # fmt: skip
+    if shapely(problem):
+        found["bootstrap_percent"] = bootstrapped(problem, design)
+    return found
+
+
+def by_statement(problem: ToleranceProblem, least: Mapping[str, Least]) -> pd.DataFrame:
     """The least cost by each statement, its plug-in yield and its assurance."""
-    rows = []
-    for statement in STATEMENTS:
-        own = with_statement(stack, statement)
-        least = cheapest(own)
+    promise, rows = problem.promise, []
+    assert promise is not None
+    for statement, one in least.items():
         found = dict.fromkeys((YIELD, ASSURANCE), np.nan)
-        if np.isfinite(least.cost):
-            outputs = own.outputs_of(least.design[None, :])
-            for name in found:
-                each = [float(value[0]) for key, value in outputs.items()
-                        if key.split(".")[-1] == name]  # fmt: skip
-                found[name] = min(each)
-        rows.append({"statement": statement, "cost": least.cost, **found})
+        if np.isfinite(one.cost):
+            outputs = with_statement(problem, statement).outputs_of(one.design[None, :])
+            each = {name: float(value[0]) for name, value in outputs.items()}
+            found = {YIELD: _least_of(each, promise.of), ASSURANCE: _least_of(each, ASSURANCE)}
+        rows.append({"statement": statement, "cost": one.cost, **found})
     table = pd.DataFrame(rows)
     table["dearer_percent"] = 100.0 * (table["cost"] / table["cost"].iloc[0] - 1.0)
     return table[list(COSTS)]
+
+
+def _least_of(row: Mapping[Any, Any], name: str) -> float:
+    """The least of an output over all requirements."""
+    own = [value for key, value in row.items() if str(key).split(".")[-1] == name]
+    return min(map(float, own), default=float("nan"))
 
 
 def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
@@ -105,6 +118,8 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
         told += (f" (if all parts were normal; it is not called assured, for "
                  f"{'; '.join(summary['assured_withheld'])})")  # fmt: skip
     told += f"; over what the samples leave open it is kept with a probability of {kept:.1f} %"
+    if summary.get("kept") is False:
+        told += ", less than the confidence that was asked for: it is not assured"
     if "bootstrap_percent" in summary:
         told += f", by the Bayesian bootstrap {float(summary['bootstrap_percent']):.1f} %"
     by = costs.set_index("statement")["cost"]
@@ -114,7 +129,7 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
         told += (f". At the least cost the estimates alone would ask for {by.iloc[0]:.4g}, an "
                  f"expected yield for {by.get('predictive', np.nan):.4g}, assurance for "
                  f"{by[ASSURED]:.4g}")  # fmt: skip
-    elif not np.isfinite(by.get(ASSURED, np.nan)):
+    elif not np.isfinite(by.get(ASSURED, np.nan)) and "kept" not in summary:
         told += ". There is no assured choice: even the tightest tolerances do not assure it"
     if summary["hangs_on"]:
         told += f". It hangs most on {summary['hangs_on']}: measure more of it first"

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from ...problems.promise import ASSURANCE, YIELD
+from ...models.capability import PartSample
+from ...models.inputs import Distribution
+from ...problems.promise import ASSURANCE
 from ...problems.stack import Stack
-from ...problems.stack.definition import Part
+from ...problems.tolerance_problem import ToleranceProblem
+from .anew import cheapest_at
 from .least import Least, cheapest
 
 Array = NDArray[np.float64]
@@ -31,23 +34,25 @@ class Review:
 
 
 def review(
-    before: Stack,
+    before: ToleranceProblem,
     design: Mapping[str, float],
-    now: Stack,
-    reset: Stack | None,
+    now: ToleranceProblem,
+    reset: ToleranceProblem | None,
     made: Sequence[str],
-    since: Stack | None = None,
+    since: ToleranceProblem | None = None,
     attributed: str = "",
 ) -> Review:
-    """The review of a run's design by parts made to it; the stacks as `Reopened` has them."""
-    full = _full(before, design)
-    promise = before.promises
+    """The review of a run's design by parts made to it; the problems as `Reopened` has them."""
+    promise = before.promise
     assert promise is not None
-    told = [f"promised: {promise.promise.words()}"]
+    full = _full(before, design)
+    told = [f"promised: {promise.words()}"]
     told.append(f"when it was promised: {_worth(before, full)}")
-    told.append(f"by the parts now: {_worth(now, full)}")
-    anew = Least.none(before) if reset is None else cheapest(_alone(reset))
-    cost = float(before.outputs_of(full[None, :])["cost"][0])
+    told.append(f"by the parts now: {_worth(now, _full(now, design))}")
+    anew = Least.none(before)
+    if reset is not None:
+        anew = cheapest(cheapest_at(reset, {}), _full(reset, design))
+    cost = float(before.cost_of(full[None, :])[0])
     if reset is not None and np.isfinite(anew.cost):
         side = "saves" if anew.cost < cost else "costs"
         told.append(
@@ -58,83 +63,116 @@ def review(
     else:
         told.append("no allocation keeps the promise by what the parts say now, even at the "
                     "tightest tolerances")  # fmt: skip
-    rows = [_row(part, before, now, design, anew.design, part.name in made)
-            for part in before.definition.parts]  # fmt: skip
-    told += [text for one in now.definition.parts if one.sample is not None
-             and one.name in made for text in
-             (f"{one.name} {finding.text}" for finding in one.sample.found)]  # fmt: skip
+    then, latest = characteristics(before), characteristics(now)
+    shown = [name for name, one in then.items() if name in made or not one.fixed or one.stated]
+    rows = [_row(then[name], latest[name], design, anew.design, name in made) for name in shown]
+    for name in made:
+        sample = latest[name].sample
+        told += [f"{name} {one.text}" for one in (sample.found if sample is not None else ())]
     if since is not None:
-        told += _since(since, now, made, full)
+        told += _since(since, now, made, design)
     if attributed:
         told.append(f"the units' own measurement: {attributed}")
     return Review(tuple(told), pd.DataFrame(rows))
 
 
-def _full(stack: Stack, design: Mapping[str, float]) -> Array:
-    """A full design (all variables,) with the half-widths of the drawing."""
-    found = stack.corner(tight=True)
-    for at, name in enumerate(stack.names):
-        found[at] = float(design.get(name, found[at]))
+def _full(problem: ToleranceProblem, design: Mapping[str, float]) -> Array:
+    """A full design (all variables,) with the tolerances of the drawing."""
+    found = (problem.corner(tight=True) if isinstance(problem, Stack)
+             else problem.complete(problem.xl[None, :])[0])  # fmt: skip
+    for at, name in enumerate(problem.names):
+        found[at] = problem.fixed.get(name, float(design.get(name, found[at])))
     return found
 
 
-def _alone(stack: Stack) -> Stack:
-    """The same with the cost as the only objective."""
-    return Stack(replace(stack.given, objectives=("cost",)))
-
-
-def _worth(stack: Stack, design: Array) -> str:
+def _worth(problem: ToleranceProblem, design: Array) -> str:
     """Yield by the estimates and assurance of a full design, the least of all requirements."""
-    found = stack.outputs_of(design[None, :])
+    found, promise = problem.outputs_of(design[None, :]), problem.promise
+    assert promise is not None
     each = {name: min(float(value[0]) for key, value in found.items()
                       if key.split(".")[-1] == name and np.isfinite(value[0]))
-            for name in (YIELD, ASSURANCE)}  # fmt: skip
-    return (f"{each[YIELD]:.4g} % conform by the estimates, the promise is kept with a probability "
-            f"of {each[ASSURANCE]:.1f} %")  # fmt: skip
+            for name in (promise.of, ASSURANCE)}  # fmt: skip
+    return (f"{each[promise.of]:.4g} % conform by the estimates, the promise is kept with a "
+            f"probability of {each[ASSURANCE]:.1f} %")  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Characteristic:
+    """What may be measured: the place of its tolerance among the variables, its sample and Cp."""
+
+    name: str
+    unit: str
+    at: int
+    tolerance: str
+    sample: PartSample | None
+    cp: float
+    fixed: bool
+    stated: bool = False
+
+
+def characteristics(problem: ToleranceProblem) -> dict[str, Characteristic]:
+    """The parts of a stack, or the tolerances of another problem, by name."""
+    if isinstance(problem, Stack):
+        names = [f"{part.name}_t" for part in problem.definition.parts]
+        return {part.name: Characteristic(part.name, part.unit, problem.names.index(t), t,
+                                          part.sample, _capability(part.distribution),
+                                          part.fixed, stated=True)
+                for part, t in zip(problem.definition.parts, names, strict=True)}  # fmt: skip
+    found = {}
+    for at, v in enumerate(problem.variables):
+        own = problem.settings.variables[v.name]
+        if v.tolerance and not v.integer:
+            cp = np.nan if own.distribution is None else _capability(own.distribution)
+            found[v.name] = Characteristic(v.name, v.unit, at, v.name, own.sample, cp,
+                                           v.name in problem.fixed)  # fmt: skip
+    return found
 
 
 def _row(
-    part: Part, before: Stack, now: Stack, design: Mapping[str, float], anew: Array, made: bool
+    then: Characteristic,
+    now: Characteristic,
+    design: Mapping[str, float],
+    anew: Array,
+    made: bool,
 ) -> dict[str, object]:
-    """What changed of a part, and what its tolerance should be."""
-    name = f"{part.name}_t"
-    t = float(design.get(name, part.low))
-    new = float(anew[before.names.index(name)])
-    ends = [_capability(_part(one, part.name)) for one in (before, now)]
-    sample = _part(now, part.name).sample
+    """What changed of a characteristic, and what its tolerance should be."""
+    new, sample = float(anew[then.at]), now.sample
+    t = float(design.get(then.tolerance, new))
     advice = "keep"
     if not np.isfinite(new):
         advice = "unknown"
     elif abs(new / t - 1.0) > SAME:
         advice = "loosen" if new > t else "tighten"
     return {
-        "part": part.name,
-        "unit": part.unit,
+        "part": then.name,
+        "unit": then.unit,
         "parts": len(sample.deviations) if made and sample is not None else 0,
-        "cp_then": ends[0],
-        "cp_now": ends[1],
+        "cp_then": then.cp,
+        "cp_now": now.cp,
         "offset": sample.knowledge.mean if made and sample is not None else np.nan,
         "tolerance": t,
         "new_tolerance": new,
-        "advice": "keep" if part.fixed else advice,
+        "advice": "keep" if then.fixed else advice,
     }
 
 
-def _part(stack: Stack, name: str) -> Part:
-    return next(one for one in stack.definition.parts if one.name == name)
-
-
-def _capability(part: Part) -> float:
+def _capability(law: Distribution) -> float:
     """Half-width over three standard deviations, of whatever law."""
-    m1, m2 = part.distribution.raw_moments(2)[1:]
+    m1, m2 = law.raw_moments(2)[1:]
     return float(1.0 / (3.0 * np.sqrt(m2 - m1**2)))
 
 
-def _since(since: Stack, now: Stack, made: Sequence[str], full: Array) -> list[str]:
+def _since(
+    since: ToleranceProblem,
+    now: ToleranceProblem,
+    made: Sequence[str],
+    design: Mapping[str, float],
+) -> list[str]:
     """What the parts say that earlier ones did not."""
-    told = [f"by the earlier parts: {_worth(since, full)}"]
+    told = [f"by the earlier parts: {_worth(since, _full(since, design))}"]
+    earlier, latest = characteristics(since), characteristics(now)
     for name in made:
-        old, new = _part(since, name).sample, _part(now, name).sample
+        old, new = earlier[name].sample, latest[name].sample
         if old is None or new is None or old is new:
             continue
         a, b = old.deviations, new.deviations
@@ -147,6 +185,6 @@ def _since(since: Stack, now: Stack, made: Sequence[str], full: Array) -> list[s
         if float(moved.pvalue) < CHANGED:
             told.append(
                 f"the mean of {name} moved by {float(b.mean() - a.mean()):+.4g} "
-                f"{_part(now, name).unit} (by chance: {float(moved.pvalue):.2g})"
+                f"{latest[name].unit} (by chance: {float(moved.pvalue):.2g})"
             )
     return told

@@ -8,6 +8,7 @@ from scipy import stats
 
 from ...models.capability import PartSample, cumulants_drawn, kept
 from ...problems.stack import Stack
+from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
 FEW = 20
@@ -18,9 +19,9 @@ DRAWS = 4000
 """Draws of the Bayesian bootstrap."""
 
 
-def withheld(stack: Stack) -> list[str]:
+def withheld(problem: ToleranceProblem) -> list[str]:
     """Why the word "assured" is withheld, a phrase for each part; none where it is not."""
-    return [f"{name} {why}" for name, _, sample in stack.samples() if (why := doubt(sample))]
+    return [f"{name} {why}" for name, _, sample in problem.samples() if (why := doubt(sample))]
 
 
 def shapely(stack: Stack) -> bool:

@@ -1,0 +1,173 @@
+"""Problems whose yield has no closed form: a promise is judged by draws of the posterior.
+
+In a search a promised yield is that of processes as unfavourable as the samples leave open
+(`worst_process`). At a reported point the units themselves are evaluated at a few draws of the
+posterior, a quadratic function is fitted to them, and all draws decide: the promised yield is that
+of the processes along the worst direction that are as unfavourable as the confidence asks.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from .draws import Draws
+from .promise import ASSURED, assured_percent
+from .response import Response, evaluations
+from .with_promise import WithPromise
+from .worst_process import Worst
+
+Array = NDArray[np.float64]
+SOFTEST, HARDEST = -2.0, 6.0
+"""Where along the worst direction the processes are looked for that the confidence asks for."""
+KEPT = 64
+"""Verdicts kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shortfall:
+    """By how much the promised share misses its limit, (q,) at q states of the processes; at most 0
+    where it is kept. `slopes` (q, d) are by scales and by the shifts that count, where known;
+    `error` is the standard error of a value.
+    """
+
+    values: Array
+    error: float
+    slopes: Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the draws say of a design, in percent, and the shortfalls that they have."""
+
+    promised: float
+    assurance: float
+    error: float
+    shortfalls: Array
+
+
+class Judged(WithPromise):
+    """A problem that evaluates its units for any state of its processes.
+
+    A state is a scale of each known standard deviation, and an error of each mean in standard
+    deviations by the estimates, in the order of `known`.
+    """
+
+    @abstractmethod
+    def shortfall(
+        self, design: Array, scales: Array, shifts: Array, searching: bool = False
+    ) -> Shortfall:
+        """Of a full design (all,) at states (q, k)."""
+
+    @abstractmethod
+    def steepness(self, design: Array, searching: bool) -> tuple[Array, Array]:
+        """Derivatives (k,) of the shortfall by scales and shifts where the estimates are true."""
+
+    @abstractmethod
+    def yield_at(self, design: Array, scale: Array, shift: Array, searching: bool) -> float:
+        """The yield [percent] of a full design (all,) at one state (k,)."""
+
+    @abstractmethod
+    def expected_yields(self, designs: Array, searching: bool) -> Array:
+        """The yield [percent] (n,) that is expected over the posterior."""
+
+    @property
+    def shifting(self) -> Array:
+        """Which means (k,) may be off; by default none."""
+        return np.zeros(len(self.known), dtype=bool)
+
+    def coordinates(self, scales: Array, shifts: Array) -> Array:
+        """What the shortfall is a smooth function of, (q, d), of states (q, k)."""
+        return np.hstack([scales - 1.0, shifts[:, self.shifting]])
+
+    def worst(self, design: Array, searching: bool) -> Worst:
+        """The worst direction of the processes of a full design (all,)."""
+        promise = self.settings.promise
+        assert promise is not None
+        steep = self.steepness(design, searching)
+        return Worst.of(list(self.known.values()), *steep, promise.confidence)
+
+    def promised_yields(self, designs: Array, searching: bool) -> Array:
+        promise = self.settings.promise
+        assert promise is not None
+        if promise.statement != ASSURED:
+            return self.expected_yields(designs, searching)
+        if not searching:
+            return np.array([self.verdict(one).promised for one in designs])
+        return np.array([self.yield_at(one, *self.worst(one, True).at(1.0), True)
+                         for one in designs])  # fmt: skip
+
+    def assurances(self, designs: Array) -> tuple[Array, Array]:
+        found = [self.verdict(one) for one in designs]
+        return (np.array([one.assurance for one in found]), np.array([one.error for one in found]))
+
+    @cached_property
+    def _posterior(self) -> Draws:
+        """Draws of the processes, which all designs share."""
+        return Draws.of(list(self.known.values()),
+                        [(self.settings.seed, at) for at in range(len(self.known))])  # fmt: skip
+
+    @cached_property
+    def _verdicts(self) -> OrderedDict[bytes, Verdict]:
+        return OrderedDict()
+
+    def verdict(self, design: Array) -> Verdict:
+        """What the draws say of a full design (all,)."""
+        key = design.tobytes()
+        if key not in self._verdicts:
+            self._verdicts[key] = self._judged(design)
+            while len(self._verdicts) > KEPT:
+                self._verdicts.popitem(last=False)
+        return self._verdicts[key]
+
+    def _judged(self, design: Array) -> Verdict:
+        promise = self.settings.promise
+        assert promise is not None
+        if not self.known:
+            return self._without_doubt(design)
+        drawn = self._posterior
+        x = self.coordinates(np.sqrt(drawn.variance), drawn.error)
+        some = slice(0, evaluations(x.shape[1], self._has_slopes))
+        seen = self.shortfall(design, np.sqrt(drawn.variance[some]), drawn.error[some])
+        response, worst = Response.of(x[some], seen.values, seen.slopes), self.worst(design, False)
+
+        def along(radius: float) -> float:
+            scale, shift = worst.at(radius)
+            return float(response(self.coordinates(scale[None, :], shift[None, :]))[0])
+
+        values = response(x)
+        wanted = float(np.quantile(values, promise.confidence, method="higher"))
+        scale, shift = worst.at(_reached(along, wanted))
+        there = self.shortfall(design, scale[None, :], shift[None, :])
+        # the units have the last word where it is decided
+        values += float(there.values[0]) - wanted
+        kept, error = assured_percent(np.array([np.mean(values <= 0.0)]), drawn.count)
+        doubt = np.hypot(response.rms, there.error)
+        reach = 50.0 * float(np.mean(values <= doubt) - np.mean(values <= -doubt))
+        return Verdict(self.yield_at(design, scale, shift, False), float(kept[0]),
+                       float(np.hypot(error[0], reach)), values)  # fmt: skip
+
+    _has_slopes = False
+    """Whether `shortfall` gives slopes."""
+
+    def _without_doubt(self, design: Array) -> Verdict:
+        """Of a design whose processes are all known."""
+        nothing = np.ones(0)
+        found = self.shortfall(design, nothing[None, :], nothing[None, :])
+        kept = 100.0 * float(found.values[0] <= 0.0)
+        return Verdict(self.yield_at(design, nothing, nothing, False), kept, 0.0, found.values)
+
+
+def _reached(along: Callable[[float], float], wanted: float) -> float:
+    """Where along the worst direction a value is reached, or the nearest end."""
+    ends = [along(end) for end in (SOFTEST, HARDEST)]
+    if not ends[0] < wanted < ends[1]:
+        return SOFTEST if wanted <= ends[0] else HARDEST
+    return float(brentq(lambda b: along(b) - wanted, SOFTEST, HARDEST, xtol=1e-4))

@@ -1,0 +1,152 @@
+"""The promise of `pose_accuracy`: machines that keep both limits at every pose of the ring.
+
+A state of the processes scales the standard deviations that are known by samples. What the error of
+a mean moves is the same in all machines of a process; it counts by the variance that it adds, which
+is the same to second order.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from ...declarations import number
+from ..judged import Judged, Shortfall
+from ..promise import PLUG_IN, PROMISED
+from ..settings import Settings
+from .outputs import BOTH, BOUNDS, LIMITED, UNITS
+
+Array = NDArray[np.float64]
+SURE = 1e-12
+"""Share of machines beyond a limit that is told from none."""
+STEPS = 14
+"""Halvings of the range in which a search begins."""
+STEP = 1e-3
+"""Relative step of a standard deviation for the slope of a promised yield."""
+
+
+class PromisingPoses(Judged):
+    """Machines whose standard deviations are not as the samples say."""
+
+    promised_of: ClassVar[str] = BOTH
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        super().__init__(settings)
+        promise = self.settings.promise
+        self.sampled = promise is not None and promise.statement != PLUG_IN
+
+    @property
+    @abstractmethod
+    def squares(self) -> Mapping[str, Array]:
+        """Squared effect per squared unit of each variable, (poses or 1, variables), by output."""
+
+    @abstractmethod
+    def over_machines(self, designs: Array, names: Iterable[str]) -> dict[str, Array]:
+        """Outputs (n,) over machines of full designs (n, all), with their errors."""
+
+    def shortfall(
+        self, design: Array, scales: Array, shifts: Array, searching: bool = False
+    ) -> Shortfall:
+        """Standard normal quantiles that the share of machines within both limits falls short."""
+        found = self.over_machines(self._at(design, scales, shifts), [BOTH])
+        share = np.clip(0.01 * found[BOTH], SURE, 1.0 - SURE)
+        z = ndtri(share)
+        bell = np.exp(-0.5 * z**2) / np.sqrt(2.0 * np.pi)
+        error = float(np.median(0.01 * found[f"{BOTH}_error"] / np.maximum(bell, 1e-6)))
+        return Shortfall(self._wanted - z, error)
+
+    @property
+    def _wanted(self) -> float:
+        """Standard normal quantile of the promised share."""
+        assert self.settings.promise is not None
+        return float(ndtri(self.settings.promise.share))
+
+    def _at(self, design: Array, scales: Array, shifts: Array) -> Array:
+        """Full designs (q, all) at states (q, k) of the processes."""
+        found = np.repeat(design[None, :], len(scales), axis=0)
+        columns = [self.names.index(name) for name in self.known]
+        found[:, columns] *= np.hypot(scales, shifts)
+        return found
+
+    def coordinates(self, scales: Array, shifts: Array) -> Array:
+        return np.hypot(scales, shifts) - 1.0
+
+    def steepness(self, design: Array, searching: bool) -> tuple[Array, Array]:
+        """By what each adds to the variances, in those that the limits allow."""
+        columns = [self.names.index(name) for name in self.known]
+        total = np.zeros(len(columns))
+        for name, bound in zip(LIMITED, BOUNDS, strict=True):
+            each = self.squares[f"{name}_{UNITS[name]}"] * design**2
+            worst = each[int(np.argmax(each.sum(axis=1)))]
+            total += worst[columns] / number(self.settings.parameters[bound.name]) ** 2
+        return total, np.zeros_like(total)
+
+    def yield_at(self, design: Array, scale: Array, shift: Array, searching: bool) -> float:
+        own = self._at(design, scale[None, :], shift[None, :])
+        return float(self.over_machines(own, [BOTH])[BOTH][0])
+
+    def starts(self) -> Array:
+        """Equal shares of all search ranges where the promise is just kept, and a half of that."""
+        promise = self.settings.promise
+        if promise is None or promise.statement == PLUG_IN:
+            return super().starts()
+        share = self._share(lambda one: float(self.promised_yields(one[None, :], True)[0]))
+        return np.stack([self._along(share), self._along(0.5 * share)])
+
+    def _along(self, share: float) -> Array:
+        """The full design (all,) at equal shares of all search ranges, by their logarithms."""
+        return np.asarray(self.complete((self.xl * (self.xu / self.xl) ** share)[None, :])[0])
+
+    def _share(self, yields: Callable[[Array], float]) -> float:
+        """The share at which a yield just keeps what is promised."""
+        assert self.settings.promise is not None
+        near, far = 0.0, 1.0
+        for _ in range(STEPS):
+            share = 0.5 * (near + far)
+            kept = yields(self._along(share)) >= self.settings.promise.yield_percent
+            near, far = (share, far) if kept else (near, share)
+        return near
+
+    @cached_property
+    def _expecting(self) -> float:
+        """How far along the worst direction the yield is the expected one, where the estimates just
+        keep what is promised.
+        """
+        none = np.ones(len(self.known)), np.zeros(len(self.known))
+        design = self._along(self._share(lambda one: self.yield_at(one, *none, True)))
+        wanted, worst = (
+            float(self.expected_yields(design[None, :], False)[0]),
+            self.worst(design, True),
+        )
+        radii = np.linspace(-1.0, 1.0, 21)
+        found = [self.yield_at(design, *worst.at(float(one)), True) for one in radii]
+        return float(np.interp(-wanted, -np.array(found), radii))
+
+    def promised_slopes(self, designs: Array) -> dict[str, Array]:
+        """Derivatives (n, all variables) of the promised yield, by differences on one sample."""
+        promise = self.settings.promise
+        if promise is None or promise.statement == PLUG_IN:
+            return {}
+        found = np.zeros_like(designs)
+        for at, v in enumerate(self.variables):
+            if v.name not in self.fixed and len(designs):
+                ends = [designs.copy() for _ in range(2)]
+                ends[0][:, at] *= 1.0 + STEP
+                ends[1][:, at] *= 1.0 - STEP
+                up, down = (self.promised_yields(one, searching=True) for one in ends)
+                found[:, at] = (up - down) / (2.0 * STEP * designs[:, at])
+        return {PROMISED: found}
+
+    def expected_yields(self, designs: Array, searching: bool) -> Array:
+        if not searching:
+            short = [self.verdict(one).shortfalls for one in designs]
+            return np.array([100.0 * float(np.mean(ndtr(self._wanted - one))) for one in short])
+        radius = self._expecting if self.known else 0.0
+        return np.array([self.yield_at(one, *self.worst(one, True).at(radius), True)
+                         for one in designs])  # fmt: skip

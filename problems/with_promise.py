@@ -1,0 +1,130 @@
+"""Problems that promise a yield by what samples tell of their processes: `[promise]`."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..declarations import Output
+from ..errors import Fault
+from ..models.capability import Knowledge
+from ..section import Section
+from .drawing import Interval
+from .promise import ASSURANCE, PLUG_IN, PROMISED, YIELD, Promise, read_promise
+from .promise_outputs import contradictions, means_promise, outputs_of_promise
+from .settings import Bound, Settings
+from .tolerance_problem import ToleranceProblem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PromisingKind:
+    """A problem with the promise of its configuration; with settings it makes the problem."""
+
+    base: Any
+    promise: Promise
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.base, name)
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """Those of the problem, and of its promise."""
+        return (*self.base.outputs, *outputs_of_promise(self.promise))
+
+    @property
+    def default_algorithm(self) -> str:
+        """That of the problem; gradients, where its units are evaluated for a promise."""
+        own = str(getattr(self.base, "default_algorithm", ""))
+        return own or ("exact" if self.promise.statement != PLUG_IN else "")
+
+    def __call__(self, settings: Settings) -> ToleranceProblem:
+        made: ToleranceProblem = self.base(replace(settings, promise=self.promise))
+        return made
+
+
+class WithPromise(ToleranceProblem):
+    """A problem whose yield may be promised; `promised_of` output is the yield by the estimates."""
+
+    promised_of: ClassVar[str] = YIELD
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        if settings is not None and settings.promise is not None:
+            self.outputs = (*type(self).outputs, *outputs_of_promise(settings.promise))
+        super().__init__(settings)
+
+    @abstractmethod
+    def promised_yields(self, designs: Array, searching: bool) -> Array:
+        """The promised yield [percent] (n,) of full designs (n, all), by the statement."""
+
+    @abstractmethod
+    def assurances(self, designs: Array) -> tuple[Array, Array]:
+        """Probability [percent] (n,) that the promised share conforms, and its error."""
+
+    @classmethod
+    def configured(cls, top: Section) -> Any:
+        return cls.promising(super().configured(top), top)
+
+    @classmethod
+    def promising(cls, kind: Any, top: Section) -> Any:
+        """What makes the problem, with the promise of a configuration where there is one."""
+        promise = read_promise(top, cls.promised_of)
+        return kind if promise is None or kind is None else PromisingKind(kind, promise)
+
+    def more_tables(self) -> dict[str, Any]:
+        own = self.settings.promise
+        return super().more_tables() | ({} if own is None else {"promise": own.table()})
+
+    def _completed(self, given: Settings) -> Settings:
+        promise = given.promise
+        if promise is None:
+            return super()._completed(given)
+        limits = {name: one for name, one in given.limits.items()
+                  if not means_promise(name, promise)}  # fmt: skip
+        limits[promise.output] = Bound(low=promise.yield_percent)
+        return super()._completed(replace(given, limits=limits))
+
+    def faults(self) -> list[Fault]:
+        promise = self.settings.promise
+        if promise is None:
+            return super().faults()
+        found = contradictions(promise, self.given.limits)
+        sampled = [name for name, offers in self.settings.machines.items()
+                   if any(one.sample is not None for one in offers)]  # fmt: skip
+        if promise.statement != PLUG_IN:
+            found += [Fault(f"variables.{name}.machine", f"cannot be {promise.statement} where "
+                            "machines are known by samples: state sigma, or plug_in")
+                      for name in sampled]  # fmt: skip
+        return found + super().faults()
+
+    @property
+    def known(self) -> Mapping[str, Knowledge]:
+        """What samples tell of the processes of variables."""
+        return {name: own.sample.knowledge for name, own in self.settings.variables.items()
+                if own.sample is not None}  # fmt: skip
+
+    def _further(self, designs: Array, searching: bool) -> dict[str, Array]:
+        """Promised yield and assurance (n,); NaN where a search does not need them."""
+        found = super()._further(designs, searching)
+        promise = self.settings.promise
+        if promise is None:
+            return found
+        nothing = np.full(len(designs), np.nan)
+        wanted = {*self.objectives, *(limit.name for limit in self.limits)}
+        if promise.statement != PLUG_IN:
+            asked = not searching or PROMISED in wanted
+            found[PROMISED] = self.promised_yields(designs, searching) if asked else nothing
+        asked = not searching or ASSURANCE in wanted
+        own = self.assurances(designs) if asked else (nothing, nothing)
+        return found | {ASSURANCE: own[0], f"{ASSURANCE}_error": own[1]}
+
+    def interval(self, output: str) -> Interval:
+        if output in (PROMISED, ASSURANCE):
+            return 0.0, 100.0
+        return super().interval(output)
