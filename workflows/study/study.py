@@ -13,8 +13,8 @@ from ...algorithms.course import CURVE
 from ...directory import KINDS, Ownership, owned
 from ...errors import Fault, RunError, refuse
 from ...files import write_bytes, write_text
+from ..execution import Executor
 from .analysed import analysed, known_lines
-from .execution import Executor
 from .plan import StudyOutcome, StudyPlan
 from .records import StudyData
 from .responses import unknown

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from math import isnan
 
-from .execution import Executor, Lost
+from ..execution import Executor, Lost
 from .plan import Point, StudyPlan, StudyProgress
 from .storage import Database
 from .trial import Chunk, Job, RunRecord, Surveying, lost, perform, survey

@@ -28,9 +28,9 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.configuration.study import read_study
 from tolevo.errors import InputError, RunError
+from tolevo.workflows.execution import InProcess, Lost, Processes, dask_cluster
+from tolevo.workflows.execution.executor import Result, TaskT
 from tolevo.workflows.study import StudyPlan, StudyProgress, executor_of, study
-from tolevo.workflows.study.execution import InProcess, Lost, Processes, dask_cluster
-from tolevo.workflows.study.execution.executor import Result, TaskT
 from tolevo.workflows.study.storage import DATABASE
 from tolevo.workflows.study.trial import Chunk
 
