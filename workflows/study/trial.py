@@ -15,7 +15,7 @@ from ...algorithms.settings import AlgorithmSettings, Budget
 from ...algorithms.watched import watch
 from ...problems.tolerance_problem import ToleranceProblem
 from ..execution import built, check_version, pinned
-from .responses import FORMULAS, Ended
+from .responses import FORMULAS, Ended, compared
 from .yardstick import Yardstick, yardstick
 
 
@@ -94,6 +94,11 @@ class Guarded:
         return True
 
 
+def done(task: Chunk | Surveying) -> tuple[RunRecord, ...] | Yardstick:
+    """What a task of a study comes to."""
+    return perform(task) if isinstance(task, Chunk) else survey(task)
+
+
 def perform(chunk: Chunk) -> tuple[RunRecord, ...]:
     """Run the jobs of a chunk, one after the other, on one thread."""
     check_version(chunk.version)
@@ -134,7 +139,20 @@ def run_one(job: Job, problem: ToleranceProblem, chunk: Chunk) -> RunRecord:
 
 def lost(job: Job, reason: str, responses: tuple[str, ...]) -> RunRecord:
     """The record of a run that took its process with it."""
+    return ended(job, "failed", reason, responses)
+
+
+def ended(job: Job, status: str, reason: str, responses: tuple[str, ...]) -> RunRecord:
+    """The record of a run of which nothing is known but why."""
     return RunRecord(
-        job.point, job.replicate, job.seed, "failed", reason, 0, nan,
+        job.point, job.replicate, job.seed, status, reason, 0, nan,
         dict.fromkeys(responses, nan), np.empty((0, len(CURVE))),
     )  # fmt: skip
+
+
+def response_of(name: str, run: RunRecord, measure: Yardstick) -> float:
+    """A response of a run by its reference, NaN where it has none."""
+    value = run.responses[name]
+    if run.status != "done" or not len(run.curve):
+        return value
+    return compared(name, value, float(run.curve[-1, CURVE.index("value")]), measure)
