@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import norm, rankdata
 
@@ -23,6 +24,9 @@ ALPHA = 0.05
 """Chance that the best setting of all leaves."""
 FIRST = 5
 """Seeds before anything leaves."""
+LEADERS = "leaders.csv"
+"""Settings that are not behind beyond chance: as a table it is the design of a study on a finer
+problem."""
 STOPPED = "stopped"
 """Status of a run that is not made, as its setting is behind beyond chance."""
 
@@ -56,3 +60,12 @@ def left_behind(costs: Sequence[Array], racing: NDArray[np.bool_], look: int) ->
     found = np.zeros(len(racing), dtype=bool)
     found[racing] = np.all([behind(one[racing], look) for one in costs], axis=0)
     return found
+
+
+def leaders(design: pd.DataFrame, costs: Sequence[Array]) -> pd.DataFrame:
+    """The settings (rows of `design`) that are behind in none or not every response, by their ranks
+    in the first; a run that was not made counts as the worst.
+    """
+    kept = ~left_behind(costs, np.ones(len(design), dtype=bool), 1)
+    order = np.argsort(rankdata(costs[0], axis=0).mean(axis=1), kind="stable")
+    return design.iloc[[row for row in order if kept[row]]].drop_duplicates()

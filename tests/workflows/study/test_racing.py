@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -43,13 +44,13 @@ generations = 12
 """
 STUDY = """
 run = "run.toml"
-seeds = 16
+seeds = 12
 response = ["gap_percent"]
 [design]
 kind = "factorial"
 [vary]
-"algorithm.population" = [4, 8, 12, 40]
-"algorithm.generations" = [2, 6, 30, 60]
+"algorithm.population" = [4, 8, 12, 24]
+"algorithm.generations" = [2, 4, 12, 24]
 """
 
 
@@ -144,6 +145,7 @@ class Late(InProcess):
             yield one, function(one)
 
 
+@pytest.mark.long
 def test_a_real_study_is_raced_the_same_wherever_it_runs(plan: StudyPlan, tmp_path: Path) -> None:
     """Broken and gone on with, references measured before or after the runs: the same table."""
     outcome = study(plan, tmp_path / "a", InProcess())
@@ -151,7 +153,7 @@ def test_a_real_study_is_raced_the_same_wherever_it_runs(plan: StudyPlan, tmp_pa
     table = pd.read_csv(tmp_path / "a" / "study.csv")
     assert len(table) == plan.total
     made = (table["status"] != "stopped").sum()
-    assert made < 0.7 * plan.total
+    assert made < 0.85 * plan.total
     reasons = table.loc[table["status"] == "stopped", "reason"].unique()
     assert all(one.startswith("behind beyond chance after") for one in reasons)
     with pytest.raises(RunError, match="--resume"):
@@ -168,11 +170,32 @@ def test_a_real_study_is_raced_the_same_wherever_it_runs(plan: StudyPlan, tmp_pa
 
 def test_without_racing_references_come_late_as_well(tmp_path: Path) -> None:
     (tmp_path / "run.toml").write_text(RUN, encoding="utf-8")
-    (tmp_path / "study.toml").write_text(STUDY.replace("seeds = 16", "seeds = 2"), encoding="utf-8")
+    (tmp_path / "study.toml").write_text(STUDY.replace("seeds = 12", "seeds = 2"), encoding="utf-8")
     plan = read_study(tmp_path / "study.toml")
     study(plan, tmp_path / "a", InProcess())
     study(plan, tmp_path / "b", Late())
     assert (tmp_path / "b/study.csv").read_bytes() == (tmp_path / "a/study.csv").read_bytes()
+
+
+def test_leaders_are_the_design_of_a_finer_study(tmp_path: Path) -> None:
+    """Multi-fidelity: all settings by a short study, those not behind again by a longer one."""
+    (tmp_path / "run.toml").write_text(RUN, encoding="utf-8")
+    (tmp_path / "study.toml").write_text(STUDY.replace("seeds = 12", "seeds = 6"), encoding="utf-8")
+    study(read_study(tmp_path / "study.toml"), tmp_path / "coarse", InProcess())
+    leaders = pd.read_csv(tmp_path / "coarse" / "leaders.csv")
+    assert 1 <= len(leaders) < SETTINGS
+    medians = pd.read_csv(tmp_path / "coarse" / "medians.csv")
+    table = pd.read_csv(tmp_path / "coarse" / "study.csv")
+    best = table[table["point"] == medians["median"].idxmin()].iloc[0]
+    keys = list(leaders)
+    assert (leaders == best[keys].to_numpy()).all(axis=1).any()
+    again = STUDY.replace('kind = "factorial"', 'kind = "table"\nfile = "coarse/leaders.csv"')
+    again = again.replace("seeds = 12", 'seeds = 2\n"run.limits.yaw_mrad" = 0.5')
+    (tmp_path / "again.toml").write_text(again, encoding="utf-8")
+    finer = read_study(tmp_path / "again.toml")
+    assert len(finer.points) == len(leaders)
+    resolved = tomllib.loads(finer.settings.configuration)
+    assert "0.5" in str(resolved["run"]["limits"]["yaw_mrad"])
 
 
 def test_a_design_that_needs_every_run_is_not_raced(tmp_path: Path) -> None:
