@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import random
+import signal
+import time
 from collections.abc import Callable, Iterator
+from multiprocessing import active_children
 from pathlib import Path
 from typing import Any
 
@@ -306,6 +311,31 @@ def test_tasks_bear_the_name_of_their_table(table: Path) -> None:
     assert len(keys) == 2
 
 
+def one_worker_killed(table: Path, whole: bytes, out: Path, at: int) -> None:
+    """SIGKILL to one of two processes once `at` blocks have ended: the same bytes."""
+    others, killed = set(active_children()), list[int]()
+
+    def report(state: Any) -> None:
+        workers = [one.pid for one in active_children() if one not in others]
+        if state.done >= at and not killed and len(workers) == 2:
+            killed.append(workers[0] or 0)
+            os.kill(killed[0], signal.SIGKILL)
+
+    tolevo.evaluate(CONFIGURATION, table, out, workers=2, block_rows=GRAIN, progress=report)
+    assert len(killed) == 1
+    assert out.read_bytes() == whole
+
+
+def test_a_killed_worker_costs_its_block_only(table: Path, whole: bytes, tmp_path: Path) -> None:
+    one_worker_killed(table, whole, tmp_path / "o.csv", 1)
+
+
+@pytest.mark.slow
+def test_a_worker_killed_at_twenty_moments(table: Path, whole: bytes, tmp_path: Path) -> None:
+    for trial in range(20):
+        one_worker_killed(table, whole, tmp_path / f"{trial}.csv", trial % 4)
+
+
 @pytest.mark.slow
 def test_killed_at_twenty_moments(table: Path, whole: bytes, tmp_path: Path) -> None:
     """The whole command by SIGKILL, gone on with each time, until it is through."""
@@ -317,9 +347,6 @@ def test_killed_at_two_moments(table: Path, whole: bytes, tmp_path: Path) -> Non
 
 
 def killed_until_done(table: Path, whole: bytes, tmp_path: Path, kills: int) -> None:
-    import multiprocessing
-    import time
-
     context, out, moments = multiprocessing.get_context("fork"), tmp_path / "o.csv", kills
     rng, caught = random.Random(3), 0
     while caught < moments:
