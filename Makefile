@@ -78,6 +78,7 @@ bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are pro
 	$(BENCH)/python benchmarks/population.py
 	$(BENCH)/python benchmarks/tables.py
 	$(BIN)/python -m benchmarks.study
+	$(BIN)/python -m benchmarks.scaling $(if $(QUICK),--quick)
 
 bench-gap: $(READY)  ## the benchmark of naming, about 20 minutes on two cores; goes on where it was stopped
 	$(BIN)/python -m benchmarks.gap --write docs/gap_benchmark.md

@@ -30,11 +30,12 @@ from pymoo.algorithms.moo.nsga2 import NSGA2
 from pymoo.optimize import minimize
 
 from tolevo.configuration.study import read_study
+from tolevo.workflows.execution import InProcess
 from tolevo.workflows.study import Executor, StudyPlan, executor_of
-from tolevo.workflows.study.execution import InProcess
 from tolevo.workflows.study.storage import Database
 from tolevo.workflows.study.storage.database import DATABASE
 from tolevo.workflows.study.work import Work
+from tolevo.workflows.study.yardstick import yardstick
 
 RUN = Path(__file__).resolve().parent.parent / "configs" / "pose_accuracy.toml"
 STUDY = f"""
@@ -88,8 +89,9 @@ def round_of(plan: StudyPlan, folder: Path) -> float:
     """CPU time of all runs of a plan, without that of the exact front, which is found once."""
     folder.mkdir()
     with Database(folder / DATABASE, len(plan.points), plan.settings.responses) as database:
+        for number, problem in enumerate(plan.problems):
+            database.keep_yardstick(number, yardstick(problem))
         work = Work(plan, database, InProcess(), None)
-        work.survey()
         start = time.process_time()
         work.finish()
         return time.process_time() - start
@@ -125,7 +127,6 @@ def measured(
         start, clock = cpu(), time.monotonic()
         with make() as executor:
             work = Work(plan, database, executor, None)
-            work.survey()
             work.finish()
         total, seconds = cpu() - start, time.monotonic() - clock
         runs = list(database.runs(plan.total))

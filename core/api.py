@@ -29,16 +29,17 @@ from .given import (
     Source,
     Tell,
     collected,
-    file_faults_of,
     folder_for,
     opened,
     raw,
     readable,
     start_faults_of,
     told,
-    written,
 )
 from .results import Gap, Reproduction, Run, Study
+from .tabled import evaluate as evaluate
+from .tabled import simulate as simulate
+from .wide import executing
 
 if TYPE_CHECKING:
     from .algorithms.search import Progress
@@ -92,7 +93,8 @@ def run(
     algorithm: AlgorithmSettings | None = None,
     seed: int | None = None,
     settings: Sequence[str] = (),
-    workers: int = 1,
+    workers: int | None = None,
+    dask: str = "",
     progress: Callable[[Progress], None] | None = None,
     tell: Tell | None = None,
     resume: bool = False,
@@ -108,6 +110,7 @@ def run(
     from .workflows.run.reach import searchable
 
     faults = start_faults_of(out, workers, resume, overwrite)
+    where = executing(source, settings, workers, dask, faults)
     configuration = collected(
         lambda: _with_problem(read(source, settings, algorithm=algorithm, seed=seed)), faults
     )
@@ -116,7 +119,7 @@ def run(
     raise_all(faults)
     told(tell, "warning", plan.problem.cautions())
     folder, kept = folder_for(out)
-    done = running(plan, folder, workers, progress, resume, overwrite or out is None)
+    done = running(plan, folder, where, progress, resume, overwrite or out is None)
     return Run(done.status, done.lines, done.result, folder, kept)
 
 
@@ -168,18 +171,16 @@ def study(
     Raises ConfigurationError with every fault.
     """
     from .configuration.study import read_study
-    from .workflows.study import executor_of
+    from .workflows.execution import executor_of
     from .workflows.study import study as studying
 
     faults = start_faults_of(out, workers, resume, overwrite, shared=True)
-    if dask and workers is not None:
-        faults.append(Fault("--dask", "has workers of its own; leave out --workers"))
+    where = executing(source, settings, workers, dask, faults)
     plan = collected(lambda: read_study(raw(source), settings), faults)
     raise_all(faults)
-    executor = executor_of(workers or 1, dask)
     told(tell, "warning", plan.warnings)
     folder, kept = folder_for(out)
-    done = studying(plan, folder, executor, progress, resume, overwrite or out is None)
+    done = studying(plan, folder, executor_of(where), progress, resume, overwrite or out is None)
     return Study(done.status, done.lines, done.data, folder, kept)
 
 
@@ -189,7 +190,8 @@ def gap(
     out: AnyPath | None = None,
     *,
     settings: Sequence[str] = (),
-    workers: int = 1,
+    workers: int | None = None,
+    dask: str = "",
     progress: Callable[[GapProgress], None] | None = None,
     tell: Tell | None = None,
     resume: bool = False,
@@ -210,6 +212,7 @@ def gap(
     from .workflows.gap.read import checked_table
 
     faults = start_faults_of(out, workers, resume, overwrite)
+    where = executing(source, settings, workers, dask, faults)
     plan, found = gap_plan(raw(source), settings)
     table, wrong, place = opened(data, tables.ReadOptions(encoding, delimiter, decimal))
     file = None if isinstance(data, pd.DataFrame) else Path(data)
@@ -219,7 +222,7 @@ def gap(
     assert readings is not None
     told(tell, READ, readings.understood)
     folder, kept = folder_for(out)
-    done = closing(plan, readings, folder, workers, progress, resume, overwrite or out is None)
+    done = closing(plan, readings, folder, where, progress, resume, overwrite or out is None)
     return Gap(done.status, done.lines, done.result, folder, kept)
 
 
@@ -228,7 +231,8 @@ def reproduce(
     out: AnyPath | None = None,
     *,
     settings: Sequence[str] = (),
-    workers: int = 1,
+    workers: int | None = None,
+    dask: str = "",
     progress: Callable[[ClaimsProgress], None] | None = None,
     resume: bool = False,
     overwrite: bool = False,
@@ -238,88 +242,16 @@ def reproduce(
     Raises ConfigurationError with every fault of every file.
     """
     from .configuration.claims import read_claims
+    from .workflows.execution import executor_of
     from .workflows.reproduce.reproduce import reproduce as comparing
-    from .workflows.study.execution import executor_of
 
     faults = start_faults_of(out, workers, resume, overwrite)
+    where = executing({}, (), workers, dask, faults)
     plan = collected(lambda: read_claims([Path(one) for one in claims], settings), faults)
     raise_all(faults)
     folder, kept = folder_for(out)
-    executor = executor_of(workers)
-    done = comparing(plan, folder, executor, progress, resume, overwrite or out is None)
+    done = comparing(plan, folder, executor_of(where), progress, resume, overwrite or out is None)
     return Reproduction(done.status, done.lines, done.result, folder, kept)
-
-
-def evaluate(
-    source: Source,
-    designs: Frame,
-    out: AnyPath | None = None,
-    *,
-    settings: Sequence[str] = (),
-    tell: Tell | None = None,
-    encoding: str | None = None,
-    delimiter: str | None = None,
-    decimal: str | None = None,
-) -> pd.DataFrame:
-    """Every variable, output and limit margin of a problem at designs, one per row.
-
-    A front or an allocation can be given as it stands: columns that are no variable are left out
-    and named in `.attrs["notes"]`. Raises ConfigurationError with every fault.
-    """
-    from .workflows.evaluate import evaluated
-
-    faults = file_faults_of(out, designs)
-    configuration = collected(lambda: _with_problem(read(source, settings)), faults)
-    raise_all(faults)
-    problem, notes = configuration.problem, list[str]()
-    assert problem is not None
-    told(tell, "note", problem.effect_notes())
-    told(tell, "model", [problem.model_statement] if problem.model_statement else ())
-    table, place = readable(designs, tables.ReadOptions(encoding, delimiter, decimal))
-    found = evaluated(problem, table, place, notes.extend)
-    told(tell, READ, notes)
-    return written(found, notes, out)
-
-
-def simulate(
-    source: Source,
-    inputs: Frame,
-    out: AnyPath | None = None,
-    *,
-    settings: Sequence[str] = (),
-    tell: Tell | None = None,
-    encoding: str | None = None,
-    delimiter: str | None = None,
-    decimal: str | None = None,
-) -> pd.DataFrame:
-    """A model's predictions beside its inputs, one operating point per row.
-
-    Raises ConfigurationError with every fault.
-    """
-    from .configuration.simulated import build_model
-    from .workflows.simulate import simulated
-
-    faults = file_faults_of(out, inputs)
-    configuration = collected(lambda: read(source, settings), faults)
-    raise_all(faults)
-    model, given = build_model(configuration), configuration.settings
-    table, place = readable(inputs, tables.ReadOptions(encoding, delimiter, decimal))
-    understood, notes = list[str](), list[str]()
-    found = simulated(
-        model,
-        table,
-        place,
-        configuration.seed,
-        configuration.model_name,
-        given.effects,
-        given.zero,
-        given.columns,
-        understood.extend,
-        notes.extend,
-    )
-    told(tell, READ, understood)
-    told(tell, "note", notes)
-    return written(found, [*understood, *notes], out)
 
 
 def report(

@@ -37,13 +37,15 @@ def directory_faults(out: Path, replace: bool, busy: bool = True) -> list[Fault]
     return faults
 
 
-def choice_faults(workers: int | None, resume: bool, overwrite: bool) -> list[Fault]:
-    """Options that make no sense."""
+def choice_faults(
+    workers: int | None, resume: bool, overwrite: bool, place: str = "--workers"
+) -> list[Fault]:
+    """Options that make no sense; `place` is where the number of workers stands."""
     faults = []
     if workers is not None and workers < 1:
-        faults.append(Fault("--workers", f"must be at least 1, got {workers}"))
+        faults.append(Fault(place, f"must be at least 1, got {workers}"))
     if workers is not None and (complaint := too_many_workers(workers)):
-        faults.append(Fault("--workers", complaint))
+        faults.append(Fault(place, complaint))
     if resume and overwrite:
         text = "goes on with what --overwrite would replace; give one of them"
         faults.append(Fault("--resume", text))

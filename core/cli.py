@@ -16,7 +16,7 @@ from .counts import forced
 from .ending import INTERRUPTED, exit_status
 from .errors import raise_all
 from .files import write_text
-from .options import Asked, Dialect, Into, grouped
+from .options import Asked, Blocks, Dialect, Into, grouped
 from .results import Finished
 
 GARBAGE = 200_000
@@ -120,15 +120,13 @@ def study(
     *,
     into: Into,
     asked: Asked,
-    dask: Annotated[str, typer.Option(help="A Dask scheduler (tcp://host:port) instead.")] = "",
 ) -> Finished:
     """Run many optimisations over settings and seeds, and say what the settings do."""
     from .api import study
     from .progress import shown_study
 
-    given = (into.arguments(workers=None) if dask else into.arguments()) | asked.arguments()
     with shown_study(asked.quiet) as progress:
-        return study(config, **given, dask=dask, progress=progress)
+        return study(config, **into.arguments(), **asked.arguments(), progress=progress)
 
 
 @command("reproduce")
@@ -155,13 +153,20 @@ def evaluate(
     designs: Annotated[Path, typer.Argument(help="Designs, one per row (CSV).")],
     *,
     out: Table,
+    quality: Annotated[
+        str, typer.Option(help="reported, or search: as coarsely as a search sees designs.")
+    ] = "reported",
+    blocks: Blocks,
     dialect: Dialect,
     asked: Asked,
 ) -> None:
     """Evaluate a configuration's problem at given designs."""
     from .api import evaluate
+    from .progress import shown_blocks
 
-    evaluate(config, designs, out, **asked.arguments(), **asdict(dialect))
+    given = asked.arguments() | asdict(dialect) | asdict(blocks) | {"quality": quality}
+    with shown_blocks(asked.quiet) as progress:
+        evaluate(config, designs, out, **given, progress=progress, frame=False)
     typer.echo(f"written: {out}")
 
 
@@ -171,13 +176,17 @@ def simulate(
     inputs: Annotated[Path, typer.Argument(help="Operating points, one per row.")],
     *,
     out: Table,
+    blocks: Blocks,
     dialect: Dialect,
     asked: Asked,
 ) -> None:
     """Predict a configuration's model at given operating points."""
     from .api import simulate
+    from .progress import shown_blocks
 
-    simulate(config, inputs, out, **asked.arguments(), **asdict(dialect))
+    given = asked.arguments() | asdict(dialect) | asdict(blocks)
+    with shown_blocks(asked.quiet) as progress:
+        simulate(config, inputs, out, **given, progress=progress, frame=False)
     typer.echo(f"written: {out}")
 
 

@@ -77,6 +77,8 @@ SETTINGS = Need("setting", bytes=2e4, seconds=0.05)
 """Of a study: a setting is read as a run configuration, and runs once at least."""
 RUNS = Need("run", bytes=1e4, seconds=0.05)
 """Of a study: the course of each is kept."""
+BLOCK_ROWS = Need("row", bytes=1e3, seconds=1e-6)
+"""Of a block of a table: a worker holds all of them, with every column."""
 PER_CORE = 16
 """Processes that may be asked for per core of the machine."""
 PROCESS = 2.0e8

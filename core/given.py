@@ -13,6 +13,7 @@ from . import tables
 from .arguments import choice_faults, file_faults, start_faults
 from .configuration import Configuration
 from .errors import Fault, InputError, raise_all
+from .files import unwritable
 from .results import Scratch
 
 if TYPE_CHECKING:
@@ -56,11 +57,30 @@ def start_faults_of(
     return faults
 
 
-def file_faults_of(out: AnyPath | None, source: Frame) -> list[Fault]:
-    """What keeps a table from being read, or its result from being written."""
+def table_faults_of(
+    out: AnyPath | None, source: Frame, partitioned: bool, resume: bool, overwrite: bool
+) -> list[Fault]:
+    """What keeps a table from being read, or its result, a file or a directory of blocks, from
+    being written.
+    """
+    from .workflows.blocks import Target, folder_faults
+
+    faults = choice_faults(None, resume, overwrite)
+    read = None if isinstance(source, pd.DataFrame) else Path(source)
     if out is None:
-        return []
-    return file_faults(Path(out), None if isinstance(source, pd.DataFrame) else Path(source))
+        options = {"--resume": resume, "--overwrite": overwrite, "--partitioned": partitioned}
+        text = "needs a file or directory to write to: out"
+        return faults + [Fault(name, text) for name, given in options.items() if given]
+    target = Target(Path(out), partitioned)
+    if not partitioned:
+        faults += file_faults(target.path, read)
+    else:
+        faults += unwritable(target.path, "--out")
+        if read is not None and not read.exists():
+            faults.append(Fault(str(read), "does not exist"))
+        elif read is not None and target.path.exists() and target.path.samefile(read):
+            faults.append(Fault("--out", f"would replace its own input {read}; name another"))
+    return faults + folder_faults(target.blocks, resume, overwrite)
 
 
 def folder_for(out: AnyPath | None) -> tuple[Path, Scratch | None]:
@@ -101,11 +121,3 @@ def told(tell: Tell | None, kind: str, lines: Iterable[str]) -> None:
     if tell is not None:
         for line in lines:
             tell(f"{kind}: {line}")
-
-
-def written(found: pd.DataFrame, notes: Sequence[str], out: AnyPath | None) -> pd.DataFrame:
-    """The frame, in a file as well where one is named, and then with its notes."""
-    if out is not None:
-        tables.write(found, Path(out))
-    found.attrs[NOTES] = tuple(notes)
-    return found

@@ -47,9 +47,35 @@ class Into:
         typer.Option(help="Processes; no result depends on it.", show_default=str(WORKERS)),
     ] = None
 
-    def arguments(self, workers: int | None = WORKERS) -> dict[str, Any]:
-        """As the functions of the Python interface take them; `workers` is the default."""
-        return asdict(self) | {"workers": workers if self.workers is None else self.workers}
+    dask: Annotated[str, typer.Option(help="A Dask scheduler (tcp://host:port) instead.")] = ""
+
+    def arguments(self) -> dict[str, Any]:
+        """As the functions of the Python interface take them."""
+        from .configuration.execution import Usual
+
+        return asdict(self) | {"workers": Usual(WORKERS) if self.workers is None else self.workers}
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Options of commands that compute a table, which may be a long one."""
+
+    workers: Annotated[
+        int | None,
+        typer.Option(help="Processes; no result depends on it.", show_default="1"),
+    ] = None
+    dask: Annotated[str, typer.Option(help="A Dask scheduler (tcp://host:port) instead.")] = ""
+    block_rows: Annotated[
+        int | None,
+        typer.Option(help="Rows of a block.", show_default="of 1000 blocks, or fewer"),
+    ] = None
+    partitioned: Annotated[
+        bool, typer.Option("--partitioned", help="OUT is a directory, a Parquet file per block.")
+    ] = False
+    resume: Annotated[bool, typer.Option("--resume", help="Compute what is missing.")] = False
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace blocks of an earlier command.")
+    ] = False
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from .algorithms.search import Progress
+    from .workflows.blocks import BlockProgress
     from .workflows.gap.progress import GapProgress
     from .workflows.reproduce.plan import ClaimsProgress
     from .workflows.study.plan import StudyProgress
@@ -88,6 +89,17 @@ def claims_fraction(progress: ClaimsProgress) -> float | None:
     return progress.done / progress.total if progress.total else None
 
 
+def describe_blocks(progress: BlockProgress) -> str:
+    """Blocks that have ended, and the time left in one line."""
+    left = "" if progress.remaining is None else f", {progress.remaining:.0f} s left"
+    return f"blocks {progress.done}/{progress.total}{left}"
+
+
+def blocks_fraction(progress: BlockProgress) -> float | None:
+    """Share of the blocks that have ended."""
+    return progress.done / progress.total if progress.total else None
+
+
 @contextmanager
 def shown(quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
     """A function to call with every `Progress`, or None where nothing is to be shown."""
@@ -114,6 +126,14 @@ def shown_claims(quiet: bool) -> Iterator[Callable[[ClaimsProgress], None] | Non
     """A function to call with every `ClaimsProgress`, or None where nothing is to be shown."""
     with _shown(quiet, describe_claims, claims_fraction) as update:
         yield update
+
+
+@contextmanager
+def shown_blocks(quiet: bool) -> Iterator[Callable[[BlockProgress], None] | None]:
+    """A function to call with every `BlockProgress`; one block ends before it would be read."""
+    with _shown(quiet, describe_blocks, blocks_fraction) as update:
+        several = update
+        yield (lambda at: several(at) if at.total > 1 else None) if several else None
 
 
 @contextmanager

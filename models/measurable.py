@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
@@ -134,6 +134,12 @@ class MeasurableModel(ABC):
     def gear_of(cls, parameters: Mapping[str, Any]) -> Gear | None:
         """The gear of a model with these parameters, None where it is of none."""
         return cls.gear
+
+    def row_by_row(self, columns: Collection[str]) -> bool:
+        """Whether rows of a table with these columns are predicted apart from each other, so that
+        a long one may be in blocks; False where several rows are about one unit that is drawn.
+        """
+        return True
 
     def outside(self, table: Mapping[str, NDArray[Any]]) -> Outside:
         """Cells of a table of columns (n,) that are beyond the range of the model."""

@@ -336,13 +336,19 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing):
         """
         return self.outputs_of(designs, errors=False)
 
-    def frame(self, designs: Array, found: Mapping[str, Array] | None = None) -> pd.DataFrame:
+    def frame(
+        self, designs: Array, found: Mapping[str, Array] | None = None, searching: bool = False
+    ) -> pd.DataFrame:
         """Variables, outputs (at full accuracy) and limit margins of full designs, one row each.
 
-        `found` are their outputs without `errors`, where they are known.
+        `found` are their outputs without `errors`, where they are known. With `searching` they are
+        what a search sees: coarser, and NaN where it does not look.
         """
-        known = self.outputs_of(designs, errors=False) if found is None else found
-        found = {**known, **self._verified(designs, known)}
+        if searching:
+            found = self.outputs_of(designs, searching=True)
+        else:
+            known = self.outputs_of(designs, errors=False) if found is None else found
+            found = {**known, **self._verified(designs, known)}
         columns: dict[str, Any] = dict(self.designs_frame(designs))
         columns |= {output.name: found[output.name] for output in self.outputs}
         for limit in self.limits:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -12,18 +14,35 @@ from ..errors import nearest, raise_all
 from ..likely_units import unit_hint
 from ..problems.slips import slip
 from ..problems.tolerance_problem import ToleranceProblem
+from .blocks import ArrayRows, Computed
 
 Array = NDArray[np.float64]
 
 
-def evaluated(
-    problem: ToleranceProblem,
-    found: tables.Table,
-    place: str,
-    understood: tables.Tell = tables.silent,
-) -> pd.DataFrame:
-    """Every variable, output and limit margin at the designs in a table: see `designs_in`."""
-    return problem.frame(designs_in(problem, found, place, understood))
+GRAIN = 64
+"""Designs that are evaluated at once."""
+REPORTED, SEARCH = "reported", "search"
+QUALITIES = (REPORTED, SEARCH)
+"""How finely: as points of a result are reported, or as a search sees them."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Every variable, output and limit margin of full designs, a grain of them at a time."""
+
+    problem: ToleranceProblem
+    searching: bool = False
+
+    def __call__(self, designs: Array, number: int) -> pd.DataFrame:
+        return self.problem.frame(designs, searching=self.searching)
+
+
+def evaluation(
+    problem: ToleranceProblem, designs: Array, configuration: str = "", quality: str = REPORTED
+) -> Computed:
+    """The table of a problem at full designs (n, all variables), to be computed in blocks."""
+    compute = Evaluation(problem, quality == SEARCH)
+    return Computed("evaluate", compute, configuration, ArrayRows(designs), GRAIN, quality)
 
 
 def designs_in(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,51 +16,87 @@ from ..models.effects.compose import Active, predicted
 from ..models.effects.readings import target_of
 from ..models.measurable import NO_CHANGES, MeasurableModel
 from ..models.table import MeasuredTable
+from .blocks import Computed, FrameRows, Rows, computed
+from .execution import InProcess
 
+GRAIN = 65_536
+"""Rows that are predicted at once, from a stream of random numbers of their own."""
 ALWAYS_ALLOWED = ("time_s", "repeat", "session")
 LABELS = ("session",)
 """Those that are no numbers."""
 
 
-def simulated(
-    model: MeasurableModel,
+@dataclass(frozen=True)
+class Simulation:
+    """What a table is predicted with: the model (whose `name` effects go by), the effects that are
+    active in it, and what is added to its outputs (`zero`).
+    """
+
+    model: MeasurableModel
+    seed: int = 0
+    name: str = ""
+    effects: tuple[Active, ...] = ()
+    zero: Mapping[str, float] = field(default_factory=dict)
+
+    def __call__(self, columns: Mapping[str, NDArray[Any]], number: int) -> pd.DataFrame:
+        """The inputs of a grain of rows with the predicted outputs beside them."""
+        table = dict(columns)
+        stream = np.random.SeedSequence(self.seed, spawn_key=(number,) if number else ())
+        rng = np.random.default_rng(stream)
+        outputs = predicted(self.model, self.name, table, self.effects, rng, self.zero)
+        return pd.DataFrame({**table, **outputs})
+
+    def computed(self, rows: Rows, columns: Iterable[str], configuration: str = "") -> Computed:
+        """The table of these rows, to be computed in blocks.
+
+        Effects see a table as a whole (its order in time, its lots), and so do models several rows
+        of which are about one unit: such a table is one block.
+        """
+        apart = not self.effects and self.model.row_by_row(tuple(columns))
+        grain = GRAIN if apart else max(rows.count, 1)
+        return Computed("simulate", self, configuration, rows, grain)
+
+
+def inputs_in(
+    simulation: Simulation,
     table_read: tables.Table,
     place: str,
-    seed: int = 0,
-    name: str = "",
-    effects: tuple[Active, ...] = (),
-    zero: Mapping[str, float] = NO_CHANGES,
     uses: Mapping[str, tables.ColumnUse] | None = None,
     understood: tables.Tell = tables.silent,
     notes: tables.Tell = tables.silent,
 ) -> pd.DataFrame:
-    """The inputs in a table, which faults call `place`, with the predicted outputs beside them.
+    """The inputs in a table, which faults call `place`; measured outputs in it are left out.
 
-    `effects` are active in the model `name`, `zero` is added to its outputs. Measured outputs in
-    the table are left out. `uses` says what the columns of the file are.
-
-    `understood` is told how the table was read, `notes` what the user should know: optional columns
-    that are missing, and columns that were left out. Raises InputError with every fault.
+    `uses` says what the columns of the file are. `understood` is told how the table was read,
+    `notes` what the user should know: optional columns that are missing, and columns that were left
+    out. Raises InputError with every fault.
     """
-    fitted = tables.fitted(table_read, place, _units(model), uses)
+    model = simulation.model
+    fitted = tables.fitted(table_read, place, units_of(model), uses)
     given = fitted.cells
-    frame, faults, unused = _inputs(model, given, place)
+    frame, faults, unused = typed_inputs(model, given, place)
     raise_all([*faults, *fitted.faults])
     understood([*table_read.lines(place), *fitted.notes, *unused])
     table = {str(name): frame[name].to_numpy() for name in frame}
-    raise_all(_without_columns(model, name, table, effects, place))
-    rng = np.random.default_rng(seed)
-    found = frame.assign(**predicted(model, name, table, effects, rng, zero))
-    notes(
+    raise_all(_without_columns(model, simulation.name, table, simulation.effects, place))
+    notes(remarks(model, list(map(str, frame)), list(map(str, given)), place))
+    return frame
+
+
+def remarks(
+    model: MeasurableModel, columns: Sequence[str], given: Sequence[str], place: str
+) -> list[str]:
+    """What the user should know: `columns` are those that count, `given` those of the file."""
+    found = [
         f"{place}: no column {c.name} (optional: {c.meaning}); the model's nominal value is taken"
         for c in model.columns
-        if c.name not in frame
-    )
+        if c.name not in columns
+    ]
     measured = ", ".join(o.name for o in model.outputs if o.name in given)
     if measured or isinstance(model, MeasuredTable):
         named = measured or ", ".join(o.name for o in model.outputs)
-        notes([f"{place}: {named} as written are predictions with the effects in them, not the "
-               "measurements"])  # fmt: skip
+        found.append(f"{place}: {named} as written are predictions with the effects in them, not "
+                     "the measurements")  # fmt: skip
     return found
 
 
@@ -83,7 +120,7 @@ def _without_columns(
     return found
 
 
-def _units(model: MeasurableModel) -> dict[str, str]:
+def units_of(model: MeasurableModel) -> dict[str, str]:
     """The unit of every column that a table of the model can have, by name."""
     columns = {one.name: one.unit for one in model.columns}
     outputs = {one.name: one.unit for one in model.outputs}
@@ -91,7 +128,7 @@ def _units(model: MeasurableModel) -> dict[str, str]:
     return {"time_s": "s"} | stds | columns | outputs
 
 
-def _inputs(
+def typed_inputs(
     model: MeasurableModel, given: pd.DataFrame, place: str
 ) -> tuple[pd.DataFrame, list[Fault], list[str]]:
     """The typed inputs, every fault of the table, and what to say of columns that are not used."""
@@ -112,3 +149,28 @@ def _inputs(
 
 def _extras(outputs: list[str]) -> list[str]:
     return [*ALWAYS_ALLOWED, *(f"{name}_std" for name in outputs)]
+
+
+def simulated(
+    model: MeasurableModel,
+    table_read: tables.Table,
+    place: str,
+    seed: int = 0,
+    name: str = "",
+    effects: tuple[Active, ...] = (),
+    zero: Mapping[str, float] = NO_CHANGES,
+    uses: Mapping[str, tables.ColumnUse] | None = None,
+    understood: tables.Tell = tables.silent,
+    notes: tables.Tell = tables.silent,
+) -> pd.DataFrame:
+    """`inputs_in` a table with the predicted outputs beside them, computed in this process."""
+    simulation = Simulation(model, seed, name, effects, dict(zero))
+    frame = inputs_in(simulation, table_read, place, uses, understood, notes)
+    rows = rows_of(frame)
+    found = computed(simulation.computed(rows, rows.columns), InProcess())
+    return found.set_axis(frame.index)
+
+
+def rows_of(frame: pd.DataFrame) -> FrameRows:
+    """The rows of a frame as they are handed out."""
+    return FrameRows({str(name): frame[name].to_numpy() for name in frame}, len(frame))

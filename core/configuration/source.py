@@ -17,6 +17,10 @@ Source = Path | Mapping[str, Any]
 """A TOML file, or a dictionary with the keys of such a file."""
 
 
+EXECUTION = "execution"
+"""The table of where a command computes, see `read_execution`."""
+
+
 def folder_of(source: Source) -> Path:
     """The folder in which the files that a configuration names are looked for."""
     return source.parent if isinstance(source, Path) else Path()
@@ -35,7 +39,24 @@ def overridden(source: Source, overrides: Sequence[str], faults: list[Fault]) ->
 
 
 def load(source: Source, faults: list[Fault]) -> Table | None:
-    """The tables of a configuration, which may be changed, or None and the fault of its file."""
+    """The tables of a configuration, which may be changed, or None and the fault of its file.
+
+    That of where to compute is left out.
+    """
+    table = _loaded(source, faults)
+    if table is not None:
+        table.pop(EXECUTION, None)
+    return table
+
+
+def parsed_tables(source: Source, overrides: Sequence[str]) -> Table:
+    """All tables of a configuration, with overrides; empty where it cannot be read."""
+    table = _loaded(source, []) or {}
+    _merged(table, overrides, [])
+    return table
+
+
+def _loaded(source: Source, faults: list[Fault]) -> Table | None:
     if not isinstance(source, Path):
         return deepcopy(with_names(source))
     place = str(source)
@@ -69,7 +90,15 @@ def _parsed(text: str, place: str, faults: list[Fault]) -> Table | None:
 
 
 def override(table: Table, settings: Sequence[str], faults: list[Fault]) -> None:
-    """Apply `key=value` settings to `table`; a value that is not TOML is taken as a string."""
+    """Apply `key=value` settings to `table`; a value that is not TOML is taken as a string.
+
+    Those of where to compute are left out.
+    """
+    _merged(table, settings, faults)
+    table.pop(EXECUTION, None)
+
+
+def _merged(table: Table, settings: Sequence[str], faults: list[Fault]) -> None:
     for setting in settings:
         key, sign, value = setting.partition("=")
         parsed = _setting(key.strip(), value.strip()) if sign else None

@@ -33,6 +33,8 @@ RUN = "run"
 STUDY = "study"
 """Title of a study that is no file."""
 SEEDS = 10
+RACED = ("one_at_a_time", "factorial", "table")
+"""Analyses of designs whose settings may be stopped."""
 DESIGN_STREAM = (0, 0)
 """Spawn key of the generator of the design; the seeds of replicates have keys of one number."""
 RESPONSE = ("hypervolume_ratio", "gap_percent")
@@ -66,6 +68,7 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
     if base is not None and isinstance(varied, dict | None):
         factors = read_factors(vary, varied or {}, base_values(run or {}, base.resolved))
     readings = read_readings(top, factors, responses)
+    hopeless = _hopeless(top.section("stop"), design)
     top.finish()
     seed, seeds = 0 if seed is None else seed, SEEDS if seeds is None else seeds
     if design is not None and factors and not _faulty(faults, "vary"):
@@ -87,9 +90,10 @@ def read_study(source: Source, overrides: Sequence[str] = (), most: int | None =
         objectives=base.settings.objectives,
         readings=readings,
         configuration=_resolved(
-            base, factors, design, responses, seeds, seed, limit, readings, labels
+            base, factors, design, responses, seeds, seed, limit, readings, labels, hopeless
         ),
         labels=known,
+        hopeless=hopeless,
     )
     return _planned(settings, base, run or {}, limit, most)
 
@@ -227,6 +231,16 @@ def _design(section: Section, folder: Path) -> Design | None:
     return found
 
 
+def _hopeless(section: Section, design: Design | None) -> bool:
+    """Whether settings are stopped that are behind beyond chance."""
+    found = section.flag("hopeless") or False
+    section.finish()
+    if found and design is not None and design.analysis not in RACED:
+        text = f"cannot be had of {design.kind}: its statistics need every run; use one of"
+        section.fault("hopeless", f"{text} {', '.join(RACED)}")
+    return found
+
+
 def _faulty(faults: list[Fault], table: str) -> bool:
     return any(fault.place.startswith(table) for fault in faults)
 
@@ -248,6 +262,7 @@ def _resolved(
     limit: float | None,
     readings: tuple[Reading, ...],
     labels: Labels,
+    hopeless: bool,
 ) -> str:
     """The study as TOML, every default included; reading it again gives the same study."""
     vary = {factor.key: _vary(factor) for factor in factors}
@@ -258,6 +273,7 @@ def _resolved(
         "response": list(responses),
     }
     table |= {} if limit is None else {"time_limit_s": limit}
+    table |= {"stop": {"hopeless": True}} if hopeless else {}
     kind = {"kind": design.kind} | asdict(design)  # type: ignore[call-overload]
     table |= {"reading": written(readings)} if readings else {}
     return tomli_w.dumps(table | {"design": kind, "vary": vary, RUN: dict(base.resolved)})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -99,6 +99,9 @@ class RvBatch(MeasurableModel):
         cycloid = drawn(self.total.clipped, count, rng)[row] + opening(self.model, changes)
         effective = np.maximum(cycloid, 0.0) + drawn(self.total.free, count, rng)[row]
         return {"backlash_arcmin": effective / ARCMIN}
+
+    def row_by_row(self, columns: Collection[str]) -> bool:
+        return "repeat" not in columns and ANGLE not in columns
 
     def means(self, changes: Mapping[str, Array] = NO_CHANGES) -> Mapping[str, float]:
         if self.contact is not None:

@@ -70,7 +70,7 @@ def test_run_returns_what_became_of_it(
     assert result.stdout.splitlines()[-1] == f"page: {tmp_path / 'o' / 'report.html'}"
     assert "generation 1/2, evaluations 8, hypervolume 0.2500, 0 s left" in result.stderr
     assert calls[0].plan.seed == 7
-    assert calls[0].workers == 2
+    assert calls[0].workers.workers == 2
     assert tomllib.loads(calls[0].plan.configuration)["seed"] == 7
 
 

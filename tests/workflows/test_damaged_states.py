@@ -19,9 +19,9 @@ from tolevo.configuration.study import read_study
 from tolevo.directory import MANIFEST
 from tolevo.directory.unfinished import write_unfinished
 from tolevo.errors import InputError
+from tolevo.workflows.execution import InProcess
 from tolevo.workflows.reproduce.calculations.ga_settings import GaSettings
 from tolevo.workflows.study import study
-from tolevo.workflows.study.execution import InProcess
 
 TRIALS = share(2)
 GAP = """model = "table"

@@ -237,11 +237,11 @@ def test_side_searches_are_ended_not_waited_for(tmp_path: Path) -> None:
     endless = SideSearch("a", RvBacklash(), NSGA2(), Budget(generations=10**9), 0, relaxed=True)
     before = set(active_children())
     with Sides((endless,), 2, Checkpoint(tmp_path / CHECKPOINT, "")) as sides:
-        workers = set(active_children()) - before
-        assert len(workers) == 1
         until = time.monotonic() + 30.0
-        while not sides.futures[endless].running() and time.monotonic() < until:
+        while not (workers := set(active_children()) - before) and time.monotonic() < until:
             time.sleep(0.05)
+        assert len(workers) == 1
+        time.sleep(2.0)  # it has begun
         start = time.monotonic()
     assert time.monotonic() - start < 5.0
     assert not any(worker.is_alive() for worker in workers)

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from ...directory import owned
 from ...gap_records import GapResult
 from ...records import Axis, mechanism_lines
+from ..execution import Execution
 from .all_rows import on_all_rows
 from .analysis import Analysis, analysed
 from .correct import corrected_toml, in_problem
@@ -66,7 +67,7 @@ def gap(
     plan: GapPlan,
     data: GapData,
     out: Path,
-    workers: int = 1,
+    workers: Execution | int = 1,
     progress: Tell | None = None,
     resume: bool = False,
     overwrite: bool = True,
@@ -105,7 +106,7 @@ def _saved(kept: Replicates, plan: GapPlan) -> str:
 def found(
     plan: GapPlan,
     data: GapData,
-    workers: int = 1,
+    workers: Execution | int = 1,
     progress: Tell | None = None,
     kept: Replicates | None = None,
 ) -> GapResult:
@@ -119,7 +120,11 @@ def found(
 
 
 def _found(
-    plan: GapPlan, data: GapData, workers: int, progress: Tell | None, kept: Replicates | None
+    plan: GapPlan,
+    data: GapData,
+    workers: Execution | int,
+    progress: Tell | None,
+    kept: Replicates | None,
 ) -> GapResult:
     tell, mine = progress or silent, kept or Replicates()
     tell(GapProgress("columns of the library"))

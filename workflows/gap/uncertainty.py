@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 import time
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,7 +11,7 @@ import numpy as np
 
 from ...errors import RunError
 from ...models.inputs.distribution import Array
-from ..study.execution import Lost, executor_of
+from ..execution import Execution, Lost, executor_of
 from .analysis import Analysis
 from .fit import Fit
 from .progress import GapProgress, Tell, silent
@@ -47,18 +48,28 @@ class Spread:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Numbers of replicates that are made in one go."""
+    """Numbers of replicates that are made in one go, of the analysis that has a `name`."""
 
     numbers: tuple[int, ...]
+    name: str
 
     @property
     def key(self) -> str:
-        """A name."""
+        """A name of its own wherever it runs."""
+        return f"{self.name}-{self.numbers[0]}-{self.numbers[-1]}"
+
+    @property
+    def called(self) -> str:
+        """What a reader calls it."""
         return f"replicates {self.numbers[0]} to {self.numbers[-1]}"
 
 
 def bootstrap(
-    analysis: Analysis, fit: Fit, kept: Replicates, workers: int = 1, tell: Tell = silent
+    analysis: Analysis,
+    fit: Fit,
+    kept: Replicates,
+    workers: Execution | int = 1,
+    tell: Tell = silent,
 ) -> Spread:
     """The selection again on records with the residuals of `fit`, drawn in blocks.
 
@@ -67,15 +78,18 @@ def bootstrap(
     plan = analysis.setup.plan
     count = plan.settings.bootstrap
     open_ = kept.missing(count)
-    size = max(1, min(CHUNK, len(open_) // (4 * workers)))
-    chunks = iter([Chunk(tuple(open_[at : at + size])) for at in range(0, len(open_), size)])
     task = partial(_replicates, analysis.search, fit, plan.seed)
     begin, had = time.monotonic(), len(kept.found)
     tell(GapProgress(PHASE, count - len(open_), count))
     with executor_of(workers) as executor:
+        size = max(1, min(CHUNK, len(open_) // (4 * max(1, executor.workers))))
+        name = secrets.token_hex(8)
+        chunks = iter([
+            Chunk(tuple(open_[at : at + size]), name) for at in range(0, len(open_), size)
+        ])  # fmt: skip
         for chunk, found in executor.completed(task, lambda: next(chunks, None)):
             if isinstance(found, Lost):
-                raise RunError(f"{chunk.key}: {found.reason}; what has ended is kept in "
+                raise RunError(f"{chunk.called}: {found.reason}; what has ended is kept in "
                                f"{kept.path}, go on with --resume")  # fmt: skip
             kept.keep(found)
             done, left = len(kept.found) - had, len(kept.missing(count))

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from ...directory import Ownership, owned
 from ...errors import RunError, refuse
-from ..study.execution import Executor
-from ..study.execution.executor import Lost
+from ..execution import Executor, Lost
 from .plan import ClaimsProgress, ReproduceOutcome, ReproducePlan
 from .result import assembled, lines
 from .storage import all_kept, files_of, holds_another, keep

@@ -12,7 +12,7 @@ import numpy as np
 from ...claim_records import ComputedTable
 from ...errors import InputError, ModelError
 from ...units import converted
-from ..study.execution import pinned
+from ..execution import pinned
 from .calculation import Quantity
 from .claims import Claim, Reading
 from .verdict import Outcome, Verdict, outcome, verdict

@@ -22,6 +22,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ..choice import decide
 from ..choice.roughness import roughness_assumptions
+from ..execution import Execution
 from . import effects, overlay
 from .alternatives import alternatives, sentences
 from .answers import answers
@@ -56,7 +57,7 @@ MISS = "nearest_miss.csv"
 def run(
     plan: RunPlan,
     out: Path,
-    workers: int = 1,
+    workers: Execution | int = 1,
     progress: Callable[[Progress], None] | None = None,
     resume: bool = False,
     overwrite: bool = True,
@@ -80,7 +81,7 @@ def run(
 def _run(
     plan: RunPlan,
     place: Ownership,
-    workers: int,
+    workers: Execution | int,
     progress: Callable[[Progress], None] | None,
     resume: bool,
 ) -> RunOutcome:

@@ -1,45 +1,69 @@
-"""The side searches of a run, in other processes where there are some."""
+"""The side searches of a run: by an executor, beside the main one, where there are workers."""
 
 from __future__ import annotations
 
-import signal
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import active_children, get_context
+import secrets
+from collections import deque
+from dataclasses import dataclass
 from types import TracebackType
 
 import pandas as pd
 
 from ...algorithms.checkpoint import Checkpoint
+from ..execution import Background, Execution, Lost, Processes, executor_of
 from .references import SideSearch
 
 Fronts = dict[SideSearch, pd.DataFrame | None]
 
 
+@dataclass(frozen=True, slots=True)
+class SideTask:
+    """A side search as a task."""
+
+    key: str
+    side: SideSearch
+
+
+def front_of(task: SideTask) -> pd.DataFrame | None:
+    """The reported front of a side search."""
+    return task.side.front()
+
+
 class Sides:
     """Runs side searches beside the main one; each finished front is kept in the checkpoint.
 
-    On leaving the context processes that still work are ended at once.
+    One of the `workers` is the process of the main search, which does what no other has begun when
+    it is through. On leaving the context what still runs is ended at once.
     """
 
     def __init__(
-        self, searches: tuple[SideSearch, ...], workers: int, checkpoint: Checkpoint
+        self,
+        searches: tuple[SideSearch, ...],
+        workers: Execution | int,
+        checkpoint: Checkpoint,
     ) -> None:
         self.searches = searches
         self.checkpoint = checkpoint
-        self.futures: dict[SideSearch, Future[pd.DataFrame | None]] = {}
         checkpoint.keep_only([side.key for side in searches])
-        open_ = [side for side in searches if side.key not in checkpoint.tables]
-        if workers > 1 and open_:
-            others = set(active_children())
-            self._pool = ProcessPoolExecutor(
-                min(workers - 1, len(open_)),
-                mp_context=get_context("spawn"),
-                initializer=signal.signal,  # an interrupt is handled here, not in the workers
-                initargs=(signal.SIGINT, signal.SIG_IGN),
-            )
-            self.futures = {side: self._pool.submit(side.front) for side in open_}
-            self._processes = set(active_children()) - others
+        name = secrets.token_hex(8)
+        self._open = deque(
+            SideTask(f"{name}-{at}", side)
+            for at, side in enumerate(searches)
+            if side.key not in checkpoint.tables
+        )
+        self._beside: Background[SideTask, pd.DataFrame | None] | None = None
+        where = workers if isinstance(workers, Execution) else Execution(workers)
+        others = min((where.workers or 1) - 1, len(self._open))
+        if self._open and (where.dask or others):
+            # a single process is one beside this, not this one
+            executor = executor_of(where) if where.dask else Processes(others)
+            self._beside = Background(executor, front_of, self._next)
+
+    def _next(self) -> SideTask | None:
+        try:
+            return self._open.popleft()
+        except IndexError:
+            return None
 
     def __enter__(self) -> Sides:
         return self
@@ -50,50 +74,43 @@ class Sides:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if not self.futures:
-            return
-        if not all(future.done() for future in self.futures.values()):
-            for process in self._processes:
-                process.terminate()
-        self._pool.shutdown(wait=True, cancel_futures=True)
+        if self._beside is not None:
+            self._beside.close()
 
     def collect(self) -> None:
-        """Keep the fronts that have been finished since."""
-        for side, future in self.futures.items():
-            done = future.done() and not future.cancelled() and future.exception() is None
-            if done and side.key not in self.checkpoint.tables:
-                self._keep(side, future.result())
+        """Keep the fronts that have been finished since; of a lost process it is made again."""
+        for task, found in self._beside.taken() if self._beside else ():
+            if isinstance(found, Lost):
+                self._open.append(task)
+            else:
+                self._keep(task.side, found)
 
     def finish(self) -> None:
-        """Make or wait for all fronts; an interrupt leaves out what has not been made.
-
-        Those not begun elsewhere, or whose process was lost, are made here.
-        """
+        """Make or wait for all fronts; an interrupt leaves out what has not been made."""
         try:
-            for side in reversed(self.searches):
-                if side.key not in self.checkpoint.tables and self._not_begun(side):
-                    self._keep(side, side.front())
-            for side, future in self.futures.items():
-                if side.key not in self.checkpoint.tables:
-                    self._keep(side, _result(side, future))
+            self._make()
+            if self._beside is not None:
+                self._beside.wait()
+                self.collect()
+                self._make()  # what was lost
         except KeyboardInterrupt:
+            self.collect()
+
+    def _make(self) -> None:
+        while self._open:
+            try:
+                side = self._open.pop().side
+            except IndexError:  # begun elsewhere meanwhile
+                return
+            self._keep(side, side.front())
             self.collect()
 
     def fronts(self) -> Fronts:
         """The front of each side search, None where it has not been made."""
         return {side: self.checkpoint.tables.get(side.key) for side in self.searches}
 
-    def _not_begun(self, side: SideSearch) -> bool:
-        return side not in self.futures or self.futures[side].cancel()
-
     def _keep(self, side: SideSearch, front: pd.DataFrame | None) -> None:
         if front is None:  # it was interrupted
             raise KeyboardInterrupt
-        self.checkpoint.keep(side.key, front)
-
-
-def _result(side: SideSearch, future: Future[pd.DataFrame | None]) -> pd.DataFrame | None:
-    try:
-        return future.result()
-    except BrokenProcessPool:
-        return side.front()
+        if side.key not in self.checkpoint.tables:
+            self.checkpoint.keep(side.key, front)

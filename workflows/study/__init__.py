@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .execution import Executor, executor_of
+from ..execution import Executor, executor_of
 from .plan import StudyOutcome, StudyPlan, StudyProgress
 from .study import study
 

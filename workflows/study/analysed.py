@@ -11,12 +11,21 @@ import numpy as np
 
 from ...files import write_text
 from .. import page_data
+from .racing import LEADERS, leaders
 from .records import StudyData, StudySettings
 
 STREAM = (0, 1)
 """Spawn key of the generator of the resampling."""
 SAID = "study.json"
-FILES = (SAID, "sensitivity.csv", "tests.csv", "medians.csv", "report.html", page_data.NAME)
+FILES = (
+    SAID,
+    LEADERS,
+    "sensitivity.csv",
+    "tests.csv",
+    "medians.csv",
+    "report.html",
+    page_data.NAME,
+)
 
 
 def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, ...]:
@@ -28,11 +37,15 @@ def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, 
         return known
     digest = _digest(settings, data)
     from .statistics import analyse  # statsmodels takes seconds to import
+    from .statistics.runs import runs_of
     from .write import lines, said, write
 
     seed = np.random.SeedSequence(settings.seed, spawn_key=STREAM)
     result = analyse(settings, data, np.random.default_rng(seed))
     write(result, out)
+    costs = [runs_of(data.table, name, len(data.design)).costs() for name in settings.responses]
+    keys = [factor.key for factor in settings.factors]
+    write_text(out / LEADERS, leaders(data.design[keys], costs).to_csv(index=False))
     found = lines(result)
     write_text(out / SAID, said(result, {"digest": digest, "lines": list(found)}))
     return found

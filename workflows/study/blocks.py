@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import RunError
 from ...models.propagation import ClippedSum, Estimate, MonteCarlo, Propagated
-from .execution import Executor, Lost, pinned
+from ..execution import Executor, Lost, pinned
 
 SIZE = 2**20
 """Samples of a block: 65,536 in each of its scrambles."""

@@ -157,6 +157,8 @@ class StudySettings:
     """The resolved configuration as TOML."""
     labels: Labels = Labels()
     """What readers know the mechanism by."""
+    hopeless: bool = False
+    """Whether settings that are behind beyond chance are stopped."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import isnan, nan
 from types import MappingProxyType
@@ -33,14 +33,18 @@ def _hypervolume_ratio(run: Ended) -> float:
     return _hypervolume(run) / run.measure.value
 
 
+def _gap(value: float, bound: float) -> float:
+    """Distance of a cost from its bound [%], NaN where there is none."""
+    return 100.0 * max(value - bound, 0.0) / abs(bound) if value == value and bound else nan
+
+
 def _gap_percent(run: Ended) -> float:
     """Of one objective that of the best design, else the median over the front."""
     front = run.course.front
     if not len(front):
         return nan
     if run.problem.n_obj == 1:
-        bound = run.measure.bound
-        return 100.0 * max(float(front.min()) - bound, 0.0) / abs(bound) if bound else nan
+        return _gap(float(front.min()), run.measure.bound)
     columns = dict(zip(run.problem.objectives, front.T, strict=True))
     gap = proof(run.problem, columns, len(front)).gap_percent(columns["cost"])
     return float(np.nanmedian(gap)) if not np.isnan(gap).all() else nan
@@ -66,6 +70,22 @@ FORMULAS: MappingProxyType[str, Callable[[Ended], float]] = MappingProxyType({
     "cpu_s_to_99": _cpu_s_to_99,
     "feasible_fraction": _feasible_fraction,
 })  # fmt: skip
+
+
+def needs_level(names: Iterable[str]) -> bool:
+    """Whether a run must know its reference while it runs."""
+    return bool({"evaluations_to_99", "cpu_s_to_99"} & set(names))
+
+
+def compared(name: str, value: float, end: float, measure: Yardstick) -> float:
+    """A response of a run that has ended, by its reference: what it is compared with may have been
+    measured later. `value` is what the run itself saw, `end` the last value of its curve.
+    """
+    if name == "hypervolume_ratio":
+        return end / measure.value
+    if name == "gap_percent" and len(measure.box.ideal) == 1:
+        return _gap(end, measure.bound)
+    return value
 
 
 def unsuitable(name: str, problem: ToleranceProblem) -> str:

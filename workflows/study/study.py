@@ -14,13 +14,14 @@ from ...csv_text import csv_text
 from ...directory import KINDS, Ownership, owned
 from ...errors import Fault, RunError, refuse
 from ...files import write_bytes, write_text
+from ..execution import Executor
 from .analysed import analysed, known_lines
-from .execution import Executor
 from .plan import StudyOutcome, StudyPlan
+from .racing import STOPPED
 from .records import StudyData
-from .responses import unknown
 from .storage import DATABASE, Database, opened
 from .storage.opening import CONFIGURATION, Unopened, differences
+from .trial import response_of
 from .work import Report, Work
 from .yardstick import Yardstick
 
@@ -72,7 +73,7 @@ def _study(
                 _begin(plan, place)
             place.share()
         try:
-            measures = _done(Work(plan, database, executor, progress), plan)
+            measures = _done(Work(plan, database, executor, progress))
         except KeyboardInterrupt:
             return StudyOutcome("interrupted", out, (_saved(database, plan, out),))
         except (sqlite3.Error, UnicodeDecodeError) as error:
@@ -95,15 +96,9 @@ def _has_all(database: Database, plan: StudyPlan) -> bool:
     return not database.missing(plan.total) and len(database.yardsticks()) == len(plan.problems)
 
 
-def _done(work: Work, plan: StudyPlan) -> Mapping[int, Yardstick]:
+def _done(work: Work) -> Mapping[int, Yardstick]:
     with work.executor:
-        measures = work.survey()
-        for name in plan.settings.responses:
-            for measure in measures.values():
-                if text := unknown(name, measure):
-                    raise RunError(f"{name}: {text}")
-        work.finish()
-    return measures
+        return work.finish()
 
 
 def _saved(database: Database, plan: StudyPlan, out: Path) -> str:
@@ -131,7 +126,10 @@ def gathered(
         for name in ("replicate", "seed", "status", "reason")
     }
     for name in plan.settings.responses:
-        columns[name] = np.array([run.responses[name] for run in runs], dtype=float)
+        columns[name] = np.array(
+            [response_of(name, run, measures[plan.points[run.point].problem]) for run in runs],
+            dtype=float,
+        )
     lengths = [len(run.curve) for run in runs]
     curves = pd.DataFrame({
         "point": np.repeat(at, lengths),
@@ -154,6 +152,10 @@ def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool)
     if len(failed):
         reason, times = next(iter(failed["reason"].value_counts().items()))
         lines.append(f"note: {times} runs failed with: {reason}")
+    stopped = data.table.loc[data.table["status"] == STOPPED, "point"]
+    if len(stopped):
+        lines.append(f"note: {stopped.nunique()} settings were stopped as they are behind beyond "
+                     f"chance, which saved {len(stopped)} of {len(data.table)} runs")  # fmt: skip
     if not finished and not place.exclude():
         _check_same(plan, out)
         finished = True

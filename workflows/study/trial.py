@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import pickle
 import time
 from dataclasses import dataclass
-from functools import lru_cache
-from importlib.metadata import version
 from math import nan
 from types import TracebackType
 
@@ -16,14 +13,10 @@ from numpy.typing import NDArray
 from ...algorithms.course import CURVE, Course
 from ...algorithms.settings import AlgorithmSettings, Budget
 from ...algorithms.watched import watch
-from ...errors import RunError
 from ...problems.tolerance_problem import ToleranceProblem
-from .execution import pinned
-from .responses import FORMULAS, Ended
+from ..execution import built, check_version, pinned
+from .responses import FORMULAS, Ended, compared
 from .yardstick import Yardstick, yardstick
-
-KEPT = 4
-"""Problems that a worker keeps built."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,11 +94,16 @@ class Guarded:
         return True
 
 
+def done(task: Chunk | Surveying) -> tuple[RunRecord, ...] | Yardstick:
+    """What a task of a study comes to."""
+    return perform(task) if isinstance(task, Chunk) else survey(task)
+
+
 def perform(chunk: Chunk) -> tuple[RunRecord, ...]:
     """Run the jobs of a chunk, one after the other, on one thread."""
     check_version(chunk.version)
     with pinned():
-        problem = _built(chunk.problem)
+        problem: ToleranceProblem = built(chunk.problem)
         return tuple(run_one(job, problem, chunk) for job in chunk.jobs)
 
 
@@ -113,7 +111,7 @@ def survey(task: Surveying) -> Yardstick:
     """The yardstick of a problem."""
     check_version(task.version)
     with pinned():
-        return yardstick(_built(task.problem))
+        return yardstick(built(task.problem))
 
 
 def run_one(job: Job, problem: ToleranceProblem, chunk: Chunk) -> RunRecord:
@@ -141,22 +139,20 @@ def run_one(job: Job, problem: ToleranceProblem, chunk: Chunk) -> RunRecord:
 
 def lost(job: Job, reason: str, responses: tuple[str, ...]) -> RunRecord:
     """The record of a run that took its process with it."""
+    return ended(job, "failed", reason, responses)
+
+
+def ended(job: Job, status: str, reason: str, responses: tuple[str, ...]) -> RunRecord:
+    """The record of a run of which nothing is known but why."""
     return RunRecord(
-        job.point, job.replicate, job.seed, "failed", reason, 0, nan,
+        job.point, job.replicate, job.seed, status, reason, 0, nan,
         dict.fromkeys(responses, nan), np.empty((0, len(CURVE))),
     )  # fmt: skip
 
 
-def check_version(sent: str) -> None:
-    """Raises RunError where a worker has another version of the package than the sender."""
-    own = version("tolevo")
-    if sent != own:
-        text = f"a worker has tolevo {own}, this is {sent}: install the same everywhere"
-        raise RunError(text)
-
-
-@lru_cache(maxsize=KEPT)
-def _built(problem: bytes) -> ToleranceProblem:
-    found = pickle.loads(problem)
-    assert isinstance(found, ToleranceProblem)
-    return found
+def response_of(name: str, run: RunRecord, measure: Yardstick) -> float:
+    """A response of a run by its reference, NaN where it has none."""
+    value = run.responses[name]
+    if run.status != "done" or not len(run.curve):
+        return value
+    return compared(name, value, float(run.curve[-1, CURVE.index("value")]), measure)

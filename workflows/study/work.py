@@ -6,15 +6,22 @@ import hashlib
 import pickle
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from math import isnan
 
-from .execution import Executor, Lost
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import RunError
+from ..execution import Executor, Lost
 from .plan import Point, StudyPlan, StudyProgress
+from .racing import STOPPED, left_behind, looks
+from .records import LARGER_IS_BETTER
+from .responses import needs_level, unknown
 from .storage import Database
-from .trial import Chunk, Job, RunRecord, Surveying, lost, perform, survey
-from .yardstick import Yardstick
+from .trial import Chunk, Job, RunRecord, Surveying, done, ended, lost, response_of
+from .yardstick import Yardstick, bare
 
 CHUNK_S = 0.5
 """CPU time [s] of a chunk of short runs: handing one over costs some milliseconds."""
@@ -41,43 +48,117 @@ class Work:
         self._version = version("tolevo")
         self._todo: deque[int] = deque()
         self._alone: deque[Chunk] = deque()
-        self._measures: Mapping[int, Yardstick] = {}
+        self._measures: dict[int, Yardstick] = {}
+        self._boxes: dict[int, Yardstick] = {}
+        self._surveys: deque[int] = deque()
+        self._surveying = 0
         self._running = 0
         self._own = 0
         self._cpu_s = 0.0
         self._start = time.monotonic()
 
-    def survey(self) -> Mapping[int, Yardstick]:
-        """Find the yardsticks that are not known yet; returns all of them."""
+    def finish(self) -> Mapping[int, Yardstick]:
+        """Do every run that is missing, and wait for those that other processes have begun.
+
+        References that are not known yet are measured beside the first runs, but before them where
+        a run must know when it got there, or where there is one process only: a study that cannot
+        be compared with anything should end early. Returns all of them.
+        """
         known = self.database.yardsticks()
-        open_ = deque(n for n in range(len(self._problems)) if n not in known)
-        self._tell("measuring what the runs are compared with" if open_ else "")
-
-        def source() -> Surveying | None:
-            if not open_:
-                return None
-            number = open_.popleft()
-            key = self._key("survey", str(number))
-            return Surveying(key, self._version, self._problems[number], number)
-
-        for task, found in self.executor.completed(survey, source):
-            if isinstance(found, Lost):
-                raise RuntimeError(found.reason)
-            self.database.keep_yardstick(task.number, found)
-        self._measures = self.database.yardsticks()
+        self._surveys = deque(n for n in range(len(self._problems)) if n not in known)
+        self._measures = dict(known)
+        if self._surveys and (needs_level(self._responses) or self.executor.workers == 1):
+            self._work(self._survey)
+        if self.plan.settings.hopeless:
+            self._race()
+        self._until(self.plan.total)
+        self._tell()
         return self._measures
 
-    def finish(self) -> None:
-        """Do every run that is missing, and wait for those that other processes have begun."""
-        while missing := self.database.missing(self.plan.total):
+    def _until(self, total: int) -> None:
+        """Do the runs of the first `total` numbers, and what references are missing."""
+        while (missing := self.database.missing(total)) or self._surveys:
             self._todo.extend(missing)
             before = self._own
-            for chunk, result in self.executor.completed(perform, self._next):
-                self._take(chunk, result)
-            if self._own == before:
+            self._work(lambda: self._survey() or self._next())
+            if self._own == before and missing:
                 self._tell("another process has begun what is left: waiting for it")
                 time.sleep(POLL_S)
+
+    def _race(self) -> None:
+        """Stop settings that are behind beyond chance.
+
+        Each look is at the same runs wherever and however often interrupted they were made, so that
+        every process that shares the study stops the same settings.
+        """
+        points = len(self.plan.points)
+        racing = np.ones(points, dtype=bool)
+        for look, seeds in enumerate(looks(self.plan.settings.seeds), start=1):
+            self._until(seeds * points)
+            runs = list(self.database.runs(seeds * points))
+            costs = [self._costs(name, runs, seeds) for name in self._responses]
+            out = left_behind(costs, racing, look)
+            racing &= ~out
+            reason = f"behind beyond chance after {seeds} seeds"
+            stopped = [
+                ended(self._job(replicate * points + int(point)), STOPPED, reason, self._responses)
+                for point in np.flatnonzero(out)
+                for replicate in range(seeds, self.plan.settings.seeds)
+            ]
+            self.database.record(stopped)
+
+    def _costs(self, name: str, runs: Sequence[RunRecord], seeds: int) -> NDArray[np.float64]:
+        """A response (points, seeds), less is better, infinite where there is none."""
+        found = np.full((len(self.plan.points), seeds), np.inf)
+        sign = -1.0 if name in LARGER_IS_BETTER else 1.0
+        for run in runs:
+            measure = self._measures[self.plan.points[run.point].problem]
+            value = sign * response_of(name, run, measure)
+            found[run.point, run.replicate] = np.inf if isnan(value) else value
+        return found
+
+    @property
+    def _responses(self) -> tuple[str, ...]:
+        return self.plan.settings.responses
+
+    def _work(self, source: Callable[[], Chunk | Surveying | None]) -> None:
+        for task, result in self.executor.completed(done, source):
+            if isinstance(task, Chunk):
+                assert isinstance(result, Lost | tuple)
+                self._take(task, result)
+            else:
+                assert not isinstance(result, tuple)
+                self._measured(task, result)
+
+    def _survey(self) -> Surveying | None:
+        """The next reference that is to be measured."""
+        if not self._surveys:
+            return None
+        self._surveying += 1
         self._tell()
+        number = self._surveys.popleft()
+        key = self._key("survey", str(number))
+        return Surveying(key, self._version, self._problems[number], number)
+
+    def _measured(self, task: Surveying, found: Yardstick | Lost) -> None:
+        """Keep a reference. Raises RunError where a response cannot be told without it."""
+        if isinstance(found, Lost):
+            raise RunError(f"the reference of problem {task.number}: {found.reason}")
+        for name in self._responses:
+            if text := unknown(name, found):
+                raise RunError(f"{name}: {text}")
+        self.database.keep_yardstick(task.number, found)
+        self._measures[task.number] = found
+        self._surveying -= 1
+        self._tell()
+
+    def _measure(self, problem: int) -> Yardstick:
+        """The reference of a problem or, as long as it is not known, the box alone."""
+        if problem in self._measures:
+            return self._measures[problem]
+        if problem not in self._boxes:
+            self._boxes[problem] = bare(self.plan.problems[problem])
+        return self._boxes[problem]
 
     def _next(self) -> Chunk | None:
         """The next chunk of runs that nobody else does."""
@@ -112,7 +193,7 @@ class Work:
             self._key("runs", *map(str, numbers)),
             self._version,
             self._problems[problem],
-            self._measures[problem],
+            self._measure(problem),
             tuple(self._job(number) for number in numbers),
             self.plan.settings.responses,
             self.plan.time_limit_s,
@@ -152,6 +233,8 @@ class Work:
         seconds = time.monotonic() - self._start
         left = self.plan.total - done - failed
         remaining = seconds * left / self._own if self._own else None
+        if self._surveying and not note:
+            note = "measuring what the runs are compared with"
         self._report(
             StudyProgress(done, self._running, failed, self.plan.total, seconds, remaining, note)
         )

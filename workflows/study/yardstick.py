@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, nan
 
 import numpy as np
@@ -37,11 +37,16 @@ class Yardstick:
         return self.value + (1.0 - SHARE) * abs(self.value)
 
 
+def bare(problem: ToleranceProblem) -> Yardstick:
+    """The box alone, with which runs can begin."""
+    ideal, nadir = (tuple(float(v) for v in end) for end in problem.box())
+    return Yardstick(Box(ideal, nadir), nan, nan)
+
+
 def yardstick(problem: ToleranceProblem) -> Yardstick:
     """The yardstick of a problem (some seconds where the exact front takes programmes)."""
     from ..run.proofs import exact_front  # with it come the libraries of the page, slow to load
 
-    ideal, nadir = (tuple(float(v) for v in end) for end in problem.box())
     exact, value, bound = exact_front(problem), nan, nan
     if exact is not None and problem.n_obj > 1:
         value = exact.hypervolume
@@ -50,7 +55,7 @@ def yardstick(problem: ToleranceProblem) -> Yardstick:
         value = float(problem.objective_values(found)[0, 0])
     if problem.n_obj == 1:
         bound = _bound(problem)
-    return Yardstick(Box(ideal, nadir), value, bound)
+    return replace(bare(problem), value=value, bound=bound)
 
 
 def _bound(problem: ToleranceProblem) -> float:

@@ -8,8 +8,8 @@ from scipy.stats import norm
 
 from tolevo.models.inputs import Normal, Uniform
 from tolevo.models.propagation import ClippedSum, Propagated, Term
+from tolevo.workflows.execution import Executor, InProcess, Processes
 from tolevo.workflows.study.blocks import monte_carlo
-from tolevo.workflows.study.execution import Executor, InProcess, Processes
 
 UNIT = Normal(cp=1.0 / 3.0)
 """The standard normal distribution."""

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from tolevo.cli import app
 from tolevo.configuration.study import read_study
 from tolevo.errors import InputError
+from tolevo.workflows.execution import InProcess
 from tolevo.workflows.study import study
-from tolevo.workflows.study.execution import InProcess
 
 CONFIGS = Path(str(files("tolevo.configs")))
 RUN = """

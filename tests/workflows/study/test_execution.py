@@ -22,15 +22,18 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import tolevo
 from tolevo.cli import app
 from tolevo.configuration.study import read_study
 from tolevo.errors import InputError, RunError
+from tolevo.workflows.evaluate import GRAIN
+from tolevo.workflows.execution import InProcess, Lost, Processes, dask_cluster
+from tolevo.workflows.execution.executor import Result, TaskT
 from tolevo.workflows.study import StudyPlan, StudyProgress, executor_of, study
-from tolevo.workflows.study.execution import InProcess, Lost, Processes, dask_cluster
-from tolevo.workflows.study.execution.executor import Result, TaskT
 from tolevo.workflows.study.storage import DATABASE
 from tolevo.workflows.study.trial import Chunk
 
@@ -364,6 +367,48 @@ def test_dask_a_worker_killed_then_the_scheduler(
     assert 3 <= kept < plan.total
     assert study(plan, tmp_path / "b", InProcess(), resume=True).status == "done"
     sound(tmp_path / "b", plan, table)
+
+
+@pytest.mark.slow
+def test_dask_lost_at_several_moments_in_an_evaluation(tmp_path: Path) -> None:
+    """Ten moments: a worker is killed at every other one, the scheduler at the rest."""
+    configuration = {"problem": "rv_backlash", "parameters": {"reading": "printed"}}
+    problem = tolevo.read(configuration).problem
+    assert problem is not None
+    share = np.random.default_rng(0).random((12 * GRAIN, problem.n_var))
+    full = problem.complete(problem.xl + share * (problem.xu - problem.xl))
+    problem.designs_frame(full).to_csv(tmp_path / "d.csv", index=False)
+    tolevo.evaluate(configuration, tmp_path / "d.csv", tmp_path / "whole.csv")
+    whole = (tmp_path / "whole.csv").read_bytes()
+    for moment in range(10):
+        out = tmp_path / f"{moment}.csv"
+        with scheduler() as (process, address):
+            workers = [worker(address) for _ in range(2)]
+            try:
+                wait_until(lambda at=address: both(at))
+                told: list[int] = []
+
+                def report(
+                    state: Any, at: int = moment, one: Any = workers[0], all_: Any = process,
+                    seen: list[int] = told,
+                ) -> None:  # fmt: skip
+                    if state.done == at:
+                        (one.kill if at % 2 else all_.kill)()
+                        seen.append(state.done)
+
+                arguments = {"dask": address, "block_rows": GRAIN, "progress": report}
+                if moment % 2:
+                    tolevo.evaluate(configuration, tmp_path / "d.csv", out, **arguments)
+                else:
+                    with pytest.raises(RunError, match=r"of 12 blocks are saved.*--resume"):
+                        tolevo.evaluate(configuration, tmp_path / "d.csv", out, **arguments)
+                    tolevo.evaluate(configuration, tmp_path / "d.csv", out, resume=True)
+            finally:
+                for one in workers:
+                    one.kill()
+                    one.wait()
+        assert told
+        assert out.read_bytes() == whole
 
 
 def both(address: str) -> bool:

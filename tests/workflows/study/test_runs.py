@@ -18,9 +18,9 @@ from tolevo.configuration.study import read_study
 from tolevo.errors import RunError
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.tolerance_problem import ToleranceProblem
+from tolevo.workflows.execution import InProcess
 from tolevo.workflows.run.proofs import exact_front
 from tolevo.workflows.study import StudyOutcome, StudyPlan, study
-from tolevo.workflows.study.execution import InProcess
 
 ONE = """
 problem = "pose_accuracy"

@@ -10,10 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from SALib.analyze import morris as salib_morris
 from SALib.analyze import sobol as salib_sobol
-from scipy.stats import binom
+from scipy.stats import binom, norm
 
 from tolevo.workflows.study.designs import Factorial, LatinHypercube, Morris, OneAtATime, Sobol
 from tolevo.workflows.study.records import Design, Factor, StudyData, StudySettings
+from tolevo.workflows.study.statistics import resampling, sobol
 from tolevo.workflows.study.statistics.contrasts import contrasts
 from tolevo.workflows.study.statistics.resampling import crossed
 from tolevo.workflows.study.statistics.runs import runs_of
@@ -84,19 +85,19 @@ def hits(
     return sum(inside[1:], inside[0].astype(int)), sum(above[1:], above[0].astype(int))
 
 
-def assert_covered(inside: pd.Series) -> None:
-    assert inside.min() >= binom.ppf(RARE / len(inside), STUDIES, 0.95), inside
+def assert_covered(inside: pd.Series, level: float = 0.95) -> None:
+    assert inside.min() >= binom.ppf(RARE / len(inside), STUDIES, level), inside
 
 
-@pytest.mark.parametrize("noise", [0.0, 3.7])
+@pytest.mark.parametrize("noise", [3.7])
 def test_sobol_intervals_cover_the_truth_and_nothing_is_reported_as_nothing(
     synthetic: Any, noise: float
 ) -> None:
     truth = ishigami_truth()
     inside, above = hits(synthetic, Sobol(samples=64), UNIT, ishigami, truth, noise, seeds=4)
-    assert_covered(inside)
+    assert_covered(inside, 0.90)
     for statistic in ("S1", "ST"):
-        assert above["d", statistic] <= binom.ppf(1 - RARE, STUDIES, 0.025)
+        assert above["d", statistic] <= binom.ppf(1 - RARE, STUDIES, 0.05)
     assert above["b", "ST"] > 0.9 * STUDIES
 
 
@@ -120,8 +121,13 @@ def test_sobol_without_noise_is_that_of_salib(synthetic: Any) -> None:
     rows = found(settings, data, rng)
     problem = {"num_vars": 4, "names": list(KEYS), "bounds": [[0.0, 1.0]] * 4}
     known = salib_sobol.analyze(problem, ishigami(data.design), calc_second_order=False, seed=1)
-    # SALib centres by all runs, here those of A and B do it: a difference of the order 1/samples^2
-    np.testing.assert_allclose(rows.xs("S1", level=1)["value"], known["S1"], atol=2e-4)
+    blocks = ishigami(data.design).reshape(-1, 6)
+    a, b = blocks[:, 0], blocks[:, 5]
+    apart = [np.mean((b - one) ** 2) / 2 for one in blocks[:, 1:5].T]
+    jansen = 1.0 - np.array(apart) / np.r_[a, b].var()
+    s1 = (1.0 - known["ST"]) * known["S1"] + known["ST"] * jansen
+    # SALib centres by all runs, here those of A and B do it: sequences of 8 differ by as much
+    np.testing.assert_allclose(rows.xs("S1", level=1)["value"], s1, atol=3e-3)
     np.testing.assert_allclose(rows.xs("ST", level=1)["value"], known["ST"], rtol=1e-10)
     assert rows.loc["d", "ST"][["value", "low", "high"]].tolist() == [0.0, 0.0, 0.0]
     assert abs(rows.loc["", "noise_share"]["value"]) < 1e-12
@@ -236,3 +242,105 @@ def test_noise_alone_has_no_square_over_different_seeds() -> None:
     without = crossed(noise, noise, np.array([1.0, 1.0, 1.0, 0.0]))
     np.testing.assert_allclose(without, crossed(noise[:, :3], noise[:, :3], np.ones(3)))
     assert np.isnan(crossed(noise, noise, np.array([1.0, 0.0, 0.0, 0.0]))).all()
+
+
+def product(coefficients: tuple[float, ...]) -> Any:
+    """The function of Sobol and Saltelli: prod (|4 x - 2| + a) / (1 + a)."""
+    a = np.array(coefficients)
+    return lambda x: np.prod((np.abs(4 * x - 2) + a) / (1 + a), axis=1)
+
+
+def product_truth(coefficients: tuple[float, ...]) -> Array:
+    """S1, then ST: V_i = 1 / (3 (1 + a_i)^2), the whole is prod (1 + V_i) - 1."""
+    own = 1.0 / (3.0 * (1.0 + np.array(coefficients)) ** 2)
+    whole = np.prod(1.0 + own) - 1.0
+    return np.r_[own, own * np.prod(1.0 + own) / (1.0 + own)] / whole
+
+
+def settings_of_a_search(x: Array) -> Array:
+    """A best population, a crossover that saturates, and a mutation that needs the first."""
+    return np.asarray(3 * (x[:, 0] - 0.4) ** 2 + np.exp(-4 * x[:, 1]) + 0.5 * x[:, 0] * x[:, 2])
+
+
+def settings_truth() -> Array:
+    """In closed form: with m = x_0 - 1/2 the first is 3 m^2 + 0.6 m, and the product 1/4 (1 + 2 m)
+    (1 + 2 n) / 2.
+    """
+    e4, e8 = np.exp(-4.0), np.exp(-8.0)
+    exponential = (1 - e8) / 8 - ((1 - e4) / 4) ** 2
+    # x_0 alone: 3 m^2 + (0.6 + 0.25) m; x_2 alone: 0.25 n; both: 0.5 m n
+    first = 9 * (1 / 80 - 1 / 144) + 0.85**2 / 12
+    third, both = 0.25**2 / 12, 0.25 / 144
+    total = first + exponential + third + both
+    return np.array([first, exponential, third, 0.0, first + both, exponential, third + both, 0.0]
+                    ) / total  # fmt: skip
+
+
+def ishigami_array(x: Array) -> Array:
+    return ishigami(pd.DataFrame(x, columns=list(KEYS)))
+
+
+FUNCTIONS = {
+    "Ishigami": (ishigami_array, np.array(list(ishigami_truth().values()))),
+    "product": (product((0.0, 1.0, 4.5, 9.0)), product_truth((0.0, 1.0, 4.5, 9.0))),
+    "one of many": (product((99.0, 0.5, 3.0, 0.0)), product_truth((99.0, 0.5, 3.0, 0.0))),
+    "settings": (settings_of_a_search, settings_truth()),
+}
+
+
+def intervals(name: str, noise: float, repeats: int) -> tuple[Array, Array]:
+    """Coverage of each index, and width of its interval over that of the estimates themselves.
+
+    The noise is a share of the standard deviation that the settings make.
+    """
+    function, truth = FUNCTIONS[name]
+    design, found = Sobol(samples=128), []
+    spread = function(np.random.default_rng(0).random((20_000, 4))).std()
+    for repeat in range(repeats):
+        rng = np.random.default_rng([repeat, 11])
+        x = design.points(UNIT, {}, rng)[list(KEYS)].to_numpy()
+        runs = function(x)[:, None] + spread * noise * rng.normal(size=(len(x), 4))
+        one = sobol.indices(runs + spread * rng.normal(size=4), 4, rng)
+        found.append((one.value, one.low, one.high))
+    value, low, high = np.swapaxes(np.array(found), 0, 1)
+    inside = np.mean((low <= truth + 1e-9) & (truth - 1e-9 <= high), axis=0)
+    own = 2 * norm.ppf(0.95) * value.std(axis=0)
+    width = np.divide((high - low).mean(axis=0), own, out=np.ones_like(own), where=own > 1e-12)
+    return inside, width
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_sobol_intervals_are_calibrated(
+    name: str, noise: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """200 repeats: of all indices together 0.90 +- 0.05; none is off by more than chance."""
+    monkeypatch.setattr(resampling, "DRAWS", 60)
+    inside, width = intervals(name, noise, 200)
+    some = FUNCTIONS[name][1] > 0.0
+    print(name, noise, inside.round(3), width.round(2))
+    assert 0.85 <= inside[some].mean() <= 0.95
+    assert inside[some].min() >= binom.ppf(RARE / 96, 200, 0.88) / 200
+    assert width.max() <= 1.5
+
+
+def test_sobol_intervals_are_as_wide_as_the_estimates_spread(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A sample of the test above."""
+    monkeypatch.setattr(resampling, "DRAWS", 30)
+    inside, width = intervals("settings", 0.5, 40)
+    assert inside.mean() >= binom.ppf(RARE, 40, 0.90) / 40
+    assert 0.6 < width.mean() < 1.6
+
+
+def test_truths_of_the_functions_by_brute_force() -> None:
+    """Against the plain estimator on 2^15 blocks without noise."""
+    x = Sobol(samples=1 << 15).points(UNIT, {}, np.random.default_rng(1))[list(KEYS)].to_numpy()
+    for function, truth in FUNCTIONS.values():
+        y = function(x).reshape(-1, 6)
+        variance = np.r_[y[:, 0], y[:, 5]].var()
+        total = np.mean((y[:, 1:5] - y[:, :1]) ** 2, axis=0) / 2 / variance
+        first = 1 - np.mean((y[:, 1:5] - y[:, 5:]) ** 2, axis=0) / 2 / variance
+        np.testing.assert_allclose(np.r_[first, total], truth, atol=0.01)

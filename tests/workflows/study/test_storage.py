@@ -21,8 +21,8 @@ from tolevo.configuration.study import read_study
 from tolevo.directory import KINDS, MANIFEST, owned, standing
 from tolevo.directory.names import present
 from tolevo.errors import InputError
+from tolevo.workflows.execution import InProcess
 from tolevo.workflows.study import StudyOutcome, study
-from tolevo.workflows.study.execution import InProcess
 from tolevo.workflows.study.storage import DATABASE
 from tolevo.workflows.study.storage.database import FORMAT
 

@@ -31,7 +31,8 @@ def effects(values: Array, shares: Array, rng: np.random.Generator) -> Estimates
         return np.stack([*(mean for mean, _ in found), *(v for _, v in found)], axis=-1)
 
     found = random_settings(statistic, len(paths), values.shape[1], rng)
-    return Estimates(*(_rooted(one, keys) for one in (found.value, found.low, found.high)))
+    value, low, high = (_rooted(one, keys) for one in (found.value, found.low, found.high))
+    return Estimates(value, low, high)
 
 
 def _of_key(slope: Array, weights: Array, rows: Array) -> tuple[Array, Array]:

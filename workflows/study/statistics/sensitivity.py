@@ -12,7 +12,7 @@ from ..records import StudySettings
 from . import morris, sobol
 from .contrasts import Contrast
 from .noise import noise_share
-from .resampling import LEVEL, Array, Estimates
+from .resampling import Array, Estimates
 from .runs import Runs, complete
 from .shares import factorial_shares, key_shares, surface_shares
 
@@ -49,7 +49,7 @@ def sensitivity(
     some = _ends(values, group) if kind == "sobol" else values
     share = noise_share(some, 2 if kind == "sobol" else group, rng)
     rows += _rows([("", "noise_share")], share, len(values))
-    frame = pd.DataFrame(rows).assign(response=runs.response, level=LEVEL)
+    frame = pd.DataFrame(rows).assign(response=runs.response)
     frame["distinct"] = frame["low"] > 0.0
     return frame.reindex(columns=list(COLUMNS))
 
@@ -71,8 +71,9 @@ def _variances(
     else:
         names = [contrast.key for contrast in found]
         parts = [key_shares(values, contrast, rng) for contrast in found]
-        shares = Estimates(*(np.concatenate([getattr(one, side) for one in parts])
-                             for side in ("value", "low", "high")))  # fmt: skip
+        value, low, high = (np.concatenate([getattr(one, side) for one in parts])
+                            for side in ("value", "low", "high"))  # fmt: skip
+        shares = Estimates(value, low, high)
     return _rows([(name, "anova_share") for name in names], shares, complete(values).shape[1])
 
 
@@ -85,6 +86,14 @@ def _ends(values: Array, group: int) -> Array:
 def _rows(names: list[tuple[str, str]], found: Estimates, n: int) -> Rows:
     sides = zip(names, found.value, found.low, found.high, strict=True)
     return [
-        {"key": key, "statistic": name, "value": value, "low": low, "high": high, "n": n}
+        {
+            "key": key,
+            "statistic": name,
+            "value": value,
+            "low": low,
+            "high": high,
+            "n": n,
+            "level": found.level,
+        }
         for (key, name), value, low, high in sides
     ]

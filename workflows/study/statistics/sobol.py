@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..designs.sobol import PARTS
 from .resampling import Array, Estimates, crossed, over_settings, random_settings
+
+SOBOL_LEVEL = 0.90
+"""Of the intervals: the one at which they are calibrated."""
 
 
 def indices(values: Array, keys: int, rng: np.random.Generator) -> Estimates:
     """First-order and total indices, shape (2 keys,): all S1, then all ST.
 
     `values` (settings, replicates) is ordered as `designs.sobol` orders its points, NaN where a run
-    failed: a seed is left out of a block in which one of its runs failed. Numerators as Saltelli et
-    al. 2010 (S1) and Jansen 1999 (ST), each over pairs of different seeds; the denominator is the
-    variance between settings without the noise.
+    failed: a seed is left out of a block in which one of its runs failed. ST as Jansen 1999. S1 is
+    (1 - w) of that of Saltelli et al. 2010, which is exact for a key that does nothing, and w of
+    that of Jansen, which is exact for one that does all, w = ST. Numerators are over pairs of
+    different seeds, the denominator is the variance between settings without the noise.
     """
     blocks = values.reshape(-1, keys + 2, values.shape[1])
     whole = np.asarray(np.isfinite(blocks).all(axis=1), dtype=np.bool_)
@@ -29,12 +34,19 @@ def indices(values: Array, keys: int, rng: np.random.Generator) -> Estimates:
         total = over_settings(squares, rows) / 2 - centre**2
         first = [over_settings(crossed(b, one - a, weights), rows) for one in mixed]
         last = [over_settings(crossed(a - one, a - one, weights), rows) / 2 for one in mixed]
-        shares = np.stack([*first, *last], axis=-1)
-        return np.divide(
-            shares, total[:, None], out=np.zeros_like(shares), where=total[:, None] > 0.0
-        )
+        rest = [over_settings(crossed(b - one, b - one, weights), rows) / 2 for one in mixed]
+        small, whole_share, others = (_shares(one, total) for one in (first, last, rest))
+        weight = np.clip(whole_share, 0.0, 1.0)
+        large = np.where(total[:, None] > 0.0, 1.0 - others, 0.0)
+        return np.concatenate([(1.0 - weight) * small + weight * large, whole_share], axis=-1)
 
-    return random_settings(statistic, len(blocks), values.shape[1], rng)
+    return random_settings(statistic, len(blocks), values.shape[1], rng, PARTS, SOBOL_LEVEL)
+
+
+def _shares(parts: list[Array], total: Array) -> Array:
+    """Variances as shares of the whole, (draws, keys); 0 where there is none."""
+    found = np.stack(parts, axis=-1)
+    return np.divide(found, total[:, None], out=np.zeros_like(found), where=total[:, None] > 0.0)
 
 
 def _mean_of_seeds(ends: Array) -> Array:

@@ -6,7 +6,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, connection, get_context, parent_process
@@ -26,6 +26,7 @@ class Processes(Executor):
     def __init__(self, workers: int) -> None:
         self.workers = workers
         self._lanes = [_Lane() for _ in range(workers)]
+        self._closed = False
 
     def completed(
         self, function: Callable[[TaskT], Result], source: Callable[[], TaskT | None]
@@ -41,7 +42,9 @@ class Processes(Executor):
                 task, lane, attempt = busy.pop(future)
                 try:
                     result: Result | Lost = future.result()
-                except BrokenProcessPool:
+                except (BrokenProcessPool, CancelledError):
+                    if self._closed:  # from another thread
+                        return
                     if attempt < ATTEMPTS:
                         busy[lane.submit(function, task)] = task, lane, attempt + 1
                         continue
@@ -51,6 +54,7 @@ class Processes(Executor):
                 yield task, result
 
     def close(self) -> None:
+        self._closed = True
         for lane in self._lanes:
             lane.close()
 

@@ -8,13 +8,14 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ThreadPoolExecutor
+from importlib.metadata import version
 from typing import Any
 
 import distributed
 from distributed.comm.core import connect
 from distributed.core import send_recv
 
-from ....errors import RunError, refuse
+from ...errors import Fault, InputError, RunError, refuse
 from .executor import ATTEMPTS, Executor, Lost, Result, TaskT
 
 PATIENCE = 8.0
@@ -30,18 +31,22 @@ class DaskCluster(Executor):
     """The workers of the scheduler at `address` (`tcp://...`, or `tls://...` with Dask's own
     configuration of the certificates).
 
-    Raises InputError where nobody answers there. Dask runs the task of a lost worker on another as
-    often as its `allowed-failures` say, and this class asks again after that.
+    Raises InputError, which names `place`, where nobody answers there, or where workers have
+    another version. Dask runs the task of a lost worker on another as often as its
+    `allowed-failures` say, and this class asks again after that.
     """
 
-    def __init__(self, address: str) -> None:
-        _check(address)
+    def __init__(self, address: str, place: str = "--dask") -> None:
+        _check(address, place)
         self.address = address
         self._threads, self._counted = 0, -math.inf
         self._logger = logging.getLogger("distributed.client")
         self._quiet = self._logger.disabled
         self._logger.disabled = True  # that a scheduler is lost is said here, without a traceback
         self._client: Any = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        if faults := _other_versions(self._client, place):
+            self.close()
+            raise InputError(faults)
 
     @property
     def workers(self) -> int:  # type: ignore[override]
@@ -113,7 +118,7 @@ class DaskCluster(Executor):
         self._logger.disabled = self._quiet
 
 
-def _check(address: str) -> None:
+def _check(address: str, place: str) -> None:
     """Raises InputError where no scheduler answers.
 
     Dask's client waits for ever for something that takes the connection and says nothing, and
@@ -125,10 +130,10 @@ def _check(address: str) -> None:
     except (OSError, ValueError, TypeError, MemoryError, EOFError, RuntimeError) as error:
         reason = str(error).splitlines()[0] if str(error) else "no answer"
         text = f"no Dask scheduler answers at {address} ({reason}); start one: dask scheduler"
-        raise refuse("--dask", text) from error
+        raise refuse(place, text) from error
     if kind != "Scheduler":
         text = f"at {address} there is a {kind}: give the address of the scheduler"
-        raise refuse("--dask", text)
+        raise refuse(place, text)
 
 
 async def _answered(address: str) -> str:
@@ -147,3 +152,21 @@ async def _kind(address: str) -> str:
         return str(found["type"])
     finally:
         comm.abort()
+
+
+def _other_versions(client: Any, place: str) -> list[Fault]:
+    """A fault per version of the package, other than that of this process, that workers have."""
+    own, found = version("tolevo"), dict[str, list[str]]()
+    try:
+        workers = client.get_versions(packages=["tolevo"])["workers"]
+    except (CancelledError, OSError) as error:
+        return [Fault(place, f"the scheduler was lost while it was asked ({error})")]
+    for name, known in workers.items():
+        there = (known or {}).get("packages", {}).get("tolevo") or "none"
+        if there != own:
+            found.setdefault(str(there), []).append(name)
+    return [
+        Fault(place, f"{len(names)} workers (the first is {names[0]}) have tolevo {there}, this is "
+                     f"tolevo {own}: install the same everywhere")
+        for there, names in found.items()
+    ]  # fmt: skip

@@ -1,0 +1,239 @@
+"""How CPU time and memory grow: `python -m benchmarks.scaling [--quick] [--write FOLDER]`.
+
+Every point is a command in a process of its own (CPU time with that of its workers, largest
+resident memory of one process), less what the smallest size takes where the exponent is fitted: the
+start of Python is no growth. `--write` puts the table and the figure into a folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+BACKLASH = 'problem = "rv_backlash"\nreferences = "none"\n[parameters]\nreading = "printed"\n'
+SEARCH = '[algorithm]\nname = "nsga2"\nengine = "array"\n'
+PART = """[[part]]
+name = "p{at}"
+nominal = {nominal}
+unit = "mm"
+sensitivity = {sign}
+t_min = 0.01
+t_max = 0.25
+cost = {{ model = "reciprocal", a = 1.0, b = {b} }}
+"""
+STUDY = """
+seeds = {seeds}
+response = ["hypervolume"]
+[run]
+problem = "pose_accuracy"
+references = "none"
+[run.algorithm]
+name = "nsga2"
+engine = "array"
+population = 20
+generations = 20
+[design]
+kind = "one_at_a_time"
+[vary]
+"algorithm.mutation.eta" = [10.0, 20.0]
+"""
+GAP = """
+model = "table"
+[columns]
+"torque" = { role = "torque", unit = "N m" }
+"te" = { role = "measured", unit = "arcsec" }
+"te_predicted" = { role = "predicted", unit = "arcsec" }
+[settings]
+bootstrap = 0
+"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command against one size: `prepared` writes its input and returns its words."""
+
+    name: str
+    of: str
+    sizes: tuple[int, ...]
+    quick: tuple[int, ...]
+    prepared: Callable[[Path, int], list[str]]
+
+
+def simulate(folder: Path, rows: int) -> list[str]:
+    """Rows of a Parquet file, a million at a time."""
+    rng, path = np.random.default_rng(0), folder / "points.parquet"
+    schema = pa.schema([("torque_Nm", pa.float64()), ("direction", pa.float64())])
+    with pq.ParquetWriter(path, schema) as writer:
+        for start in range(0, rows, 1_000_000):
+            count = min(1_000_000, rows - start)
+            torque = np.round(rng.uniform(-300.0, 300.0, count))
+            columns = {"torque_Nm": torque, "direction": np.sign(torque) + (torque == 0.0)}
+            writer.write_table(pa.table(columns, schema=schema))
+    (folder / "c.toml").write_text('model = "rv_lost_motion"\n', encoding="utf-8")
+    return ["simulate", "c.toml", "points.parquet", "--out", "o", "--partitioned"]
+
+
+def units(folder: Path, rows: int) -> list[str]:
+    """Units of a batch."""
+    pd.DataFrame({"unit": np.arange(rows, dtype=float)}).to_parquet(folder / "u.parquet")
+    (folder / "c.toml").write_text('model = "rv_batch"\n', encoding="utf-8")
+    return ["simulate", "c.toml", "u.parquet", "--out", "o", "--partitioned"]
+
+
+def evaluate(folder: Path, rows: int) -> list[str]:
+    """Designs of a closed form, at the accuracy of a search."""
+    import tolevo
+
+    (folder / "c.toml").write_text(BACKLASH, encoding="utf-8")
+    problem = tolevo.read(folder / "c.toml").problem
+    assert problem is not None
+    share = np.random.default_rng(0).random((rows, problem.n_var))
+    full = problem.complete(problem.xl + share * (problem.xu - problem.xl))
+    problem.designs_frame(full).to_parquet(folder / "d.parquet", index=False)
+    return ["evaluate", "c.toml", "d.parquet", "--out", "o", "--partitioned", "--quality", "search"]
+
+
+def by_workers(folder: Path, workers: int) -> list[str]:
+    """The same designs by more processes: above the cores of the machine they take turns."""
+    words = evaluate(folder, 20_000)
+    return [*words, "--workers", str(workers)]
+
+
+def population(folder: Path, size: int) -> list[str]:
+    """Twenty generations."""
+    text = f"{BACKLASH}{SEARCH}population = {size}\ngenerations = 20\n"
+    (folder / "c.toml").write_text(text, encoding="utf-8")
+    return ["run", "c.toml", "--out", "o", "--workers", "1"]
+
+
+def variables(folder: Path, count: int) -> list[str]:
+    """A stack of so many parts."""
+    parts = [
+        PART.format(at=at, nominal=20.0 + at, sign=(-1.0) ** at, b=0.1 + 0.01 * at)
+        for at in range(count)
+    ]
+    head = f'problem = "stack"\nreferences = "none"\n{SEARCH}population = 100\ngenerations = 20\n'
+    text = head + '[requirement]\nname = "gap"\nunit = "mm"\n' + "".join(parts)
+    (folder / "c.toml").write_text(text, encoding="utf-8")
+    return ["run", "c.toml", "--out", "o", "--workers", "1"]
+
+
+def study(folder: Path, runs: int) -> list[str]:
+    """Runs of 400 evaluations."""
+    (folder / "c.toml").write_text(STUDY.format(seeds=runs // 2), encoding="utf-8")
+    return ["study", "c.toml", "--out", "o", "--workers", "1"]
+
+
+def gap(folder: Path, rows: int) -> list[str]:
+    """Rows of a record with a compliance that the model misses."""
+    rng = np.random.default_rng(0)
+    torque = rng.uniform(-400.0, 400.0, rows)
+    te = 0.25 * torque + rng.normal(0.0, 2.0, rows)
+    frame = pd.DataFrame({"torque": torque, "te": te, "te_predicted": 0.2 * torque})
+    frame.to_parquet(folder / "data.parquet", index=False)
+    (folder / "c.toml").write_text(GAP, encoding="utf-8")
+    return ["gap", "c.toml", "data.parquet", "--out", "o", "--workers", "1"]
+
+
+CASES = (
+    Case("simulate", "rows", (10**5, 10**6, 10**7, 10**8), (10**5, 10**6, 10**7), simulate),
+    Case("simulate a batch", "units", (10**3, 10**5, 10**6, 10**7), (10**3, 10**5, 10**6), units),
+    Case("evaluate", "designs", (10**3, 10**4, 10**5), (10**3, 10**4), evaluate),
+    Case("evaluate 20,000", "workers", (1, 2, 8), (1, 2), by_workers),
+    Case("run", "population", (100, 1000, 10_000), (100, 1000), population),
+    Case("run", "variables", (9, 50, 200), (9, 50), variables),
+    Case("study", "runs", (10, 100, 1000), (10, 100), study),
+    Case("gap", "rows", (10**3, 10**4, 10**5), (10**3, 10**4), gap),
+)
+
+
+def measured(case: Case, size: int) -> tuple[float, float]:
+    """CPU time [s] of a command and its workers, and the largest resident memory [MiB]."""
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    with tempfile.TemporaryDirectory(prefix="scaling-") as place:
+        words = case.prepared(Path(place), size)
+        process = subprocess.Popen(
+            [sys.executable, "-m", "tolevo", *words, "--quiet"],
+            cwd=place, env=os.environ | threads, stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise SystemExit(f"{case.name} of {size} {case.of} ended with {process.returncode}")
+    return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0
+
+
+def exponent(sizes: Sequence[int], seconds: Sequence[float]) -> float:
+    """Exponent of the growth between the two largest sizes, the smallest size taken off."""
+    if len(sizes) < 3:
+        return float("nan")
+    above = [one - seconds[0] for one in seconds[-2:]]
+    if min(above) <= 0.0:
+        return float("nan")
+    return float(np.log(above[1] / above[0]) / np.log(sizes[-1] / sizes[-2]))
+
+
+def table_of(quick: bool, names: Sequence[str]) -> pd.DataFrame:
+    """A row per command and size."""
+    rows = []
+    for case in CASES:
+        if names and f"{case.name} {case.of}" not in names:
+            continue
+        sizes = case.quick if quick else case.sizes
+        found = []
+        for size in sizes:
+            found.append(measured(case, size))
+            seconds, memory = found[-1]
+            print(f"{case.name:<18} {case.of:<11} {size:>11,} {seconds:9.2f} s {memory:7.0f} MiB",
+                  flush=True)  # fmt: skip
+        growth = exponent(sizes, [seconds for seconds, _ in found])
+        rows += [
+            {"command": case.name, "against": case.of, "size": size, "cpu_s": seconds,
+             "memory_MiB": memory, "exponent": growth}
+            for size, (seconds, memory) in zip(sizes, found, strict=True)
+        ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def drawn(table: pd.DataFrame, path: Path) -> None:
+    """CPU time and memory against size, a line per command."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+    for axes, column, label in zip(
+        figure.subplots(1, 2), ("cpu_s", "memory_MiB"), ("CPU time [s]", "Memory [MiB]"),
+        strict=True,
+    ):  # fmt: skip
+        for name, part in table.groupby(["command", "against"], sort=False):
+            axes.loglog(part["size"], part[column], marker="o", label=": ".join(map(str, name)))
+        axes.set(xlabel="Size", ylabel=label)
+        axes.grid(alpha=0.3)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside right", fontsize=8)
+    figure.savefig(path)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--write", type=Path)
+    parser.add_argument("names", nargs="*", help='such as "simulate rows"')
+    given = parser.parse_args()
+    table = table_of(given.quick, given.names)
+    if given.write:
+        table.to_csv(given.write / "scaling.csv", index=False, float_format="%.4g")
+        drawn(table, given.write / "scaling.svg")
+
+
+if __name__ == "__main__":
+    main()

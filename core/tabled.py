@@ -1,0 +1,168 @@
+"""The Python interface of tables that are computed row by row: `evaluate` and `simulate`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from . import tables
+from .configuration import Configuration
+from .errors import Fault, raise_all
+from .given import (
+    NOTES,
+    READ,
+    AnyPath,
+    Frame,
+    Source,
+    Tell,
+    collected,
+    readable,
+    table_faults_of,
+    told,
+)
+from .wide import executing
+
+if TYPE_CHECKING:
+    from .workflows.blocks import BlockProgress, Target
+
+
+def evaluate(
+    source: Source,
+    designs: Frame,
+    out: AnyPath | None = None,
+    *,
+    settings: Sequence[str] = (),
+    quality: str = "reported",
+    workers: int | None = None,
+    dask: str = "",
+    block_rows: int | None = None,
+    partitioned: bool = False,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: Callable[[BlockProgress], None] | None = None,
+    frame: bool = True,
+    tell: Tell | None = None,
+    encoding: str | None = None,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+) -> pd.DataFrame:
+    """Every variable, output and limit margin of a problem at designs, one per row.
+
+    A front or an allocation can be given as it stands: columns that are no variable are left out
+    and named in `.attrs["notes"]`. With `quality` "search" outputs are as coarse as a search sees
+    them, and empty where it does not look. Blocks of `block_rows` rows run in `workers` processes
+    or on the Dask scheduler at `dask`; no byte depends on it. `out` is a file, or a directory with
+    a Parquet file per block (`partitioned`); `resume` computes what is missing of it. Without
+    `frame` an empty frame is returned, for results too large to be held. Raises ConfigurationError
+    with every fault.
+    """
+    from .workflows.evaluate import QUALITIES, designs_in, evaluation
+
+    faults = table_faults_of(out, designs, partitioned, resume, overwrite)
+    if quality not in QUALITIES:
+        text = f'must be one of {", ".join(QUALITIES)}, got "{quality}"'
+        faults.append(Fault("--quality", text))
+    where = executing(source, settings, workers, dask, faults, block_rows)
+    configuration = collected(lambda: _read(source, settings), faults)
+    problem, notes = configuration.problem, list[str]()
+    if problem is None:
+        faults.append(Fault("problem", "is missing: a model alone can only be simulated"))
+    raise_all(faults)
+    assert problem is not None
+    told(tell, "note", problem.effect_notes())
+    told(tell, "model", [problem.model_statement] if problem.model_statement else ())
+    table, place = readable(designs, tables.ReadOptions(encoding, delimiter, decimal))
+    full = designs_in(problem, table, place, notes.extend)
+    told(tell, READ, notes)
+    computing = evaluation(problem, full, configuration.toml(), quality)
+    target = _target(out, partitioned, resume, overwrite)
+    return _computed(computing, where, target, progress, frame, notes)
+
+
+def simulate(
+    source: Source,
+    inputs: Frame,
+    out: AnyPath | None = None,
+    *,
+    settings: Sequence[str] = (),
+    workers: int | None = None,
+    dask: str = "",
+    block_rows: int | None = None,
+    partitioned: bool = False,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: Callable[[BlockProgress], None] | None = None,
+    frame: bool = True,
+    tell: Tell | None = None,
+    encoding: str | None = None,
+    delimiter: str | None = None,
+    decimal: str | None = None,
+) -> pd.DataFrame:
+    """A model's predictions beside its inputs, one operating point per row.
+
+    Options as those of `evaluate`. Long Parquet files, and directories of such files, are read in
+    batches. Raises ConfigurationError with every fault.
+    """
+    from .configuration.simulated import build_model
+    from .workflows.simulate import Simulation, inputs_in, rows_of
+    from .workflows.streamed import streamed
+
+    faults = table_faults_of(out, inputs, partitioned, resume, overwrite)
+    where = executing(source, settings, workers, dask, faults, block_rows)
+    configuration = collected(lambda: _read(source, settings), faults)
+    raise_all(faults)
+    given = configuration.settings
+    simulation = Simulation(build_model(configuration), configuration.seed,
+                            configuration.model_name, given.effects, dict(given.zero))  # fmt: skip
+    understood, notes, index = list[str](), list[str](), None
+    rows: Any = None
+    if not isinstance(inputs, pd.DataFrame):
+        rows = streamed(simulation, Path(inputs), given.columns, understood.extend, notes.extend)
+    if rows is not None:
+        columns = list(rows.names.values())
+    else:
+        table, place = readable(inputs, tables.ReadOptions(encoding, delimiter, decimal))
+        read = inputs_in(simulation, table, place, given.columns, understood.extend, notes.extend)
+        rows, columns, index = rows_of(read), list(map(str, read)), read.index
+    told(tell, READ, understood)
+    told(tell, "note", notes)
+    computing = simulation.computed(rows, columns, configuration.toml())
+    target = _target(out, partitioned, resume, overwrite)
+    found = _computed(computing, where, target, progress, frame, [*understood, *notes])
+    return found.set_axis(index) if index is not None and frame else found
+
+
+def _read(source: Source, settings: Sequence[str]) -> Configuration:
+    from .api import read
+
+    return read(source, settings)
+
+
+def _target(out: AnyPath | None, partitioned: bool, resume: bool, overwrite: bool) -> Target | None:
+    from .workflows.blocks import Target
+
+    return None if out is None else Target(Path(out), partitioned, resume, overwrite)
+
+
+def _computed(
+    computing: Any,
+    where: Any,
+    target: Target | None,
+    progress: Callable[[BlockProgress], None] | None,
+    frame: bool,
+    notes: Sequence[str],
+) -> pd.DataFrame:
+    """The table, by blocks; of one block no other process is begun."""
+    from .workflows.blocks import computed
+    from .workflows.execution import executor_of
+
+    if not where.dask:
+        blocks = computing.about(where.block_rows).total
+        where = replace(where, workers=min(where.workers or 1, blocks))
+    found = computed(computing, executor_of(where), target, where.block_rows, progress, frame)
+    found.attrs[NOTES] = tuple(notes)
+    return found

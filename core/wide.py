@@ -1,0 +1,32 @@
+"""Where a command computes: what its options say and, where they say nothing, its configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from .configuration import Configuration
+from .errors import Fault
+from .given import Source, raw
+
+if TYPE_CHECKING:
+    from .workflows.execution import Execution
+
+
+def executing(
+    source: Source | Mapping[str, object],
+    settings: Sequence[str],
+    workers: int | None,
+    dask: str,
+    faults: list[Fault],
+    block_rows: int | None = None,
+) -> Execution:
+    """Where to compute; what is wrong with that is added to `faults`."""
+    from .configuration.execution import read_execution
+    from .workflows.execution import Execution
+
+    given = Execution(workers, dask, block_rows)
+    tables = {} if isinstance(source, Configuration) else raw(source)
+    found, wrong = read_execution(tables, settings, given)
+    faults += wrong
+    return found

@@ -1,0 +1,175 @@
+"""Blocks of rows as tasks: computed anywhere, kept as they end, the same bytes each time."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+import pandas as pd
+
+from ...errors import RunError
+from ..execution import Executor, InProcess, Lost, built, check_version, pinned
+from .folder import BlockFolder
+from .rows import Rows
+from .store import About, BlockStore, InMemory
+from .target import Target, joined
+
+BLOCKS = 1000
+"""Blocks at most, where nothing else is asked for."""
+Compute = Callable[[Any, int], pd.DataFrame]
+"""The frame of a grain of rows, by the rows and the grain's number; it is pickled."""
+
+
+@dataclass(frozen=True, slots=True)
+class BlockProgress:
+    """State of a table: blocks done of all, and the time left [s] once some have ended."""
+
+    done: int
+    total: int
+    seconds: float
+    remaining: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A task: the rows of some grains, from grain `first` on, and what is `compute`d of them."""
+
+    key: str
+    version: str
+    compute: Compute | bytes
+    number: int
+    first: int
+    parts: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Computed:
+    """A table that can be computed: `compute` makes the frame of a grain of rows.
+
+    A value depends on its grain alone, and grains do not depend on how many of them are a block:
+    that is why the bytes are the same whatever computes them. `configuration` tells all that the
+    values depend on but the rows; `quality` is part of it that users choose by itself.
+    """
+
+    command: str
+    compute: Compute
+    configuration: str
+    rows: Rows
+    grain: int
+    quality: str = ""
+
+    def about(self, block_rows: int | None) -> About:
+        """What the blocks of this table belong to."""
+        grains = max(1, -(-self.rows.count // self.grain))
+        each = -(-grains // BLOCKS) if block_rows is None else -(-block_rows // self.grain)
+        digest = hashlib.sha256(self.configuration.encode()).hexdigest()
+        return About(self.command, digest, self.rows.digest, version("tolevo"), self.quality,
+                     self.rows.count, each * self.grain)  # fmt: skip
+
+
+def computed(
+    table: Computed,
+    executor: Executor,
+    target: Target | None = None,
+    block_rows: int | None = None,
+    progress: Callable[[BlockProgress], None] | None = None,
+    frame: bool = True,
+) -> pd.DataFrame:
+    """Compute every block that is missing, and write the table; its frame where it is wanted.
+
+    A table of one block is kept nowhere before it is written, no other is anywhere without a
+    `target`. Raises InputError where blocks of another table are in its place, RunError where
+    blocks are lost; what has ended is kept.
+    """
+    if target is None and isinstance(executor, InProcess):
+        return _here(table)
+    about = table.about(block_rows)
+    small = target is not None and about.total == 1 and not target.occupied
+    if target is None or (small and not target.partitioned):
+        store: BlockStore = InMemory(about)
+    else:
+        store = BlockFolder(target.blocks, about, target.resume, target.overwrite)
+    with closing(store):
+        _finish(table, store, executor, progress)
+        blocks = [store.block(number) for number in range(store.about.total)]
+        found = pd.concat(
+            [pd.read_parquet(block) for block in (blocks if frame else blocks[:1])],
+            ignore_index=True,
+        )
+        if target is not None and not target.partitioned:
+            joined([store.block(number) for number in range(store.about.total)], target.path)
+            store.remove()
+    return found if frame else found.iloc[:0]
+
+
+def _here(table: Computed) -> pd.DataFrame:
+    """The whole table, computed in this process and kept nowhere else."""
+    count, grain = table.rows.count, table.grain
+    with pinned():
+        parts = [
+            table.compute(table.rows.part(at, min(at + grain, count)), number)
+            for number, at in enumerate(range(0, max(count, 1), grain))
+        ]
+    return pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
+
+
+def _finish(
+    table: Computed,
+    store: BlockStore,
+    executor: Executor,
+    progress: Callable[[BlockProgress], None] | None,
+) -> None:
+    """Compute the blocks that are missing."""
+    total, begin, had = store.about.total, time.monotonic(), len(store.known)
+
+    def tell() -> None:
+        if progress is not None:
+            done, seconds = len(store.known), time.monotonic() - begin
+            left = seconds * (total - done) / (done - had) if done > had else None
+            progress(BlockProgress(done, total, seconds, left))
+
+    tasks = _tasks(table, store, total, apart=not isinstance(executor, InProcess))
+    tell()
+    try:
+        with executor:
+            for task, found in executor.completed(perform, lambda: next(tasks, None)):
+                if isinstance(found, Lost):
+                    raise RunError(f"block {task.number}: {found.reason}")
+                store.keep(task.number, found)
+                tell()
+    except RunError as error:
+        raise RunError(f"{error}; {store.saved()}") from error
+
+
+def _tasks(table: Computed, store: BlockStore, total: int, apart: bool) -> Iterator[Block]:
+    """The blocks that are missing; what goes to other processes (`apart`) is pickled once."""
+    each = store.about.block_rows
+    content = pickle.dumps(table.compute) if apart else table.compute
+    name = hashlib.sha256(repr(store.about).encode()).hexdigest()[:24]
+    for number in range(total):
+        if number in store.known:
+            continue
+        start, stop = number * each, min((number + 1) * each, table.rows.count)
+        rows = [
+            table.rows.part(at, min(at + table.grain, stop))
+            for at in range(start, stop, table.grain)
+        ]
+        yield Block(f"{name}-{number}", version("tolevo"), content, number, start // table.grain,
+                    tuple(rows))  # fmt: skip
+
+
+def perform(task: Block) -> bytes:
+    """The rows of a block as a Parquet file."""
+    check_version(task.version)
+    compute: Compute = built(task.compute) if isinstance(task.compute, bytes) else task.compute
+    with pinned():
+        parts = [compute(rows, task.first + at) for at, rows in enumerate(task.parts)]
+    content = pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
+    found: bytes = content.reset_index(drop=True).to_parquet(index=False)
+    return found

@@ -1,0 +1,72 @@
+"""Where the blocks of a table are kept until all have ended."""
+
+from __future__ import annotations
+
+import io
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class About:
+    """What blocks belong to: digests of the configuration and of the rows, the version of the
+    package, the quality, rows in all and in a block.
+    """
+
+    command: str
+    configuration: str
+    table: str
+    version: str
+    quality: str
+    rows: int
+    block_rows: int
+
+    @property
+    def total(self) -> int:
+        """Number of blocks."""
+        return max(1, -(-self.rows // self.block_rows))
+
+
+class BlockStore(ABC):
+    """The blocks of one table: `known` are the numbers of those that have ended."""
+
+    about: About
+    known: set[int]
+
+    @abstractmethod
+    def keep(self, number: int, content: bytes) -> None:
+        """Keep a block, a Parquet file."""
+
+    @abstractmethod
+    def block(self, number: int) -> Path | io.BytesIO:
+        """A block that has ended, to be read."""
+
+    @abstractmethod
+    def saved(self) -> str:
+        """What is saved where a table cannot be finished, and how to go on."""
+
+    def close(self) -> None:  # noqa: B027 - nothing is held in memory alone
+        """Let others at it."""
+
+    def remove(self) -> None:  # noqa: B027
+        """Take all of it away, once the table is written elsewhere."""
+
+
+class InMemory(BlockStore):
+    """Blocks that no one else needs: of a table that is handed back, or that has one only."""
+
+    def __init__(self, about: About) -> None:
+        self.about = about
+        self.known = set()
+        self._held: dict[int, bytes] = {}
+
+    def keep(self, number: int, content: bytes) -> None:
+        self._held[number] = content
+        self.known.add(number)
+
+    def block(self, number: int) -> io.BytesIO:
+        return io.BytesIO(self._held[number])
+
+    def saved(self) -> str:
+        return "nothing is saved"
