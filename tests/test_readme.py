@@ -15,7 +15,7 @@ pytestmark = pytest.mark.source_tree
 
 def blocks(kind: str) -> list[str]:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    return re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL)
+    return re.findall(rf"```{kind}[^\n]*\n(.*?)```", text, re.DOTALL)
 
 
 def test_the_mechanism_of_the_readme_comes_out_as_it_says(

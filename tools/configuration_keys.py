@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import wraps
+from functools import cache, wraps
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -74,6 +74,15 @@ OUTSIDE = {
 QUESTIONS = ("number", "quantity", "integer", "flag", "text", "names", "numbers", "section",
              "tables", "named_items", "item", "collecting", "take")  # fmt: skip
 """The methods of a section that ask for a key."""
+
+
+READERS: dict[str, Callable[[Any], object]] = {
+    "study": lambda source: read_study(source, (), 2),
+    "gap": read_gap,
+    "run": read,
+}
+ALIKE = ("robot_arm_puma560", "robot_arm_ur5", "rv20e_like", "rv80e_like")
+"""Shipped configurations with the keys of another one, which take their time."""
 
 
 @dataclass(slots=True)
@@ -171,6 +180,7 @@ def _note(keys: dict[str, Key], path: str, file: str, answer: dict[str, Any]) ->
             getattr(key, name).add(answer[name])
 
 
+@cache
 def all_keys() -> dict[str, Key]:
     """Every key by its path, in the order of the alphabet."""
     found: dict[str, Key] = {}
@@ -178,9 +188,8 @@ def all_keys() -> dict[str, Key]:
     with recorded(found, lambda: now):
         for source in [*_shipped(), *SAMPLES]:
             now = "study" if is_study(source) else "gap" if is_gap(source) else "run"
-            reader = {"study": read_study, "gap": read_gap, "run": read}[now]
             with suppress(InputError):  # samples may contradict themselves
-                reader(source)
+                READERS[now](source)
         now = "claims"
         with TemporaryDirectory() as place:
             paper = Path(place) / "paper.toml"
@@ -194,7 +203,8 @@ def all_keys() -> dict[str, Key]:
 
 def _shipped() -> list[Path]:
     files = [*(ROOT / "configs").glob("*.toml"), *(ROOT / "docs").rglob("*.toml")]
-    return sorted(one for one in files if not one.name.startswith(("claims_", "pyproject")))
+    left = ("claims_", "pyproject", *ALIKE)
+    return sorted(one for one in files if not one.name.startswith(left))
 
 
 def in_the_code() -> dict[str, str]:
