@@ -11,12 +11,16 @@ from .models.inputs import Distribution
 from .models.measurable import Changeable, Column, MeasurableModel, Role
 from .problems.settings import Settings
 from .problems.tolerance_problem import ToleranceProblem
+from .records import RunResult
+from .reports.section import PageSection
+from .workflows.choice.rule import ChoiceRule, Points
 from .workflows.study.records import Design, Factor
 
 __all__ = [
     "Action",
     "AlgorithmSettings",
     "Changeable",
+    "ChoiceRule",
     "Column",
     "CostCurve",
     "Crossover",
@@ -30,9 +34,12 @@ __all__ = [
     "Mutation",
     "OneColumn",
     "Output",
+    "PageSection",
     "Parameter",
+    "Points",
     "Readings",
     "Role",
+    "RunResult",
     "Settings",
     "Target",
     "ToleranceProblem",

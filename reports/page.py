@@ -20,6 +20,7 @@ from .figure import front_figure
 from .machine import machine_sections
 from .promise import promise_sections
 from .requirements import requirement_sections
+from .section import plugin_sections
 from .summary import summary_table
 from .tables import chosen, table
 from .units import unit_sections
@@ -57,6 +58,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         *promise_sections(result),
         *requirement_sections(result),
         *choice_sections(result),
+        *plugin_sections(result),
         *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),
         section("References", _references(result)) if len(result.references) else "",
         section("Points of the front", folded("Table", _points(result)))
