@@ -1,4 +1,4 @@
-"""The reference of the configuration has every key that the code reads, and says what each means."""
+"""The reference of the configuration has every key that the code reads, and its meaning."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 pytest.importorskip("tools.configuration_keys", reason="the tools are not shipped")
 pytestmark = pytest.mark.source_tree
 
+from tolevo.registry import load, names  # noqa: E402
 from tools.configuration_keys import Key, all_keys, in_the_code, pattern  # noqa: E402
 from tools.configuration_page import configuration_page, meanings  # noqa: E402
-from tolevo.registry import load, names  # noqa: E402
 
 NO_KEYS = {
     "algorithms": "the registry's name in a fault",

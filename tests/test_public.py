@@ -1,4 +1,4 @@
-"""What is public is what the page says, and a name that was replaced still works, with a warning."""
+"""What is public is what the page says, and a replaced name still works, with a warning."""
 
 from __future__ import annotations
 

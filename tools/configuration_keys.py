@@ -33,9 +33,32 @@ ROOT = Path(__file__).resolve().parent.parent
 NAME = "NAME"
 """Stands for a name that the user gives or chooses, such as that of a variable."""
 OF_NAMES = frozenset(
-    "amount at choice.limits choice.weights columns costs design.at effect[].parameters free "
-    "grouping limits noise orders parameters price range "
-    "reducers rounding sense sensitivity terms variables weights zero".split()
+    [
+        "amount",
+        "at",
+        "choice.limits",
+        "choice.weights",
+        "columns",
+        "costs",
+        "design.at",
+        "effect[].parameters",
+        "free",
+        "grouping",
+        "limits",
+        "noise",
+        "orders",
+        "parameters",
+        "price",
+        "range",
+        "reducers",
+        "rounding",
+        "sense",
+        "sensitivity",
+        "terms",
+        "variables",
+        "weights",
+        "zero",
+    ]
 )
 """Tables whose keys are such names."""
 PLAIN = frozenset({"costs.assumed", "costs.scale_assumed"})

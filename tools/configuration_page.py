@@ -17,11 +17,12 @@ FILES = {"run": "run", "gap": "gap", "study": "study", "claims": "reproduce"}
 """Commands by the kind of file."""
 INTRODUCTION = f"""# Configuration
 
-Configurations are TOML. This page is generated from the code that reads them: it has every key, its type, its range
-and its choices. A key that is not here is a fault, and the fault names the nearest one. `{NAME}` stands for a name of
-your own or of a variable, output or column. A number with a unit may also be written as text with any unit of the
-same dimension, such as `"2 um"` ([units](units_and_counts.md)). `--set key=value` changes any key from the command
-line. `tolevo check CONFIG` prints a configuration with all its defaults.
+Configurations are TOML. This page is generated from the code that reads them: it has every key,
+its type, its range and its choices. A key that is not here is a fault, and the fault names the
+nearest one. `{NAME}` stands for a name of your own or of a variable, output or column. A number
+with a unit may also be written as text with any unit of the same dimension, such as `"2 um"`
+([units](units_and_counts.md)). `--set key=value` changes any key from the command line. `tolevo
+check CONFIG` prints a configuration with all its defaults.
 """
 
 

@@ -91,7 +91,8 @@ ARM: dict[str, Any] = {
     "parameters": {"nested": True, "per_drive": True, "flanks": "held"},
 }  # fmt: skip
 POSE = {"problem": "pose_accuracy", "grouping": {"rod_length_12_um": ["rod_length_1"]}}
-MANIPULATOR = {"problem": "robot_joint", "reducers": {"1": {"rms_arcmin": [0.2, 0.5], "cost": [9.0, 5.0], "source": "x"}},
+PRICES = {"rms_arcmin": [0.2, 0.5], "cost": [9.0, 5.0], "source": "x"}
+MANIPULATOR = {"problem": "robot_joint", "reducers": {"1": PRICES},
                "parameters": {"nested": False, "per_drive": True}}  # fmt: skip
 BACKLASH: dict[str, Any] = {
     "problem": "rv_backlash",

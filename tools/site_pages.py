@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from tolevo.cli import app
-
 from tools.configuration_page import configuration_page
 
 if TYPE_CHECKING:
@@ -24,8 +23,9 @@ if TYPE_CHECKING:
 DECISIONS = "decisions/README.md"
 INTRODUCTION = """# Commands
 
-This page is generated from the command line itself. Exit status: 0 done; 1 the run failed; 2 the input is wrong, with
-every fault on its own line; 130 interrupted. Results go to files, a short summary to stdout, progress to stderr.
+This page is generated from the command line itself. Exit status: 0 done; 1 the run failed; 2 the
+input is wrong, with every fault on its own line; 130 interrupted. Results go to files, a short
+summary to stdout, progress to stderr.
 """
 
 
@@ -44,8 +44,10 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     if page.file.src_uri != DECISIONS:
         return markdown
     folder = Path(config.docs_dir) / "decisions"
-    return markdown + "\n" + "\n".join(
-        f"- [{_title(one)}]({one.name})" for one in sorted(folder.glob("0*.md"))
+    return (
+        markdown
+        + "\n"
+        + "\n".join(f"- [{_title(one)}]({one.name})" for one in sorted(folder.glob("0*.md")))
     )
 
 

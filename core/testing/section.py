@@ -11,7 +11,24 @@ from typing import ClassVar
 from ..records import RunResult
 from ..reports.section import SECTIONS, PageSection
 
-VOID = frozenset("area br col hr img input link meta source wbr path circle line rect".split())
+VOID = frozenset(
+    [
+        "area",
+        "br",
+        "col",
+        "hr",
+        "img",
+        "input",
+        "link",
+        "meta",
+        "source",
+        "wbr",
+        "path",
+        "circle",
+        "line",
+        "rect",
+    ]
+)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Choice rules: ours keep the contract, so does that of docs/plugins.md; one that fails is named."""
+"""Choice rules: ours and that of docs/plugins.md keep the contract; one that fails is named."""
 
 from __future__ import annotations
 
