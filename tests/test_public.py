@@ -11,6 +11,7 @@ import tolevo
 from tolevo import algorithms, plugins, testing
 from tolevo.lazy import Renamed, lazily
 from tolevo.registry import GROUPS
+from tolevo.reports.glossary import TERMS
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "public.md"
 
@@ -33,6 +34,18 @@ def test_every_public_name_is_there(package: object) -> None:
 def test_every_group_of_plugins_is_named_where_plugins_are_explained() -> None:
     text = (PAGE.parent / "plugins.md").read_text(encoding="utf-8")
     assert [group for group in GROUPS if f"`tolevo.{group}`" not in text] == []
+
+
+@pytest.mark.source_tree
+def test_the_glossary_explains_every_term_of_the_pages() -> None:
+    text = (PAGE.parent / "glossary.md").read_text(encoding="utf-8")
+    explained = {
+        line.removeprefix("### ").lower() for line in text.splitlines() if line[:4] == "### "
+    }
+    wanted = {term.lower() for term in TERMS} | {
+        "nadir", "pseudo-weights", "stagger", "document a", "document b", "document m",
+    }  # fmt: skip
+    assert sorted(wanted - explained) == []
 
 
 def test_a_replaced_name_warns_and_works() -> None:
