@@ -32,7 +32,6 @@ REDUCER = ("parameters.positions=13", "parameters.search_units=32", "parameters.
 EXACT = ("algorithm.points=5",)
 BATCH = ("settings.simulations=200", 'effects.consider=["spread_inflation", "lot_mixture"]')
 REDUCED: dict[str, tuple[str, ...]] = {
-    "algorithm.name=nsga3": ("algorithm.population=20", "algorithm.generations=2"),
     "gap docs/gearbox/gap.toml": ("settings.simulations=200",
                                   'effects.consider=["lot_offset", "lot_mixture"]'),
     "gap docs/rv40e_batch/gap.toml": BATCH,
