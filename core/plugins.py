@@ -9,10 +9,10 @@ from .models.effects.effect import Action, Effect, EffectParameter, Readings, Ta
 from .models.effects.shapes import OneColumn, Weight
 from .models.inputs import Distribution
 from .models.measurable import Changeable, Column, MeasurableModel, Role
+from .page_section import PageSection
 from .problems.settings import Settings
 from .problems.tolerance_problem import ToleranceProblem
 from .records import RunResult
-from .reports.section import PageSection
 from .workflows.choice.rule import ChoiceRule, Points
 from .workflows.study.records import Design, Factor
 

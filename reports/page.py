@@ -18,9 +18,9 @@ from .drawing import flags
 from .explorer import explorer, interactive, scripts
 from .figure import front_figure
 from .machine import machine_sections
+from .plugin_sections import plugin_sections
 from .promise import promise_sections
 from .requirements import requirement_sections
-from .section import plugin_sections
 from .summary import summary_table
 from .tables import chosen, table
 from .units import unit_sections

@@ -8,8 +8,8 @@ from functools import cache
 from html.parser import HTMLParser
 from typing import ClassVar
 
+from ..page_section import SECTIONS, PageSection
 from ..records import RunResult
-from ..reports.section import SECTIONS, PageSection
 
 VOID = frozenset(
     [

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tolevo.page_section import SECTIONS
 from tolevo.reports.page import page
-from tolevo.reports.section import SECTIONS
 from tolevo.testing import PageContract
 from tolevo.testing.section import example
 
