@@ -175,6 +175,6 @@ def _convergence(found: pd.DataFrame) -> str:
 
 def _assumptions(summary: Mapping[str, Any]) -> str:
     found = pd.DataFrame(list(summary.get("assumptions") or ()))
-    return "<p>Values in use that no document prints.</p>\n" + table(
+    return "<p>Values in use that nobody has stated.</p>\n" + table(
         chosen(found, ASSUMPTION_COLUMNS)
     )
