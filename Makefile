@@ -1,5 +1,5 @@
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-long test-versions lint coverage bench bench-gap lock figures clean
+.PHONY: help setup run test test-long test-versions lint docs release-check coverage bench bench-gap lock figures clean
 
 PYTHON ?= $(shell for python in python3 python3.13 python3.12 python3.11; do \
 	"$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$python" && break; done)
@@ -55,6 +55,13 @@ lint-mypy:
 lint-imports:
 	PYTHONPATH=.links $(BIN)/lint-imports --no-cache
 
+docs: $(READY)  ## the documentation site, in site/; a warning is an error
+	$(BIN)/python tools/link_packages.py
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+
+release-check: $(READY)  ## builds sdist and wheel, and tries each in an empty environment
+	$(BIN)/python tools/release_check.py
+
 coverage: $(READY)  ## the tests, with the lines and branches they miss
 	$(BIN)/python -m pytest --cov --cov-report=term --cov-report=html
 
@@ -87,7 +94,7 @@ lock: $(READY)  ## renews requirements.lock and benchmarks/requirements.lock
 	$(BIN)/pip install --quiet uv
 	$(BIN)/uv pip compile --quiet --no-strip-extras --universal --python-version 3.11 --fork-strategy fewest --upgrade \
 		--generate-hashes --no-annotate --custom-compile-command "make lock" \
-		--extra dev --extra fast --extra gap --extra report --extra study --output-file requirements.lock pyproject.toml
+		--extra dev --extra docs --extra fast --extra gap --extra report --extra study --output-file requirements.lock pyproject.toml
 	$(BIN)/uv pip compile --quiet --no-strip-extras --universal --python-version 3.11 --fork-strategy fewest --upgrade \
 		--generate-hashes --no-annotate --custom-compile-command "make lock" \
 		--constraint requirements.lock --group peers --output-file benchmarks/requirements.lock pyproject.toml
@@ -96,5 +103,5 @@ figures: $(READY)  ## draws the figures of the README anew
 	$(BIN)/python tools/readme_figures.py
 
 clean:  ## removes what make made, environments included, but no results
-	rm -rf .venv .venv-bench .venv-versions .links build dist htmlcov *.egg-info .coverage .coverage.* .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-bench .venv-versions .links build dist htmlcov site *.egg-info .coverage .coverage.* .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

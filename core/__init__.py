@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .lazy import lazily
+from .lazy import Renamed, lazily
 
 if TYPE_CHECKING:
     from typing import Final
@@ -36,6 +36,9 @@ _ROOMS = {
 }
 _PLACES = {name: room for room, names in _ROOMS.items() for name in names} | {"algorithms": ""}
 
+_RENAMED = dict[str, Renamed]()
+"""Public names that were replaced: they work, with a warning, for two minor versions."""
+
 __all__ = [
     "ConfigurationError",
     "Gap",
@@ -64,7 +67,7 @@ def __dir__() -> list[str]:
 
 
 if not TYPE_CHECKING:  # type checkers know the names above, and no others
-    _named = lazily(__name__, _PLACES)
+    _named = lazily(__name__, _PLACES, _RENAMED)
 
     def __getattr__(name):
         if name == "__version__":

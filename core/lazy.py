@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from importlib import import_module
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 
-def lazily(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
+class Renamed(NamedTuple):
+    """A public name that was replaced: by which one, and in which version it goes."""
+
+    name: str
+    until: str
+
+
+def lazily(
+    package: str,
+    places: Mapping[str, str],
+    renamed: Mapping[str, Renamed] = MappingProxyType({}),
+) -> Callable[[str], Any]:
     """`__getattr__` of a package: each name is found in the module that `places` give, relative to
-    the package; one whose place is empty is a module itself.
+    the package; one whose place is empty is a module itself. A name in `renamed` warns
+    (DeprecationWarning) and gives what the new name gives.
     """
 
     def get(name: str) -> Any:
+        if name in renamed:
+            new = renamed[name]
+            text = f"{package}.{name} is now {package}.{new.name}; it goes in version {new.until}"
+            warnings.warn(text, DeprecationWarning, stacklevel=2)
+            return get(new.name)
         if name not in places:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         if not (place := places[name]):

@@ -9,14 +9,18 @@ from .models.effects.effect import Action, Effect, EffectParameter, Readings, Ta
 from .models.effects.shapes import OneColumn, Weight
 from .models.inputs import Distribution
 from .models.measurable import Changeable, Column, MeasurableModel, Role
+from .page_section import PageSection
 from .problems.settings import Settings
 from .problems.tolerance_problem import ToleranceProblem
+from .records import RunResult
+from .workflows.choice.rule import ChoiceRule, Points
 from .workflows.study.records import Design, Factor
 
 __all__ = [
     "Action",
     "AlgorithmSettings",
     "Changeable",
+    "ChoiceRule",
     "Column",
     "CostCurve",
     "Crossover",
@@ -30,9 +34,12 @@ __all__ = [
     "Mutation",
     "OneColumn",
     "Output",
+    "PageSection",
     "Parameter",
+    "Points",
     "Readings",
     "Role",
+    "RunResult",
     "Settings",
     "Target",
     "ToleranceProblem",

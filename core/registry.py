@@ -1,4 +1,4 @@
-"""Models, problems, algorithms, effects, cost curves and distributions by name, ours and plugins'.
+"""Models, problems, algorithms, effects and all other kinds of plugins by name, ours and others'.
 
 Names, origins and summaries come from the metadata of installed distributions (entry points) and
 from source text; a plugin is imported only when it is used.
@@ -38,6 +38,8 @@ GROUPS = (
     "curves",
     "distributions",
     "designs",
+    "rules",
+    "pages",
 )
 PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError,
                  RuntimeError, SyntaxError, TypeError, ValueError)  # fmt: skip

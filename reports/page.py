@@ -18,6 +18,7 @@ from .drawing import flags
 from .explorer import explorer, interactive, scripts
 from .figure import front_figure
 from .machine import machine_sections
+from .plugin_sections import plugin_sections
 from .promise import promise_sections
 from .requirements import requirement_sections
 from .summary import summary_table
@@ -57,6 +58,7 @@ def page(result: RunResult, remarks: Sequence[str] = ()) -> str:
         *promise_sections(result),
         *requirement_sections(result),
         *choice_sections(result),
+        *plugin_sections(result),
         *(section("Effects", _moved(one)) for one in (result.moved,) if one is not None),
         section("References", _references(result)) if len(result.references) else "",
         section("Points of the front", folded("Table", _points(result)))
@@ -173,6 +175,6 @@ def _convergence(found: pd.DataFrame) -> str:
 
 def _assumptions(summary: Mapping[str, Any]) -> str:
     found = pd.DataFrame(list(summary.get("assumptions") or ()))
-    return "<p>Values in use that no document prints.</p>\n" + table(
+    return "<p>Values in use that nobody has stated.</p>\n" + table(
         chosen(found, ASSUMPTION_COLUMNS)
     )

@@ -120,7 +120,8 @@ def test_every_calculation_relation_and_statistic_is_documented() -> None:
 def test_example_of_a_claims_file_runs(tmp_path: Path) -> None:
     text = (DOCS / "reproduce.md").read_text(encoding="utf-8")
     path = tmp_path / "paper.toml"
-    path.write_text(text.split("```toml")[1].split("```")[0], encoding="utf-8")
+    block = text.split('```toml title="my_paper.toml"\n')[1].split("```")[0]
+    path.write_text(block, encoding="utf-8")
     (source,) = read_claims([path]).sources
     found = [
         check(ClaimTask(one.id, 0, at, one, source.file.seed)).verdict.word

@@ -19,7 +19,7 @@ STACK = Path(__file__).resolve().parent.parent / "docs" / "stack.md"
 
 def block(name: str) -> str:
     text = STACK.read_text(encoding="utf-8")
-    found = re.search(rf"<!-- test: {re.escape(name)} -->\n```\w+\n(.*?)```", text, re.DOTALL)
+    found = re.search(rf"<!-- test: {re.escape(name)} -->\n```\w+[^\n]*\n(.*?)```", text, re.DOTALL)
     assert found is not None
     return found[1]
 

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.source_tree
 
 def blocks(kind: str) -> list[str]:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    return re.findall(rf"```{kind}\n(.*?)```", text, re.DOTALL)
+    return re.findall(rf"```{kind}[^\n]*\n(.*?)```", text, re.DOTALL)
 
 
 def test_the_mechanism_of_the_readme_comes_out_as_it_says(
@@ -48,3 +48,21 @@ def test_every_configuration_that_the_readme_names_is_shipped() -> None:
     named = re.findall(r"(configs/\w+\.toml|docs/\S+)", commands)
     assert len(named) >= 6
     assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+def test_the_tour_of_a_designer_comes_out_as_it_says(tmp_path: Path) -> None:
+    text = " ".join((ROOT / "docs" / "tour_designer.md").read_text(encoding="utf-8").split())
+    page = (ROOT / "docs" / "tour_designer.md").read_text(encoding="utf-8")
+    found = re.search(r'```toml title="encoder.toml"\n(.*?)```', page, re.DOTALL)
+    assert found is not None
+    path = tmp_path / "encoder.toml"
+    path.write_text(found[1], encoding="utf-8")
+    front = tolevo.run(path).front
+    least, most, knee = front["cost"].min(), front["cost"].max(), front[front["knee"]].iloc[0]
+    assert f"{len(front)} allocations from {least:.2f} EUR" in text
+    assert f"to {most:.2f} EUR (+- {front['variation'].min():.2f} mm)" in text
+    assert f"costs {knee['cost']:.2f} EUR at +- {knee['variation']:.3f} mm" in text
+    assert front["gap_percent"].max() < 1e-6
+    settings = ['objectives.minimise=["cost"]', "limits.yield_percent=99.73"]
+    one = tolevo.run(path, settings=settings).front
+    assert f"at {one['cost'].iloc[0]:.2f} EUR" in text

@@ -27,7 +27,7 @@ def describe(configuration: Configuration) -> str:
     lines += _effects(configuration)
     lines += [f"Costs in {unit}", ""] if (unit := unit_of_cost(problem.settings.money)) else []
     lines += ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
-    lines += ["", "Assumptions (no document prints them)",
+    lines += ["", "Assumptions (values in use that nobody has stated)",
               *_assumptions(problem.assumptions()),
               *_assumptions(roughness_assumptions(problem, configuration.choice))]  # fmt: skip
     if warnings := problem.cautions():

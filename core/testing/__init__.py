@@ -14,6 +14,8 @@ from .effect import COLUMNS, EffectContract
 from .model import ModelContract
 from .problem import ProblemContract
 from .promising import PromisingContract
+from .rule import RuleContract
+from .section import PageContract
 
 __all__ = [
     "COLUMNS",
@@ -23,6 +25,8 @@ __all__ = [
     "DistributionContract",
     "EffectContract",
     "ModelContract",
+    "PageContract",
     "ProblemContract",
     "PromisingContract",
+    "RuleContract",
 ]

@@ -16,7 +16,6 @@ from tolevo.cli import app
 
 CLUTCH = Path(str(files("tolevo.configs") / "stack_clutch.toml"))
 SMALL = ("algorithm.population=20", "algorithm.generations=5")
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "python.md"
 SAME = ("config.toml", "front.csv", "front.json", "references.csv", "choices.csv", "allocation.csv")
 """Files without times."""
 
@@ -142,12 +141,3 @@ def test_importing_the_package_imports_nothing_else() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
-
-
-@pytest.mark.source_tree
-def test_the_examples_of_the_page_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(DOCS.parents[1])
-    blocks = [part.split("```")[0] for part in DOCS.read_text("utf-8").split("```python\n")[1:]]
-    assert len(blocks) == 5
-    for block in (blocks[0], *blocks[2:]):  # the second is the test above
-        exec(compile(block, str(DOCS), "exec"), {})

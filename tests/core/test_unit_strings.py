@@ -181,7 +181,7 @@ def tables(folder: Path) -> Iterator[object]:
     """The configurations, and the TOML blocks of the documents."""
     yield from (tomllib.loads(one.read_text("utf-8")) for one in folder.glob("configs/*.toml"))
     for page in [folder / "README.md", *folder.glob("docs/*.md")]:
-        for block in re.findall(r"```toml\n(.*?)```", page.read_text("utf-8"), re.DOTALL):
+        for block in re.findall(r"```toml[^\n]*\n(.*?)```", page.read_text("utf-8"), re.DOTALL):
             try:
                 yield tomllib.loads(block)
             except tomllib.TOMLDecodeError:

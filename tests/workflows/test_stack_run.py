@@ -27,7 +27,8 @@ def tolevo(*arguments: object) -> Result:
 
 @pytest.mark.source_tree
 def test_the_example_of_the_documentation_runs(tmp_path: Path) -> None:
-    text = DOCS.read_text(encoding="utf-8").split("```toml\n", 1)[1].split("```", 1)[0]
+    page = DOCS.read_text(encoding="utf-8")
+    text = page.split('```toml title="clutch.toml"\n', 1)[1].split("```", 1)[0]
     assert tomllib.loads(text)["problem"] == "stack"
     config = tmp_path / "c.toml"
     config.write_text(text, encoding="utf-8")

@@ -17,7 +17,7 @@ from .contributions import contributions
 from .prices import prices
 from .roughness import share_of
 from .rounding import rounded
-from .rules import COST, MEANINGS, Points, chosen
+from .rules import COST, ONLY, RULES, Points, chosen, meaning_of
 from .sensitivity import sensitivity
 from .settings import ChoiceSettings
 from .slopes import slopes_of
@@ -30,7 +30,8 @@ Array = NDArray[np.float64]
 @dataclass(frozen=True, slots=True, eq=False)
 class Decisions:
     """The tables `choices`, `sensitivity`, `allocation`, `contributions` and `prices`; `rounding`:
-    by variable how it is rounded; `tolerances`: what a drawing and a price need to know of each.
+    by variable how it is rounded; `tolerances`: what a drawing and a price need to know of each;
+    `notes`: rules that failed.
     """
 
     choices: pd.DataFrame = field(default_factory=pd.DataFrame)
@@ -40,6 +41,7 @@ class Decisions:
     rounding: dict[str, str] = field(default_factory=dict)
     prices: pd.DataFrame = field(default_factory=pd.DataFrame)
     tolerances: tuple[dict[str, Any], ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSettings) -> Decisions:
@@ -48,7 +50,8 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
         return Decisions()
     designs = problem.designs_of(front)
     points = points_of(problem, front, settings)
-    found = chosen(points)
+    notes: list[str] = []
+    found = chosen(points, notes)
     spread = sensitivity(points, problem.costs_of(designs))
     rows = list(dict.fromkeys(found.values()))
     slopes = slopes_of(problem, designs)
@@ -71,14 +74,15 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
         rules,
         prices(problem, front, slopes),
         tolerances(problem, rules, grades),
+        tuple(notes),
     )
 
 
 def _asked(settings: ChoiceSettings, found: Mapping[str, int], at: int) -> dict[str, Bound]:
     """What the rules that choose a row ask of it, and so of the rounded point too."""
-    asked = dict(settings.limits) if found.get("cheapest_within_limits") == at else {}
-    if found.get("best_for_budget") == at and settings.budget is not None:
-        asked[COST] = Bound(high=settings.budget)
+    asked: dict[str, Bound] = {}
+    for name, own in found.items():
+        asked |= RULES[name]().limits(settings) if own == at and name != ONLY else {}
     return asked
 
 
@@ -121,7 +125,7 @@ def _table(
     kept = ["bound", "gap_percent", *problem.objectives, *problem.names]
     table = own[[name for name in kept if name in own]]
     table.insert(0, "choice", list(found))
-    table.insert(1, "meaning", [MEANINGS[name] for name in found])
+    table.insert(1, "meaning", [meaning_of(name) for name in found])
     table.insert(2, "point", list(found.values()))
     for name in problem.objectives:
         before = own[name].to_numpy(dtype=float)

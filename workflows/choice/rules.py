@@ -1,81 +1,63 @@
-"""The rules by which a point of a front is chosen, by name."""
+"""The registered rules of choice, and what they choose from a front."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .knees import best_trade_off, farthest_from_chord, largest_product, scaled, sharpest_bend
-from .weighted import by_pseudo_weights, by_topsis
+from ...errors import InputError
+from ...registry import PLUGIN_FAULTS, Kinds, origin
+from .rule import COST, ChoiceRule, Points
 
-Array = NDArray[np.float64]
-COST = "cost"
-MEANINGS: Mapping[str, str] = {
-    "knee": "largest distance to the chord between the ends",
-    "knee_plane": "largest distance to the plane through the ends",
-    "knee_bend": "largest bend, with arms of a tenth of the front",
-    "knee_tradeoff": "every move away loses most for what it gains",
-    "nash": "largest product of the gains over the worst of the front",
-    "pseudo_weights": "pseudo-weights nearest to the weights",
-    "topsis": "closest to the ideal by TOPSIS with the weights",
-    "cheapest_within_limits": "cheapest point that keeps [choice] limits",
-    "best_for_budget": "best point that costs no more than [choice] budget",
-    "only": "the one point of the front",
-}
+__all__ = ["COST", "ONLY", "RULES", "Points", "chosen", "meaning_of"]
+RULES: Kinds[ChoiceRule] = Kinds("rules", ChoiceRule)
+"""The rules by name: entry points of `tolevo.rules`."""
+ONLY = "only"
+"""Name of the choice where there is but one objective."""
+FIRST = ("knee", "knee_plane", "knee_bend", "knee_tradeoff", "nash", "pseudo_weights", "topsis",
+         "cheapest_within_limits", "best_for_budget")  # fmt: skip
+"""The order of our own; those of plugins follow in the order of the alphabet."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Points:
-    """A front as the rules see it.
+def meaning_of(name: str) -> str:
+    """What a rule chooses, in a few words."""
+    return "the one point of the front" if name == ONLY else RULES[name].meaning
 
-    `objectives` (n, m) are called `names`, `cost` (n,) what each point costs, `weights` (m,)
-    add up to one, `kept` (n,) says which points keep the limits of the choice, None without any.
+
+def chosen(points: Points, notes: list[str] | None = None) -> dict[str, int]:
+    """The row that each rule chooses; rules that do not apply, or find none, are left out.
+
+    A rule that fails is left out as well, with its name and its reason in `notes`.
     """
-
-    objectives: Array
-    names: tuple[str, ...]
-    cost: Array | None
-    weights: Array
-    kept: NDArray[np.bool_] | None = None
-    budget: float | None = None
-
-
-def chosen(points: Points) -> dict[str, int]:
-    """The row that each rule chooses; rules that do not apply, or find none, are left out."""
     values = points.objectives
     if not len(values):
         return {}
     if values.shape[1] == 1:
-        return {"only": int(np.argmin(values[:, 0]))}
-    found = {
-        "knee" if values.shape[1] == 2 else "knee_plane": farthest_from_chord(values),
-        "knee_bend": sharpest_bend(values),
-        "knee_tradeoff": best_trade_off(values),
-        "nash": largest_product(values),
-        "pseudo_weights": by_pseudo_weights(values, points.weights),
-        "topsis": by_topsis(values, points.weights),
-        "cheapest_within_limits": _cheapest(points),
-        "best_for_budget": _best(points),
-    }
-    return {name: at for name, at in found.items() if at is not None}
+        return {ONLY: int(np.argmin(values[:, 0]))}
+    found: dict[str, int] = {}
+    for name in _names():
+        try:
+            at = RULES[name]().row(points)
+            if at is not None and not 0 <= (at := int(at)) < len(values):
+                raise ValueError(f"chose row {at} of a front of {len(values)} points")
+        except (InputError, *PLUGIN_FAULTS) as error:
+            if notes is not None:
+                notes.append(f'the choice rule "{name}" of {origin("rules", name)} is left out: '
+                             f"{_reason(error)}")  # fmt: skip
+            continue
+        if at is not None:
+            found[name] = at
+    return found
 
 
-def _cheapest(points: Points) -> int | None:
-    if points.kept is None or points.cost is None or not np.any(points.kept):
-        return None
-    return int(np.argmin(np.where(points.kept, points.cost, np.inf)))
+def _names() -> Iterator[str]:
+    """Our own rules in their order, then those of plugins."""
+    yield from (name for name in FIRST if name in RULES)
+    yield from (name for name in RULES if name not in FIRST)
 
 
-def _best(points: Points) -> int | None:
-    """Least weighted sum of the other objectives, scaled, among the points within the budget."""
-    if points.budget is None or points.cost is None:
-        return None
-    within = points.cost <= points.budget
-    others = [at for at, name in enumerate(points.names) if name != COST]
-    if not np.any(within) or not others:
-        return None
-    sums = scaled(points.objectives)[:, others] @ np.maximum(points.weights[others], 1e-12)
-    return int(np.argmin(np.where(within, sums, np.inf)))
+def _reason(error: Exception) -> str:
+    if isinstance(error, InputError):
+        return "; ".join(fault.message for fault in error.faults)
+    return f"{type(error).__name__}: {error}"

@@ -118,11 +118,12 @@ def _run(
     otherwise = [] if stopped else alternatives(plan.problem, front)
     remarks = (*plan.problem.remarks(front), *sentences(otherwise))
     notes = (*warned, *remarks, *anew, *_notes(references, dropped, joined))
+    decisions = decide(plan.problem, front, plan.choice)
+    notes = (*notes, *decisions.notes)
     proven = (*proof_notes(front, statement), *end_notes(plan.problem, front), *notes)
     summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
     summary |= measures(found, front, statement, exact)
     summary |= drawn(plan.problem, front) | ({"alternatives": otherwise} if otherwise else {})
-    decisions = decide(plan.problem, front, plan.choice)
     result = _result(plan, found, front, references, summary, proven, exact)
     result = replace(with_choices(result, decisions, plan, exact), overlays=others,
                      relaxed=_together(relaxed))  # fmt: skip

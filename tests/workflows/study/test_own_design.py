@@ -18,7 +18,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "plugins.md"
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     section = PAGE.read_text(encoding="utf-8").split("## A study design")[1]
-    block = re.findall(r"```python\n(.*?)```", section, re.DOTALL)[0]
+    block = re.findall(r"```python[^\n]*\n(.*?)```", section, re.DOTALL)[0]
     head = "from dataclasses import dataclass, field\nfrom tolevo import plugins as own\n"
     (tmp_path / "own_halton.py").write_text(head + block, encoding="utf-8")
     info = tmp_path / "own_halton-1.0.dist-info"

@@ -1,0 +1,29 @@
+"""The sections of plugins on the page of a run; one that fails says why."""
+
+from __future__ import annotations
+
+from html import escape
+
+from ..errors import InputError
+from ..page_section import SECTIONS
+from ..records import RunResult
+from ..registry import PLUGIN_FAULTS, origin
+from .document import section
+
+
+def plugin_sections(result: RunResult) -> tuple[str, ...]:
+    """The sections of plugins; one that fails says so with its name and its reason."""
+    return tuple(one for name in SECTIONS if (one := _section(name, result)))
+
+
+def _section(name: str, result: RunResult) -> str:
+    try:
+        own = SECTIONS[name]()
+        body = own.body(result)
+        return section(own.title, str(body)) if body else ""
+    except InputError as error:
+        reason = "; ".join(fault.message for fault in error.faults)
+    except PLUGIN_FAULTS as error:
+        reason = f"{type(error).__name__}: {error}"
+    text = f'The section "{name}" of {origin("pages", name)} is left out: {reason}'
+    return section(name, f"<p>{escape(text)}</p>")

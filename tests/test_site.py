@@ -1,0 +1,165 @@
+"""Every command and code block of the README and of the site is executed, or marked as an excerpt.
+
+A block says in its title what it is: the name of a file that the reader saves ("seat.toml"), how
+long a command takes ("takes 4 s"), or that it is an excerpt. The blocks of a page are executed in
+their order, in a directory that holds nothing but `configs`, `docs` and `tests` of the project and
+what earlier blocks of the page made. `make test` runs long commands with fewer evaluations,
+`make test-long` as they stand.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tolevo.cli import app
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+FENCE = re.compile(r'^```(\w*)(?: title="([^"]*)")?[ \t]*\n(.*?)^```', re.MULTILINE | re.DOTALL)
+CODE = ("console", "csv", "python", "sh", "toml")
+TAKES = re.compile(r"takes \d+ (s|min)\b")
+FILE = re.compile(r"\w+\.(toml|csv)")
+FEW = ("algorithm.population=8", "algorithm.generations=2")
+REDUCER = ("parameters.positions=13", "parameters.search_units=32", "parameters.report_units=64",
+           "references=none", "limits.backlash_max_arcmin=6.0")  # fmt: skip
+EXACT = ("algorithm.points=5",)
+BATCH = ("settings.simulations=200", 'effects.consider=["spread_inflation", "lot_mixture"]')
+REDUCED: dict[str, tuple[str, ...]] = {
+    "gap docs/gearbox/gap.toml": ("settings.simulations=200",
+                                  'effects.consider=["lot_offset", "lot_mixture"]'),
+    "gap docs/rv40e_batch/gap.toml": BATCH,
+    "gap batch.toml": BATCH,
+    "gap tests/data/ur5/ur5.toml": ("settings.simulations=200", 'effects.consider=["delay"]'),
+    "run configs/pose_accuracy_ga.toml": FEW,
+    "run configs/robot_arm": EXACT,
+    "run configs/robot_manipulator.toml": EXACT,
+    "run configs/rv40e_least_cost.toml": REDUCER,
+    "run configs/rv_transmission_error.toml": FEW,
+    "run docs/gearbox/reducer.toml": (
+        *REDUCER, *FEW, 'algorithm.name="ga"', 'objectives.minimise=["cost"]'),
+    "run runs/rv40e_gap/corrected.toml": FEW,
+    "study configs/document_ga_study.toml": (
+        "seeds=6", "run.algorithm.generations=3", 'response=["gap_percent"]', "reading=[]"),
+}  # fmt: skip
+"""Settings that shorten a command of more than 20 s, by what is in it; the first that fits."""
+OTHERWISE = {"reproduce --out": ("configs/claims_m.toml",)}
+"""Arguments that shorten a command that has no such setting."""
+pytestmark = pytest.mark.source_tree
+
+
+@dataclass(frozen=True)
+class Block:
+    kind: str
+    title: str
+    text: str
+
+    @property
+    def excerpt(self) -> bool:
+        return self.title.startswith("excerpt")
+
+    @property
+    def commands(self) -> list[str]:
+        lines = (
+            self.text.replace("\\\n", " ").splitlines() if self.kind in ("console", "sh") else []
+        )
+        return [line for line in lines if line.strip()]
+
+
+def blocks(page: Path) -> list[Block]:
+    return [Block(*found) for found in FENCE.findall(page.read_text(encoding="utf-8"))]
+
+
+def executed(page: Path) -> list[Block]:
+    return [one for one in blocks(page) if one.kind in CODE and not one.excerpt]
+
+
+def reduced_at(page: Path) -> bool:
+    """Whether a page has a command that `make test` shortens."""
+    lines = [line for block in executed(page) for line in block.commands]
+    return any(start in line for line in lines for start in (*REDUCED, *OTHERWISE))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda one: one.stem)
+def test_every_block_is_executed_or_an_excerpt(page: Path) -> None:
+    wrong = []
+    for block in blocks(page):
+        if block.kind not in CODE:
+            hidden = re.search(r"^(tolevo|make|pip|python3?) ", block.text, re.MULTILINE)
+            wrong += [f"commands without a language: {block.text[:60]}"] if hidden else []
+        elif block.excerpt:
+            _readable(block)
+        else:
+            title = FILE.fullmatch if block.kind in ("csv", "toml") else TAKES.search
+            wrong += [] if title(block.title) else [f"no title: {block.kind} {block.text[:60]}"]
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    wrong += [f"indented: {line}" for line in re.findall(r"^    (?:tolevo|make) .*", text, re.M)]
+    assert wrong == []
+
+
+def _readable(block: Block) -> None:
+    """An excerpt is at least in its language."""
+    if block.kind == "toml":
+        tomllib.loads(block.text)
+    elif block.kind == "python":
+        compile(block.text, "excerpt", "exec")
+
+
+@pytest.mark.parametrize("page", [one for one in PAGES if executed(one)], ids=lambda one: one.stem)
+def test_the_blocks_of_a_page_run(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _run(page, tmp_path, monkeypatch, reduced=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "page", [one for one in PAGES if reduced_at(one)], ids=lambda one: one.stem
+)
+def test_the_long_blocks_of_a_page_run_as_they_stand(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _run(page, tmp_path, monkeypatch, reduced=False)
+
+
+def _run(page: Path, place: Path, monkeypatch: pytest.MonkeyPatch, *, reduced: bool) -> None:
+    """Execute the blocks of a page in an empty directory."""
+    for name in ("configs", "docs", "tests"):
+        (place / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(place)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    names: dict[str, object] = {}
+    for block in executed(page):
+        if block.kind == "csv":
+            (place / block.title).write_text(block.text, encoding="utf-8")
+    used = " ".join(line for block in executed(page) for line in (*block.commands, block.text))
+    for block in executed(page):
+        if block.kind == "toml":
+            (place / block.title).write_text(block.text, encoding="utf-8")
+            table = tomllib.loads(block.text)
+            if {"problem", "model", "vary"} & set(table) and used.count(block.title) == 0:
+                _tolevo(f"check {block.title}", reduced)
+        elif block.kind == "python":
+            exec(compile(block.text, f"{page.name}: {block.title}", "exec"), names)
+        for line in block.commands:
+            program, _, rest = line.partition(" ")
+            assert program == "tolevo", f"not executed by this test, mark it: {line}"
+            _tolevo(rest, reduced)
+
+
+def _tolevo(line: str, reduced: bool) -> None:
+    words = shlex.split(line, comments=True)
+    if reduced:
+        settings = next((few for part, few in REDUCED.items() if part in line), ())
+        words += [word for one in settings for word in ("--set", one)]
+        words += [word for part, more in OTHERWISE.items() if part in line for word in more]
+    done = CliRunner().invoke(app, words)
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    assert done.exit_code == 0, f"tolevo {line}\n{done.output}"
