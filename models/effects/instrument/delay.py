@@ -23,7 +23,8 @@ is looked at: a channel that goes on beneath it is one that a delay could be see
 FEWEST = 4
 """Rows, at least."""
 PRESENT, FALLS, SIGMAS = 4.0, 0.2, 2.0
-"""Standard errors that the correlation of neighbours must have; the share of it that may be gone one
+"""Standard errors that the correlation of neighbours must have; the share of it that may be gone
+one
 row further; and standard errors of that."""
 
 
