@@ -89,6 +89,33 @@ def test_held_out_rows_are_predicted_within_the_bounds(axis: Analysis) -> None:
         assert np.sum(kept**2) == pytest.approx(np.sum(alone**2), rel=0.05)
 
 
+ENCODER = """
+model = "table"
+[columns]
+angle = { role = "angle", unit = "deg" }
+load = { role = "torque", unit = "N m" }
+error = { role = "measured", unit = "arcsec" }
+simulated = { role = "predicted", unit = "arcsec" }
+[settings]
+simulations = 500
+"""
+
+
+def test_a_part_of_what_a_name_does_is_no_other_form(tmp_path: Path) -> None:
+    """An encoder with its second harmonic alone: a wave of order 2 has fewer numbers."""
+    rng = np.random.default_rng(3)
+    angle, load = rng.uniform(0.0, 360.0, 300), rng.uniform(-100.0, 100.0, 300)
+    error = 0.1 * load + 1.5 * np.sin(np.radians(2.0 * angle)) + rng.normal(0.0, 1.0, 300)
+    pd.DataFrame({"angle": angle, "load": load, "error": error, "simulated": 0.0}).to_csv(
+        tmp_path / "data.csv", index=False
+    )
+    (tmp_path / "gap.toml").write_text(ENCODER, "utf-8")
+    plan = read_gap(tmp_path / "gap.toml")
+    found = analysed(prepared(plan, read_data(plan, tmp_path / "data.csv")))
+    assert set(found.fit.names) == {"torsional_compliance", "encoder_harmonics"}
+    assert not found.judged.significant
+
+
 def test_columns_of_joints_at_fault_are_not_asked_for() -> None:
     """A chain that is none has no columns: those of the default arm are none of its own."""
     joints = [{"d_mm": 100.0, "a_mm": "long", "alpha_deg": 90.0}, {"d_mm": 0.0, "a_mm": 300.0}]
