@@ -175,7 +175,11 @@ def _tables(name: str) -> tuple[str, ...]:
 
 
 def _stand_in(table: Mapping[str, Any], name: str | None) -> Configuration | None:
-    """The model as it is without what is given for it; None where it is not known."""
+    """The model as it is without what is given for it; None where it is not known, or where its
+    columns follow from tables that are at fault.
+    """
+    if "joint" in table:
+        return None
     try:
         part = {key: table[key] for key in ("columns",) if key in table and name == TABLE}
         return read_table({"model": name, **part}, []) if name else None

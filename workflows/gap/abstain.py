@@ -18,6 +18,8 @@ from .select import Search
 PRICE = {1: 5.0, 2: -6.0}
 """What a form without a name must fit better by than so many named effects, to displace them: one
 cause is likelier than two."""
+PART = 0.999
+"""Share of a form within what members can do, from which it is a part of them."""
 FOLLOWS = 3.3
 """Standard errors of the autocorrelation from which one unit follows the other (1 in 1000)."""
 SMALL = 0.01
@@ -91,9 +93,21 @@ def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
         score = less.score - gains + search.fitter.penalty * numbers + PRICE[len(gone)]
         score[[form.variable.startswith(PREDICTED) for form in generic.forms]] = np.inf
         by = fit.score - float(score.min())
+        while by > worst[0] and _is_part(search, fit, generic, int(np.argmin(score)), gone):
+            score[int(np.argmin(score))] = np.inf
+            by = fit.score - float(score.min())
         if by > worst[0]:
             worst = (by, gone)
     return worst[1]
+
+
+def _is_part(search: Search, fit: Fit, generic: Remaining, at: int, gone: Sequence[int]) -> bool:
+    """Whether a form is what members do with some of their numbers at 0: no other than theirs."""
+    fitter = search.fitter
+    form = beside(generic.white.of(at), fitter.q)
+    own = np.hstack([fitter.white(fit.members[k]) for k in gone])
+    q = basis(beside(own, fitter.q))
+    return float(np.sum((q.T @ form) ** 2)) > PART * float(np.sum(form**2))
 
 
 def _only_beside(search: Search, fit: Fit, generic: Remaining, lost: set[int]) -> set[int]:

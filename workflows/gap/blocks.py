@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import optimize
 
 from ...models.inputs.distribution import Array
 from .data import GapData
@@ -59,10 +60,35 @@ def held_out(
         same = all(one is other for one, other in zip(members, fit.members, strict=True))
         found = (whole if same else Trained.of(fitter, members)).without(out, y)
         x = np.hstack([fitter.base, *(fitter.white(one) for one in members)])
+        found = _admissible(found, members, x, y, out)
         residual[out] = y[out] - x[out] @ found
         raw = [fitter.columns.of(one.candidate, one.shape)[out] for one in members]
         fitted[out] = np.hstack([fitter.raw_base[out], *raw]) @ found
     return HeldOut(residual, fitted)
+
+
+def _admissible(
+    found: Array, members: Sequence[Member], x: Array, y: Array, out: NDArray[np.int64]
+) -> Array:
+    """Coefficients (k,) within the bounds of the effects, fitted to all rows but `out`; those of
+    effects whose size is in a nonlinear parameter are free.
+    """
+    bounds = [one.candidate.bounds for one in members if not one.candidate.alone]
+    sizes = [1 if one.candidate.alone else len(one.candidate.linear) for one in members]
+    own = np.repeat([not one.candidate.alone for one in members], sizes)
+    low, high = np.full(len(found), -np.inf), np.full(len(found), np.inf)
+    at = len(found) - len(own) + np.flatnonzero(own)
+    if not len(at):
+        return found
+    low[at], high[at] = (np.concatenate(ends) for ends in zip(*bounds, strict=True))
+    if (found >= low).all() and (found <= high).all():
+        return found
+    seen = np.ones(len(x), dtype=bool)
+    seen[out] = False
+    size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
+    q, r = np.linalg.qr(x[seen] / size)
+    ends = (low * size, high * size)
+    return np.asarray(optimize.lsq_linear(r, q.T @ y[seen], ends, method="bvls").x / size)
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from .data import GapData
 from .gaps import OF_UNITS, gaps, never_worse
 from .locate import regions
 from .next.measurement import next_measurement
+from .one_delay import uneven_delays
 from .plan import GapPlan
 from .plausible import unlikely_numbers
 from .populations.found import attribution_of, inputs_instead, population_of, said
@@ -231,6 +232,8 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
         if noise.rho > 0.3:
             found.append(f"{output.name}: the noise is autocorrelated ({noise.rho:.2f} from one "
                          "reading to the next)")  # fmt: skip
+    if end.rows:
+        found += uneven_delays(analysis.search.fitter, end.fit, end.setup.data)
     if lost := struck_of(analysis):
         found.append(f"{', '.join(lost)}: something like it is there, but its form is not that")
     if far := moved_far(end):

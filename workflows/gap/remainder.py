@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ...gap_records import Remainder, UnresolvedTerm
@@ -10,6 +12,7 @@ from .analysis import Analysis
 from .fit import Member
 from .gaps import gaps
 from .generic import LEVELS
+from .linear import beside
 from .result import Ending
 from .unresolved import is_term
 
@@ -43,8 +46,12 @@ def remainder_of(end: Ending) -> tuple[Remainder, ...]:
         return ()
     if not end.rows:
         return _of_scatter(end)
-    terms = [one for one in end.fit.members if is_term(one)]
-    return (*(_of_term(end, one) for one in terms), *_of_forms(end))
+    together: dict[tuple[str, frozenset[str]], list[Member]] = {}
+    for one in end.fit.members:
+        if is_term(one):
+            term = _effect(one).term
+            together.setdefault((term.output, frozenset(term.variables)), []).append(one)
+    return (*(_of_terms(end, of) for of in together.values()), *_of_forms(end))
 
 
 def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
@@ -68,18 +75,23 @@ def _beyond(end: Ending) -> float:
     return max(empty.rss - end.analysis.search.fitter.space.count, 1e-300)
 
 
-def _of_term(end: Ending, one: Member) -> Remainder:
-    term, setup = _effect(one).term, end.setup
-    at = [o.name for o in setup.data.outputs].index(term.output)
-    coefficients = end.fit.coefficients[end.fit.members.index(one)]
-    n = len(setup.data)
-    added = (setup.columns.of(one.candidate, one.shape) @ coefficients)[at * n : (at + 1) * n]
-    white = end.analysis.search.fitter.white(one) @ coefficients
+def _of_terms(end: Ending, of: Sequence[Member]) -> Remainder:
+    """Terms of the same variables as one: each may be many times what they are together."""
+    terms, setup = [_effect(one).term for one in of], end.setup
+    first = terms[0]
+    at = [o.name for o in setup.data.outputs].index(first.output)
+    n, fitter = len(setup.data), end.analysis.search.fitter
+    added, white = np.zeros(n), np.zeros(len(fitter.y))
+    for one in of:
+        coefficients = end.fit.coefficients[end.fit.members.index(one)]
+        whole = setup.columns.of(one.candidate, one.shape) @ coefficients
+        added = added + whole[at * n : (at + 1) * n]
+        white = white + fitter.white(one) @ coefficients
     rms, unit = float(np.std(added)), setup.data.outputs[at].unit
+    white = beside(white, fitter.q)  # not what the zero and what is free would do
     share = min(1.0, float(white @ white) / _beyond(end))
-    return Remainder(
-        term.output, term.variables, shape(term), rms, unit, rms / _level(end, at), share
-    )
+    text = ", and ".join(dict.fromkeys(shape(one) for one in terms))
+    return Remainder(first.output, first.variables, text, rms, unit, rms / _level(end, at), share)
 
 
 def _level(end: Ending, output: int) -> float:

@@ -54,10 +54,25 @@ class Search:
         """Fits with one candidate more each, their nonlinear parameters fitted, best first."""
         if not found:
             return []
-        best = found[0].gain
+        best = self._reached(members, found[:REFINED])
         near = [one for one in found[:REFINED] if one.gain > best - WITHIN and one.gain > 0]
         fits = [self._grown(members, one.member) for one in near]
         return sorted(fits, key=lambda fit: fit.score)
+
+    def _reached(self, members: Sequence[Member], found: Sequence[Found]) -> float:
+        """The largest gain with the signs that physics allows; a scan knows those of single
+        columns alone.
+        """
+        before, best = 0.0, -np.inf
+        for one in found:
+            if one.gain <= best:
+                break
+            gain, candidate = one.gain, one.member.candidate
+            if len(candidate.linear) > 1 and np.isfinite(candidate.bounds[0]).any():
+                before = before or self.fitter.fit(members).rss
+                gain = before - self.fitter.fit((*members, one.member)).rss
+            best = max(best, gain)
+        return best
 
     def _grown(self, members: Sequence[Member], new: Member) -> Fit:
         """A fit with a new member, whose nonlinear parameters are fitted."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from itertools import pairwise
-from math import inf
+from math import inf, sqrt
 
 import numpy as np
 
@@ -18,8 +18,14 @@ LONGEST = 20.0
 BREAK = 10.0
 """Usual steps after which a record has been interrupted."""
 ROUGH = 0.1
-"""Squared steps of a channel, as a share of those of rows without an order, above which it is none
-that a delay could be seen in."""
+"""Squared steps of a channel, as a share of those of rows without an order, above which its noise
+is looked at: a channel that goes on beneath it is one that a delay could be seen in."""
+FEWEST = 4
+"""Rows, at least."""
+PRESENT, FALLS, SIGMAS = 4.0, 0.2, 2.0
+"""Standard errors that the correlation of neighbours must have; the share of it that may be gone
+one
+row further; and standard errors of that."""
 
 
 class Delay(Effect):
@@ -91,7 +97,23 @@ def _stretches(time: Array) -> list[slice]:
 
 
 def _continuous(values: Array) -> bool:
-    """Whether a channel (n,) goes on from row to row."""
+    """Whether a channel (n,) goes on from row to row, whatever noise it carries.
+
+    White noise is in no correlation of different rows: what neighbours share is the channel's own,
+    and of a channel that goes on the next but one shares nearly as much.
+    """
     spread = float(np.var(values))
-    steps = float(np.mean(np.diff(values) ** 2)) if len(values) > 1 else inf
-    return spread > 0.0 and steps < ROUGH * 2.0 * spread
+    if spread == 0.0 or len(values) < FEWEST:
+        return False
+    if float(np.mean(np.diff(values) ** 2)) < ROUGH * 2.0 * spread:
+        return True
+    error = 1.0 / sqrt(len(values))
+    near, next_but_one = (_correlation(values, by) for by in (1, 2))
+    by_chance = SIGMAS * error * (1.0 - near)
+    return near > PRESENT * error and near - next_but_one < FALLS * near + by_chance
+
+
+def _correlation(values: Array, by: int) -> float:
+    """Of a channel with itself, so many rows apart."""
+    y = values - np.mean(values)
+    return float(y[by:] @ y[:-by]) / float(y @ y)

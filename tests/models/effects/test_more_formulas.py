@@ -212,3 +212,17 @@ def test_a_linear_axis_has_newtons_per_metre_and_second() -> None:
     assert registry.load("effects", "gear_order")().left_out(target) == (
         "nothing turns by the angle"
     )
+
+
+def test_a_delay_is_looked_for_beneath_the_noise_of_a_channel() -> None:
+    """Noise of half the channel's size; without an order, and in noise that wanders, it is not."""
+    effect, _, target = bench("delay")
+    rng = np.random.default_rng(5)
+    at = np.arange(400)
+    wave, noise = np.sin(0.1 * at), rng.normal(size=400)
+    assert effect.shown({"pull_N": wave + noise}, target) == {}
+    assert effect.shown({"pull_N": rng.permutation(wave) + noise}, target) is None
+    wandering = np.zeros(400)
+    for k in range(1, 400):
+        wandering[k] = 0.7 * wandering[k - 1] + noise[k]
+    assert effect.shown({"pull_N": wandering}, target) is None

@@ -1,0 +1,124 @@
+"""Signs that physics allows hold wherever a fit is compared with another one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.optimize import lsq_linear
+
+from tolevo.configuration.gap import gap_plan, read_gap
+from tolevo.workflows.gap.analysis import Analysis, analysed
+from tolevo.workflows.gap.fit import Fit, Member
+from tolevo.workflows.gap.read import read_data
+from tolevo.workflows.gap.setup import prepared
+
+SLIDE = """
+model = "table"
+[columns]
+speed = { role = "speed", unit = "m/s" }
+direction = { role = "direction" }
+load = { role = "force", unit = "N" }
+error = { role = "measured", unit = "um" }
+simulated = { role = "predicted", unit = "um" }
+[settings]
+simulations = 500
+"""
+COULOMB, VISCOUS, SIGMA = 2.0, 3.0, 0.5
+"""[um], [um per m/s] and [um]."""
+
+
+def slide(seed: int, n: int = 400) -> pd.DataFrame:
+    """A linear axis with a compliance, a Coulomb and a viscous friction."""
+    rng = np.random.default_rng(seed)
+    v, d = rng.uniform(0.01, 0.5, n), rng.choice([-1.0, 1.0], n)
+    load = rng.uniform(-500.0, 500.0, n)
+    y = 0.02 * load + (COULOMB + VISCOUS * v) * d + rng.normal(0.0, SIGMA, n)
+    return pd.DataFrame({"speed": v, "direction": d, "load": load, "error": y, "simulated": 0.0})
+
+
+@pytest.fixture(scope="module")
+def axis(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
+    folder = tmp_path_factory.mktemp("axis")
+    (folder / "gap.toml").write_text(SLIDE, "utf-8")
+    slide(2).to_csv(folder / "data.csv", index=False)
+    plan = read_gap(folder / "gap.toml")
+    return analysed(prepared(plan, read_data(plan, folder / "data.csv")))
+
+
+def test_a_viscous_friction_is_seen_beside_a_coulomb_friction(axis: Analysis) -> None:
+    """Stribeck's curve falls with the speed: with an excess below 0 it took the place of both."""
+    names = set(axis.fit.names)
+    coulomb = names & {"friction_hysteresis", "directional_offset"}  # the same but for a zero
+    viscous = names & {"read_out_lag", "viscous_friction"}  # the same column
+    assert len(coulomb) == 1 and len(viscous) == 1
+    assert names == {"torsional_compliance", *coulomb, *viscous}
+    for name, truth, error in ((*coulomb, COULOMB, 0.06), (*viscous, VISCOUS, 0.2)):
+        value = float(axis.fit.coefficients[axis.fit.names.index(name)][0])
+        assert abs(value - truth) < 3.0 * error
+    assert not axis.judged.significant
+
+
+def with_stribeck(axis: Analysis) -> tuple[Fit, Member]:
+    search = axis.search
+    members = [m for m in axis.fit.members if m.name == "torsional_compliance"]
+    first = next(m for m in search.book.members if m.name == "stribeck")
+    return search.fitter.fit([*members, first]), first
+
+
+def test_held_out_rows_are_predicted_within_the_bounds(axis: Analysis) -> None:
+    """Every block against an independent bounded fit of the others."""
+    search, fitter = axis.search, axis.search.fitter
+    fit, stribeck = with_stribeck(axis)
+    fixed = [m for m in fit.members if m is not stribeck]
+    x = np.hstack([fitter.base, *(fitter.white(m) for m in fit.members)])
+    free = np.full(fitter.base.shape[1], np.inf)
+    own = [m.candidate.bounds for m in fit.members]
+    low = np.concatenate([-free, *(ends[0] for ends in own)])
+    high = np.concatenate([free, *(ends[1] for ends in own)])
+    assert fixed and (low == 0.0).sum() >= 2
+    tested = search.tested(fit)
+    for block in np.unique(search.labels):
+        out = search.labels == block
+        found = lsq_linear(x[~out], fitter.y[~out], (low, high), tol=1e-12).x
+        alone = fitter.y[out] - x[out] @ found
+        kept = tested.white[out]
+        # its knee may be another one on these rows, and then fits them better
+        assert np.sum(kept**2) == pytest.approx(np.sum(alone**2), rel=0.05)
+
+
+ENCODER = """
+model = "table"
+[columns]
+angle = { role = "angle", unit = "deg" }
+load = { role = "torque", unit = "N m" }
+error = { role = "measured", unit = "arcsec" }
+simulated = { role = "predicted", unit = "arcsec" }
+[settings]
+simulations = 500
+"""
+
+
+def test_a_part_of_what_a_name_does_is_no_other_form(tmp_path: Path) -> None:
+    """An encoder with its second harmonic alone: a wave of order 2 has fewer numbers."""
+    rng = np.random.default_rng(3)
+    angle, load = rng.uniform(0.0, 360.0, 300), rng.uniform(-100.0, 100.0, 300)
+    error = 0.1 * load + 1.5 * np.sin(np.radians(2.0 * angle)) + rng.normal(0.0, 1.0, 300)
+    pd.DataFrame({"angle": angle, "load": load, "error": error, "simulated": 0.0}).to_csv(
+        tmp_path / "data.csv", index=False
+    )
+    (tmp_path / "gap.toml").write_text(ENCODER, "utf-8")
+    plan = read_gap(tmp_path / "gap.toml")
+    found = analysed(prepared(plan, read_data(plan, tmp_path / "data.csv")))
+    assert set(found.fit.names) == {"torsional_compliance", "encoder_harmonics"}
+    assert not found.judged.significant
+
+
+def test_columns_of_joints_at_fault_are_not_asked_for() -> None:
+    """A chain that is none has no columns: those of the default arm are none of its own."""
+    joints = [{"d_mm": 100.0, "a_mm": "long", "alpha_deg": 90.0}, {"d_mm": 0.0, "a_mm": 300.0}]
+    plan, faults = gap_plan({"model": "serial_arm", "joint": joints})
+    assert plan is None
+    assert sorted(one.place for one in faults) == ["joint[0].a_mm", "joint[1].alpha_deg"]

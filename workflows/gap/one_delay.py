@@ -1,0 +1,105 @@
+"""Whether a delay is one: it shifts rows that rise and fall, high and low ones, by the same time.
+
+What opens or rounds a loop differently as the load grows and as it falls looks like a delay that
+differs there. T is estimated in each of the four kinds of rows, all else fitted beside it.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy import special
+
+from ...models.effects.instrument.delay import Delay
+from ...models.inputs.distribution import Array
+from .data import GapData
+from .fit import Fit, Fitter, Member
+from .linear import basis, beside
+
+STEP = 1e-2
+"""Relative step of a derivative."""
+CHANCE = 0.01
+"""Chance that one delay is taken for several."""
+LITTLE = 1e-6
+"""Share of the squares of all rows below which a kind of rows says nothing."""
+APART = 0.2
+"""Rms difference of the delays from their mean, as a share of it, that is worth a word."""
+STRETCHES = 40
+"""Stretches of the record, as units of what is left."""
+
+
+def uneven_delays(fitter: Fitter, fit: Fit, data: GapData) -> list[str]:
+    """Sentences about delays that are not the same throughout the record."""
+    found = []
+    for at, member in enumerate(fit.members):
+        if not isinstance(member.candidate.effect, Delay):
+            continue
+        rest = [fitter.white(one) for k, one in enumerate(fit.members) if k != at]
+        q = basis(np.hstack([fitter.base, *rest]))
+        for name, late in member.shape.items():
+            if late != 0.0 and (delays := _uneven(fitter, fit, q, member, name, data)) is not None:
+                found.append(_said(name, delays))
+    return found
+
+
+def _said(name: str, delays: Array) -> str:
+    kinds = ("rise above the median", "fall above it", "rise below it", "fall below it")
+    parts = ", ".join(f"{one:.3g} s where readings {kind}"
+                      for one, kind in zip(delays.tolist(), kinds, strict=True))  # fmt: skip
+    return (f"{name} is not one delay: {parts}. A channel that is late is so everywhere; this may "
+            "be a part of the loop that has no name")  # fmt: skip
+
+
+def _uneven(
+    fitter: Fitter, fit: Fit, q: Array, member: Member, name: str, data: GapData
+) -> Array | None:
+    """The delays (4,) of each kind of rows, None where they may be one.
+
+    Wald's test of equal delays; their covariance is the larger one of the noise, at the size of
+    what is left, and of what is left itself, by stretches (Liang and Zeger 1986).
+    """
+    late = member.shape[name]
+    ends = [{**member.shape, name: late * (1.0 + way * STEP)} for way in (1.0, -1.0)]
+    one, other = (fitter.columns.of(member.candidate, shape)[:, 0] for shape in ends)
+    slope = (one - other) / (2.0 * STEP * late)
+    parts = [fitter.space.whiten(np.where(kind, slope, 0.0)) for kind in _kinds(slope, data).T]
+    g = beside(np.column_stack(parts), q)
+    if (np.sum(g**2, axis=0) < LITTLE * np.sum(g**2)).any():
+        return None
+    away, covariance = _estimated(g, fit.residual)
+    contrast = np.eye(len(away))[1:] - np.eye(len(away))[0]
+    differences = contrast @ away
+    spread = contrast @ covariance @ contrast.T
+    statistic = float(differences @ np.linalg.solve(spread, differences)) / len(differences)
+    weights = np.sum(g**2, axis=0) / np.sum(g**2)
+    scatter = np.sqrt(float(weights @ (away - weights @ away) ** 2))
+    limit = float(special.fdtri(len(differences), STRETCHES - 1, 1.0 - CHANCE))
+    return late + away if statistic > limit and scatter > APART * abs(late) else None
+
+
+def _kinds(slope: Array, data: GapData) -> Array:
+    """Which rows (N, 4) rise or fall, high or low, of the outputs that are shifted; the reading
+    falls with its delay where it rises.
+    """
+    measured = data.whole(data.measured)
+    found = np.zeros((len(slope), 4), dtype=bool)
+    for at in range(len(data.outputs)):
+        rows = slice(at * len(data), (at + 1) * len(data))
+        high = measured[rows] > np.median(measured[rows])
+        up, down = slope[rows] < 0.0, slope[rows] > 0.0
+        found[rows] = np.column_stack([high & up, high & down, ~high & up, ~high & down])
+    return found
+
+
+def _estimated(g: Array, left: Array) -> tuple[Array, Array]:
+    """Of columns (N, 4) on a residual (N,): the numbers, and their covariance."""
+    inverse = np.linalg.pinv(g.T @ g, rcond=1e-12)
+    found = inverse @ (g.T @ left)
+    rest = left - g @ found
+    edges = np.linspace(0, len(left), STRETCHES + 1).astype(int)
+    sums = np.array([g[a:b].T @ rest[a:b] for a, b in pairwise(edges)])
+    model = inverse * float(rest @ rest) / len(rest)
+    seen = inverse @ (sums.T @ sums) @ inverse
+    wider = np.sqrt(np.maximum(np.diag(seen) / np.diag(model), 1.0))
+    return found, model * np.outer(wider, wider)
