@@ -385,7 +385,7 @@ def test_dask_lost_at_several_moments_in_an_evaluation(tmp_path: Path) -> None:
         with scheduler() as (process, address):
             workers = [worker(address) for _ in range(2)]
             try:
-                wait_until(lambda at=address: both(at))
+                wait_until(partial(both, address))
                 told: list[int] = []
 
                 def report(
