@@ -219,7 +219,7 @@ def drawn(table: pd.DataFrame, path: Path) -> None:
             axes.loglog(part["size"], part[column], marker="o", label=": ".join(map(str, name)))
         axes.set(xlabel="Size", ylabel=label)
         axes.grid(alpha=0.3)
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside right", fontsize=8)
+    figure.axes[0].legend(fontsize=7)
     figure.savefig(path)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -107,6 +108,7 @@ def test_side_searches_of_a_run(address: str, tmp_path: Path) -> None:
         first, *others = (fronts[side] for fronts in found)
         assert first is not None
         for other in others:
+            assert other is not None
             pd.testing.assert_frame_equal(first, other, check_exact=True)
 
 
@@ -148,7 +150,7 @@ def test_workers_of_another_version_are_refused(
     address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Both versions are named, and nothing is written."""
-    own = dask_cluster.version("tolevo")
+    own = version("tolevo")
     monkeypatch.setattr(dask_cluster, "version", lambda name: "9.9.9")
     with pytest.raises(InputError) as caught:
         executor_of(1, address)

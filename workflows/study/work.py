@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from math import isnan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +123,9 @@ class Work:
         return self.plan.settings.responses
 
     def _work(self, source: Callable[[], Chunk | Surveying | None]) -> None:
-        for task, result in self.executor.completed(done, source):
+        function: Callable[[Any], Any] = done  # a chunk of runs, or a reference
+        tasks: Callable[[], Any] = source
+        for task, result in self.executor.completed(function, tasks):
             if isinstance(task, Chunk):
                 assert isinstance(result, Lost | tuple)
                 self._take(task, result)

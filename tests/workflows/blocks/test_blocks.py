@@ -26,7 +26,7 @@ from tolevo.workflows.evaluate import GRAIN
 from tolevo.workflows.execution import InProcess, Lost
 from tolevo.workflows.execution.executor import Result, TaskT
 
-CONFIGURATION = {"problem": "rv_backlash", "parameters": {"reading": "printed"}}
+CONFIGURATION: dict[str, Any] = {"problem": "rv_backlash", "parameters": {"reading": "printed"}}
 ROWS = 5 * GRAIN + 7
 
 
@@ -123,7 +123,7 @@ def test_after_a_break_only_what_is_missing_is_computed(
             monkeypatch.setattr(
                 "tolevo.workflows.execution.executor_of", lambda *_, one=executor: one
             )
-            arguments = {"block_rows": GRAIN, "resume": executor is second}
+            arguments: dict[str, Any] = {"block_rows": GRAIN, "resume": executor is second}
             if executor is first:
                 with pytest.raises(RunError, match=rf"{after} of 6 blocks are saved.*--resume"):
                     tolevo.evaluate(CONFIGURATION, table, out, **arguments)
@@ -305,7 +305,9 @@ def test_tasks_bear_the_name_of_their_table(table: Path) -> None:
     rows = blocks.ArrayRows(np.zeros((3, 2)))
     keys = set()
     for configuration in ("a", "b"):
-        made = compute.Computed("evaluate", lambda rows, n: rows, configuration, rows, 64)
+        made = compute.Computed(
+            "evaluate", lambda rows, n: pd.DataFrame(rows), configuration, rows, 64
+        )
         store = blocks.store.InMemory(made.about(None))
         keys |= {task.key for task in compute._tasks(made, store, 1, apart=False)}
     assert len(keys) == 2
@@ -350,7 +352,7 @@ def killed_until_done(table: Path, whole: bytes, tmp_path: Path, kills: int) -> 
     context, out, moments = multiprocessing.get_context("fork"), tmp_path / "o.csv", kills
     rng, caught = random.Random(3), 0
     while caught < moments:
-        arguments = {"block_rows": GRAIN, "resume": True}
+        arguments: dict[str, Any] = {"block_rows": GRAIN, "resume": True}
         one = context.Process(
             target=tolevo.evaluate, args=(CONFIGURATION, table, out), kwargs=arguments
         )

@@ -372,7 +372,7 @@ def test_dask_a_worker_killed_then_the_scheduler(
 @pytest.mark.slow
 def test_dask_lost_at_several_moments_in_an_evaluation(tmp_path: Path) -> None:
     """Ten moments: a worker is killed at every other one, the scheduler at the rest."""
-    configuration = {"problem": "rv_backlash", "parameters": {"reading": "printed"}}
+    configuration: dict[str, Any] = {"problem": "rv_backlash", "parameters": {"reading": "printed"}}
     problem = tolevo.read(configuration).problem
     assert problem is not None
     share = np.random.default_rng(0).random((12 * GRAIN, problem.n_var))
@@ -385,7 +385,7 @@ def test_dask_lost_at_several_moments_in_an_evaluation(tmp_path: Path) -> None:
         with scheduler() as (process, address):
             workers = [worker(address) for _ in range(2)]
             try:
-                wait_until(lambda at=address: both(at))
+                wait_until(partial(both, address))
                 told: list[int] = []
 
                 def report(
@@ -396,7 +396,11 @@ def test_dask_lost_at_several_moments_in_an_evaluation(tmp_path: Path) -> None:
                         (one.kill if at % 2 else all_.kill)()
                         seen.append(state.done)
 
-                arguments = {"dask": address, "block_rows": GRAIN, "progress": report}
+                arguments: dict[str, Any] = {
+                    "dask": address,
+                    "block_rows": GRAIN,
+                    "progress": report,
+                }
                 if moment % 2:
                     tolevo.evaluate(configuration, tmp_path / "d.csv", out, **arguments)
                 else:

@@ -187,7 +187,7 @@ def test_leaders_are_the_design_of_a_finer_study(tmp_path: Path) -> None:
     medians = pd.read_csv(tmp_path / "coarse" / "medians.csv")
     table = pd.read_csv(tmp_path / "coarse" / "study.csv")
     best = table[table["point"] == medians["median"].idxmin()].iloc[0]
-    keys = list(leaders)
+    keys = [str(name) for name in leaders]
     assert (leaders == best[keys].to_numpy()).all(axis=1).any()
     again = STUDY.replace('kind = "factorial"', 'kind = "table"\nfile = "coarse/leaders.csv"')
     again = again.replace("seeds = 12", 'seeds = 2\n"run.limits.yaw_mrad" = 0.5')

@@ -254,7 +254,7 @@ def product_truth(coefficients: tuple[float, ...]) -> Array:
     """S1, then ST: V_i = 1 / (3 (1 + a_i)^2), the whole is prod (1 + V_i) - 1."""
     own = 1.0 / (3.0 * (1.0 + np.array(coefficients)) ** 2)
     whole = np.prod(1.0 + own) - 1.0
-    return np.r_[own, own * np.prod(1.0 + own) / (1.0 + own)] / whole
+    return np.asarray(np.r_[own, own * np.prod(1.0 + own) / (1.0 + own)] / whole)
 
 
 def settings_of_a_search(x: Array) -> Array:
@@ -272,8 +272,8 @@ def settings_truth() -> Array:
     first = 9 * (1 / 80 - 1 / 144) + 0.85**2 / 12
     third, both = 0.25**2 / 12, 0.25 / 144
     total = first + exponential + third + both
-    return np.array([first, exponential, third, 0.0, first + both, exponential, third + both, 0.0]
-                    ) / total  # fmt: skip
+    parts = [first, exponential, third, 0.0, first + both, exponential, third + both, 0.0]
+    return np.asarray(np.array(parts) / total)
 
 
 def ishigami_array(x: Array) -> Array:
