@@ -209,7 +209,8 @@ def all_keys() -> dict[str, Key]:
     found: dict[str, Key] = {}
     now = ""
     with recorded(found, lambda: now):
-        for source in [*_shipped(), *SAMPLES]:
+        sources: list[Path | dict[str, Any]] = [*_shipped(), *SAMPLES]
+        for source in sources:
             now = "study" if is_study(source) else "gap" if is_gap(source) else "run"
             with suppress(InputError):  # samples may contradict themselves
                 READERS[now](source)

@@ -76,14 +76,24 @@ def _incomplete(archive: Path) -> list[str]:
 def _unusable(archive: Path, place: Path, number: str) -> list[str]:
     """What goes wrong where only this archive of the project is installed."""
     folder = place / archive.name.removesuffix(".whl").removesuffix(".tar.gz") / archive.suffix[1:]
-    venv.create(folder, with_pip=True)
+    venv.create(folder, symlinks=True)  # its own pip would bring an older setuptools
     python = str(folder / "bin" / "python")
     own = Path(_call(python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"))
     shared = sysconfig.get_path("purelib")
     (own / "shared.pth").write_text(f"{shared}\n", encoding="utf-8")  # its own .pth files are not
     options = ("--quiet", "--no-deps", "--no-index", "--no-build-isolation")
     try:
-        _call(python, "-m", "pip", "install", *options, "--ignore-installed", str(archive))
+        _call(
+            sys.executable,
+            "-m",
+            "pip",
+            "--python",
+            python,
+            "install",
+            *options,
+            "--ignore-installed",
+            str(archive),
+        )
         configuration = _example(folder)
         print(archive.name, _call(python, "-c", TRIED, number, str(configuration), at=folder))
         _call(str(folder / "bin" / "tolevo"), "list", "--json", at=folder)

@@ -100,6 +100,7 @@ def test_one_that_fails_is_named_and_stops_nothing() -> None:
 @pytest.mark.usefixtures("installed")
 def test_a_run_has_the_choice_and_the_notes() -> None:
     result = tolevo.run("configs/stack_clutch.toml" if Path("configs").is_dir() else _clutch())
+    assert result.choices is not None
     assert "middle" in set(result.choices["choice"])
     notes = result.summary["notes"]
     assert sum("the choice rule" in note for note in notes) == 4
