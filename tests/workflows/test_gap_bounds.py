@@ -55,9 +55,9 @@ def test_a_viscous_friction_is_seen_beside_a_coulomb_friction(axis: Analysis) ->
     viscous = names & {"read_out_lag", "viscous_friction"}  # the same column
     assert len(coulomb) == 1 and len(viscous) == 1
     assert names == {"torsional_compliance", *coulomb, *viscous}
-    for name, truth, error in ((*coulomb, COULOMB, 0.06), (*viscous, VISCOUS, 0.2)):
-        value = float(axis.fit.coefficients[axis.fit.names.index(name)][0])
-        assert abs(value - truth) < 3.0 * error
+    sizes = dict(zip(axis.fit.names, axis.fit.coefficients, strict=True))
+    assert abs(float(sizes[coulomb.pop()][0]) - COULOMB) < 3.0 * 0.06  # standard errors
+    assert abs(float(sizes[viscous.pop()][0]) - VISCOUS) < 3.0 * 0.2
     assert not axis.judged.significant
 
 
