@@ -22,8 +22,11 @@ _ACTIVE = re.compile(r"'*[=+\-@\t\r]")
 _MARKED = re.compile(r"'+[=+\-@\t\r]")
 
 
-def csv_text(frame: pd.DataFrame) -> str:
-    """A table without its index as CSV: LF line ends, and no cell or name that is a formula."""
+def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
+    """A table without its index as CSV: LF line ends, and no cell or name that is a formula.
+
+    Without its `header` it continues a file that has one.
+    """
     columns = [_each(frame.iloc[:, at].to_numpy(), neutral) for at in range(frame.shape[1])]
     if all(one is None for one in columns):
         found = frame
@@ -33,7 +36,7 @@ def csv_text(frame: pd.DataFrame) -> str:
             if cells is not None:
                 found.isetitem(at, cells)
     names = [neutral(name) for name in frame.columns]
-    return found.to_csv(index=False, lineterminator="\n", header=names)
+    return found.to_csv(index=False, lineterminator="\n", header=names if header else False)
 
 
 def read_own_csv(path: Path) -> pd.DataFrame:

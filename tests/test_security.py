@@ -41,7 +41,7 @@ MODULES = {"joblib", "dill", "cloudpickle", "yaml", "shelve", "marshal", "ctypes
 BUILTINS = ("eval", "exec", "compile", "__import__")
 RISKY = re.compile(r"\b(?:" + "|".join([*RUNS_CODE, *MODULES, *BUILTINS]) + r")\b")
 ALLOWED = {
-    ("workflows/study/trial.py", "pickle.loads"): "what the study itself sent to its worker",
+    ("workflows/execution/shipped.py", "pickle.loads"): "what the command sent to its worker",
     ("testing/effect.py", "pickle.loads"): "what the test itself has just pickled",
     ("testing/model.py", "pickle.loads"): "what the test itself has just pickled",
     ("testing/problem.py", "pickle.loads"): "what the test itself has just pickled",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +13,7 @@ PASSES = 16
 """Ranks that are looked for one after the other; where more are asked for, all are computed."""
 
 
-def in_order(*keys: Array) -> Indices:
+def in_order(*keys: NDArray[Any]) -> Indices:
     """Rows (n,) ordered by the first key (n,), where it is equal by the next ones, then by row.
 
     It is `np.lexsort` of the reversed keys, several times as fast where the first seldom repeats.
@@ -67,4 +69,5 @@ def _lowest(first: Array, second: Array) -> NDArray[np.bool_]:
     lower = np.ones(len(first), dtype=bool)
     np.less(second[1:], least[:-1], out=lower[1:])
     last = np.maximum.accumulate(np.where(lower, first, -np.inf))
-    return (second == least) & (first == last)
+    lowest: NDArray[np.bool_] = (second == least) & (first == last)
+    return lowest

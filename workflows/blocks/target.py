@@ -10,6 +10,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from ...csv_text import csv_text
 from ...files import clear_parts, write_with
 
 PARQUET = (".parquet", ".pq")
@@ -66,8 +67,7 @@ def _parquet(blocks: Sequence[Any], path: Path) -> None:
 def _csv(blocks: Sequence[Any], path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         for at, table in enumerate(_tables(blocks)):
-            frame = table.to_pandas()
-            frame.to_csv(file, index=False, lineterminator="\n", header=at == 0)
+            file.write(csv_text(table.to_pandas(), header=at == 0))
 
 
 def _tables(blocks: Sequence[Any]) -> Iterator[Any]:

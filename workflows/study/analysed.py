@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...csv_text import csv_text
 from ...files import write_text
 from .. import page_data
 from .racing import LEADERS, leaders
@@ -45,7 +46,7 @@ def analysed(settings: StudySettings, data: StudyData, out: Path) -> tuple[str, 
     write(result, out)
     costs = [runs_of(data.table, name, len(data.design)).costs() for name in settings.responses]
     keys = [factor.key for factor in settings.factors]
-    write_text(out / LEADERS, leaders(data.design[keys], costs).to_csv(index=False))
+    write_text(out / LEADERS, csv_text(leaders(data.design[keys], costs)))
     found = lines(result)
     write_text(out / SAID, said(result, {"digest": digest, "lines": list(found)}))
     return found
