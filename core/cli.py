@@ -164,9 +164,9 @@ def evaluate(
     from .api import evaluate
     from .progress import shown_blocks
 
-    given = asked.arguments() | asdict(dialect) | asdict(blocks) | {"quality": quality}
+    given = asked.arguments() | asdict(dialect) | asdict(blocks)
     with shown_blocks(asked.quiet) as progress:
-        evaluate(config, designs, out, **given, progress=progress, frame=False)
+        evaluate(config, designs, out, **given, quality=quality, progress=progress, frame=False)
     typer.echo(f"written: {out}")
 
 

@@ -78,8 +78,8 @@ class Judged(WithPromise):
     def expected_yields(self, designs: Array, searching: bool) -> Array:
         """The yield [percent] (n,) that is expected over the posterior."""
 
-    @property
-    def shifting(self) -> Array:
+    @cached_property
+    def shifting(self) -> NDArray[np.bool_]:
         """Which means (k,) may be off; by default none."""
         return np.zeros(len(self.known), dtype=bool)
 
@@ -148,7 +148,7 @@ class Judged(WithPromise):
         there = self.shortfall(design, scale[None, :], shift[None, :])
         # the units have the last word where it is decided
         values += float(there.values[0]) - wanted
-        kept, error = assured_percent(np.array([np.mean(values <= 0.0)]), drawn.count)
+        kept, error = assured_percent(np.array([float(np.mean(values <= 0.0))]), drawn.count)
         doubt = np.hypot(response.rms, there.error)
         reach = 50.0 * float(np.mean(values <= doubt) - np.mean(values <= -doubt))
         return Verdict(self.yield_at(design, scale, shift, False), float(kept[0]),

@@ -44,7 +44,11 @@ class Response:
                 left.append(_slopes(x / unit, at))
                 right.append(slopes[:, at] * unit[at])
         found = np.linalg.lstsq(np.concatenate(left), np.concatenate(right), rcond=None)[0]
-        return cls(found, unit, float(np.sqrt(np.mean((rows @ found - values) ** 2))))
+        return cls(
+            np.asarray(found, dtype=np.float64),
+            unit,
+            float(np.sqrt(np.mean((rows @ found - values) ** 2))),
+        )
 
     def __call__(self, x: Array) -> Array:
         """Values (n,)."""

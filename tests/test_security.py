@@ -14,7 +14,6 @@ from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
@@ -217,7 +216,7 @@ def test_no_file_of_a_result_is_unpickled(finished: Path, marker: Path, tmp_path
 def test_no_table_is_unpickled(marker: Path, tmp_path: Path, suffix: str) -> None:
     (tmp_path / "c.toml").write_text('model = "rv_lost_motion"\n', encoding="utf-8")
     path = tmp_path / f"table{suffix}"
-    pd.to_pickle(Hostile(marker), path)
+    path.write_bytes(pickle.dumps(Hostile(marker)))
     words = ("simulate", tmp_path / "c.toml", path, "--out", tmp_path / "o.csv")
     assert tolevo(*words).exit_code == 2
     assert not marker.exists()

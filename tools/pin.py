@@ -11,7 +11,7 @@ import io
 import sys
 import tempfile
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -28,7 +28,7 @@ RTOL = 1e-6
 """Figures that differ by less have not moved: other versions of numpy and scipy round otherwise."""
 SIZES = {"rv_reducer": "parameters.report_units=256"}
 """Fewer units than a run tests, so that all figures take seconds."""
-TABLES = {
+TABLES: dict[str, Mapping[str, Sequence[object]]] = {
     "rv_batch": {"unit": ["a", "b", "c"]},
     "rv_lost_motion": {
         "torque_Nm": [-412.0, 100.0, 412.0],
@@ -88,9 +88,7 @@ def arm() -> tuple[str, dict[str, float]]:
     return 'tolevo.simulate("configs/robot_arm.toml", ARM)', outputs(found, ARM)
 
 
-def outputs(
-    found: pd.DataFrame, table: dict[str, list[object]] | dict[str, list[float]]
-) -> dict[str, float]:
+def outputs(found: pd.DataFrame, table: Mapping[str, Sequence[object]]) -> dict[str, float]:
     """The columns that were not given, row by row."""
     names = [name for name in found if name not in table]
     return {

@@ -41,7 +41,7 @@ class PromisingPoses(Judged):
         promise = self.settings.promise
         self.sampled = promise is not None and promise.statement != PLUG_IN
 
-    @property
+    @cached_property
     @abstractmethod
     def squares(self) -> Mapping[str, Array]:
         """Squared effect per squared unit of each variable, (poses or 1, variables), by output."""

@@ -30,7 +30,7 @@ POSITION = "pin_position"
 """The error whose mean turns the unit, and moves nothing."""
 
 
-def shifting(problem: PromisingUnits) -> Array:
+def shifting(problem: PromisingUnits) -> NDArray[np.bool_]:
     """Which means (k,) of measured errors move what the units show."""
     return np.array([problem.settings.variables[name].mid is not None and stem(name) != POSITION
                      for name in problem.known], dtype=bool)  # fmt: skip

@@ -54,7 +54,7 @@ class PromisingUnits(Judged):
         return replace(self.model, conditions=replace(self.model.conditions, coverage=coverage))
 
     @cached_property
-    def shifting(self) -> Array:
+    def shifting(self) -> NDArray[np.bool_]:
         return promised.shifting(self)
 
     @cached_property

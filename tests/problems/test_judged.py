@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -35,17 +36,18 @@ class Chain(Judged):
     default_objectives = ("cost",)
     _has_slopes = True
 
-    @property
+    @cached_property
     def shifting(self) -> np.ndarray:
         return np.ones(len(self.known), dtype=bool)
 
     def each(self, design: np.ndarray) -> np.ndarray:
         laws = [self.settings.variables[name].distribution for name in NAMES]
-        return SLOPES * design * [law.sigma for law in laws]  # type: ignore[union-attr]
+        return np.asarray(SLOPES * design * [law.sigma for law in laws])  # type: ignore[union-attr]
 
     def shortfall(
         self, design: np.ndarray, scales: np.ndarray, shifts: np.ndarray, searching: bool = False
     ) -> Shortfall:
+        assert self.settings.promise is not None
         own, k = self.each(design), float(stats.norm.ppf(self.settings.promise.share))
         std = np.sqrt((scales**2) @ own**2)
         slopes = np.hstack([k * scales * own**2 / std[:, None], np.tile(own, (len(std), 1))])

@@ -194,6 +194,7 @@ def test_a_run_of_another_problem_is_reviewed(tmp_path: Path) -> None:
     text = REDUCER.format(values=rng.normal(0.0, 4.0 / 3.0, 20).round(4).tolist())
     (run / "config.toml").write_text(text, encoding="utf-8")
     problem = read(run / "config.toml").problem
+    assert problem is not None
     found = problem.frame(problem.complete(0.5 * (problem.xl + problem.xu)[None, :]))
     found.to_csv(run / "front.csv", index=False)
     names = ["pin_radius_um", "pin_position_um"]

@@ -93,7 +93,7 @@ def by_statement(problem: ToleranceProblem, least: Mapping[str, Least]) -> pd.Da
     promise, rows = problem.promise, []
     assert promise is not None
     for statement, one in least.items():
-        found = dict.fromkeys((YIELD, ASSURANCE), np.nan)
+        found: dict[str, float] = dict.fromkeys((YIELD, ASSURANCE), np.nan)
         if np.isfinite(one.cost):
             outputs = with_statement(problem, statement).outputs_of(one.design[None, :])
             each = {name: float(value[0]) for name, value in outputs.items()}
