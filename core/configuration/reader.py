@@ -14,7 +14,6 @@ from ..problems.settings import Settings, VariableSetting
 from ..problems.slips import unit_slips
 from ..section import Range, Section
 from ..workflows.choice.steps import rounding_faults
-from ..workflows.run.contradictions import contradictions
 from .cells import with_poses
 from .choice import read_choice, resolved_choice
 from .complete import complete_tables
@@ -118,6 +117,8 @@ def _read_problem(
     raise_all(faults)
     wrong = (problem := kind(settings)).faults()
     raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
+    from ..workflows.run.contradictions import contradictions  # imports the exact solver
+
     raise_all(contradictions(problem, asked["algorithm_name"]))
     assert asked["algorithm"] is not None
     resolved = {

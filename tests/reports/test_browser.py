@@ -25,7 +25,7 @@ from tolevo.reports.comparison import comparison_page
 from tolevo.reports.gap import gap_page
 from tolevo.reports.sheets import drawing_page
 from tolevo.reports.study import study_page
-from tolevo.workflows.choice import decide
+from tolevo.workflows.choice.decide import decide
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

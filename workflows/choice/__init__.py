@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from .decide import Decisions, decide
 from .settings import ChoiceSettings
 
-__all__ = ["ChoiceSettings", "Decisions", "decide"]
+__all__ = ["ChoiceSettings"]

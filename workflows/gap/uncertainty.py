@@ -75,6 +75,8 @@ def bootstrap(
 
     What is kept already is not made again. Raises RunError where processes are lost.
     """
+    from ..study.execution import Lost, executor_of  # imports the workflow of studies
+
     plan = analysis.setup.plan
     count = plan.settings.bootstrap
     open_ = kept.missing(count)

@@ -14,7 +14,7 @@ from ...gap_records import FoundEffect, GapResult, Region, Rival
 from ...reports.drawing import as_png, as_svg
 from ...reports.gap.page import drawings, gap_page
 from .. import page_data
-from ..run.write import as_json
+from ..as_json import as_json
 
 SUMMARY = "summary.txt"
 POINTS = "next_measurement.csv"

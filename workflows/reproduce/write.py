@@ -13,7 +13,7 @@ from ...files import write_bytes, write_text
 from ...reports.claims import claims_page, figures
 from ...reports.drawing import as_png, as_svg
 from .. import page_data
-from ..run.write import as_json
+from ..as_json import as_json
 
 TABLES, FIGURES = "tables", "figures"
 

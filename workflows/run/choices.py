@@ -8,7 +8,7 @@ import pandas as pd
 
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult
-from ..choice import Decisions
+from ..choice.decide import Decisions
 from .plan import RunPlan
 from .proofs import Exact, exact_table
 

@@ -20,7 +20,7 @@ from ...errors import refuse
 from ...files import write_text
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult, mechanism_lines, model_lines
-from ..choice import decide
+from ..choice.decide import decide
 from ..choice.roughness import roughness_assumptions
 from ..execution import Execution
 from . import effects, overlay

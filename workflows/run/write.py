@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import json
-import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from ...csv_text import csv_text
 from ...files import write_bytes, write_text
 from ...records import RunResult
+from ..as_json import as_json
 
 
 def write(result: RunResult, folder: Path) -> None:
@@ -89,18 +87,3 @@ def _overlays(result: RunResult) -> pd.DataFrame | None:
 
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:
     return [{str(k): v for k, v in row.items()} for row in frame.to_dict("records")]
-
-
-def as_json(value: Any) -> str:
-    """JSON text; what is not a finite number is null."""
-    return json.dumps(_plain(value), indent=1, allow_nan=False) + "\n"
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -13,7 +13,7 @@ from ...records import StudyResult, mechanism_lines
 from ...reports.drawing import as_png, as_svg
 from ...reports.study import figures, study_page
 from .. import page_data
-from ..run.write import as_json
+from ..as_json import as_json
 
 
 def write(result: StudyResult, folder: Path) -> None:

@@ -19,10 +19,10 @@ from benchmarks.gap.generator.tables import Array
 from tolevo import registry
 from tolevo.configuration.gap import read_gap
 from tolevo.models.measurable import MeasurableModel
+from tolevo.workflows.as_json import as_json
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.read import read_data
 from tolevo.workflows.gap.write import record
-from tolevo.workflows.run.write import as_json
 
 OWN_MODELS = ("rv_batch", "rv_transmission", "rv_lost_motion")
 

@@ -16,8 +16,9 @@ from tolevo.errors import InputError
 from tolevo.problems.pose_accuracy import PoseAccuracy
 from tolevo.problems.settings import Bound, Settings
 from tolevo.problems.tolerance_problem import ToleranceProblem
-from tolevo.workflows.choice import ChoiceSettings, decide
+from tolevo.workflows.choice import ChoiceSettings
 from tolevo.workflows.choice.contributions import contributions
+from tolevo.workflows.choice.decide import decide
 from tolevo.workflows.choice.rounding import rounded
 from tolevo.workflows.choice.slopes import slopes_of
 from tolevo.workflows.choice.steps import R20, step_of, values_of
