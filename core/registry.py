@@ -14,6 +14,7 @@ from functools import lru_cache, reduce
 from importlib import import_module
 from importlib.machinery import ModuleSpec
 from importlib.metadata import (
+    Distribution,
     EntryPoint,
     PackageNotFoundError,
     distribution,
@@ -59,8 +60,13 @@ def _offered(group: str, path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
 
 
 def _origin(offer: EntryPoint) -> str:
-    dist = offer.dist
-    return f"{dist.name} {dist.version}" if dist is not None else "unknown"
+    return _named(offer.dist) if offer.dist is not None else "unknown"
+
+
+@lru_cache
+def _named(dist: Distribution) -> str:
+    """Its name and version, which are read from its metadata."""
+    return f"{dist.name} {dist.version}"
 
 
 def names(group: str) -> list[str]:
