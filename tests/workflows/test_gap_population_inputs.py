@@ -16,8 +16,6 @@ from tolevo.gap_records import GapResult
 from tolevo.models.rv_reducer.batch import RvBatch
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.populations.attribution import decided
-from tolevo.workflows.gap.populations.chance import chance_of
-from tolevo.workflows.gap.populations.changed_laws import ChangedLaws
 from tolevo.workflows.gap.populations.input_changes import Tables
 from tolevo.workflows.gap.populations.unit_law import UnitLaw
 from tolevo.workflows.gap.populations.weighed import Weighed
@@ -82,10 +80,10 @@ def units(count: int, seed: int, change: Change = NONE) -> Array:
 
 
 @lru_cache
-def laws() -> ChangedLaws:
+def laws() -> UnitLaw:
     sources = RvBatch(DOCUMENT).sources()
     assert sources is not None
-    return ChangedLaws(UnitLaw(sources))
+    return UnitLaw(sources)
 
 
 def tables(y: Array) -> Tables:
@@ -94,7 +92,7 @@ def tables(y: Array) -> Tables:
 
 @lru_cache
 def limit(count: int) -> float:
-    return chance_of(tables(units(count, 0)), 0.01, 0)
+    return tables(units(count, 0)).chance(0.01, 0)
 
 
 def weighed(y: Array) -> Weighed:
@@ -115,7 +113,7 @@ def weighed(y: Array) -> Weighed:
 def test_exact_law_is_that_of_units_drawn_by_the_formula(change: Change) -> None:
     """Kolmogorov's distance of 200,000 units is below 1.95/sqrt(n) with a chance of 0.999."""
     which, kind, amount = change
-    law = laws().law
+    law = laws()
     if kind == "shift":
         gain = ERRORS[which][0]
         log = law.shifted(np.array([ARCMIN * gain * amount / 1e3 / LEVER]))[0]
@@ -132,7 +130,7 @@ def test_exact_law_is_that_of_units_drawn_by_the_formula(change: Change) -> None
 
 
 def test_blur_is_that_of_a_normal_gauge() -> None:
-    law = laws().law
+    law = laws()
     log = law.blurred(np.array([0.3]))[0]
     density = np.exp(log) * law.step
     below = np.cumsum(density) - 0.5 * density
@@ -142,7 +140,7 @@ def test_blur_is_that_of_a_normal_gauge() -> None:
 
 
 def test_sources_are_in_the_tolerances_of_the_document() -> None:
-    inputs = {one.name: one for one in laws().law.sources.inputs}
+    inputs = {one.name: one for one in laws().sources.inputs}
     for name, (gain, _, half) in ERRORS.items():
         assert inputs[name].tolerance == pytest.approx(half)
         assert inputs[name].per_unit == pytest.approx(gain / 1e3 / LEVER)

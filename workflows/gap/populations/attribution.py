@@ -13,8 +13,6 @@ from ....models.inputs.distribution import Array
 from ..law import on_scatter
 from ..result import Ending
 from ..setup import LEAST_NAMED, left_of
-from .chance import chance_of
-from .changed_laws import ChangedLaws
 from .input_changes import KINDS, Change, Tables
 from .unit_law import UnitLaw
 from .weighed import Weighed, parts_of
@@ -31,9 +29,9 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
         return (Attribution(names, output.name, "", (), "cannot tell", (), why),)
     y, u = _units(end)
     settings = end.setup.plan.settings
-    tables = Tables(ChangedLaws(UnitLaw(sources)), y, u, settings.parts_out_of_limits)
+    tables = Tables(UnitLaw(sources), y, u, settings.parts_out_of_limits)
     weighed = Weighed(tables, settings.set_distance, settings.interval, *_rival(end, tables))
-    limit = chance_of(tables, settings.false_rate, end.setup.plan.seed)
+    limit = tables.chance(settings.false_rate, end.setup.plan.seed)
     if weighed.gain <= limit:
         text = _beside(end) or f"no input of its own: cannot tell with n = {len(y)}"
         verdict = "none" if _beside(end) else "cannot tell"

@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.special import chdtri
 
 from ....models.effects.population.law import Law
 from ....models.inputs.distribution import Array
 from ....models.sources import Source
-from .changed_laws import FACTORS, NOISES, REACH, SHIFTS, ChangedLaws, below
-from .unit_law import UnitLaw
+from .unit_law import FACTORS, NOISES, REACH, SHIFTS, UnitLaw, below
 
 GAUGE = "gauge"
 """What is no input, but moves or blurs every reading alike."""
@@ -25,6 +25,10 @@ NEAR = 12.0
 """Below the highest of all: changes that may explain a batch."""
 POINTS = 33
 KINDS = ("shift", "widening", "trend")
+BATCHES, MOST = 400, 400
+"""Simulated batches, and units of one at most: a likelihood ratio does not depend on them."""
+LEAST = 1e-7
+"""Share of a cell below which no unit is ever drawn from it."""
 
 
 @dataclass(frozen=True)
@@ -110,31 +114,16 @@ class Change:
 
 @dataclass(frozen=True)
 class Tables:
-    """Units `y` (n,) in the output's unit, their order `u` (n,) from 0 to 1, and laws of them.
+    """Units `y` (n,) in the output's unit, their order `u` (n,) from 0 to 1, and their law.
 
     `out` is the share of an input's parts that may be out of its limits. A uniform input reaches it
     when it is shifted by 2 `out` tolerances, or 1/(1 - `out`) times as wide.
     """
 
-    laws: ChangedLaws
+    law: UnitLaw
     y: Array
     u: Array
     out: float = 0.75
-
-    @property
-    def law(self) -> UnitLaw:
-        """Of the units of the model."""
-        return self.laws.law
-
-    @property
-    def shifts(self) -> Array:
-        """Log densities (m, k) of the clipped sum shifted by SHIFTS."""
-        return self.laws.shifts
-
-    @property
-    def base(self) -> Array:
-        """Log density (k,) of the model as it is."""
-        return self.laws.base
 
     @cached_property
     def counts(self) -> Array:
@@ -144,7 +133,7 @@ class Tables:
     @cached_property
     def none(self) -> float:
         """Log likelihood of the model as it is."""
-        return float(self.base @ self.counts)
+        return float(self.law.base @ self.counts)
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
@@ -174,34 +163,44 @@ class Tables:
 
     def _logs(self, one: Change, amounts: Array) -> Array:
         """Log likelihoods (m,) at amounts (m,)."""
-        if one.kind == "trend" and one.clipped:
-            return np.array([self.between(self.shifts, by * self.u).sum() for by in amounts])
         if one.kind == "trend":
-            return np.array([self._at(self.y - by * self.u).sum() for by in amounts])
-        if one.kind == "widening":
-            source, law = one.source, self.law
-            table = law.blurred(amounts) if source is None else law.widened(source, amounts)
-            return np.asarray(table @ self.counts)
-        if one.clipped:
-            return np.asarray(self.law.shifted(amounts) @ self.counts)
-        return np.array([self._at(self.y - by).sum() for by in amounts])
+            return self._along(amounts, one.clipped)
+        if one.kind == "widening" or one.clipped:
+            return np.asarray(self._densities(one, amounts) @ self.counts)
+        return self._off(amounts)
+
+    def _densities(self, one: Change, amounts: Array) -> Array:
+        """Log densities (m, k) of the model with a zone wider, or a clipped input shifted."""
+        if one.kind != "widening":
+            return self.law.shifted(amounts)
+        return (self.law.blurred(amounts) if one.source is None
+                else self.law.widened(one.source, amounts))  # fmt: skip
+
+    def _off(self, amounts: Array, over: Array | float = 1.0) -> Array:
+        """Log likelihoods (m,) of readings that are off by amounts, or by as much times `over`."""
+        x, base = self.law.x, self.law.base
+        return np.array([np.interp(self.y - by * over, x, base).sum() for by in amounts])
+
+    def _along(self, amounts: Array, clipped: bool) -> Array:
+        """Log likelihoods (m,) of what grows to amounts by the last unit."""
+        if not clipped:
+            return self._off(amounts, self.u)
+        return np.array([self.between(self.law.shifts, by * self.u).sum() for by in amounts])
 
     def _shifts(self) -> Iterator[Change]:
         std = self.law.std
-        yield from self._moved("shift", SHIFTS * std, self.shifts @ self.counts, True)
-        by, log = SHIFTS[::3] * std, self.laws.moved @ self.counts
-        centre = float(np.median(self.y) - self.law.x @ np.exp(self.base) * self.law.step)
+        yield from self._moved("shift", SHIFTS * std, self.law.shifts @ self.counts, True)
+        by, log = SHIFTS[::3] * std, self.law.moved @ self.counts
+        centre = float(np.median(self.y) - self.law.x @ np.exp(self.law.base) * self.law.step)
         if abs(centre) > 0.5 * REACH * std:  # farther than a shift of inputs can be
             by = np.unique(np.concatenate([by, centre + by]))
-            log = np.array([self._at(self.y - one).sum() for one in by])
+            log = self._off(by)
         yield from self._moved("shift", by, log, False)
 
     def _trends(self) -> Iterator[Change]:
         by = TRENDS * self.law.std
-        log = np.array([self.between(self.shifts, one * self.u).sum() for one in by])
-        yield from self._moved("trend", by, log, True)
-        log = np.array([self._at(self.y - one * self.u).sum() for one in by])
-        yield from self._moved("trend", by, log, False)
+        for clipped in (True, False):
+            yield from self._moved("trend", by, self._along(by, clipped), clipped)
 
     def _moved(self, kind: str, by: Array, log: Array, clipped: bool) -> Iterator[Change]:
         for one in self.law.sources.inputs:
@@ -213,19 +212,33 @@ class Tables:
             yield Change(kind, None, by, log, -np.inf, np.inf)
 
     def _widenings(self) -> Iterator[Change]:
-        for one, table in self.laws.wider:
+        for one, table in self.law.wider:
             most = min(1.0 / (1.0 - self.out), one.widest)
             yield Change("widening", one, FACTORS, table @ self.counts, 1.0, most)
         noise = NOISES * self.law.std
-        yield Change("widening", None, noise, self.laws.blurred @ self.counts, 0.0, np.inf)
+        yield Change("widening", None, noise, self.law.noisy @ self.counts, 0.0, np.inf)
 
-    def _at(self, y: Array) -> Array:
-        return np.asarray(np.interp(y, self.law.x, self.base))
+    def chance(self, rate: float, seed: int) -> float:
+        """Twice the log likelihood ratio of the best change that all but `rate` of the batches of
+        the model stay below.
+
+        Half of the rate is left to trends, which all batches alike have in two ways at most.
+        """
+        law, near = self.law, np.abs(SHIFTS) < 1.5
+        tried = np.vstack([law.shifts[near][::2], law.moved[near[::3]],
+                           *(table[::2] for _, table in law.wider), law.noisy[1::2]])  # fmt: skip
+        share = np.exp(law.base) * law.step
+        kept = np.flatnonzero(share > LEAST)
+        shares, rng = share[kept] / share[kept].sum(), np.random.default_rng([seed, 13])
+        drawn = rng.multinomial(min(len(self.y), MOST), shares, BATCHES).astype(float)
+        gains = drawn @ (tried[:, kept] - law.base[kept]).T
+        still = float(np.quantile(2.0 * gains.max(axis=1).clip(0.0), 1.0 - 0.5 * rate))
+        return max(still, float(chdtri(1, 0.25 * rate)))
 
     def under(self, change: Callable[[Law], Law]) -> float:
         """Log likelihood with an effect on the scatter in the law."""
-        law, mean = self.law, float(self.law.x @ np.exp(self.base) * self.law.step)
-        plain = Law(float(law.x[0]) - mean, law.step, self.base, law.std, mean)
+        law, mean = self.law, float(self.law.x @ np.exp(self.law.base) * self.law.step)
+        plain = Law(float(law.x[0]) - mean, law.step, self.law.base, law.std, mean)
         return float(change(plain)(self.y - mean).sum())
 
     def between(self, table: Array, by: Array) -> Array:
@@ -245,22 +258,14 @@ class Tables:
         if one.kind == "widening":
             return np.asarray(np.interp(self.y, self.law.x, below(self.density(one, amount))))
         if one.clipped:
-            return self.between(self.laws.shifts_below, amount * over)
-        return np.asarray(np.interp(self.y - amount * over, self.law.x, below(self.base)))
+            return self.between(self.law.shifts_below, amount * over)
+        return np.asarray(np.interp(self.y - amount * over, self.law.x, below(self.law.base)))
 
     def density(self, one: Change, amount: float) -> Array:
         """Log density (k,) of the model with that input changed; a trend has none."""
-        at = np.array([amount])
-        if one.kind == "widening":
-            source = one.source
-            return np.asarray((self.law.blurred(at) if source is None
-                               else self.law.widened(source, at))[0])  # fmt: skip
-        if one.clipped:
-            return np.asarray(self.law.shifted(at)[0])
-        return self._of_shift(amount)
-
-    def _of_shift(self, by: float) -> Array:
-        return np.asarray(np.interp(self.law.x - by, self.law.x, self.base))
+        if one.kind == "widening" or one.clipped:
+            return np.asarray(self._densities(one, np.array([amount]))[0])
+        return self.law.read_off(amount)
 
 
 def counted(law: UnitLaw, y: Array) -> Array:

@@ -28,14 +28,59 @@ ODD = 1e-3
 """Share of units that may be anything: a single one beyond the limits decides nothing."""
 WIDE = 4.0
 """Standard deviations that those scatter by, in that of the units."""
+REACH = 6.0
+FACTORS = np.geomspace(0.3, 8.0, 22)
+NOISES = np.linspace(0.0, 2.0, 21)
+"""Standard deviations of a gauge, in those of the units."""
+SHIFTS = np.concatenate([
+    np.arange(-REACH, -2.5, 0.1), np.arange(-2.5, 2.5, 0.03), np.arange(2.5, REACH, 0.1)
+])  # fmt: skip
+"""In standard deviations of the units."""
 Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class UnitLaw:
-    """Densities of units with changed inputs, on the lattice `x` (k,) in the output's unit."""
+    """Densities of units with changed inputs, on the lattice `x` (k,) in the output's unit; those
+    on a grid of amounts are kept, whatever the batch.
+    """
 
     sources: Sources
+
+    @cached_property
+    def base(self) -> Array:
+        """Log density (k,) of the units as they are."""
+        return np.asarray(self.shifted(np.zeros(1))[0])
+
+    @cached_property
+    def shifts(self) -> Array:
+        """Log densities (m, k) with the clipped sum shifted by SHIFTS."""
+        return self.shifted(SHIFTS * self.std)
+
+    @cached_property
+    def shifts_below(self) -> Array:
+        """Shares of units below, of the same."""
+        return below(self.shifts)
+
+    @cached_property
+    def moved(self) -> Array:
+        """Log densities (m, k) with the readings shifted by every third of SHIFTS."""
+        return np.array([self.read_off(by) for by in SHIFTS[::3] * self.std])
+
+    @cached_property
+    def wider(self) -> tuple[tuple[Source, Array], ...]:
+        """Each input, and the log densities (m, k) with its zone wider by FACTORS."""
+        inputs = [one for one in self.sources.inputs if one.tolerance > 0.0]
+        return tuple((one, self.widened(one, FACTORS)) for one in inputs)
+
+    @cached_property
+    def noisy(self) -> Array:
+        """Log densities (m, k) of units read with the noise NOISES."""
+        return self.blurred(NOISES * self.std)
+
+    def read_off(self, by: float) -> Array:
+        """Log density (k,) of readings that are all shifted."""
+        return np.asarray(np.interp(self.x - by, self.x, self.base))
 
     @cached_property
     def std(self) -> float:
@@ -137,3 +182,10 @@ class UnitLaw:
         odd = scipy.stats.norm.pdf(self.x, self.x[POINTS // 2], WIDE * self.std)
         density = (1.0 - ODD) * np.maximum(found, 0.0) / self.step + ODD * odd
         return np.asarray(np.log(np.maximum(density, ODD**4 / self.std)))
+
+
+def below(log: Array) -> Array:
+    """Shares below of log densities (..., k)."""
+    density = np.exp(log)
+    total = np.cumsum(density, axis=-1) - 0.5 * density
+    return np.asarray(total / density.sum(axis=-1, keepdims=True))
