@@ -26,8 +26,8 @@ from tolevo.units import ARCMIN
 from tolevo.workflows.gap import gap
 from tolevo.workflows.gap.distance import distance, floor
 from tolevo.workflows.gap.law import law_of
-from tolevo.workflows.gap.mean_unit import of_mean_unit
 from tolevo.workflows.gap.plan import GapPlan
+from tolevo.workflows.gap.predictor import OfMeanUnit
 from tolevo.workflows.gap.read import read_data
 
 DOCUMENT = {"model": "document", "reading": "printed"}
@@ -331,7 +331,7 @@ def test_mean_unit_is_that_of_drawn_units() -> None:
         plan = GapPlan("rv_batch", model)
         data = read_data(plan, path)
     warmer = np.resize(rows, 30)
-    means = of_mean_unit(plan, data, model)({"disc_temperature_K": warmer})[BACKLASH]
+    means = OfMeanUnit(plan, data, model)({"disc_temperature_K": warmer})[BACKLASH]
     for at, kelvin in enumerate(rows):
         table = {"unit": np.arange(20_000)}
         change = {"disc_temperature_K": np.full(20_000, kelvin)}

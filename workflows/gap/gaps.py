@@ -81,8 +81,7 @@ def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
     bare, outputs = end.analysis.bare, end.setup.data.outputs
     parts = (np.split(x, len(outputs)) for x in (before, after))
     for at, (output, x, y) in enumerate(zip(outputs, *parts, strict=True)):
-        good = bare.noises[at].good
-        kept = np.ones(len(x), dtype=bool) if good is None else good
+        kept = bare.noises[at].kept
         law = whole = bare.setup.laws[output.name]
         wider = end.analysis.scatter[:1] if at == 0 else ()
         for one in wider:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -53,7 +53,7 @@ def law_of(plan: GapPlan, name: str) -> Law:
     table = {c.name: _constant(c.text, MAPPED) for c in plan.model.columns if c.needed}
     target = target_of(plan.model, plan.model_name, table)
     readings = readings_of(target.columns, table)
-    law = _drawn(plan, name, mean) if sources is None or sources.widened else _exact(sources, mean)
+    law = _exact(sources, mean) if sources and not sources.widened else _drawn(plan, name, mean)
     for one in plan.active:
         if on_scatter(one.effect, one.values, readings, target):
             law = law_with(law, one.effect, one.values, target)
@@ -100,17 +100,15 @@ def on_scatter(
     act = effect.act(readings, values, target).population if target.population else None
     if act is None:
         return False
-    first, *others = (_moves(act, len(readings), seed) for seed in range(DRAWS))
+
+    def moves(seed: int) -> Array:
+        rng = np.random.default_rng(seed)
+        drawn = rng.normal(size=len(readings))
+        return np.asarray(act(drawn, 0.0, rng) - drawn)
+
+    first, *others = map(moves, range(DRAWS))
     size = max(float(np.abs(first).max(initial=0.0)), 1.0)
     return any(bool((np.abs(one - first) > STILL * size).any()) for one in others)
-
-
-def _moves(
-    act: Callable[[Array, float, np.random.Generator], Array], count: int, seed: int
-) -> Array:
-    rng = np.random.default_rng(seed)
-    drawn = rng.normal(size=count)
-    return np.asarray(act(drawn, 0.0, rng) - drawn)
 
 
 def _constant(text: bool, count: int) -> NDArray[Any]:

@@ -67,6 +67,11 @@ class Noise:
         return float(np.sqrt(np.mean(self.sigma**2)))
 
     @property
+    def kept(self) -> NDArray[np.bool_]:
+        """Which readings (n,) count."""
+        return np.ones(len(self.sigma), dtype=bool) if self.good is None else self.good
+
+    @property
     def outliers(self) -> int:
         """How many readings do not count."""
         return 0 if self.good is None else int((~self.good).sum())

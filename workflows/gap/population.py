@@ -61,6 +61,12 @@ class Scatter:
         return (self.beside, self.candidate.name) if self.beside else (self.candidate.name,)
 
     @property
+    def apart_from_inputs(self) -> str:
+        """What it does that no input of a unit does; empty where there is nothing."""
+        effect = self.candidate.effect
+        return effect.apart_from_inputs if isinstance(effect, OfUnits) else ""
+
+    @property
     def active(self) -> Active:
         """The effect in a model."""
         return Active(self.candidate.effect, self.numbers)
@@ -123,10 +129,13 @@ class Batch:
                  if not one.candidate.unread and _same(book.raw.of(at))]  # fmt: skip
         return tuple(one.name for one in sorted(found, key=lambda e: e.family == INSTRUMENT))
 
+    def moving(self, fit: Fit) -> list[Member]:
+        """What moves each unit by its own amount."""
+        return [one for one in fit.members if one.name not in self.levels]
+
     def price(self, fit: Fit) -> float:
         """Of the numbers of what moves single units."""
-        moving = [one.candidate for one in fit.members if one.name not in self.levels]
-        return sum(one.price(self.search.fitter.penalty) for one in moving)
+        return sum(one.candidate.price(self.search.fitter.penalty) for one in self.moving(fit))
 
     def plain(self, fit: Fit) -> float:
         """The score of a fit without an effect on the scatter."""
@@ -140,21 +149,17 @@ class Batch:
         """The members of a fit with the name that moves all units only where `one` needs it."""
         if any(name in self.levels for name in fit.names) == bool(one.beside):
             return fit.members
-        others = tuple(member for member in fit.members if member.name not in self.levels)
-        level = tuple(member for member in self.search.book.members if member.name == one.beside)
-        return (*others, *level)
+        level = [member for member in self.search.book.members if member.name == one.beside]
+        return (*self.moving(fit), *level)
 
     def unmoved(self, fit: Fit) -> Fit:
         """The fit without what moves all units alike."""
-        kept = [one for one in fit.members if one.name not in self.levels]
-        return self.search.fitter.fit(kept)
+        return self.search.fitter.fit(self.moving(fit))
 
     def units(self, fit: Fit) -> Units:
         """The units that count beside what moves each of them by its own amount."""
-        setup = self.setup
-        left = left_of(setup, fit, self.levels)
-        good = self.search.fitter.space.noises[0].good
-        kept = np.arange(len(left)) if good is None else np.flatnonzero(good)
+        kept = self.search.fitter.space.noises[0].kept
+        left = left_of(self.setup, fit, self.levels)
         return Units(self.law, left[kept], self.search.labels[kept])
 
 

@@ -33,14 +33,10 @@ def spread_of_units(plan: GapPlan, data: GapData, end: Ending) -> pd.DataFrame:
     after = _drawn(plan, data, model, (*plan.active, *named, *scatter))
     count = min(MOST, len(data))
     shares = (np.arange(count) + 0.5) / count
+    sides = {"measured": data.measured, "before": before, "after": after}
     parts = [
-        pd.DataFrame({
-            "output": one.name,
-            "share": shares,
-            "measured": np.quantile(data.measured[one.name], shares),
-            "before": np.quantile(before[one.name], shares),
-            "after": np.quantile(after[one.name], shares),
-        })
+        pd.DataFrame({"output": one.name, "share": shares}
+                     | {side: np.quantile(of[one.name], shares) for side, of in sides.items()})
         for one in data.outputs
     ]  # fmt: skip
     return pd.concat(parts, ignore_index=True)

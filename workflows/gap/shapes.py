@@ -55,7 +55,7 @@ def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
         name, period = f"({shape.order:g} {name})", 2.0 * np.pi
     at = [o.name for o in setup.data.outputs].index(shape.output)
     rows, noise = slice(at * n, (at + 1) * n), end.analysis.ground.noises[at]
-    good = np.ones(n, dtype=bool) if noise.good is None else noise.good
+    good = noise.kept
     y = left_of(setup, fit)[rows]
     if shape.direction == "odd":
         sign = np.asarray(setup.data.readings[Role.DIRECTION], dtype=float)

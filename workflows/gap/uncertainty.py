@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import RunError
 from ...models.inputs.distribution import Array
-from ..execution import Execution, Lost, executor_of
+from ..execution import Execution
 from .analysis import Analysis
 from .fit import Fit
 from .progress import GapProgress, Tell, silent

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from ....gap_population_records import Attribution, InputChange
-from ....models.effects.population.units import OfUnits
 from ....models.effects.readings import unit_numbers
 from ....models.inputs.distribution import Array
 from ..law import on_scatter
@@ -119,11 +118,10 @@ def _refused(end: Ending) -> str:
 
 def _rival(end: Ending, tables: Tables) -> tuple[str, float]:
     """What was named on the scatter that no input does, and its log likelihood."""
-    for one in end.analysis.scatter[:1]:
-        if isinstance(one.candidate.effect, OfUnits) and one.candidate.effect.apart_from_inputs:
-            price = 0.5 * float(np.log(len(tables.y)))
-            return one.candidate.effect.apart_from_inputs, tables.under(one.changed) - price
-    return "", -np.inf
+    best = end.analysis.scatter[0] if end.analysis.scatter else None
+    if best is None or not best.apart_from_inputs:
+        return "", -np.inf
+    return best.apart_from_inputs, tables.under(best.changed) - 0.5 * float(np.log(len(tables.y)))
 
 
 def trends(end: Ending) -> tuple[str, ...]:
@@ -145,6 +143,5 @@ def _units(end: Ending) -> tuple[Array, Array]:
     assert model is not None
     left = left_of(setup, end.fit, (*bare.batch.levels, *trends(end)))
     numbers = unit_numbers(setup.data.readings).astype(float)
-    good = bare.noises[0].good
-    kept = slice(None) if good is None else good
+    kept = bare.noises[0].kept
     return left[kept] + model.means()[output], (numbers / max(numbers.max(), 1.0))[kept]

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from ....gap_population_records import Attribution, PopulationLine
 from ....gap_records import Measurement, Rival
-from ....models.effects.population.units import OfUnits
 from ..result import Ending
 from . import of_batch, of_pairs
 from .attribution import of_batch as inputs_of_batch
@@ -35,11 +34,7 @@ def inputs_instead(end: Ending, found: Sequence[Attribution]) -> tuple[Rival, ..
     Interference that is cut off changes their shape as a second supplier does.
     """
     levels = end.analysis.bare.batch.levels if end.setup.data.target.population else ()
-    apart = [
-        one.candidate
-        for one in end.analysis.scatter[:1]
-        if isinstance(one.candidate.effect, OfUnits) and one.candidate.effect.apart_from_inputs
-    ]
+    apart = [one.candidate for one in end.analysis.scatter[:1] if one.apart_from_inputs]
     shifts = [one for one in found if one.kind == "shift" and one.inputs and one.verdict != "none"]
     if not apart or not levels or not shifts or end.verdict not in ("named", "ambiguous"):
         return ()

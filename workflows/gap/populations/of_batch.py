@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....gap_population_records import PopulationLine
-from ....models.effects.population.law import Law
 from ....models.effects.readings import labels_of, unit_numbers
 from ....models.inputs.distribution import Array
 from ....models.measurable import Role
 from ..result import Ending
 from ..setup import LEAST_NAMED, Setup, left_of
 from .lines import Compared, batches
-from .statistics import Statistic, along, between_lots, looks_of, two_of, unlike
+from .statistics import along, between_lots, looks_of, two_of, unlike
 
 AFTER = "after"
 
@@ -31,16 +29,17 @@ def _lines(
     end: Ending, setup: Setup, left: Array, stream: int, model: str
 ) -> tuple[PopulationLine, ...]:
     """Of units as far as they are from what the model predicts, (n,)."""
-    output, noise = setup.data.outputs[0], end.analysis.bare.noises[0]
-    kept = np.arange(len(left)) if noise.good is None else np.flatnonzero(noise.good)
+    output, kept = setup.data.outputs[0], end.analysis.bare.noises[0].kept
     law, middle = end.analysis.bare.setup.laws[output.name], 0.0
     for one in end.analysis.scatter[:1] if model == AFTER else ():
         law, middle = one.changed(law), one.moves
     x = left[kept] + middle
-    order = unit_numbers(setup.data.readings)[kept].astype(float)
+    readings = setup.data.readings
+    order = unit_numbers(readings)[kept].astype(float)
+    lots = between_lots(labels_of(readings[Role.LOT])[1][kept]) if Role.LOT in readings else None
     looks = looks_of(
-        output.unit, order, two_of(law, law.std), unlike(_quantiles(law, len(x))),
-        _lots(setup, kept),
+        output.unit, order, two_of(law, law.std),
+        unlike(law.histogram.ppf((np.arange(len(x)) + 0.5) / len(x))), lots,
     )  # fmt: skip
     settings, rng = setup.plan.settings, np.random.default_rng([setup.plan.seed, 14, stream])
     count = batches(len(x))
@@ -50,13 +49,3 @@ def _lines(
               "first to last unit": float(along(order)(shown[None])[0])}  # fmt: skip
     whole = Compared(looks, x, drawn, settings.false_rate, LEAST_NAMED)
     return whole.lines(model, output.name, offset, rng)
-
-
-def _quantiles(law: Law, count: int) -> Array:
-    return np.asarray(law.histogram.ppf((np.arange(count) + 0.5) / count))
-
-
-def _lots(setup: Setup, kept: NDArray[np.int64]) -> Statistic | None:
-    if Role.LOT not in setup.data.readings:
-        return None
-    return between_lots(labels_of(setup.data.readings[Role.LOT])[1][kept])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -15,10 +15,13 @@ from ..predictor import predictor
 from ..result import Ending
 from ..setup import LEAST_NAMED, left_of
 from .lines import Compared, batches
-from .statistics import Look, Statistic, along, peakedness, skewness, spread, two_of
+from .statistics import Look, Statistic, looks_of, two_of, values_of
 
 EXACT = 1e-9
 """Share of the simulated scatter below which readings are the simulation itself."""
+PLAIN = ("mean", "two suppliers", "first to last unit")
+SHAPES = ("standard deviation", "skewness", "kurtosis")
+"""What is told of differences as they are, and of the units that have them."""
 NONE = "no difference seen: measured is as simulated"
 
 
@@ -44,8 +47,7 @@ def _lines(
     end: Ending, at: int, model: str, stream: int, simulated: Array
 ) -> tuple[PopulationLine, ...]:
     setup = end.setup
-    output, noise = setup.data.outputs[at], end.analysis.bare.noises[at]
-    kept = np.arange(len(simulated)) if noise.good is None else np.flatnonzero(noise.good)
+    output, kept = setup.data.outputs[at], end.analysis.bare.noises[at].kept
     s, measured = simulated[kept], setup.data.measured[output.name][kept]
     r = measured - s
     order = unit_numbers(setup.data.readings)[kept].astype(float)
@@ -67,63 +69,31 @@ def _lines(
 
 def _looks(unit: str, s: Array, order: Array, std: float) -> tuple[Look, ...]:
     """Statistics of differences (b, n) from simulated values s (n,): those of s + x less of s."""
-    lone = float(np.std(s)) > 0.0
-    more = [
-        Look("spread", "standard deviation", unit, _beyond(spread, s)),
-        Look("shape", "skewness", "", _beyond(skewness, s)),
-        Look("shape", "kurtosis", "", _beyond(peakedness, s)),
-    ]
-    return (
-        Look("location", "mean", unit, _mean),
-        *(more if lone else ()),
-        Look("mixture", "two suppliers", "",
-             two_of(partial(_normal, std), std), signed=False),
-        Look("trend", "first to last unit", unit, along(order)),
-    )  # fmt: skip
 
+    def beyond(of: Statistic) -> Statistic:
+        return lambda x: of(s + x) - float(of(s[None])[0])
 
-def _beyond(of: Statistic, s: Array) -> Statistic:
-    base = float(of(s[None])[0])
-    return lambda x: of(s + x) - base
-
-
-def _normal(std: float, x: Array) -> Array:
-    return np.asarray(scipy.stats.norm.logpdf(x, scale=std))
+    every = looks_of(unit, order, two_of(scipy.stats.norm(scale=std).logpdf, std))
+    moved = SHAPES if float(np.std(s)) > 0.0 else ()
+    return tuple(replace(one, of=beyond(one.of)) if one.name in moved else one
+                 for one in every if one.name in (*PLAIN, *moved))  # fmt: skip
 
 
 def _shown(s: Array, order: Array) -> dict[str, float]:
     """The statistics of simulated values s (n,) that differences are added to."""
-    of = {"mean": _mean, "standard deviation": spread, "skewness": skewness,
-          "kurtosis": peakedness, "first to last unit": along(order)}  # fmt: skip
-    return {name: float(one(s[None])[0]) for name, one in of.items()}
-
-
-def _mean(x: Array) -> Array:
-    return np.asarray(x.mean(axis=1))
+    return {name: float(value[0]) for name, value in values_of(looks_of("", order), s[None]).items()
+            if name in (*PLAIN, *SHAPES)}  # fmt: skip
 
 
 def _drawn(one: Look, normal: Array) -> Look:
     """The same statistic, simulated batches of which are normal ones."""
-    return Look(one.aspect, one.name, one.unit, lambda x: one.of(x if len(x) == 1 else normal),
-                one.signed)  # fmt: skip
+    return replace(one, of=lambda x: one.of(x if len(x) == 1 else normal))
 
 
 def _same(one: Look, model: str, output: str, value: float) -> PopulationLine:
-    return PopulationLine(
-        model=model,
-        output=output,
-        aspect=one.aspect,
-        statistic=one.name,
-        unit=one.unit,
-        simulated=value,
-        measured=value,
-        difference=0.0,
-        low=0.0,
-        high=0.0,
-        chance=0.0,
-        would_show=0.0,
-        verdict=NONE,
-    )
+    difference = low = high = chance = would_show = 0.0
+    return PopulationLine(model, output, one.aspect, one.name, one.unit, value, value, difference,
+                          low, high, chance, would_show, NONE)  # fmt: skip
 
 
 def has_units(end: Ending) -> bool:

@@ -5,7 +5,7 @@ Every statistic takes batches (b, n), units in the order of their making, and gi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,21 +34,6 @@ class Look:
     unit: str
     of: Statistic
     signed: bool = True
-
-
-def spread(x: Array) -> Array:
-    """Standard deviation."""
-    return np.asarray(x.std(axis=1, ddof=1))
-
-
-def skewness(x: Array) -> Array:
-    """Third standardised moment."""
-    return np.asarray(scipy.stats.skew(x, axis=1))
-
-
-def peakedness(x: Array) -> Array:
-    """Excess kurtosis: 0 of a normal, -1.2 of a uniform population."""
-    return np.asarray(scipy.stats.kurtosis(x, axis=1))
 
 
 def along(order: Array) -> Statistic:
@@ -126,25 +111,22 @@ def _mixed(log: Callable[[Array], Array], std: float, z: Array, by: float, share
 
 
 def looks_of(
-    unit: str, order: Array, mixture: Statistic, shape: Statistic, lots: Statistic | None
-) -> tuple[Look, ...]:
-    """All of them on one output."""
-    found = [
+    unit: str, order: Array, mixture: Statistic | None = None, shape: Statistic | None = None,
+    lots: Statistic | None = None,
+) -> tuple[Look, ...]:  # fmt: skip
+    """All of them on one output; those that are None are left out."""
+    every = (
         Look("location", "mean", unit, lambda x: np.asarray(x.mean(axis=1))),
         Look("location", "median", unit, lambda x: np.asarray(np.median(x, axis=1))),
-        Look("spread", "standard deviation", unit, spread),
-        Look("shape", "skewness", "", skewness),
-        Look("shape", "kurtosis", "", peakedness),
-        Look("shape", "distance of shapes", "", shape, signed=False),
-        Look("mixture", "two suppliers", "", mixture, signed=False),
+        Look("spread", "standard deviation", unit, lambda x: np.asarray(x.std(axis=1, ddof=1))),
+        Look("shape", "skewness", "", lambda x: np.asarray(scipy.stats.skew(x, axis=1))),
+        Look("shape", "kurtosis", "", lambda x: np.asarray(scipy.stats.kurtosis(x, axis=1))),
+        shape and Look("shape", "distance of shapes", "", shape, signed=False),
+        mixture and Look("mixture", "two suppliers", "", mixture, signed=False),
         Look("trend", "first to last unit", unit, along(order)),
-    ]
-    if lots is not None:
-        found.append(Look("lots", "scatter of lots", "", lots, signed=False))
-    return tuple(found)
-
-
-Values = Mapping[str, Array]
+        lots and Look("lots", "scatter of lots", "", lots, signed=False),
+    )
+    return tuple(one for one in every if one is not None)
 
 
 def values_of(looks: tuple[Look, ...], x: Array) -> dict[str, Array]:

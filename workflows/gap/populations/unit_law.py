@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy
@@ -160,15 +161,18 @@ class UnitLaw:
 
     def density(self) -> Array:
         """Of the units as they are (k,), exactly."""
-        return np.asarray(self._log(*self._clipped, *self._free, robust=False)[0])
+        return np.asarray(self._density(*self._clipped, *self._free)[0])
 
-    def _log(
-        self, clipped: Spectrum, start: Integers, free: Spectrum, free_start: Integers,
-        robust: bool = True,
-    ) -> Array:  # fmt: skip
-        """Of the sum of both parts, (m, k): mass of C below zero is put at zero. With a share of
-        units that may be anything where `robust`; the plain density where not.
-        """
+    def _log(self, *parts: Any) -> Array:
+        """Log density (m, k) of the sum of both parts, with a share that may be anything."""
+        odd = scipy.stats.norm.pdf(self.x, self.x[POINTS // 2], WIDE * self.std)
+        density = (1.0 - ODD) * self._density(*parts) + ODD * odd
+        return np.asarray(np.log(np.maximum(density, ODD**4 / self.std)))
+
+    def _density(
+        self, clipped: Spectrum, start: Integers, free: Spectrum, free_start: Integers
+    ) -> Array:
+        """Of the sum of both parts, (m, k): mass of C below zero is put at zero."""
         at = np.full(len(clipped), -(POINTS // 2))
         mass = window(clipped, start, at, POINTS)
         zero = POINTS // 2
@@ -177,11 +181,7 @@ class UnitLaw:
         product = kept * free
         begin = np.full(len(product), self.first)
         found = window(product, np.broadcast_to(free_start, len(product)), begin, POINTS)
-        if not robust:
-            return np.asarray(np.maximum(found, 0.0) / self.step)
-        odd = scipy.stats.norm.pdf(self.x, self.x[POINTS // 2], WIDE * self.std)
-        density = (1.0 - ODD) * np.maximum(found, 0.0) / self.step + ODD * odd
-        return np.asarray(np.log(np.maximum(density, ODD**4 / self.std)))
+        return np.asarray(np.maximum(found, 0.0) / self.step)
 
 
 def below(log: Array) -> Array:
