@@ -65,6 +65,8 @@ def write_with(path: Path, writer: Callable[[Path], object]) -> None:
     try:
         folder.mkdir()
         writer(folder / path.name)
+        with (folder / path.name).open("rb") as file:
+            os.fsync(file.fileno())
         os.replace(folder / path.name, path)
     except OSError as error:
         raise _at(path, error) from None

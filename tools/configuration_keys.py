@@ -20,12 +20,14 @@ from typing import Any
 import tomli_w
 
 from tolevo.configuration.claims import read_claims, shipped
+from tolevo.configuration.execution import read_execution
 from tolevo.configuration.gap import read_gap
 from tolevo.configuration.gap_kind import is_gap
 from tolevo.configuration.reader import read
 from tolevo.configuration.study import is_study, read_study
 from tolevo.errors import InputError
 from tolevo.section import ANY, Range, Section
+from tolevo.workflows.execution import Execution
 
 from .sample_configurations import CLAIMS, SAMPLES
 
@@ -214,6 +216,8 @@ def all_keys() -> dict[str, Key]:
             now = "study" if is_study(source) else "gap" if is_gap(source) else "run"
             with suppress(InputError):  # samples may contradict themselves
                 READERS[now](source)
+        now = "run"
+        read_execution({}, (), Execution())  # a table that is taken out before the others
         now = "claims"
         with TemporaryDirectory() as place:
             paper = Path(place) / "paper.toml"

@@ -16,9 +16,9 @@ from ..run import Run
 from .branch import Branch
 
 Array = NDArray[np.float64]
-ROUNDS, SPARE = 3, 4
-"""Times that a point is solved with its limits moved, and times more that it is pushed inside them
-where it is not."""
+ROUNDS, ALONE, SPARE = 3, 6, 4
+"""Times that a point of a front, or a single one, is solved with its limits moved, and times more
+that it is pushed inside them where it is not."""
 BEYOND, MARGIN = 1.2, 3e-4
 """Factor and share of a limit by which it is moved farther than fresh units ask for, so that rounds
 come to an end."""
@@ -47,7 +47,8 @@ def kept(run: Run, branch: Branch, y: Array, f: Array, search: bool) -> Array:
     limit = np.full(len(f), np.inf)
     limit[1:] = f[1:]
     found: list[tuple[float, Array]] = []
-    for _ in range(ROUNDS if search else 0):
+    rounds = ALONE if run.problem.n_obj == 1 else ROUNDS
+    for _ in range(rounds if search else 0):
         excess = _noted(run, branch, y, found)
         own = branch.smooth.values(y)[1]
         moved = np.where(excess != own, excess - own + _farther(run), 0.0)

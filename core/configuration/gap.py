@@ -175,13 +175,13 @@ def _tables(name: str) -> tuple[str, ...]:
 
 
 def _stand_in(table: Mapping[str, Any], name: str | None) -> Configuration | None:
-    """The model as it is without what is given for it; None where it is not known, or where its
-    columns follow from tables that are at fault.
+    """The model as it is without what is given for it, but for a chain of as many joints, whose
+    columns the data have; None where it is not known.
     """
-    if "joint" in table:
-        return None
     try:
         part = {key: table[key] for key in ("columns",) if key in table and name == TABLE}
+        if isinstance(joints := table.get("joint"), list) and joints:
+            part["joint"] = [dict.fromkeys(("d_mm", "a_mm", "alpha_deg"), 1.0)] * len(joints)
         return read_table({"model": name, **part}, []) if name else None
     except InputError:
         return None

@@ -117,8 +117,10 @@ def test_a_part_of_what_a_name_does_is_no_other_form(tmp_path: Path) -> None:
 
 
 def test_columns_of_joints_at_fault_are_not_asked_for() -> None:
-    """A chain that is none has no columns: those of the default arm are none of its own."""
+    """Of a chain at fault the data need the columns of its own joints, not of the default arm's."""
     joints = [{"d_mm": 100.0, "a_mm": "long", "alpha_deg": 90.0}, {"d_mm": 0.0, "a_mm": 300.0}]
     plan, faults = gap_plan({"model": "serial_arm", "joint": joints})
-    assert plan is None
+    assert plan is not None and plan.model is not None
+    needed = [one.name for one in plan.model.columns if one.needed]
+    assert needed == ["joint_1_deg", "joint_2_deg"]
     assert sorted(one.place for one in faults) == ["joint[0].a_mm", "joint[1].alpha_deg"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import RunError
 from ...models.inputs.distribution import Array
-from ..execution import Execution
+from ..execution import Execution, Lost, executor_of
 from .analysis import Analysis
 from .fit import Fit
 from .progress import GapProgress, Tell, silent
@@ -75,8 +75,6 @@ def bootstrap(
 
     What is kept already is not made again. Raises RunError where processes are lost.
     """
-    from ..study.execution import Lost, executor_of  # imports the workflow of studies
-
     plan = analysis.setup.plan
     count = plan.settings.bootstrap
     open_ = kept.missing(count)

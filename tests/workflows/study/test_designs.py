@@ -17,6 +17,7 @@ from tolevo.workflows.study.designs import (
     Sobol,
     Table,
 )
+from tolevo.workflows.study.designs.sobol import PARTS
 from tolevo.workflows.study.records import Design, Factor, Level
 
 SIZE = Factor("algorithm.population", levels=(20, 40, 60, 80))
@@ -95,8 +96,9 @@ def test_sobol_blocks_are_a_then_one_key_from_b_then_b() -> None:
         np.testing.assert_array_equal(first, b if key == SIZE.key else a)
         np.testing.assert_array_equal(second, b if key == RATE.key else a)
     a = np.log(frame[RATE.key].to_numpy().reshape(64, 4)[:, 0] / RATE.low)
-    strata = (a / np.log(RATE.high / RATE.low) * 64).astype(int)
-    assert sorted(strata) == list(range(64))
+    for part in np.split(a, PARTS):  # each a sequence of its own
+        strata = (part / np.log(RATE.high / RATE.low) * len(part)).astype(int)
+        assert sorted(strata) == list(range(64 // PARTS))
 
 
 @pytest.mark.parametrize("design", [LatinHypercube(), Morris(), Sobol()], ids=lambda d: d.kind)

@@ -127,7 +127,7 @@ def test_a_front_is_measured_as_search_does(tmp_path: Path) -> None:
     [vary]
     "algorithm.engine" = ["array", "pymoo"]
     """
-    changes = ["name=nsga2", "population=40", "generations=12"]
+    changes = ["name=nsga2", "population=40", "generations=20"]
     plan = read_study(written(tmp_path, text), [f"run.algorithm.{one}" for one in changes])
     data = done(plan, tmp_path / "out").data
     assert data is not None
