@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from importlib.metadata import version
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 import pandas as pd
+from pydantic import TypeAdapter, ValidationError
 
 NAME = "page.json"
 FORMAT = 1
@@ -25,7 +26,9 @@ def dumped(result: Any) -> str:
     }
     hints = _hints(type(result))
     plain = {
-        one.name: _content(getattr(result, one.name))
+        one.name: TypeAdapter(hints[one.name]).dump_python(
+            getattr(result, one.name), mode="json", fallback=_plain, warnings="none"
+        )
         for one in fields(result)
         if not _is_frame(hints[one.name])
     }
@@ -38,8 +41,6 @@ def loaded(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list
 
     Those are empty in the record.
     """
-    from pydantic import TypeAdapter, ValidationError  # what writes a page need not import it
-
     hints, bad = _hints(kind), list[str]()
     values = dict[str, Any]()
     plain, tables = (_object(content, name) for name in ("fields", "tables"))
@@ -61,19 +62,6 @@ def loaded(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list
 
 def _is_frame(hint: Any) -> bool:
     return hint is pd.DataFrame or pd.DataFrame in get_args(hint)
-
-
-def _content(value: Any) -> Any:
-    """Records as objects of JSON, sequences as its lists."""
-    if is_dataclass(value):
-        return {one.name: _content(getattr(value, one.name)) for one in fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): _content(item) for key, item in value.items()}
-    if isinstance(value, tuple | list | set | frozenset):
-        return [_content(item) for item in value]
-    if isinstance(value, str | int | float) or value is None:
-        return value
-    return _plain(value)
 
 
 def _plain(value: Any) -> Any:
