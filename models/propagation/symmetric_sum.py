@@ -354,7 +354,7 @@ class _Series:
             dense = self.density(y)
             step = excess / np.where(dense > 0.0, dense, 1.0)
             moved = y - step
-            inside = (dense > 0.0) & (moved > low) & (moved < high)
+            inside = (dense > 0.0) & (moved >= low) & (moved <= high)  # y itself is solved
             new = np.where(inside, moved, 0.5 * (low + high))
             if np.all(np.abs(new - y) <= np.where(inside, SQUARED, CLOSE) * np.abs(new)):
                 return new

@@ -196,11 +196,14 @@ class ContactUnits:
         its own.
         """
         key = frozenset((name, float(np.mean(value))) for name, value in changes.items())
+        return self._mean + self._shifted(key) - self._shifted(frozenset())
+
+    def _shifted(self, key: frozenset[tuple[str, float]]) -> float:
+        """Mean [arcmin] of the compared units at changes of one value each."""
         if key not in self._shifts:
             moved = {name: np.asarray(value) for name, value in key}
             self._shifts[key] = float(self._measured(self._compared, moved).mean())
-        plain = self._shifts.setdefault(frozenset(), float(self._measured(self._compared).mean()))
-        return self._mean + self._shifts[key] - plain
+        return self._shifts[key]
 
     @cached_property
     def _mean(self) -> float:

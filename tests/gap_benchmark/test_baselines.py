@@ -63,7 +63,13 @@ def of(name: str, shown: list[tuple[Record, Scored]]) -> Mapping[str, Figure]:
     return {one.name: one for one in figures(found)}
 
 
-@pytest.mark.parametrize("name", BASELINES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow) if name in ("LassoCV", "plain BIC") else name
+        for name in BASELINES
+    ],
+)
 def test_gates_that_each_fails(name: str, shown: list[tuple[Record, Scored]]) -> None:
     """Clean records are given names, causes outside the library are never left `unnamed`."""
     found = of(name, shown)

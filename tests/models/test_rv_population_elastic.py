@@ -142,8 +142,8 @@ WIDE = UnitDesign({
     ("design", "series", "discs"),
     [
         (STAGGERED, 58.5 / ARCMIN, 2),
-        (STAGGERED, np.inf, 2),
-        (WIDE, 58.5 / ARCMIN, 2),
+        pytest.param(STAGGERED, np.inf, 2, marks=pytest.mark.slow),
+        pytest.param(WIDE, 58.5 / ARCMIN, 2, marks=pytest.mark.slow),
         (WIDE, np.inf, 2),
         (replace(WIDE, dr_rp=-60e-6), 58.5 / ARCMIN, 4),
         (DOCUMENT, 58.5 / ARCMIN, 1),

@@ -438,8 +438,15 @@ def _violations(tab: Page) -> list[str]:
             for one in found.response["violations"]]  # fmt: skip
 
 
-@pytest.mark.parametrize("dark", [False, True])
-@pytest.mark.parametrize("width", [390, 1400])
+@pytest.mark.parametrize(
+    ("width", "dark"),
+    [
+        (390, True),
+        (1400, False),
+        pytest.param(390, False, marks=pytest.mark.slow),
+        pytest.param(1400, True, marks=pytest.mark.slow),
+    ],
+)
 def test_axe_finds_nothing_wrong(
     browser: Browser, tmp_path: Path, real: RunResult, width: int, dark: bool
 ) -> None:

@@ -266,6 +266,7 @@ def test_the_units_of_a_batch_are_counted_and_its_twins_told(tmp_path: Path) -> 
     np.testing.assert_allclose(twin.expected, 0.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_wider_or_mixed_is_told_by_more_units(tmp_path: Path) -> None:
     """The discrimination of units that are independent grows with their number."""
     model, n = registry.load("models", "rv_batch")({"model": "document", "reading": "printed"}), 60

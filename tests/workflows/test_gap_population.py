@@ -157,10 +157,10 @@ def simulated(result: GapResult, table: Table, batches: int = 100) -> Array:
 @pytest.mark.parametrize(
     ("name", "effects"),
     [
-        ("mixed up", ("lot_mixture",)),
+        pytest.param("mixed up", ("lot_mixture",), marks=pytest.mark.slow),
         ("mixed down", ("lot_mixture",)),
-        ("shifted", ("process_mean_shift",)),
-        ("widened", ("spread_inflation",)),
+        pytest.param("shifted", ("process_mean_shift",), marks=pytest.mark.slow),
+        pytest.param("widened", ("spread_inflation",), marks=pytest.mark.slow),
         ("drifting", ("tool_wear_drift",)),
         ("shifted and widened", ("process_mean_shift", "spread_inflation")),
     ],

@@ -37,7 +37,7 @@ def test_far_is_half_of_the_tolerance_and_no_chance(move: float, error: float, f
     assert "other" not in text
 
 
-@pytest.mark.parametrize("share", [0.0, 0.8])
+@pytest.mark.parametrize("share", [pytest.param(0.0, marks=pytest.mark.slow), 0.8])
 def test_a_unit_that_is_softer_than_its_model(tmp_path: Path, share: float) -> None:
     """By a share of what is allowed, in torque cycles."""
     phase = np.linspace(0.0, 4.0 * np.pi, 120)

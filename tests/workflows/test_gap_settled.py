@@ -31,6 +31,7 @@ pytestmark = [pytest.mark.source_tree, pytest.mark.usefixtures("without_figures"
 
 NUMBERS = (5009, 5016, 5021, 5026, 5033)
 """Short records: two without, three with a part outside of the library."""
+LONGEST = 5026
 
 
 def files(folder: Path, number: int) -> tuple[Path, Path]:
@@ -41,7 +42,12 @@ def files(folder: Path, number: int) -> tuple[Path, Path]:
     return configuration, table
 
 
-@pytest.fixture(scope="module", params=NUMBERS)
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(one, marks=pytest.mark.slow) if one == LONGEST else one for one in NUMBERS
+    ],
+)
 def end(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Ending:
     configuration, table = files(tmp_path_factory.mktemp("settled"), request.param)
     plan = read_gap(configuration)

@@ -167,7 +167,7 @@ def test_ratio_is_not_given_for_three_objectives(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "algorithm", ['name = "exact"\npoints = 60', 'name = "hybrid"\ngenerations = 3']
+    "algorithm", ['name = "exact"\npoints = 8', 'name = "hybrid"\ngenerations = 3']
 )
 def test_same_configuration_same_bytes(algorithm: str, tmp_path: Path) -> None:
     _, _, first = run(config(tmp_path / "a", algorithm, more=LIMITED), "--workers", 1)

@@ -138,7 +138,7 @@ def test_single_objective_run(tmp_path: Path) -> None:
     assert found.result.front["backlash_arcmin"][0] <= 1.5
 
 
-@pytest.mark.parametrize("method", ["moments", "monte_carlo"])
+@pytest.mark.parametrize("method", ["moments", pytest.param("monte_carlo", marks=pytest.mark.slow)])
 def test_reported_points_are_by_convolution(method: str, tmp_path: Path) -> None:
     propagation = PropagationSetting(method=method, samples=2048)
     settings = Settings(limits=limited().limits, variables=NEAR, propagation=propagation)

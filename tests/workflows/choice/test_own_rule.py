@@ -99,7 +99,8 @@ def test_one_that_fails_is_named_and_stops_nothing() -> None:
 @pytest.mark.source_tree
 @pytest.mark.usefixtures("installed")
 def test_a_run_has_the_choice_and_the_notes() -> None:
-    result = tolevo.run("configs/stack_clutch.toml" if Path("configs").is_dir() else _clutch())
+    path = "configs/stack_clutch.toml" if Path("configs").is_dir() else _clutch()
+    result = tolevo.run(path, settings=["algorithm.generations=10"])
     assert result.choices is not None
     assert "middle" in set(result.choices["choice"])
     notes = result.summary["notes"]
