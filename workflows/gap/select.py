@@ -99,6 +99,10 @@ class Selection:
     accepted: tuple[tuple[Fit, HeldOut], ...] = ()
     named: tuple[str, ...] = ()
 
+    def ending_with(self, fit: Fit, tested: HeldOut) -> Selection:
+        """The same path, at the end of which another fit is accepted."""
+        return replace(self, fit=fit, accepted=(*self.accepted, (fit, tested)))
+
 
 def select(search: Search, quick: bool = False) -> Selection:
     """Names that pass the threshold and the held-out test, from none; `quick` does not
