@@ -110,7 +110,8 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
         one = end.setup.data.outputs[output]
         ratio = float(np.sqrt(max(left.gains[at], 0.0) / end.analysis.search.fitter.space.readings))
         name = f"order {form.order:g}" if form.kind == "order" else form.kind
-        text = f"a {name} of {form.variable}" + (f", {form.detail}" if form.detail else "")
+        text = f"an {name}" if name[0] in "aeiou" else f"a {name}"
+        text += f" of {form.variable}" + (f", {form.detail}" if form.detail else "")
         text = f"a level of its own in each {form.variable}" if form.detail == LEVELS else text
         text += ", opposite in the two directions" if form.direction else ""
         found[key] = Remainder(
@@ -131,7 +132,7 @@ def shape(term: Term) -> str:
     names = " and ".join(term.variables)
     kinds = {
         "constant": "an offset", "spline": f"a smooth curve over {term.variable}",
-        "power": f"{term.variable} to the power {term.exponent:.3g}",
+        "power": f"{term.variable} to the power {term.exponent:.3g}".removesuffix(" to the power 1"),
         "step": f"a step at {term.variable} = {term.zero:.4g}",
         "wave": f"a wave of order {term.order:g}",
         "swing": f"a swing of {term.order:g} cycles over {term.variable}",
