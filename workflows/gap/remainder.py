@@ -132,14 +132,14 @@ def shape(term: Term) -> str:
     names = " and ".join(term.variables)
     kinds = {
         "constant": "an offset", "spline": f"a smooth curve over {term.variable}",
-        "power": f"{term.variable} to the power {term.exponent:.3g}".removesuffix(" to the power 1"),
+        "power": f"{term.variable} to the power {term.exponent:.3g}",
         "step": f"a step at {term.variable} = {term.zero:.4g}",
         "wave": f"a wave of order {term.order:g}",
         "swing": f"a swing of {term.order:g} cycles over {term.variable}",
         "product": f"a product of {names}", "curve": f"a curve over {term.variable}",
         "levels": f"a level of its own in each {term.variable}",
     }  # fmt: skip
-    found = kinds[term.shape]
+    found = kinds[term.shape].removesuffix(" to the power 1")
     if term.shape == "power":
         signs = (term.exponent % 2 == 1) == term.signed
         found += "" if signs or term.zero else ", odd" if term.signed else ", of the magnitude"
