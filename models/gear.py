@@ -134,9 +134,12 @@ def contradictions(kind: str, teeth: Mapping[str, int]) -> dict[str, str]:
         less, more = smaller[kind]
         if teeth[less] >= teeth[more]:
             found[less] = f"must be below {more} ({teeth[more]}), got {teeth[less]}"
-    if kind == "planetary" and teeth["ring_teeth"] <= teeth["sun_teeth"] + teeth["planet_teeth"]:
-        found["ring_teeth"] = (
-            f"must be above sun_teeth + planet_teeth "
-            f"({teeth['sun_teeth'] + teeth['planet_teeth']}), got {teeth['ring_teeth']}"
-        )
+    if kind == "planetary":
+        fits = teeth["sun_teeth"] + 2 * teeth["planet_teeth"]
+        if teeth["ring_teeth"] != fits:
+            found["ring_teeth"] = (
+                f"must be sun_teeth + 2 planet_teeth ({fits}), since sun, planet and ring mesh on "
+                f"one centre distance, got {teeth['ring_teeth']}; of a stage with shifted profiles "
+                "or stepped planets give its orders"
+            )
     return found

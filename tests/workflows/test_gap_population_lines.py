@@ -28,7 +28,7 @@ def looks(n: int, lots: Array | None = None) -> tuple[Look, ...]:
     quantiles = stats.norm.ppf((np.arange(n) + 0.5) / n)
     of_lots = None if lots is None else between_lots(lots)
     order = np.arange(n, dtype=float)
-    return looks_of("um", order, two_of(NORMAL, 1.0), unlike(quantiles), of_lots)
+    return looks_of("um", order, two_of(), unlike(quantiles), of_lots)
 
 
 def lines(
@@ -82,12 +82,12 @@ def test_mixture_is_the_likelihood_ratio_of_two_normals() -> None:
     scale = np.sqrt(1.0 + 0.25 * 3.5**2)
     two = sum(0.5 * stats.norm.pdf(z, sign * 0.5 * 3.5 / scale, 1.0 / scale) for sign in (-1, 1))
     expected = 2.0 * float(np.sum(np.log(two) - stats.norm.logpdf(z)))
-    assert two_of(NORMAL, 1.0)(x[None])[0] == pytest.approx(expected, rel=0.02)
+    assert two_of()(x[None])[0] == pytest.approx(expected, rel=0.02)
 
 
 def test_neither_wider_nor_shifted_units_are_two_suppliers() -> None:
     x = normal(300, 4)
-    one = two_of(NORMAL, 1.0)
+    one = two_of()
     np.testing.assert_allclose(one(x[None]), one(5.0 + 3.0 * x[None]), rtol=0.05, atol=0.2)
 
 

@@ -19,12 +19,13 @@ from .generic import stacked
 from .linear import Groups, joined
 from .noise import Noise
 from .population import Batch, Misfit, Scatter, carrying, misfit, scatter
-from .reading import as_read
+from .reading import as_read, read_again
 from .scan import Dictionary, Left, Remaining, dictionary, left_over
 from .searching import alike, contributions, noise_of, searching, spread_of
 from .select import Search, Selection, beside, concluding, select
 from .settle import Settled, Settling, names_of
 from .setup import Setup, moved_to
+from .space import Space
 from .unresolved import is_term, label
 
 WANDERING = 0.4
@@ -143,13 +144,15 @@ def analysed(setup: Setup) -> Analysis:
         moved = _about(setup, search, found.fit) if setup.free else setup
         moved = as_read(moved, found.fit)
         if moved is not setup:
-            setup = moved
+            setup, fit = read_again(moved, Space(tuple(noises), moved.prior), found.fit)
             book = dictionary(setup.library, setup.columns, spread_of(noises))
-            fitter = searching(setup, noises, book, raw, which, search.thresholds)[0].fitter
-            found = replace(found, fit=fitter.refined(found.fit.members))
+            found = replace(found, fit=fit)
         noises = noise_of(setup, contributions(setup, found.fit))
         search, generic = searching(setup, noises, book, raw, which, search.thresholds)
-        before, found = found.fit.names, select(search)
+        before, kept = found.fit.names, search.fitter.refined(found.fit.members)
+        found = select(search)
+        if kept.score < found.fit.score - BETTER:  # from nothing it went another way
+            found = found.ending_with(kept, search.tested(kept))
         if found.fit.names == before:
             break
     if not setup.data.target.population:

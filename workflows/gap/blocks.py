@@ -12,7 +12,7 @@ from scipy import optimize
 from ...models.inputs.distribution import Array
 from .data import GapData
 from .fit import Fit, Fitter, Member
-from .linear import Groups, basis, beside, products
+from .linear import GONE, Groups, products
 from .scan import Dictionary
 
 
@@ -50,20 +50,15 @@ def held_out(
 
     `labels` (N,) repeats the block of each row for every output.
     """
-    rows = len(labels)
-    y = fitter.y
-    residual, fitted = np.zeros(rows), np.zeros(rows)
-    whole = Trained.of(fitter, fit.members)
+    y, kept = fitter.y, Kept(fitter, fit.members, book, white)
+    residual, fitted = np.zeros(len(labels)), np.zeros(len(labels))
     for block in np.unique(labels):
         out = np.flatnonzero(labels == block)
-        members = _for_training(fitter, fit.members, out, book, white)
-        same = all(one is other for one, other in zip(members, fit.members, strict=True))
-        found = (whole if same else Trained.of(fitter, members)).without(out, y)
-        x = np.hstack([fitter.base, *(fitter.white(one) for one in members)])
-        found = _admissible(found, members, x, y, out)
+        members = _for_training(kept, out)
+        x, raw, trained = kept.columns(members)
+        found = _admissible(trained.without(out, y), members, x, y, out)
         residual[out] = y[out] - x[out] @ found
-        raw = [fitter.columns.of(one.candidate, one.shape)[out] for one in members]
-        fitted[out] = np.hstack([fitter.raw_base[out], *raw]) @ found
+        fitted[out] = raw[out] @ found
     return HeldOut(residual, fitted)
 
 
@@ -101,12 +96,11 @@ class Trained:
     product: Array
 
     @classmethod
-    def of(cls, fitter: Fitter, members: Sequence[Member]) -> Trained:
-        """Of members and what is free."""
-        x = np.hstack([fitter.base, *(fitter.white(one) for one in members)])
+    def of(cls, x: Array, y: Array) -> Trained:
+        """Of columns (N, k) and a record (N,)."""
         size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
         q, r = np.linalg.qr(x / size)
-        return cls(q, r, size, q.T @ fitter.y)
+        return cls(q, r, size, q.T @ y)
 
     def without(self, out: NDArray[np.int64], y: Array) -> Array:
         """Coefficients of a fit that never saw the rows `out`."""
@@ -116,32 +110,81 @@ class Trained:
         return np.asarray(np.linalg.lstsq(self.r, turned, rcond=1e-7)[0] / self.size)
 
 
-def _for_training(
-    fitter: Fitter, members: Sequence[Member], out: NDArray[np.int64], book: Dictionary,
-    white: Groups,
-) -> list[Member]:  # fmt: skip
+@dataclass(frozen=True)
+class Without:
+    """Groups, the basis q (N, r) of what they stand beside, and their products with it and with the
+    record: in the rows that a fit never saw only these have to be looked at again.
+    """
+
+    groups: Groups
+    q: Array
+    y: Array
+    projected: Array
+    products: Array
+
+    @classmethod
+    def of(cls, groups: Groups, q: Array, y: Array) -> Without:
+        """Of all rows."""
+        return cls(groups, q, y, *products(groups, q, y))
+
+    def gains(self, out: NDArray[np.int64]) -> Array:
+        """Gain (g,) of each group in all rows but `out`, beside the same."""
+        mine, x, y = self.q[out], self.groups.columns[out], self.y[out]
+        values, vectors = np.linalg.eigh(np.eye(self.q.shape[1]) - mine.T @ mine)
+        turned = (vectors[:, values > GONE] / np.sqrt(values[values > GONE])).T
+        projected = turned @ (self.projected - mine.T @ x)
+        of_record = turned @ (self.q.T @ self.y - mine.T @ y)
+        return self.groups.gains_beside(
+            projected, self.products - x.T @ y - projected.T @ of_record, out
+        )
+
+
+class Kept:
+    """What the blocks of one held-out test share: the columns of each set of members."""
+
+    def __init__(
+        self, fitter: Fitter, members: Sequence[Member], book: Dictionary, white: Groups
+    ) -> None:
+        self.fitter, self.members, self.book, self._white = fitter, members, book, white
+        self._columns: dict[tuple[int, ...], tuple[Array, Array, Trained]] = {}
+        self._grids: dict[tuple[int, ...], tuple[Without, Without]] = {}
+
+    def columns(self, members: Sequence[Member]) -> tuple[Array, Array, Trained]:
+        """Whitened and raw columns (N, k) of what is free and of members, and their fit."""
+        key = tuple(map(id, members))
+        if key not in self._columns:
+            of, fitter = self.fitter.columns.of, self.fitter
+            x = np.hstack([fitter.base, *(fitter.white(one) for one in members)])
+            raw = np.hstack([fitter.raw_base, *(of(one.candidate, one.shape) for one in members)])
+            self._columns[key] = x, raw, Trained.of(x, fitter.y)
+        return self._columns[key]
+
+    def grid(self, members: Sequence[Member], at: int) -> tuple[Without, Without]:
+        """All grid points of one member beside the others, and the member itself."""
+        key = (at, *map(id, members))
+        if key not in self._grids:
+            fitter, one = self.fitter, members[at]
+            q = fitter.spanned([other for k, other in enumerate(members) if k != at])
+            own = Groups(fitter.white(one), np.zeros(1, dtype=np.int64),
+                         np.array([one.candidate.one_sided]))  # fmt: skip
+            grid = self._white.part(*self.book.places[one.name])
+            self._grids[key] = Without.of(grid, q, fitter.y), Without.of(own, q, fitter.y)
+        return self._grids[key]
+
+
+def _for_training(kept: Kept, out: NDArray[np.int64]) -> list[Member]:
     """The members with the nonlinear parameters that all rows but `out` choose, in turn; those of
     the whole record stay where these rows do not exclude them.
     """
-    found = list(members)
+    found = list(kept.members)
     for at, one in enumerate(found):
         if not one.shape:
             continue
-        others = [fitter.white(other) for k, other in enumerate(found) if k != at]
-        seen = np.hstack([fitter.base, *others])
-        seen[out] = 0.0
-        left = fitter.y.copy()
-        left[out] = 0.0
-        q = basis(seen)
-        left = beside(left, q)
-        first, last = book.places[one.name]
-        grid = white.part(first, last)
-        gains = grid.gains_beside(*products(grid, q, left), out)
-        own = Groups(fitter.white(one), np.zeros(1, dtype=np.int64),
-                     np.array([one.candidate.one_sided]))  # fmt: skip
-        mine = float(own.gains_beside(*products(own, q, left), out)[0])
-        if gains.max(initial=0.0) > mine + SURE:
-            found[at] = book.members[first + int(np.argmax(gains))]
+        grid, own = kept.grid(found, at)
+        gains = grid.gains(out)
+        if gains.max(initial=0.0) > float(own.gains(out)[0]) + SURE:
+            first, _ = kept.book.places[one.name]
+            found[at] = kept.book.members[first + int(np.argmax(gains))]
     return found
 
 

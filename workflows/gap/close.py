@@ -14,7 +14,7 @@ from .data import GapData
 from .fit import Fit, Member
 from .plan import GapPlan
 from .predictor import predictor
-from .setup import Setup, nominal
+from .setup import Setup, left_of, nominal
 from .space import Space
 
 LEAST_ROWS = 10
@@ -30,6 +30,9 @@ NOTHING = 1e-6
 """Share of its neighbours' size below which a number is none, or is at its bound."""
 STEPS, STEP, CONVERGED = 4, 1e-4, 1e-6
 """Gauss-Newton steps on all rows, relative step of a derivative, and change that ends them."""
+COARSE, MORE, AS_SAID = 1e-3, 40, 1.5
+"""Step and evaluations of a second fit, made where the first leaves more of the squares than the
+linear fit said by this factor: models with stops and clearances are smooth only in the large."""
 
 
 @dataclass(frozen=True)
@@ -140,8 +143,9 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
     x = np.clip(start / scale, low + 1e-9 * (high > low), high - 1e-9 * (high > low))
     jacobian = np.zeros((space.readings * len(space.noises) + space.prior, 0))
     if len(x):
-        again = optimize.least_squares(_residual(setup, used, found, scale), x, bounds=(low, high),
-                                       max_nfev=12, diff_step=[1e-4])  # fmt: skip
+        again = least_squares(
+            _residual(setup, used, found, scale), x, (low, high), _promised(setup, used, fit)
+        )
         x, jacobian = _snapped(again.x, low, high), np.asarray(again.jac)
         left = np.asarray(again.fun)
         if (np.abs(x) < STEP).any():  # steps of its own size say nothing of a number that is none
@@ -149,6 +153,25 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
     else:
         left = np.zeros(len(jacobian))
     return _with_errors(found, (space, used), (x, scale), jacobian, left)
+
+
+def _promised(setup: Setup, used: Space, fit: Fit) -> float:
+    """Squares that are left of the readings if the model is as linear as the fit takes it."""
+    white = used.whiten(left_of(setup, fit))
+    return float(white @ white)
+
+
+def least_squares(
+    residual: Callable[[Array], Array], x: Array, ends: tuple[Array, Array], promised: float
+) -> optimize.OptimizeResult:
+    """Least squares from x (k,) within bounds; once more in larger steps where much more is left
+    than was promised, and the better of both.
+    """
+    found = optimize.least_squares(residual, x, bounds=ends, max_nfev=12, diff_step=[STEP])
+    if 2.0 * found.cost <= AS_SAID * promised:
+        return found
+    again = optimize.least_squares(residual, x, bounds=ends, max_nfev=MORE, diff_step=[COARSE])
+    return again if again.cost < found.cost else found
 
 
 def _snapped(x: Array, low: Array, high: Array) -> Array:

@@ -43,6 +43,17 @@ def matched(law: Law, units: Array, scaled: bool = False) -> Array:
     return np.asarray(about + law.histogram.mean())
 
 
+def likelier(x: Array, low: float, step: float, ratios: Array) -> Array:
+    """Twice the largest of log likelihood ratios (m, k), at least 0, of batches x (b, n), units
+    counted in the cells of a lattice `low` + k `step`, so that a likelihood is a product.
+    """
+    size = ratios.shape[1]
+    cell = np.clip(np.rint((x - low) / step), 0, size - 1).astype(np.int64)
+    cell += size * np.arange(len(x))[:, None]
+    counts = np.bincount(cell.ravel(), minlength=size * len(x)).reshape(len(x), size)
+    return np.asarray(2.0 * (counts.astype(float) @ ratios.T).max(axis=1).clip(0.0))
+
+
 def _distances(law: Law, units: Array) -> Array:
     """Of batches (m, n)."""
     ranks = (np.arange(units.shape[1]) + 0.5) / units.shape[1]

@@ -36,6 +36,11 @@ class Member:
             return (self,)
         return tuple(replace(self, shape={**self.shape, two.name: one}) for one in two.choices)
 
+    @property
+    def key(self) -> tuple[str, tuple[float, ...]]:
+        """By which its columns are kept."""
+        return self.name, tuple(self.shape.values())
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -76,11 +81,12 @@ class Fitter:
         self.q = basis(self.base)
         self.y_left = beside(self.y, self.q)
         self._kept: dict[tuple[str, tuple[float, ...]], Array] = {}
+        self._refined: dict[tuple[object, ...], Fit] = {}
 
     def of_record(self, y: Array) -> Fitter:
         """The same for another whitened record (N,)."""
         found = copy(self)
-        found.y, found.y_left = y, beside(y, self.q)
+        found.y, found.y_left, found._refined = y, beside(y, self.q), {}
         return found
 
     @property
@@ -95,12 +101,12 @@ class Fitter:
 
     def white(self, member: Member) -> Array:
         """Whitened columns (N, m) of a member."""
-        key = (member.name, tuple(member.shape.values()))
-        if key not in self._kept:
+        if member.key not in self._kept:
             if len(self._kept) > 400:
                 self._kept.clear()
-            self._kept[key] = self.space.whiten(self.columns.of(member.candidate, member.shape))
-        return self._kept[key]
+            columns = self.columns.of(member.candidate, member.shape)
+            self._kept[member.key] = self.space.whiten(columns)
+        return self._kept[member.key]
 
     def fit(self, members: Sequence[Member]) -> Fit:
         """The fit of these members, their nonlinear parameters as they are."""
@@ -130,7 +136,12 @@ class Fitter:
 
     def refined(self, members: Sequence[Member], passes: int = 2) -> Fit:
         """The fit with the nonlinear parameters of each member fitted as well, in turn."""
-        found = list(members)
+        key = (passes, *(one.key for one in members))
+        if key not in self._refined:
+            self._refined[key] = self._refine(list(members), passes)
+        return self._refined[key]
+
+    def _refine(self, found: list[Member], passes: int) -> Fit:
         if not any(one.shape for one in found):
             return self.fit(found)
         for _ in range(passes if len(found) > 1 else 1):

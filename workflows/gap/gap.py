@@ -24,7 +24,8 @@ from .next.measurement import next_measurement
 from .one_delay import uneven_delays
 from .plan import GapPlan
 from .plausible import unlikely_numbers
-from .populations.found import attribution_of, inputs_instead, population_of, said
+from .populations.compared import compared
+from .populations.found import attribution_of, inputs_instead, said
 from .progress import GapProgress, Tell, silent
 from .quantiles import spread_of_units
 from .recalibration import moved_far
@@ -177,7 +178,7 @@ def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) ->
         units=spread_of_units(setup.plan, data, end),
         summary=_summary(plan, data, end, spread) | {"gap_is": gap.meaning},
         notes=_notes(analysis, data, end),
-        population=population_of(end),
+        population=compared(end),
         attribution=attribution,
         configuration=plan.configuration,
         corrected=text,

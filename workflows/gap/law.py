@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from ...models.effects.population.law import Law
 from ...models.effects.population.units import OfUnits
 from ...models.effects.readings import readings_of, target_of
 from ...models.inputs.distribution import Array
+from ...models.measurable import Column
 from ...models.sources import Sources
 from .plan import GapPlan
 from .populations.unit_law import UnitLaw
@@ -50,7 +51,7 @@ def law_of(plan: GapPlan, name: str) -> Law:
     """
     assert plan.model is not None
     mean, sources = float(plan.model.means()[name]), plan.model.sources()
-    table = {c.name: _constant(c.text, MAPPED) for c in plan.model.columns if c.needed}
+    table = _units((c for c in plan.model.columns if c.needed), MAPPED)
     target = target_of(plan.model, plan.model_name, table)
     readings = readings_of(target.columns, table)
     law = _exact(sources, mean) if sources and not sources.widened else _drawn(plan, name, mean)
@@ -71,7 +72,7 @@ def _exact(sources: Sources, mean: float) -> Law:
 
 def _drawn(plan: GapPlan, name: str, mean: float) -> Law:
     assert plan.model is not None
-    table = {c.name: _constant(c.text, DRAWN) for c in plan.model.columns if c.needed}
+    table = _units((c for c in plan.model.columns if c.needed), DRAWN)
     rng = np.random.default_rng([plan.seed, 5])
     found = plan.model.law_sample() or plan.model.predict(table, rng)
     drawn = np.asarray(found[name], dtype=float)
@@ -87,7 +88,7 @@ def law_with(law: Law, effect: Effect, values: Mapping[str, float], target: Targ
 def _mapped(law: Law, effect: Effect, values: Mapping[str, float], target: Target) -> Law:
     rng = np.random.default_rng(0)
     units = law.histogram.ppf((rng.permutation(MAPPED) + 0.5) / MAPPED) + law.mean
-    table = {c.name: _constant(c.text, MAPPED) for c in target.columns if c.text}
+    table = _units((c for c in target.columns if c.text), MAPPED)
     action = effect.act(readings_of(target.columns, table), values, target)
     assert action.population is not None
     return estimated(np.asarray(action.population(units, law.mean, rng)), law.mean, law.mean)
@@ -111,7 +112,7 @@ def on_scatter(
     return any(bool((np.abs(one - first) > STILL * size).any()) for one in others)
 
 
-def _constant(text: bool, count: int) -> NDArray[Any]:
-    labels = np.arange(count)
-    found: NDArray[Any] = labels.astype(str) if text else labels * 0.0
-    return found
+def _units(columns: Iterable[Column], count: int) -> dict[str, NDArray[Any]]:
+    """A table of units that only their labels tell apart."""
+    labels = np.arange(count).astype(str)
+    return {c.name: labels if c.text else np.zeros(count) for c in columns}

@@ -15,6 +15,7 @@ from ...models.effects.compose import Active
 from ...models.effects.inside import InsideSeveral
 from ...models.effects.population.units import OfUnits
 from ...models.effects.readings import labels_of
+from ...models.effects.shapes import Shape
 from ...models.effects.unresolved import Unresolved
 from ...models.inputs.distribution import Array
 from ...models.measurable import Role
@@ -136,11 +137,22 @@ class Columns:
             return self._of_term(candidate.effect)
         if isinstance(candidate.effect, InsideSeveral):
             return self._by_rows(candidate.effect, shape)
+        if isinstance(candidate.effect, Shape) and candidate.effect.plain(self.data.target):
+            return self._of_shape(candidate.effect, shape)
         parts = [
             self._added(candidate, {**shape, one.name: step}) / step
             for one, step in ((one, _step(one)) for one in candidate.linear)
         ]
         return np.column_stack(parts)
+
+    def _of_shape(self, effect: Shape, shape: Mapping[str, float]) -> Array:
+        """Of an effect at the outputs, each of its columns computed once."""
+        data, target = self.data, self.data.target
+        each = effect.columns(data.readings, shape, target)
+        x = np.column_stack([each[one.stem]() for one in effect.weights(target)])
+        reached = [o.name for o in effect.reached(target)]
+        at = np.array([[float(o.name == name) for name in reached] for o in data.outputs])
+        return x if len(data.outputs) == 1 else np.kron(at, x)
 
     def _of_term(self, effect: Unresolved) -> Array:
         """Of a term without a name, which acts at one output."""

@@ -14,6 +14,7 @@ from ...models.effects.compose import Active
 from ...models.effects.effect import EffectParameter, Target
 from ...models.effects.population.law import Law
 from ...models.inputs.distribution import Array
+from .distance import likelier
 from .law import law_with
 from .library import Candidate, carried
 from .plan import GapPlan
@@ -133,19 +134,12 @@ class BatchLikelihood:
 def threshold(
     law: Law, every: Sequence[Candidate], target: Target, count: int, plan: GapPlan
 ) -> float:
-    """What the best of all effects reaches on batches that are drawn from the model.
-
-    The units are counted in the cells of a lattice, so that a likelihood is a product.
-    """
+    """What the best of all effects reaches on batches that are drawn from the model."""
     rng = np.random.default_rng([plan.seed, 6])
     shape = (plan.settings.simulations, min(count, MOST))
     x = law.histogram.rvs(size=shape, random_state=rng)
     x -= x.mean(axis=1, keepdims=True)
-    low, cells = float(x.min()), 1 + int(np.ptp(x) / law.step)
-    cell = ((x - low) / law.step).astype(np.int64) + cells * np.arange(len(x))[:, None]
-    counts = np.bincount(cell.ravel(), minlength=cells * len(x)).reshape(len(x), cells)
-    at = np.asarray(low + law.step * (np.arange(cells) + 0.5), dtype=np.float64)
+    at = np.asarray(x.min() + law.step * (np.arange(1 + int(np.ptp(x) / law.step)) + 0.5))
     tried = [log for one in every for log in BatchLikelihood(one, law, target).tried(at)]
-    gains = counts.astype(float) @ (np.column_stack(tried) - law(at)[:, None])
-    best = np.maximum(gains.max(axis=1), 0.0)
-    return float(np.quantile(2.0 * best, 1.0 - plan.settings.false_rate))
+    best = likelier(x, float(at[0]), law.step, np.array(tried) - law(at))
+    return float(np.quantile(best, 1.0 - plan.settings.false_rate))

@@ -23,7 +23,7 @@ CHANCE = 0.01
 """Chance that one delay is taken for several."""
 LITTLE = 1e-6
 """Share of the squares of all rows below which a kind of rows says nothing."""
-APART = 0.2
+APART = 0.15
 """Rms difference of the delays from their mean, as a share of it, that is worth a word."""
 STRETCHES = 40
 """Stretches of the record, as units of what is left."""

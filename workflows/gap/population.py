@@ -7,6 +7,7 @@ name beside it is asked of the likelihood of both together.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -156,10 +157,10 @@ class Batch:
         """The fit without what moves all units alike."""
         return self.search.fitter.fit(self.moving(fit))
 
-    def units(self, fit: Fit) -> Units:
-        """The units that count beside what moves each of them by its own amount."""
+    def units(self, fit: Fit, but: Sequence[str] = ()) -> Units:
+        """The units that count beside what moves each of them by its own amount, `but` stays."""
         kept = self.search.fitter.space.noises[0].kept
-        left = left_of(self.setup, fit, self.levels)
+        left = left_of(self.setup, fit, (*self.levels, *but))
         return Units(self.law, left[kept], self.search.labels[kept])
 
 

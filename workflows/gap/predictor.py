@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from ...models.effects.compose import acting, added, changes_of, with_zero
+from ...models.effects.effect import Action
 from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, MeasurableModel
 from .data import GapData
@@ -40,27 +43,38 @@ class OfTable:
 
 
 class _OfModel:
-    """Of a model; pickled as what it was made of."""
+    """Of a model, with what is in the plan and does not change the scatter of units; pickled as
+    what it was made of.
+    """
+
+    means: Mapping[str, float] = MappingProxyType({})
+    """Of a population."""
 
     def __init__(self, plan: GapPlan, data: GapData, model: MeasurableModel) -> None:
         self._plan, self._data, self._model = plan, data, model
+        readings, target = data.readings, data.target
+        moving = [o for o in plan.active if not on_scatter(o.effect, o.values, readings, target)]
+        self._actions = acting(moving, readings, target)
 
     def __reduce__(self) -> tuple[type[_OfModel], tuple[GapPlan, GapData, MeasurableModel]]:
         return type(self), (self._plan, self._data, self._model)
+
+    def __call__(self, changes: Mapping[str, Array]) -> Mapping[str, Array]:
+        rng = np.random.default_rng(self._plan.seed)
+        whole = changes_of((*self._actions, Action(changes=changes)))
+        return added(self._at(whole, rng), self._actions, self.means, rng)
+
+    @abstractmethod
+    def _at(self, changes: Mapping[str, Array], rng: np.random.Generator) -> Mapping[str, Array]:
+        """Outputs (n,) of the model with changes inside."""
 
 
 class OfRows(_OfModel):
     """Row by row."""
 
-    def __init__(self, plan: GapPlan, data: GapData, model: MeasurableModel) -> None:
-        super().__init__(plan, data, model)
-        self._actions = acting(plan.active, data.readings, data.target)
-
-    def __call__(self, changes: Mapping[str, Array]) -> Mapping[str, Array]:
-        rng = np.random.default_rng(self._plan.seed)
-        whole = both(changes_of(self._actions), changes)
-        found = self._model.predict(self._data.readings.table, rng, whole or NO_CHANGES)
-        return added(with_zero(found, self._plan.zero), self._actions, {}, rng)
+    def _at(self, changes: Mapping[str, Array], rng: np.random.Generator) -> Mapping[str, Array]:
+        found = self._model.predict(self._data.readings.table, rng, changes or NO_CHANGES)
+        return with_zero(found, self._plan.zero)
 
 
 class OfMeanUnit(_OfModel):
@@ -70,33 +84,17 @@ class OfMeanUnit(_OfModel):
 
     def __init__(self, plan: GapPlan, data: GapData, model: MeasurableModel) -> None:
         super().__init__(plan, data, model)
-        readings, target = data.readings, data.target
-        moving = [
-            one for one in plan.active if not on_scatter(one.effect, one.values, readings, target)
-        ]
-        self._actions = acting(moving, readings, target)
-        self._by, self._bare = carried(plan.active, data.target), model.means()
+        self.means = model.means()
 
-    def __call__(self, changes: Mapping[str, Array]) -> Mapping[str, Array]:
-        rng = np.random.default_rng(self._plan.seed)
-        found = self._at(both(changes_of(self._actions), changes))
-        found = added(found, self._actions, self._bare, rng)
-        return {o.name: found[o.name] + self._by for o in self._data.outputs}
-
-    def _at(self, changes: Mapping[str, Array]) -> dict[str, Array]:
+    def _at(self, changes: Mapping[str, Array], rng: np.random.Generator) -> Mapping[str, Array]:
         """Means with changes, those of several quantities added up."""
-        found = {name: np.full(len(self._data), value) for name, value in self._bare.items()}
+        by = carried(self._plan.active, self._data.target)
+        found = {name: np.full(len(self._data), value + by) for name, value in self.means.items()}
         for quantity, values in changes.items():
             at = np.unique(np.linspace(np.min(values), np.max(values), POINTS))
             means = [self._model.means({quantity: one}) for one in at]
-            for name, value in self._bare.items():
+            for name, value in self.means.items():
                 curve = np.array([mean[name] for mean in means]) - value
                 degree = min(3, len(at) - 1)
                 found[name] += make_interp_spline(at, curve, degree)(values) if degree else curve[0]
         return found
-
-
-def both(one: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, Array]:
-    """Changes inside of a model together."""
-    names = dict.fromkeys([*one, *other])
-    return {name: np.asarray(one.get(name, 0.0) + other.get(name, 0.0)) for name in names}

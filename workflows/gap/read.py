@@ -28,6 +28,10 @@ from .units import LEAST, numbered, one_per_unit, too_few
 TIME = Column("time_s", "s", "order of measuring", False, role=Role.TIME)
 SAME = 1e-12
 """Relative range of readings that are all the same."""
+NO_DIRECTION = (
+    "a direction is +1 or -1; beside a speed that has its sign, leave the column out, and else the "
+    "rows at rest"
+)
 REPEAT = Column("repeat", "", "number of the repeat", False, role=Role.REPEAT)
 LARGEST = 1e100
 """Readings whose squares are still numbers."""
@@ -252,7 +256,7 @@ def _content_faults(
     for column in columns:
         if column.role is Role.DIRECTION and column.name in frame:
             bad = ~frame[column.name].isin([-1.0, 1.0]) & frame[column.name].notna()
-            found += _cells(frame, column.name, bad, place, "a direction is +1 or -1")
+            found += _cells(frame, column.name, bad, place, NO_DIRECTION)
     for name in stds.values():
         text = "must be above 0; leave the column out where the noise is not known"
         if name in frame:

@@ -9,12 +9,17 @@ import numpy as np
 from ...declarations import Output
 from ...models.effects.instrument.lattice import step_of
 from ...models.inputs.distribution import Array
-from .fit import Fit
+from .fit import Fit, Fitter
 from .library import Candidate
 from .setup import Setup
+from .space import Space
 
 COARSE = 0.25
 """Share of the residual's scatter from which the steps of readings are worth a word."""
+
+READ, CLOSER = 8, 0.01
+"""How often the instrument reads what was fitted, at most, and the share of the squares that a
+further time must save."""
 
 
 def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
@@ -39,6 +44,22 @@ def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
                 total = total + setup.columns.of(member.candidate, member.shape) @ size
         more = dict(zip((o.name for o in outputs), np.split(total, len(outputs)), strict=True))
     return replace(setup, columns=setup.columns.read_beside(more))
+
+
+def read_again(setup: Setup, space: Space, fit: Fit) -> tuple[Setup, Fit]:
+    """The members of a fit fitted about a setup, and the setup in which the instrument reads what
+    they add: where one of them acts on the reading, until it reads what is fitted.
+    """
+    before = np.inf
+    for _ in range(READ):
+        fitter = Fitter(space, setup.residual, setup.base, setup.columns, setup.offset)
+        fit = fitter.refined(fit.members)
+        if before - fit.rss < CLOSER * fit.rss or not any(
+            _reads(setup, one.candidate) for one in fit.members
+        ):
+            break
+        setup, before = as_read(setup, fit), fit.rss
+    return setup, fit
 
 
 def resolution(setup: Setup, output: str) -> float:

@@ -110,7 +110,8 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
         one = end.setup.data.outputs[output]
         ratio = float(np.sqrt(max(left.gains[at], 0.0) / end.analysis.search.fitter.space.readings))
         name = f"order {form.order:g}" if form.kind == "order" else form.kind
-        text = f"a {name} of {form.variable}" + (f", {form.detail}" if form.detail else "")
+        text = f"an {name}" if name[0] in "aeiou" else f"a {name}"
+        text += f" of {form.variable}" + (f", {form.detail}" if form.detail else "")
         text = f"a level of its own in each {form.variable}" if form.detail == LEVELS else text
         text += ", opposite in the two directions" if form.direction else ""
         found[key] = Remainder(
@@ -138,7 +139,7 @@ def shape(term: Term) -> str:
         "product": f"a product of {names}", "curve": f"a curve over {term.variable}",
         "levels": f"a level of its own in each {term.variable}",
     }  # fmt: skip
-    found = kinds[term.shape]
+    found = kinds[term.shape].removesuffix(" to the power 1")
     if term.shape == "power":
         signs = (term.exponent % 2 == 1) == term.signed
         found += "" if signs or term.zero else ", odd" if term.signed else ", of the magnitude"

@@ -325,7 +325,8 @@ def rival_records(
         if measurement is None:
             measurement = separating(end.setup, levels, end.fit, one.fit) if at < SEPARATED else \
                 found[0].measurement  # fmt: skip
-        found.append(Rival(one.names, one.instead_of, one.distance, measurement,
+        distance = round(one.distance, 9) + 0.0
+        found.append(Rival(one.names, one.instead_of, distance, measurement,
                            correlation(end.analysis.search.fitter, end.fit, one)))  # fmt: skip
     if end.twin:
         found.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))

@@ -44,11 +44,16 @@ class Search:
     thresholds: Thresholds
     labels: NDArray[np.int64]
     settings: GapSettings
+    _open: dict[tuple[object, ...], list[Found]] = field(init=False, default_factory=dict)
+    _tested: dict[tuple[object, ...], HeldOut] = field(init=False, default_factory=dict)
 
     def open(self, members: Sequence[Member]) -> list[Found]:
         """The candidates beside `members` that may be named, best first."""
-        found = scan(self.fitter, self.white, self.book, members)
-        return [one for one in found if not one.member.candidate.unread]
+        key = tuple(one.key for one in members)
+        if key not in self._open:
+            found = scan(self.fitter, self.white, self.book, members)
+            self._open[key] = [one for one in found if not one.member.candidate.unread]
+        return self._open[key]
 
     def refined(self, members: Sequence[Member], found: Sequence[Found]) -> list[Fit]:
         """Fits with one candidate more each, their nonlinear parameters fitted, best first."""
@@ -83,7 +88,11 @@ class Search:
 
     def tested(self, fit: Fit) -> HeldOut:
         """Held-out residuals of a fit."""
-        return held_out(self.fitter, fit, self.labels, self.book, self.white)
+        key = tuple(one.key for one in fit.members)
+        if key not in self._tested:
+            found = held_out(self.fitter, fit, self.labels, self.book, self.white)
+            self._tested[key] = found
+        return self._tested[key]
 
 
 @dataclass(frozen=True)
@@ -98,6 +107,10 @@ class Selection:
     improvements: dict[str, Improvement] = field(default_factory=dict)
     accepted: tuple[tuple[Fit, HeldOut], ...] = ()
     named: tuple[str, ...] = ()
+
+    def ending_with(self, fit: Fit, tested: HeldOut) -> Selection:
+        """The same path, at the end of which another fit is accepted."""
+        return replace(self, fit=fit, accepted=(*self.accepted, (fit, tested)))
 
 
 def select(search: Search, quick: bool = False) -> Selection:

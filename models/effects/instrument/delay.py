@@ -20,6 +20,8 @@ BREAK = 10.0
 ROUGH = 0.1
 """Squared steps of a channel, as a share of those of rows without an order, above which its noise
 is looked at: a channel that goes on beneath it is one that a delay could be seen in."""
+JUMP = 2.0
+"""A step of the channel, in those beside it together, that is no slope."""
 FEWEST = 4
 """Rows, at least."""
 PRESENT, FALLS, SIGMAS = 4.0, 0.2, 2.0
@@ -32,8 +34,10 @@ class Delay(Effect):
     """What was recorded is the output of a moment before: y(t - T), filters and buses included.
 
     Only where rows follow each other as a record does: a clock, and a channel whose steps from row
-    to row are small. Between rows the channel goes straight; before the beginning of a record, and
-    after an interruption of more than 10 usual steps, it stands at its first value. Reference:
+    to row are small. Between rows the channel goes straight, but for where the speed changes its
+    sign: what follows the direction jumps there, and not over a whole step. Before the beginning of
+    a record, and after an interruption of more than 10 usual steps, it stands at its first value.
+    Reference:
     Franklin, Powell and Workman, Digital Control of Dynamic Systems, 1998, section 4.3 (transport
     lag).
     """
@@ -70,20 +74,45 @@ class Delay(Effect):
         late = {o.name: values.get(name, 0.0) for o, name in
                 zip(target.outputs, names, strict=True)}  # fmt: skip
         time = np.asarray(readings[Role.TIME], dtype=float)
-        return Action(reading={name: partial(delayed, time=time, by=by, order=readings.order)
-                               for name, by in late.items() if by != 0.0})  # fmt: skip
+        known = Role.SPEED in readings and Role.DIRECTION in readings
+        speed = np.asarray(readings[Role.SPEED] * readings[Role.DIRECTION]) if known else None
+        late_by = partial(delayed, time=time, order=readings.order, speed=speed)
+        return Action(reading={name: partial(late_by, by=by) for name, by in late.items()
+                               if by != 0.0})  # fmt: skip
 
 
-def delayed(values: Array, time: Array, by: float, order: np.ndarray | None = None) -> Array:
-    """The channel (n,) at `time` (n,) less `by` [s], in the order of measuring."""
+def delayed(
+    values: Array, time: Array, by: float, order: np.ndarray | None = None,
+    speed: Array | None = None,
+) -> Array:  # fmt: skip
+    """The channel (n,) at `time` (n,) less `by` [s], in the order of measuring; a `speed` (n,) with
+    its sign says where it may jump.
+    """
     at = np.arange(len(time)) if order is None else order
     t, y = time[at], np.asarray(values, dtype=float)[at]
+    v = np.ones(len(t)) if speed is None else speed[at]
     found = np.empty(len(t))
     for rows in _stretches(t):
-        found[rows] = np.interp(t[rows] - by, t[rows], y[rows])
+        found[rows] = np.interp(t[rows] - by, *_with_jumps(t[rows], y[rows], v[rows]))
     whole = np.empty(len(t))
     whole[at] = found
     return whole
+
+
+def _with_jumps(t: Array, y: Array, v: Array) -> tuple[Array, Array]:
+    """A channel (n,) with two more points wherever it jumps as the speed v passes 0 between two
+    rows of either sign: what both sides extrapolate to.
+    """
+    sign = np.sign(v)
+    steps = np.abs(np.diff(y))
+    k = 1 + np.flatnonzero((sign[:-3] == sign[1:-2]) & (sign[1:-2] * sign[2:-1] < 0.0)
+                           & (sign[2:-1] == sign[3:])
+                           & (steps[1:-1] > JUMP * (steps[:-2] + steps[2:])))  # fmt: skip
+    zero = t[k] + (t[k + 1] - t[k]) * v[k] / (v[k] - v[k + 1])
+    ends = [y[a] + (y[a] - y[b]) / (t[a] - t[b]) * (zero - t[a])
+            for a, b in ((k, k - 1), (k + 1, k + 2))]  # fmt: skip
+    at = np.repeat(k + 1, 2)
+    return np.insert(t, at, np.repeat(zero, 2)), np.insert(y, at, np.column_stack(ends).ravel())
 
 
 def _stretches(time: Array) -> list[slice]:

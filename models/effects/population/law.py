@@ -34,6 +34,10 @@ class Law:
         edges = self.low + self.step * (np.arange(len(self.log) + 1) - 0.5)
         return scipy.stats.rv_histogram((np.exp(self.log), edges), density=True)
 
+    def standardised(self, z: Array, about: float = 0.0) -> Array:
+        """Log density at deviations z from `about`, in standard deviations."""
+        return np.asarray(self(about + self.std * z) + np.log(self.std))
+
     def widened(self, growth: float) -> Law:
         """Every deviation 1 + growth times as large."""
         by = 1.0 + growth

@@ -153,6 +153,24 @@ def test_a_small_delay_is_the_derivative() -> None:
     np.testing.assert_allclose((recorded("delay", y, 1e-4) - y)[1:], -3.0 * 1e-4, rtol=1e-9)
 
 
+@pytest.mark.parametrize("steps", [0.4, 1.5, 2.4, -1.3])
+def test_friction_that_is_late_jumps_when_the_speed_passed_zero(steps: float) -> None:
+    """Coulomb and viscous friction of a drive to and fro, against the force of a moment before."""
+    t = np.arange(N) * 2e-3
+    late, w = 2e-3 * steps, 2.0 * math.pi * 20.0
+
+    def speed(at: np.ndarray) -> np.ndarray:
+        return np.asarray(90.0 * np.sin(w * at + 0.3))
+
+    def force(at: np.ndarray) -> np.ndarray:
+        return np.asarray(20.0 * np.sign(speed(at)) + 0.05 * speed(at))
+
+    found = recorded("delay", force(t), late, rate=np.abs(speed(t)), way=np.sign(speed(t)))
+    inside = (t > 4 * abs(late)) & (t < t[-1] - 4 * abs(late))
+    # straight lines bend the speed by (w dt)^2/8 of 90 deg/s, and its zero by 0.01 of a step
+    assert np.abs(found - force(t - late))[inside].max() < 0.1
+
+
 def test_an_interrupted_record_begins_anew() -> None:
     clock = np.r_[TABLE["clock"][:30], TABLE["clock"][:30]]  # a clock per session
     y = np.r_[np.full(30, 5.0), np.linspace(1.0, 2.0, 30)]

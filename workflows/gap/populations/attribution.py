@@ -11,7 +11,7 @@ from ....models.effects.readings import unit_numbers
 from ....models.inputs.distribution import Array
 from ..law import on_scatter
 from ..result import Ending
-from ..setup import LEAST_NAMED, left_of
+from ..setup import LEAST_NAMED
 from .input_changes import KINDS, Change, Tables
 from .unit_law import UnitLaw
 from .weighed import Weighed, parts_of
@@ -30,8 +30,7 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
     settings = end.setup.plan.settings
     tables = Tables(UnitLaw(sources), y, u, settings.parts_out_of_limits)
     weighed = Weighed(tables, settings.set_distance, settings.interval, *_rival(end, tables))
-    limit = tables.chance(settings.false_rate, end.setup.plan.seed)
-    if weighed.gain <= limit:
+    if weighed.gain <= tables.chance(settings.false_rate, end.setup.plan.seed):
         text = _beside(end) or f"no input of its own: cannot tell with n = {len(y)}"
         verdict = "none" if _beside(end) else "cannot tell"
         return (Attribution(names, output.name, "", (), verdict, (), text),)
@@ -43,29 +42,27 @@ def of_batch(end: Ending) -> tuple[Attribution, ...]:
 
 def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attribution, ...]:
     """One record per kind that is left, or one that says why none is."""
-    best = max(weighed.tables.changes, key=lambda one: one.best[1])
+
+    def of(kind: str, verdict: str, text: str, names: tuple[str, ...] = ()) -> Attribution:
+        some = _records(weighed, kind, unit) if kind else ()
+        return Attribution(effect, output, kind, names, verdict, some, text)
+
     if not weighed.standing or not weighed.explained:
         if weighed.mixed:
             text = f"{weighed.rival} explain the batch; no change of one input does"
-            return (Attribution(effect, output, "", (), "none", (), text),)
+            return (of("", "none", text),)
+        best = max(weighed.tables.changes, key=lambda one: one.best[1])
         text = "no admissible change of one input alone explains the batch; nearest is a " \
                f"{best.kind} of {best.name}"  # fmt: skip
-        some = _records(weighed, best.kind, unit)
-        return (Attribution(effect, output, best.kind, (), "none", some, text),)
-    if all(one.source is None for one in weighed.standing):
-        some = _records(weighed, weighed.standing[0].kind, unit)
-        other = told(weighed, unit)
-        text = f"no input alone does it within its limits; {other}"
-        return (Attribution(effect, output, weighed.standing[0].kind, (), "none", some, text),)
-    kinds = [k for k in KINDS if any(one.kind == k for one in weighed.standing)]
+        return (of(best.kind, "none", text),)
     text = told(weighed, unit)
+    if all(one.source is None for one in weighed.standing):
+        text = f"no input alone does it within its limits; {text}"
+        return (of(weighed.standing[0].kind, "none", text),)
     alone = len(weighed.standing) == 1 and not weighed.mixed
+    names = {kind: tuple(o.name for o in weighed.standing if o.kind == kind) for kind in KINDS}
     verdict = "attributed" if alone else "cannot tell"
-    return tuple(
-        Attribution(effect, output, kind, tuple(o.name for o in weighed.standing if o.kind == kind),
-                    verdict, _records(weighed, kind, unit), text)
-        for kind in kinds
-    )  # fmt: skip
+    return tuple(of(kind, verdict, text, those) for kind, those in names.items() if those)
 
 
 def _records(weighed: Weighed, kind: str, unit: str) -> tuple[InputChange, ...]:
@@ -138,10 +135,7 @@ def _beside(end: Ending) -> str:
 
 def _units(end: Ending) -> tuple[Array, Array]:
     """Units (n,) that count, beside what moves single ones, and their order (n,) from 0 to 1."""
-    setup, bare = end.analysis.bare.setup, end.analysis.bare
-    output, model = setup.data.outputs[0].name, setup.plan.model
-    assert model is not None
-    left = left_of(setup, end.fit, (*bare.batch.levels, *trends(end)))
-    numbers = unit_numbers(setup.data.readings).astype(float)
-    kept = bare.noises[0].kept
-    return left[kept] + model.means()[output], (numbers / max(numbers.max(), 1.0))[kept]
+    bare = end.analysis.bare
+    numbers = unit_numbers(bare.setup.data.readings).astype(float)
+    units = bare.batch.units(end.fit, trends(end))
+    return units.x + units.law.mean, (numbers / max(numbers.max(), 1.0))[bare.noises[0].kept]

@@ -7,25 +7,18 @@ from collections.abc import Sequence
 from ....gap_population_records import Attribution, PopulationLine
 from ....gap_records import Measurement, Rival
 from ..result import Ending
-from . import of_batch, of_pairs
-from .attribution import of_batch as inputs_of_batch
+from .attribution import of_batch
+from .compared import has_units
 from .recorded import of_recorded
 
 SHOWN = 3
 
 
-def population_of(end: Ending) -> tuple[PopulationLine, ...]:
-    """Simulated and measured units compared; none where rows are no units."""
-    if end.setup.data.target.population:
-        return of_batch.compared(end)
-    return of_pairs.compared(end) if of_pairs.has_units(end) else ()
-
-
 def attribution_of(end: Ending) -> tuple[Attribution, ...]:
     """Which input may be behind a difference; none where rows are no units."""
     if end.setup.data.target.population:
-        return inputs_of_batch(end)
-    return of_recorded(end) if of_pairs.has_units(end) else ()
+        return of_batch(end)
+    return of_recorded(end) if has_units(end) else ()
 
 
 def inputs_instead(end: Ending, found: Sequence[Attribution]) -> tuple[Rival, ...]:

@@ -190,12 +190,11 @@ class Tables:
     def _shifts(self) -> Iterator[Change]:
         std = self.law.std
         yield from self._moved("shift", SHIFTS * std, self.law.shifts @ self.counts, True)
-        by, log = SHIFTS[::3] * std, self.law.moved @ self.counts
+        by = SHIFTS[::3] * std
         centre = float(np.median(self.y) - self.law.x @ np.exp(self.law.base) * self.law.step)
         if abs(centre) > 0.5 * REACH * std:  # farther than a shift of inputs can be
             by = np.unique(np.concatenate([by, centre + by]))
-            log = self._off(by)
-        yield from self._moved("shift", by, log, False)
+        yield from self._moved("shift", by, self._off(by), False)
 
     def _trends(self) -> Iterator[Change]:
         by = TRENDS * self.law.std
@@ -225,8 +224,9 @@ class Tables:
         Half of the rate is left to trends, which all batches alike have in two ways at most.
         """
         law, near = self.law, np.abs(SHIFTS) < 1.5
-        tried = np.vstack([law.shifts[near][::2], law.moved[near[::3]],
-                           *(table[::2] for _, table in law.wider), law.noisy[1::2]])  # fmt: skip
+        off = (law.read_off(by) for by in SHIFTS[near][::3] * law.std)
+        tried = np.vstack([law.shifts[near][::2], *off, *(table[::2] for _, table in law.wider),
+                           law.noisy[1::2]])  # fmt: skip
         share = np.exp(law.base) * law.step
         kept = np.flatnonzero(share > LEAST)
         shares, rng = share[kept] / share[kept].sum(), np.random.default_rng([seed, 13])

@@ -82,11 +82,9 @@ class Records:
     def zeros(self) -> tuple[Wrong, ...]:
         """The gauge of one output off by the same, or drifting."""
         data, found = self.end.setup.data, list[Wrong]()
-        count = len(data)
-        for kind, shape in (("bias", np.ones(count)), ("trend", self.order)):
+        for kind, shape in (("bias", np.ones(len(data))), ("trend", self.order)):
             for at, output in enumerate(data.outputs):
-                column = np.zeros(count * len(data.outputs))
-                column[at * count : (at + 1) * count] = shape
+                column = np.kron(np.eye(len(data.outputs))[at], shape)
                 found.append(self._of_column(f"gauge of {output.name}", kind, output.unit, column))
         return tuple(found)
 

@@ -12,7 +12,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ....models.effects.population.law import Law
 from ....models.inputs.distribution import Array
+from ..distance import likelier
 
 Statistic = Callable[[Array], Array]
 LEAST_UNITS = 3
@@ -20,6 +22,9 @@ LEAST_UNITS = 3
 STEPS = (-3.5, -2.5, -1.8, 1.8, 2.5, 3.5)
 SHARES = (0.1, 0.25, 0.5)
 """Offsets, in standard deviations of one, and shares of second suppliers that are tried."""
+LATTICE = np.linspace(-8.0, 8.0, 1025)
+NORMAL = Law(-8.0, 1.0 / 64.0, -0.5 * LATTICE**2, 1.0)
+"""But for a constant, which no ratio has."""
 
 
 @dataclass(frozen=True)
@@ -80,34 +85,21 @@ def between_lots(of_lot: NDArray[np.int64]) -> Statistic | None:
     return ratio
 
 
-def two_of(log: Callable[[Array], Array], std: float) -> Statistic:
+def two_of(law: Law = NORMAL) -> Statistic:
     """Twice the log likelihood ratio of two suppliers to one, mean and scatter the same.
 
-    `log` is the log density of one about its mean (any shape). The better of a few fixed mixtures:
-    what it reaches by chance is simulated.
+    `law` is that of one about its mean. The better of a few fixed mixtures: what it reaches by
+    chance is simulated.
     """
-    low, step = -8.0, 1.0 / 64.0
-    lattice = np.asarray(low + step * np.arange(1025), dtype=np.float64)
-    one = log(std * lattice)
-    mixed = np.array([_mixed(log, std, lattice, by, p) - one for by in STEPS for p in SHARES])
+    one, steps = law.standardised(LATTICE), law.std * np.array(STEPS)
+    ratios = np.array([law.mixed(by, p).standardised(LATTICE, p * by) - one
+                       for by in steps for p in SHARES])  # fmt: skip
 
     def gain(x: Array) -> Array:
         about = (x - x.mean(axis=1, keepdims=True)) / x.std(axis=1, keepdims=True)
-        cell = np.clip(np.rint((about - low) / step), 0, len(lattice) - 1).astype(np.int64)
-        rows, size = len(cell), len(lattice)
-        flat = (cell + size * np.arange(rows)[:, None]).ravel()
-        counts = np.bincount(flat, minlength=rows * size).reshape(rows, size)
-        return np.asarray(2.0 * (counts.astype(float) @ mixed.T).max(axis=1).clip(0.0))
+        return likelier(about, NORMAL.low, NORMAL.step, ratios)
 
     return gain
-
-
-def _mixed(log: Callable[[Array], Array], std: float, z: Array, by: float, share: float) -> Array:
-    """Log density, but for a constant of `log`, of a standardised mixture at z."""
-    growth = np.sqrt(1.0 + share * (1.0 - share) * by**2)
-    first = np.log1p(-share) + log(std * (growth * z + share * by))
-    second = np.log(share) + log(std * (growth * z - (1.0 - share) * by))
-    return np.asarray(np.logaddexp(first, second) + np.log(growth))
 
 
 def looks_of(

@@ -64,11 +64,6 @@ class UnitLaw:
         return below(self.shifts)
 
     @cached_property
-    def moved(self) -> Array:
-        """Log densities (m, k) with the readings shifted by every third of SHIFTS."""
-        return np.array([self.read_off(by) for by in SHIFTS[::3] * self.std])
-
-    @cached_property
     def wider(self) -> tuple[tuple[Source, Array], ...]:
         """Each input, and the log densities (m, k) with its zone wider by FACTORS."""
         inputs = [one for one in self.sources.inputs if one.tolerance > 0.0]

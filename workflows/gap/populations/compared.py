@@ -1,21 +1,22 @@
-"""Units that are simulated one by one: measured final values beside those at the same inputs."""
+"""Units compared with the model's: a batch with the population, before and after what was named;
+units that are simulated one by one, with the values at the same inputs.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from ....gap_population_records import PopulationLine
-from ....models.effects.readings import unit_numbers
+from ....models.effects.readings import labels_of, unit_numbers
 from ....models.inputs.distribution import Array
 from ....models.measurable import Role
 from ..predictor import predictor
 from ..result import Ending
 from ..setup import LEAST_NAMED, left_of
 from .lines import Compared, batches
-from .statistics import Look, Statistic, looks_of, two_of, values_of
+from .statistics import Look, Statistic, along, between_lots, looks_of, two_of, unlike, values_of
 
 EXACT = 1e-9
 """Share of the simulated scatter below which readings are the simulation itself."""
@@ -26,24 +27,54 @@ NONE = "no difference seen: measured is as simulated"
 
 
 def compared(end: Ending) -> tuple[PopulationLine, ...]:
-    """Lines of every output, before and after where anything was named.
+    """Lines before, and after where anything was named; none where rows are no units.
 
-    Before, the model is as it is: not even the zero of an angle is taken out.
+    Of a population those of its one output. Before, the model of single units is as it is: not even
+    the zero of an angle is taken out.
     """
-    setup = end.setup
-    plain = predictor(setup.plan, setup.data)({})
-    outputs = setup.data.outputs
-    left = np.split(left_of(setup, end.fit), len(outputs))
+    if not (population := end.setup.data.target.population) and not has_units(end):
+        return ()
+    models = ("before", "after") if end.fit.members or end.analysis.scatter else ("before",)
+    if population:
+        return tuple(line for k, model in enumerate(models) for line in _of_batch(end, model, k))
+    plain = predictor(end.setup.plan, end.setup.data)({})
+    left = np.split(left_of(end.setup, end.fit), len(end.setup.data.outputs))
     found: tuple[PopulationLine, ...] = ()
-    for model, stream in (("before", 0), ("after", 1)) if end.fit.members else (("before", 0),):
-        for at, output in enumerate(outputs):
-            measured = setup.data.measured[output.name]
-            simulated = plain[output.name] if model == "before" else measured - left[at]
-            found += _lines(end, at, model, stream, simulated)
+    for stream, model in enumerate(models):
+        for at, output in enumerate(end.setup.data.outputs):
+            beside = end.setup.data.measured[output.name] - left[at]
+            simulated = plain[output.name] if model == "before" else beside
+            found += _of_pairs(end, at, model, stream, simulated)
     return found
 
 
-def _lines(
+def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...]:
+    """Of units as far as they are from what the model predicts."""
+    bare = end.analysis.bare
+    setup, fit = (end.setup, end.fit) if model == "after" else (bare.setup, bare.empty)
+    output, kept = setup.data.outputs[0], bare.noises[0].kept
+    law, middle = bare.setup.laws[output.name], 0.0
+    for one in end.analysis.scatter[:1] if model == "after" else ():
+        law, middle = one.changed(law), one.moves
+    x = left_of(setup, fit)[kept] + middle
+    readings = setup.data.readings
+    order = unit_numbers(readings)[kept].astype(float)
+    lots = between_lots(labels_of(readings[Role.LOT])[1][kept]) if Role.LOT in readings else None
+    looks = looks_of(
+        output.unit, order, two_of(law),
+        unlike(law.histogram.ppf((np.arange(len(x)) + 0.5) / len(x))), lots,
+    )  # fmt: skip
+    settings, rng = setup.plan.settings, np.random.default_rng([setup.plan.seed, 14, stream])
+    count = batches(len(x))
+    drawn = law.histogram.rvs(size=(count, len(x)), random_state=rng)
+    shown = setup.data.measured[output.name][kept] - x
+    offset = {"mean": float(shown.mean()), "median": float(shown.mean()),
+              "first to last unit": float(along(order)(shown[None])[0])}  # fmt: skip
+    whole = Compared(looks, x, drawn, settings.false_rate, LEAST_NAMED)
+    return whole.lines(model, output.name, offset, rng)
+
+
+def _of_pairs(
     end: Ending, at: int, model: str, stream: int, simulated: Array
 ) -> tuple[PopulationLine, ...]:
     setup = end.setup
@@ -52,7 +83,7 @@ def _lines(
     r = measured - s
     order = unit_numbers(setup.data.readings)[kept].astype(float)
     scale = max(float(np.std(s)), float(np.std(measured)), 1e-300)
-    looks = _looks(output.unit, s, order, max(float(np.std(r)), EXACT * scale))
+    looks = _looks(output.unit, s, order)
     if float(np.std(r)) <= EXACT * scale and abs(float(r.mean())) <= EXACT * scale:
         shown = _shown(s, order)
         return tuple(_same(one, model, output.name, shown.get(one.name, 0.0)) for one in looks)
@@ -67,16 +98,16 @@ def _lines(
     return whole.lines(model, output.name, _shown(s, order), rng)
 
 
-def _looks(unit: str, s: Array, order: Array, std: float) -> tuple[Look, ...]:
+def _looks(unit: str, s: Array, order: Array) -> tuple[Look, ...]:
     """Statistics of differences (b, n) from simulated values s (n,): those of s + x less of s."""
 
     def beyond(of: Statistic) -> Statistic:
         return lambda x: of(s + x) - float(of(s[None])[0])
 
-    every = looks_of(unit, order, two_of(scipy.stats.norm(scale=std).logpdf, std))
     moved = SHAPES if float(np.std(s)) > 0.0 else ()
     return tuple(replace(one, of=beyond(one.of)) if one.name in moved else one
-                 for one in every if one.name in (*PLAIN, *moved))  # fmt: skip
+                 for one in looks_of(unit, order, two_of())
+                 if one.name in (*PLAIN, *moved))  # fmt: skip
 
 
 def _shown(s: Array, order: Array) -> dict[str, float]:
