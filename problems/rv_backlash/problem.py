@@ -41,6 +41,7 @@ from .gradient import gradients
 from .made import MACHINABLE, moved
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
 from .quantile_form import quantile_form, shortfalls
+from .refused import refused
 from .shift import SHIFT, Shift, columns_of, shift_of
 
 Array = NDArray[np.float64]
@@ -321,6 +322,9 @@ class RvBacklash(Promising, Machined):
             text = f"eccentricity * pins / pin circle radius must lie in (0, 1), got {k1:.4g}"
             return [Fault("parameters.eccentricity_mm", text)]
         return super().faults()
+
+    def search_faults(self) -> list[Fault]:
+        return refused(self)
 
     def warnings(self) -> tuple[str, ...]:
         if "interference_probability" in self.settings.limits:

@@ -35,6 +35,7 @@ from .faults import (
     range_faults,
     size_faults,
     unit_faults,
+    with_nominal,
     yield_faults,
 )
 from .joint import joint_intervals, joint_slopes, joint_variations
@@ -334,7 +335,8 @@ class Stack(ToleranceProblem):
                 most, least = (float(end[one.name("domain_margin")][0]) for end in ends)
                 found[one.name("domain_margin")] = least, most
         found |= self.promises.intervals(self.ends_as_made[0]) if self.promises is not None else {}
-        return found | joint_intervals(self.measured, found) | {"yield_percent": (0.0, 100.0)}
+        most = min(found[one.name("yield_percent")][1] for one in self.measured)
+        return found | joint_intervals(self.measured, found) | {"yield_percent": (0.0, most)}
 
     @cached_property
     def ends_of_t(self) -> tuple[Array, Array]:
@@ -376,7 +378,7 @@ class Stack(ToleranceProblem):
 
     def faults(self) -> list[Fault]:
         found = promise_faults(self.definition, self.given.limits)
-        found += size_faults(self) or super().faults()
+        found += size_faults(self) or with_nominal(self, super().faults())
         found += [*yield_faults(self), *range_faults(self)]
         return found or domain_faults(self)
 
