@@ -271,7 +271,7 @@ def test_nominal_values_outside_of_the_limits_are_a_fault(statement: str, tmp_pa
 def test_no_yield_exceeds_that_of_the_tightest_parts(tmp_path: Path) -> None:
     """Off-centre between two limits, 200 designs; the least widths are the first."""
     near = text().replace("nominal = 0.0", "nominal = 25.0").replace('"assured"', '"plug_in"')
-    with pytest.raises(InputError, match="yield_percent: at least 99.73 percent cannot be met"):
+    with pytest.raises(InputError, match=r"yield_percent: at least 99\.73 percent cannot be met"):
         built(tmp_path, near.replace("t_min = 0.5", "t_min = 14.0"))
     problem = built(tmp_path, near)
     x = np.random.default_rng(2).uniform(problem.xl, problem.xu, (200, problem.n_var))
