@@ -37,7 +37,8 @@ class Reopened:
 
     `now` takes the means of the parts as they are found, `reset` as the run's configuration does,
     None where no allocation keeps the promise then;
-    `since` is by earlier parts, where there are any. `made` are the parts with new values.
+    `since` is by earlier parts, where there are any. `made` are the parts with new values,
+    `earlier` those with values among the earlier ones.
     `attributed` says what an analysis of the units' own measurement found.
     """
 
@@ -48,6 +49,7 @@ class Reopened:
     made: tuple[str, ...]
     since: ToleranceProblem | None = None
     attributed: str = ""
+    earlier: tuple[str, ...] = ()
 
 
 def reopened(
@@ -79,7 +81,7 @@ def reopened(
     raise_all(faults)
     assert found[0] is not None
     return Reopened(before, design, found[0], found[1], now[1], found[2] if earlier else None,
-                    attributed)  # fmt: skip
+                    attributed, earlier[1] if earlier else ())  # fmt: skip
 
 
 def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]]:
