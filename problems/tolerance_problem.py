@@ -228,6 +228,10 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
 
     def faults(self) -> list[Fault]:
         """What is wrong with the settings as a whole: limits that no design can meet, ..."""
+        return self.out_of_reach()
+
+    def out_of_reach(self) -> list[Fault]:
+        """Limits that no design can meet."""
         return impossible(self)
 
     # ---------------------------------------------------------------- designs and outputs

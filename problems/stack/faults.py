@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,7 @@ from .definition import Requirement
 from .joint import VARIATIONS, common_unit
 from .measured import Measured
 from .outputs import OBJECTIVES
+from .promises import promise_faults
 
 if TYPE_CHECKING:
     from .problem import Stack
@@ -25,6 +26,16 @@ HALF = 50.0
 """Percent that no yield reaches where the mean is outside of the limits."""
 DEVIATIONS = Need("deviation", bytes=16.0)
 """Of every piece of every unit of the sample: a point, and the deviation."""
+
+
+def faults_of(stack: Stack, inherited: Callable[[], list[Fault]]) -> list[Fault]:
+    """Everything that is wrong; those that any problem may have are not looked for in a sample that
+    is too large.
+    """
+    found = promise_faults(stack.definition, stack.given.limits)
+    found += size_faults(stack) or inherited()
+    found += [*yield_faults(stack), *range_faults(stack)]
+    return found or domain_faults(stack)
 
 
 def unit_faults(
