@@ -101,8 +101,11 @@ class Judged(WithPromise):
             return self.expected_yields(designs, searching)
         if not searching:
             return np.array([self.verdict(one).promised for one in designs])
-        return np.array([self.yield_at(one, *self.worst(one, True).at(1.0), True)
-                         for one in designs])  # fmt: skip
+        return np.array([self.unfavourable_yield(one) for one in designs])
+
+    def unfavourable_yield(self, design: Array) -> float:
+        """The yield [percent] of a full design (all,) at the worst state, as a search sees it."""
+        return self.yield_at(design, *self.worst(design, True).at(1.0), True)
 
     def assurances(self, designs: Array) -> tuple[Array, Array]:
         found = [self.verdict(one) for one in designs]

@@ -29,11 +29,12 @@ from .provable import Provable
 from .settings import Bound, Settings, VariableSetting
 from .shown import Shown, effect_notes
 from .slips import unit_slips
+from .tabled import Tabled
 
 Array = NDArray[np.float64]
 
 
-class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing):
+class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Tabled):
     """A tolerance allocation problem: some variables are searched, the others fixed.
 
     A subclass declares `parameters`, `variables`, `outputs` and defaults, and gives `_outputs`.
@@ -227,6 +228,10 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing):
 
     def faults(self) -> list[Fault]:
         """What is wrong with the settings as a whole: limits that no design can meet, ..."""
+        return self.out_of_reach()
+
+    def out_of_reach(self) -> list[Fault]:
+        """Limits that no design can meet."""
         return impossible(self)
 
     # ---------------------------------------------------------------- designs and outputs
@@ -269,15 +274,21 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing):
         return set_to, free, whole
 
     def outputs_of(
-        self, designs: Array, searching: bool = False, errors: bool = True
+        self,
+        designs: Array,
+        searching: bool = False,
+        errors: bool = True,
+        known: Mapping[str, Array] | None = None,
     ) -> dict[str, Array]:
         """Every output (n,) of full designs (n, all variables), checked for shape.
 
-        Without `errors`, or `searching`, those of `_verified` are left at zero.
+        Without `errors`, or `searching`, those of `_verified` are left at zero. Outputs that are
+        `known` without these are not evaluated again.
         """
         designs = np.asarray(designs, dtype=float)
-        found = self._outputs(designs, searching)
-        found |= self._further(designs, searching)
+        found = dict(known or {})
+        if known is None:
+            found = self._outputs(designs, searching) | self._further(designs, searching)
         if errors and not searching:
             found |= self._verified(designs, found)
         for output in self.outputs:
@@ -344,11 +355,7 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing):
         `found` are their outputs without `errors`, where they are known. With `searching` they are
         what a search sees: coarser, and NaN where it does not look.
         """
-        if searching:
-            found = self.outputs_of(designs, searching=True)
-        else:
-            known = self.outputs_of(designs, errors=False) if found is None else found
-            found = {**known, **self._verified(designs, known)}
+        found = self.outputs_of(designs, searching, known=found)
         columns: dict[str, Any] = dict(self.designs_frame(designs))
         columns |= {output.name: found[output.name] for output in self.outputs}
         for limit in self.limits:
@@ -356,27 +363,6 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing):
         frame = pd.DataFrame(columns)
         frame["feasible"] = np.all(self.violations(designs, found) <= 0.0, axis=1)
         return frame
-
-    def designs_frame(self, designs: Array) -> pd.DataFrame:
-        """Full designs (n, all variables) as a table holds them, a column per variable."""
-        return pd.DataFrame({v.name: self._shown(v, designs) for v in self.variables})
-
-    def _shown(self, variable: Variable, designs: Array) -> Any:
-        """A variable (n,) as tables hold it: whole numbers as such, choices by name."""
-        values = self.column(designs, variable.name)
-        if variable.labels:
-            return np.array(variable.labels, dtype=object)[values.astype(int)]
-        return values.astype(np.int64) if variable.integer else values
-
-    def designs_of(self, frame: pd.DataFrame) -> Array:
-        """Full designs (n, all variables) of a table as `frame` makes it."""
-        columns = [
-            frame[v.name].map({label: at for at, label in enumerate(v.labels)})
-            if v.labels
-            else frame[v.name]
-            for v in self.variables
-        ]
-        return np.asarray(np.stack(columns, axis=1), dtype=float)
 
     # ---------------------------------------------------------------- corners
 

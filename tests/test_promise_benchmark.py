@@ -6,14 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 pytest.importorskip("benchmarks.task", reason="the benchmarks are not shipped")
 pytestmark = pytest.mark.source_tree
 
 from benchmarks.promise import machines  # noqa: E402
-from benchmarks.promise.__main__ import figures, kept_well, read, row, table  # noqa: E402
+from benchmarks.promise.__main__ import figures, kept_well, row, table  # noqa: E402
 from benchmarks.promise.cases import Case, cases  # noqa: E402
 from benchmarks.promise.ranking import drawn, gain  # noqa: E402
+from benchmarks.promise.repeated import Repeated, lowest  # noqa: E402
 from benchmarks.promise.repeats import SHARE, Repeat, repeat  # noqa: E402
 from tolevo.workflows.promise.next_parts import shadow_gain  # noqa: E402
 
@@ -42,7 +44,28 @@ def test_results_are_read_again_but_for_a_line_cut_off(tmp_path: Path) -> None:
     whole = ('{"case": "a", "seed": 3, "plug_in": 1.0, "assured": 1.2, "plug_in_yield": 0.9, '
              '"assured_yield": 0.99, "gap": 0.0}')  # fmt: skip
     path.write_text(f"{whole}\n{whole[:40]}", encoding="utf-8")
-    assert read(path) == {("a", 3): Repeat(1.0, 1.2, 0.9, 0.99, 0.0)}
+    found = Repeated(path, repeat, Repeat)
+    assert found.known() == {("a", 3): Repeat(1.0, 1.2, 0.9, 0.99, 0.0)}
+
+
+def test_repeats_go_on_where_they_were_interrupted(tmp_path: Path) -> None:
+    asked: list[int] = []
+
+    def counted(case: Case, seed: int) -> Repeat:
+        asked.append(seed)
+        return Repeat(1.0, 1.0 + seed, 0.9, 0.99, 0.0)
+
+    repeats = Repeated(tmp_path / "kept.jsonl", counted, Repeat)
+    first = repeats.each(cases()[0], range(2))
+    assert repeats.each(cases()[0], range(3))[:2] == first
+    assert asked == [0, 1, 2]
+
+
+def test_the_lower_limit_is_that_of_a_binomial_share() -> None:
+    """0.05 of all samples with that true share have as many or more (scipy's survival function)."""
+    low = 0.01 * lowest(96, 100)
+    assert stats.binom.sf(95, 100, low) == pytest.approx(0.05, rel=1e-9)
+    assert lowest(0, 10) == 0.0
 
 
 def test_the_ranking_is_that_of_re_optimisation() -> None:

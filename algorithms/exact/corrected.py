@@ -31,8 +31,8 @@ STEPS = (-4, 4, -1, 1)
 """Steps of ways that are tried from the form's own."""
 MANY = 12
 """Ways of a feature above which long steps are tried."""
-ROUNDS = 5
-"""Times that limits are moved."""
+ROUNDS, FURTHER = 5, 10
+"""Times that limits are moved, and how often more where a point still breaks them by little."""
 NEAR = 2e-3
 """Share of a level by which a point may miss it: its own value counts."""
 DEARER, FAR = 1.003, 2e-3
@@ -123,7 +123,7 @@ class Corrected:
         scale = np.where(real, np.maximum(np.abs(limit), 0.1), 1.0)
         moved = limit if self._moved is None else np.where(real, limit + self._moved, limit)
         t: Array | None = None
-        for _ in range(ROUNDS):
+        for done in range(ROUNDS + FURTHER):
             t = self._solved(ways, moved, least, self._start if t is None else t)
             if t is None:
                 break
@@ -142,7 +142,11 @@ class Corrected:
             excess = np.subtract(values, limit, out=np.zeros_like(values), where=real) / scale
             if cost > than * DEARER and np.all(excess < FAR):
                 return None
-            if best is not None and np.all(np.abs(excess[self._active(moved, t, ways)]) < CLOSE):
+            if best is not None and (
+                done + 1 >= ROUNDS or np.all(np.abs(excess[self._active(moved, t, ways)]) < CLOSE)
+            ):
+                break
+            if done + 1 >= ROUNDS and np.any(excess >= FAR):
                 break
             # a limit that the form does not reach, but the model breaks, begins where the form is
             own = np.where(excess > 0.0, np.minimum(moved, self._values(ways, t)), moved)

@@ -6,17 +6,12 @@ nine equal parts 99 % at most, and their costs 1.42, 1.21 and 1.10 of the plug-i
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
-from dataclasses import asdict
-from pathlib import Path
-from tempfile import gettempdir
 
 import numpy as np
-from scipy import stats
 
-from ..kept import keep, kept
 from .cases import Case, cases
+from .repeated import Repeated, lowest, parser
 from .repeats import SHARE, Repeat, repeat
 
 LEAST, MOST = 91.0, 99.0
@@ -25,28 +20,12 @@ COSTS = {10: 1.42, 20: 1.21, 50: 1.10}
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Repeat every case, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=1000, help="repeats of each case")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the first repeat")
-    parser.add_argument("--kept", type=Path, default=Path(gettempdir(), "tolevo_promise.jsonl"),
-                        help="file of results, by which an interrupted run goes on")  # fmt: skip
-    given = parser.parse_args(arguments)
-    known = read(given.kept)
-    seeds = range(given.seed, given.seed + given.count)
-    rows = []
-    for case in cases():
-        for seed in seeds:
-            if (case.key, seed) not in known:
-                known[case.key, seed] = one = repeat(case, seed)
-                keep(given.kept, {"case": case.key, "seed": seed} | asdict(one))
-        rows.append((case, [known[case.key, seed] for seed in seeds]))
+    given = parser(__doc__, "promise").parse_args(arguments)
+    repeats, rows = Repeated(given.kept, repeat, Repeat), []
+    for case in (one for one in cases() if one.n in given.n):
+        rows.append((case, repeats.each(case, range(given.seed, given.seed + given.count))))
         print(row(*rows[-1]), flush=True)
     print(f"\n{table(rows)}")
-
-
-def read(path: Path) -> dict[tuple[str, int], Repeat]:
-    """Results that are kept, by case and seed."""
-    return {(one.pop("case"), one.pop("seed")): Repeat(**one) for one in kept(path)}
 
 
 def table(rows: Sequence[tuple[Case, Sequence[Repeat]]]) -> str:
@@ -69,9 +48,9 @@ def figures(own: Sequence[Repeat]) -> tuple[float, float, float, float]:
     """Shares kept by plug-in and assured, the latter's lower limit, relative cost (mean)."""
     kept = sum(one.assured_yield >= SHARE for one in own)
     plain = sum(one.plug_in_yield >= SHARE for one in own)
-    low = float(stats.beta.ppf(0.05, kept, len(own) - kept + 1))
     cost = float(np.mean([one.assured / one.plug_in for one in own]))
-    return 100.0 * plain / len(own), 100.0 * kept / len(own), 100.0 * low, cost
+    share = 100.0 * kept / len(own)
+    return 100.0 * plain / len(own), share, lowest(kept, len(own)), cost
 
 
 def kept_well(case: Case, own: Sequence[Repeat]) -> bool:

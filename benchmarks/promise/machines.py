@@ -7,15 +7,11 @@ be 91 % at least; the share of samples without an assured choice is stated.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from tempfile import gettempdir
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 from scipy.special import ndtr, ndtri
 
 from tolevo.algorithms.exact.choices import least_cost
@@ -24,8 +20,8 @@ from tolevo.models.capability.knowledge import Knowledge, knowledge_of
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
 
-from ..kept import keep, kept
 from .cases import SIZES
+from .repeated import Repeated, lowest, parser
 from .repeats import CONFIDENCE, SHARE
 
 Array = NDArray[np.float64]
@@ -139,22 +135,14 @@ def _norm(own: list[Knowledge], level: float | None) -> Norm:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Repeat every case, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=1000, help="repeats of each case")
-    parser.add_argument("--n", type=int, nargs="*", default=SIZES, help="sizes of the samples")
-    parser.add_argument("--kept", type=Path, default=Path(gettempdir(), "tolevo_machines.jsonl"),
-                        help="file of results, by which an interrupted run goes on")  # fmt: skip
-    given = parser.parse_args(arguments)
-    known = {(one.pop("case"), one.pop("seed")): Choice(**one) for one in kept(given.kept)}
+    given = parser(__doc__, "machines").parse_args(arguments)
+    repeats = Repeated(given.kept, repeat, Choice)
     print("| machines | plug-in kept | assured kept | lower 95 % limit | cost | level (median) "
           "| no assured choice | promise broken |\n"
           "|---|---:|---:|---:|---:|---:|---:|---:|")  # fmt: skip
     for case in (one for one in cases() if one.n in given.n):
-        for seed in range(given.count):
-            if (case.key, seed) not in known:
-                known[case.key, seed] = one = repeat(case, seed)
-                keep(given.kept, {"case": case.key, "seed": seed} | asdict(one))
-        print(row(case, [known[case.key, seed] for seed in range(given.count)]), flush=True)
+        own = repeats.each(case, range(given.seed, given.seed + given.count))
+        print(row(case, own), flush=True)
 
 
 def figures(own: Sequence[Choice]) -> tuple[float, float, float, float, float]:
@@ -164,11 +152,9 @@ def figures(own: Sequence[Choice]) -> tuple[float, float, float, float, float]:
     plain = [one.plug_in_yield >= SHARE for one in own if np.isfinite(one.plug_in_yield)]
     made = [one.assured_yield >= SHARE for one in own if np.isfinite(one.assured_yield)]
     kept = sum(made)
-    low = float(stats.beta.ppf(0.05, kept, len(made) - kept + 1)) if kept else 0.0
-    shares = (float(np.mean(plain)), kept / max(len(made), 1), low, 1.0 - len(made) / len(own),
-              (len(made) - kept) / len(own))  # fmt: skip
-    plain_kept, assured_kept, least, without, broken = (100.0 * one for one in shares)
-    return plain_kept, assured_kept, least, without, broken
+    return (100.0 * float(np.mean(plain)), 100.0 * kept / max(len(made), 1),
+            lowest(kept, len(made)), 100.0 * (1.0 - len(made) / len(own)),
+            100.0 * (len(made) - kept) / len(own))  # fmt: skip
 
 
 def row(case: Machines, own: Sequence[Choice]) -> str:

@@ -66,15 +66,20 @@ def read_tables(table: Table, folder: Path, faults: list[Fault]) -> Configuratio
 
 
 def read_table(
-    table: Table, faults: list[Fault], notes: Sequence[str] = (), folder: Path = Path()
+    table: Table,
+    faults: list[Fault],
+    notes: Sequence[str] = (),
+    folder: Path = Path(),
+    reachable: bool = True,
 ) -> Configuration:
     """The configuration in the tables of a file; raises InputError with `faults` and its own.
 
     `notes` are what its files came to; files of other configurations are looked for in `folder`.
+    Limits may be out of reach where they need not be `reachable`.
     """
     top = Section(table, "", faults)
     if "problem" in top or "model" not in top:
-        return _read_problem(top, faults, notes, folder)
+        return _read_problem(top, faults, notes, folder, reachable)
     return _read_model(top, faults)
 
 
@@ -84,7 +89,7 @@ def _seed(top: Section) -> int:
 
 
 def _read_problem(
-    top: Section, faults: list[Fault], notes: Sequence[str], folder: Path
+    top: Section, faults: list[Fault], notes: Sequence[str], folder: Path, reachable: bool
 ) -> Configuration:
     """A configuration with a problem."""
     if "problem" not in top:
@@ -115,11 +120,13 @@ def _read_problem(
     choice = read_choice(top, objectives, kind.outputs, kind.variables)
     top.finish()
     raise_all(faults)
-    wrong = (problem := kind(settings)).faults()
+    problem = kind(settings)
+    beyond = [] if reachable else problem.out_of_reach()
+    wrong = [one for one in problem.faults() if one not in beyond]
     raise_all([*wrong, *(unit_slips(problem) if wrong else ()), *rounding_faults(problem, choice)])
     from ..workflows.run.contradictions import contradictions  # imports the exact solver
 
-    raise_all(contradictions(problem, asked["algorithm_name"]))
+    raise_all(contradictions(problem, asked["algorithm_name"]) if reachable else [])
     assert asked["algorithm"] is not None
     resolved = {
         **complete_tables(problem, top.take("problem"), model_name),

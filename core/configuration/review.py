@@ -37,7 +37,8 @@ class Reopened:
 
     `now` takes the means of the parts as they are found, `reset` as the run's configuration does,
     None where no allocation keeps the promise then;
-    `since` is by earlier parts, where there are any. `made` are the parts with new values.
+    `since` is by earlier parts, where there are any. `made` are the parts with new values,
+    `earlier` those with values among the earlier ones.
     `attributed` says what an analysis of the units' own measurement found.
     """
 
@@ -48,6 +49,7 @@ class Reopened:
     made: tuple[str, ...]
     since: ToleranceProblem | None = None
     attributed: str = ""
+    earlier: tuple[str, ...] = ()
 
 
 def reopened(
@@ -78,8 +80,10 @@ def reopened(
         [_means_found(earlier[0], shifting)] if earlier else []))]  # fmt: skip
     raise_all(faults)
     assert found[0] is not None
-    return Reopened(before, design, found[0], found[1], now[1], found[2] if earlier else None,
-                    attributed)  # fmt: skip
+    assert found[1] is not None
+    reset = None if found[1].out_of_reach() else found[1]
+    return Reopened(before, design, found[0], reset, now[1], found[2] if earlier else None,
+                    attributed, earlier[1] if earlier else ())  # fmt: skip
 
 
 def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]]:
@@ -246,16 +250,15 @@ def _means_found(table: Table, shifting: Collection[str]) -> Table:
 
 
 def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
-    """The problem of some tables; None where it has faults, or limits that nothing keeps."""
+    """The problem of some tables, in reach of its limits or not; None where it has faults."""
     try:
-        problem = read_table(copy.deepcopy(table), []).problem
+        problem = read_table(copy.deepcopy(table), [], reachable=False).problem
     except InputError as error:
         unknown = [one for one in error.faults if one.place == "promise"
                    and "not a known key" in one.message]  # fmt: skip
         if unknown:
             faults.append(Fault("RUN", "is the run of a problem that makes no promises"))
-        faults += [one for one in error.faults if one not in (*faults, *unknown)
-                   and not one.place.startswith("limits.")]  # fmt: skip
+        faults += [one for one in error.faults if one not in (*faults, *unknown)]
         return None
     assert isinstance(problem, (Stack, WithPromise))
     return problem

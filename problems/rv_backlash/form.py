@@ -23,6 +23,7 @@ from ..limits import Limit
 from ..promise import ASSURED, PROMISED
 from .made import CELLS as CELLS_OF_MEANS
 from .made import Piece, pieces_of
+from .refused import allows_any
 from .shift import extreme_pair, play_slopes
 from .terms import ends, unit_terms
 
@@ -182,7 +183,8 @@ def _relaxed(problem: RvBacklash, settled: dict[str, float]) -> tuple[str, ...]:
     return tuple(
         limit.name
         for limit in problem.limits
-        if (limit.name not in known or _from_below(limit))
+        if not allows_any(limit)
+        and (limit.name not in known or _from_below(limit))
         and not (
             limit.name in profile
             and all(v[0] <= 1e-12 for v in limit.violations(profile[limit.name]))

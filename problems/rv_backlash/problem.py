@@ -29,7 +29,7 @@ from ..drawing import Interval
 from ..forms import Form
 from ..least import ends_of_front
 from ..machined import Machined
-from ..promise import ASSURED, PROMISED
+from ..promise import ASSURED, PLUG_IN, PROMISED
 from ..promising import Promising
 from ..settings import Bound, Settings
 from .by_contact import verdicts
@@ -41,11 +41,14 @@ from .gradient import gradients
 from .made import MACHINABLE, moved
 from .outputs import DEFAULT_LIMITS, DEFAULT_OBJECTIVES, OUTPUTS
 from .quantile_form import quantile_form, shortfalls
+from .refused import refused
 from .shift import SHIFT, Shift, columns_of, shift_of
 
 Array = NDArray[np.float64]
 SEARCH_POINTS = 512
 """Lattice of the search; its quantiles are within about 0.001 arcmin of the reported ones."""
+TIGHTER = 1.0, 0.7, 0.5
+"""Shares of document B's bands that a search of a promise begins from."""
 STAGGER_OF_DOCUMENT = 0.2
 """Turn of each disc [arcmin] in document B's structural adjustment: twice its delta' of 0.1'."""
 STAGGERED = "document B, staggered 0.2 arcmin (delta' = 0.1)"
@@ -230,6 +233,18 @@ class RvBacklash(Promising, Machined):
         staggered[self.names.index("stagger_arcmin")] = STAGGER_OF_DOCUMENT
         return {"document B": bands, STAGGERED: staggered}
 
+    def starts(self) -> Array:
+        """Document B's bands and tighter ones, where a promise leaves the search no closed form."""
+        promise = self.settings.promise
+        if promise is None or promise.statement == PLUG_IN:
+            return super().starts()
+        bands = np.array([float(v.document or 0.0) for v in self.variables])
+        rows = np.repeat(bands[None, :], len(TIGHTER), axis=0)
+        zones = [at for at, v in enumerate(self.variables) if v.tolerance and not v.integer]
+        rows[:, zones] *= np.array(TIGHTER)[:, None]
+        free = [self.names.index(v.name) for v in self.free]
+        return self.complete(np.clip(rows[:, free], self.xl, self.xu))
+
     def least_cost(self) -> tuple[str, RvBacklash]:
         """Least cost at the backlash limit, the documents' single objective."""
         already = self.settings.limits.get("backlash_arcmin", Bound())
@@ -321,6 +336,9 @@ class RvBacklash(Promising, Machined):
             text = f"eccentricity * pins / pin circle radius must lie in (0, 1), got {k1:.4g}"
             return [Fault("parameters.eccentricity_mm", text)]
         return super().faults()
+
+    def search_faults(self) -> list[Fault]:
+        return refused(self)
 
     def warnings(self) -> tuple[str, ...]:
         if "interference_probability" in self.settings.limits:

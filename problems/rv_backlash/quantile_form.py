@@ -26,6 +26,7 @@ from ...units import ARCMIN
 from ..forms import Feature, Form, Piece, Quantile, Way
 from ..limits import Limit
 from .pieces import Member, Part, Sum, coarse, sum_of
+from .refused import allows_any
 from .shift import SHIFT, Shift, columns_of
 
 if TYPE_CHECKING:
@@ -254,7 +255,8 @@ def _relaxed(problem: RvBacklash, shift: Shift, rows: list[Row]) -> tuple[str, .
     return tuple(
         limit.name
         for limit in problem.limits
-        if (limit.name not in known or _other_side(limit))
+        if not allows_any(limit)
+        and (limit.name not in known or _other_side(limit))
         and not (
             limit.name in profile
             and all(np.all(v <= 1e-9) for v in limit.violations(profile[limit.name]))

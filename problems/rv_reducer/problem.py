@@ -80,7 +80,8 @@ class RvReducer(PromisingUnits, Machined):
     sampled = True
     performance = SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"}
     default_algorithm = "exact"
-    drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed"))
+    drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed",
+                             "_promised_units"))  # fmt: skip
     reference_ga: ClassVar[Mapping[str, float]] = {
         "population": 100, "generations": 80, "crossover": 0.9, "crossover_eta": 5.0,
         "mutation": 0.1, "mutation_eta": 10.0,

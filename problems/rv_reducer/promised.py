@@ -18,7 +18,7 @@ from ...models.rv_reducer.population.gradient import Slopes
 from ...models.rv_reducer.population.turn import Population
 from ...models.rv_reducer.population.unit_basis import stem
 from ..judged import Shortfall
-from ..promise import ASSURED, PLUG_IN, PROMISED, YIELD
+from ..promise import PLUG_IN, PROMISED, YIELD
 from .evaluation import Evaluation, Populations
 
 if TYPE_CHECKING:
@@ -95,12 +95,7 @@ def add_gradient(
         return
     rows, means = [], {one: np.zeros(len(designs)) for one in problem.made}
     for at, design in enumerate(designs):
-        if promise.statement == ASSURED:
-            state = problem.worst(design, True).at(1.0)
-            own = evaluation_at(problem, design, *state, True)
-        else:
-            state = np.ones(len(problem.known)), np.zeros(len(problem.known))
-            own = problem.expected(design, True)
+        state, own = problem.promised_units(design)
         slopes = own.gradient(YIELD)
         by_means = own.slopes_of_means(YIELD) if np.any(problem.shifting) or problem.made else {}
         row, _ = problem.as_built(design)

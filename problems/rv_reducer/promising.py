@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections import OrderedDict
 from dataclasses import replace
 from functools import cached_property
 
@@ -11,12 +12,14 @@ from numpy.typing import NDArray
 
 from ..judged import Judged, Shortfall
 from ..machined import Made
-from ..promise import PLUG_IN, PROMISED
+from ..promise import ASSURED, PLUG_IN, PROMISED, YIELD
 from . import promised
 from .evaluation import Evaluation, Populations
 from .units import UnitModel
 
 Array = NDArray[np.float64]
+KEPT = 4
+"""Promised units kept, so that a derivative costs no second evaluation."""
 
 
 class PromisingUnits(Judged):
@@ -73,11 +76,41 @@ class PromisingUnits(Judged):
 
     def yield_at(self, design: Array, scale: Array, shift: Array, searching: bool) -> float:
         found = promised.evaluation_at(self, design, scale, shift, searching)
-        return found.value("yield_percent")
+        return found.value(YIELD)
 
     def expected(self, design: Array, searching: bool) -> Evaluation:
         """Units of a full design (all,), each by processes of its own from the posterior."""
         return Evaluation(self.model, self._mixed[searching], *self.as_built(design))
 
     def expected_yields(self, designs: Array, searching: bool) -> Array:
-        return np.array([self.expected(one, searching).value("yield_percent") for one in designs])
+        if searching:
+            return np.array([self.promised_units(one)[1].value(YIELD) for one in designs])
+        return np.array([self.expected(one, False).value(YIELD) for one in designs])
+
+    def unfavourable_yield(self, design: Array) -> float:
+        return self.promised_units(design)[1].value(YIELD)
+
+    def promised_units(self, design: Array) -> tuple[tuple[Array, Array], Evaluation]:
+        """State (k,), (k,) of the processes at which a search promises the yield of a full design
+        (all,), and its units there: the worst, or units that draw their own.
+        """
+        key = design.tobytes()
+        if key not in self._promised_units:
+            self._promised_units[key] = self._promised_anew(design)
+            while len(self._promised_units) > KEPT:
+                self._promised_units.popitem(last=False)
+        return self._promised_units[key]
+
+    @cached_property
+    def _promised_units(self) -> OrderedDict[bytes, tuple[tuple[Array, Array], Evaluation]]:
+        """The last of them, by design."""
+        return OrderedDict()
+
+    def _promised_anew(self, design: Array) -> tuple[tuple[Array, Array], Evaluation]:
+        promise = self.settings.promise
+        assert promise is not None
+        if promise.statement != ASSURED:
+            state = np.ones(len(self.known)), np.zeros(len(self.known))
+            return state, self.expected(design, True)
+        state = self.worst(design, True).at(1.0)
+        return state, promised.evaluation_at(self, design, *state, True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,16 +11,31 @@ from ...counts import Need, too_many
 from ...errors import Fault
 from ...models.stack import half_width
 from ...section import Section
+from ..promise import PROMISED, YIELD
 from .convex import possible, range_of
 from .definition import Requirement
 from .joint import VARIATIONS, common_unit
+from .measured import Measured
 from .outputs import OBJECTIVES
+from .promises import promise_faults
 
 if TYPE_CHECKING:
     from .problem import Stack
 
+HALF = 50.0
+"""Percent that no yield reaches where the mean is outside of the limits."""
 DEVIATIONS = Need("deviation", bytes=16.0)
 """Of every piece of every unit of the sample: a point, and the deviation."""
+
+
+def faults_of(stack: Stack, inherited: Callable[[], list[Fault]]) -> list[Fault]:
+    """Everything that is wrong; those that any problem may have are not looked for in a sample that
+    is too large.
+    """
+    found = promise_faults(stack.definition, stack.given.limits)
+    found += size_faults(stack) or inherited()
+    found += [*yield_faults(stack), *range_faults(stack)]
+    return found or domain_faults(stack)
 
 
 def unit_faults(
@@ -63,6 +78,27 @@ def yield_faults(stack: Stack) -> list[Fault]:
         text = "needs lower or upper of a [[requirement]]: without them there is none"
         found.append(Fault("limits.yield_percent", text))
     return found
+
+
+def with_nominal(stack: Stack, unreachable: Sequence[Fault]) -> list[Fault]:
+    """Limits that no design reaches; of those that the nominal values break already, these."""
+    asked = {limit.name: limit.low for limit in stack.limits}
+    covered, found = set(), []
+    for one in stack.measured:
+        for name in (one.name(YIELD), one.name(PROMISED)):
+            if asked.get(name, 0.0) > HALF and one.off_limits:
+                covered.add(f"limits.{name}")
+                found.append(Fault(one.requirement.place, _off_limits(one, asked[name])))
+    return [*found, *(one for one in unreachable if one.place not in covered)]
+
+
+def _off_limits(one: Measured, share: float) -> str:
+    mechanism, unit = one.mechanism, one.requirement.unit
+    above = mechanism.centre > mechanism.upper
+    limit = f"above upper = {mechanism.upper:g}" if above else f"below lower = {mechanism.lower:g}"
+    return (f"is {mechanism.centre:g} {unit} at the nominal values, {limit}: whatever the "
+            f"tolerances, fewer than half of the units conform, and {share:g} % are asked for; "
+            "move the nominal values or the limits")  # fmt: skip
 
 
 def domain_faults(stack: Stack) -> list[Fault]:

@@ -151,13 +151,41 @@ class Measured:
         worst = float(self.linear.worst_case(low)[0]), float(self.linear.worst_case(high)[0])
         rss = self._rss_interval(spread_of(low)[0], spread_of(high)[0])
         shift = self._shift(low), self._shift(high)
-        found = {"worst_case": worst, "rss": rss, "yield_percent": (0.0, 100.0),
+        found = {"worst_case": worst, "rss": rss, "yield_percent": (0.0, self._most_yield(low)),
                  "shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}  # fmt: skip
         method = self.requirement.method
         if method in found:
             found["variation"] = found[method]
         del found["shifted_rss"]
         return {self.name(name): ends for name, ends in found.items()}
+
+    @property
+    def off_limits(self) -> bool:
+        """Whether the mean lies outside of the limits, and no tolerance moves it: fewer than half
+        of the units conform, as deviations are even.
+        """
+        lower, upper = self.mechanism.lower, self.mechanism.upper
+        return self._still and not lower <= self.mechanism.centre <= upper
+
+    @property
+    def _still(self) -> bool:
+        """Whether deviations are even and unimodal about a mean that no tolerance moves."""
+        made = any(part.by_machine or part.alternatives for part in self.parts)
+        return (not made and isinstance(self.law, Law) and not np.any(self.law.mean)
+                and not np.any(self.linear.covariance < 0.0))  # fmt: skip
+
+    def _most_yield(self, tightest: Tolerances) -> float:
+        """The largest yield [percent]: that of the tightest parts, where the mean stays within the
+        limits. Every wider deviation takes from it (Birnbaum 1948, on random variables with
+        comparable peakedness, Annals of Mathematical Statistics 19(1), 76-81).
+        """
+        if not (self.mechanism.bounded and self._still):
+            return 100.0
+        if self.off_limits:
+            return 50.0
+        assert isinstance(self.law, Law)
+        found, error = self.law.yield_percent(tightest)
+        return min(100.0, float(found[0] + error[0]))
 
     def _shift(self, t: Tolerances) -> float:
         """Mean shifts in the worst direction of one design (1, parts)."""

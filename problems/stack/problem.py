@@ -29,20 +29,13 @@ from .convex import form_of, limits_by_spread
 from .costs import PartCosts
 from .definition import Definition, Part
 from .drawn import drawn, labels_of
-from .faults import (
-    domain_faults,
-    named_outputs,
-    range_faults,
-    size_faults,
-    unit_faults,
-    yield_faults,
-)
+from .faults import faults_of, named_outputs, unit_faults, with_nominal
 from .joint import joint_intervals, joint_slopes, joint_variations
 from .made import as_made, ends_as_made
 from .measured import Measured, measured
 from .outputs import OBJECTIVES, outputs_of, variables_of
 from .processes import corner_of, out_of_process, samples_of
-from .promises import Promises, promise_faults, promise_limits
+from .promises import Promises, promise_limits
 from .reading import read_definition
 from .remarks import domain_remarks, warnings_of
 from .rows import shortfall
@@ -334,7 +327,8 @@ class Stack(ToleranceProblem):
                 most, least = (float(end[one.name("domain_margin")][0]) for end in ends)
                 found[one.name("domain_margin")] = least, most
         found |= self.promises.intervals(self.ends_as_made[0]) if self.promises is not None else {}
-        return found | joint_intervals(self.measured, found) | {"yield_percent": (0.0, 100.0)}
+        most = min(found[one.name("yield_percent")][1] for one in self.measured)
+        return found | joint_intervals(self.measured, found) | {"yield_percent": (0.0, most)}
 
     @cached_property
     def ends_of_t(self) -> tuple[Array, Array]:
@@ -375,10 +369,10 @@ class Stack(ToleranceProblem):
     # ---------------------------------------------------------------- faults and warnings
 
     def faults(self) -> list[Fault]:
-        found = promise_faults(self.definition, self.given.limits)
-        found += size_faults(self) or super().faults()
-        found += [*yield_faults(self), *range_faults(self)]
-        return found or domain_faults(self)
+        return faults_of(self, super().faults)
+
+    def out_of_reach(self) -> list[Fault]:
+        return with_nominal(self, super().out_of_reach())
 
     def assumptions(self) -> tuple[Assumption, ...]:
         return assumptions_of(self.definition)

@@ -118,7 +118,7 @@ class Promises:
         for one in self.each if self.promise.statement != PLUG_IN else ():
             still = not np.any(one.measured.linear.mean)
             proven = self.promise.statement == ASSURED and still and len(one.norms) == 1
-            most = float(one.promised(tightest)[0]) if proven else 100.0
+            most = max(0.0, float(one.promised(tightest)[0])) if proven else 100.0
             found[one.measured.name(PROMISED)] = 0.0, most
         return found | {one.measured.name(ASSURANCE): (0.0, 100.0) for one in self.each}
 

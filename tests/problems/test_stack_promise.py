@@ -254,3 +254,28 @@ def test_one_limit_alone_takes_the_error_of_the_mean_in_full(tmp_path: Path) -> 
     values = problem.frame(t + step * np.vstack([np.eye(4), -np.eye(4)]))["promised_yield_percent"]
     by_steps = (values.to_numpy()[:4] - values.to_numpy()[4:]) / (2.0 * step)
     np.testing.assert_allclose(slopes, by_steps, atol=1e-5 * np.abs(by_steps).max())
+
+
+@pytest.mark.parametrize("statement", ["plug_in", "predictive", "assured"])
+def test_nominal_values_outside_of_the_limits_are_a_fault(statement: str, tmp_path: Path) -> None:
+    wrong = text().replace("nominal = 0.0", "nominal = 45.0").replace('"assured"', f'"{statement}"')
+    with pytest.raises(InputError) as caught:
+        built(tmp_path, wrong)
+    assert [str(fault) for fault in caught.value.faults] == [
+        "requirement: is 45 um at the nominal values, above upper = 40: whatever the tolerances, "
+        "fewer than half of the units conform, and 99.73 % are asked for; move the nominal values "
+        "or the limits"
+    ]  # fmt: skip
+
+
+def test_no_yield_exceeds_that_of_the_tightest_parts(tmp_path: Path) -> None:
+    """Off-centre between two limits, 200 designs; the least widths are the first."""
+    near = text().replace("nominal = 0.0", "nominal = 25.0").replace('"assured"', '"plug_in"')
+    with pytest.raises(InputError, match=r"yield_percent: at least 99\.73 percent cannot be met"):
+        built(tmp_path, near.replace("t_min = 0.5", "t_min = 14.0"))
+    problem = built(tmp_path, near)
+    x = np.random.default_rng(2).uniform(problem.xl, problem.xu, (200, problem.n_var))
+    found = problem.outputs_of(problem.complete(x))["yield_percent"]
+    tightest = problem.outputs_of(problem.complete(problem.xl[None, :]))["yield_percent"][0]
+    assert problem.interval("yield_percent")[1] == pytest.approx(tightest, abs=1e-6)
+    assert np.all(found <= tightest + 1e-6)

@@ -180,6 +180,8 @@ minimise = ["cost"]
 [promise]
 yield_percent = 99.73
 statement = "assured"
+[limits]
+interference_probability = 1e-6
 [variables.pin_radius_um.measured]
 values = {values}
 made_to = 4.0
@@ -200,12 +202,16 @@ def test_a_run_of_another_problem_is_reviewed(tmp_path: Path) -> None:
     names = ["pin_radius_um", "pin_position_um"]
     pd.DataFrame({"point": 0, "variable": names, "rounded": [5.0, 4.0]}).to_csv(
         run / "allocation.csv", index=False)  # fmt: skip
-    parts = pd.DataFrame({"pin_radius": rng.normal(0.0, 3.0, 40), "note": 1.0}).round(4)
+    parts = pd.DataFrame({"pin_radius": rng.normal(0.0, 3.0, 40), "note": 1.0,
+                          "pitch": rng.normal(0.0, 9.0, 40)}).round(4)  # fmt: skip
     parts.to_csv(tmp_path / "now.csv", index=False)
     parts.iloc[:, :1].multiply(0.4).to_csv(tmp_path / "first.csv", index=False)
     told = reviewed(str(run), str(tmp_path / "now.csv"), "--since", str(tmp_path / "first.csv"))
     assert "promised: at least 99.73 % of the units conform, with 95 % confidence" in told
     assert "pin_radius_um scatters 2.5 times as much as the earlier parts" in told
+    assert "pitch_um scatters" not in told  # nothing is known of earlier ones
+    assert "drawing breaks a limit: interference_probability is " in told
+    assert " instead of at most 1e-06" in told
     row = next(
         line.split() for line in told.splitlines() if line.split()[:2] == ["pin_radius_um", "um"]
     )

@@ -68,13 +68,17 @@ def _least(
     problem: ToleranceProblem, design: Array, promise: Promise, levels: Mapping[str, float]
 ) -> Least:
     """The least cost by a statement; of one objective and the run's own statement that of the run,
-    where it is judged by units.
+    where it is judged by units, or where nothing cheaper is found.
     """
     own = problem.promise
     assert own is not None
-    if problem.sampled and not levels and own.statement == promise.statement:
-        return Least(float(problem.cost_of(design[None, :])[0]), design)
-    return cheapest(problem, design)
+    if levels or own.statement != promise.statement:
+        return cheapest(problem, design)
+    of_run = Least(float(problem.cost_of(design[None, :])[0]), design)
+    if problem.sampled:
+        return of_run
+    found = cheapest(problem, design)
+    return found if found.cost <= of_run.cost else of_run
 
 
 def _of_stack(problem: Stack, design: Array) -> dict[str, Any]:

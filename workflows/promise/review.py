@@ -17,6 +17,7 @@ from ...problems.stack import Stack
 from ...problems.tolerance_problem import ToleranceProblem
 from .anew import cheapest_at
 from .least import Least, cheapest
+from .limits import promised_limits
 
 Array = NDArray[np.float64]
 CHANGED = 0.01
@@ -41,14 +42,20 @@ def review(
     made: Sequence[str],
     since: ToleranceProblem | None = None,
     attributed: str = "",
+    earlier: Sequence[str] = (),
 ) -> Review:
-    """The review of a run's design by parts made to it; the problems as `Reopened` has them."""
+    """The review of a run's design by parts made to it; the problems as `Reopened` has them.
+
+    `made` and `earlier` name the parts that the files now, and those before, hold values of.
+    """
     promise = before.promise
     assert promise is not None
     full = _full(before, design)
     told = [f"promised: {promise.words()}"]
-    told.append(f"when it was promised: {_worth(before, full)}")
+    told.append(f"when it was promised, at the drawing's values: {_worth(before, full)}")
     told.append(f"by the parts now: {_worth(now, _full(now, design))}")
+    told += [f"by the parts now the drawing breaks a limit: {one}"
+             for one in _broken(now, _full(now, design))]  # fmt: skip
     anew = Least.none(before)
     if reset is not None:
         anew = cheapest(cheapest_at(reset, {}), _full(reset, design))
@@ -70,7 +77,7 @@ def review(
         sample = latest[name].sample
         told += [f"{name} {one.text}" for one in (sample.found if sample is not None else ())]
     if since is not None:
-        told += _since(since, now, made, design)
+        told += _since(since, now, earlier, design)
     if attributed:
         told.append(f"the units' own measurement: {attributed}")
     return Review(tuple(told), pd.DataFrame(rows))
@@ -94,6 +101,20 @@ def _worth(problem: ToleranceProblem, design: Array) -> str:
             for name in (promise.of, ASSURANCE)}  # fmt: skip
     return (f"{each[promise.of]:.4g} % conform by the estimates, the promise is kept with a "
             f"probability of {each[ASSURANCE]:.1f} %")  # fmt: skip
+
+
+def _broken(problem: ToleranceProblem, design: Array) -> list[str]:
+    """The limits beside the promise that a full design (all,) breaks, each with its value."""
+    found, of_promise = problem.outputs_of(design[None, :]), promised_limits(problem)
+    told = []
+    for limit in problem.limits:
+        value = float(problem.values(design[None, :], found, limit.name)[0])
+        kept = np.isnan(value) or limit.low <= value <= limit.high
+        if limit.name in of_promise or kept:
+            continue
+        end = f"most {limit.high:g}" if value > limit.high else f"least {limit.low:g}"
+        told.append(f"{limit.name} is {value:.4g} instead of at {end} {limit.unit}".rstrip())
+    return told
 
 
 @dataclass(frozen=True, slots=True)
