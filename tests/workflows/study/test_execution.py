@@ -34,7 +34,7 @@ from tolevo.workflows.evaluate import GRAIN
 from tolevo.workflows.execution import InProcess, Lost, Processes, dask_cluster
 from tolevo.workflows.execution.executor import Result, TaskT
 from tolevo.workflows.study import StudyPlan, StudyProgress, executor_of, study
-from tolevo.workflows.study.storage import DATABASE
+from tolevo.workflows.study.storage.names import DATABASE
 from tolevo.workflows.study.trial import Chunk
 
 pytestmark = pytest.mark.long

@@ -22,9 +22,9 @@ from tolevo.directory import KINDS, MANIFEST, owned, standing
 from tolevo.directory.names import present
 from tolevo.errors import InputError
 from tolevo.workflows.execution import InProcess
+from tolevo.workflows.store.tables import FORMAT
 from tolevo.workflows.study import StudyOutcome, study
-from tolevo.workflows.study.storage import DATABASE
-from tolevo.workflows.study.storage.database import FORMAT
+from tolevo.workflows.study.storage.names import DATABASE
 
 RUN = """
 problem = "pose_accuracy"
@@ -220,10 +220,10 @@ def test_nothing_whole_is_said_and_kept(config: Path, out: Path) -> None:
 
 
 def test_a_full_disk_in_mid_study(config: Path, finished: Path, tmp_path: Path) -> None:
-    """No file may grow beyond 60 kB: what had ended is kept, and --resume goes on."""
+    """No file may grow beyond 90 kB: what had ended is kept, and --resume goes on."""
 
     def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (90_000, 90_000))
 
     words = [sys.executable, "-m", "tolevo", "study", str(config), "--out", str(tmp_path / "o"),
              "--quiet", "--workers", "1"]  # fmt: skip
