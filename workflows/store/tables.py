@@ -19,6 +19,8 @@ from ..study.records import RESPONSES
 
 FORMAT = 3
 """Version of the tables; a newer one is refused, an older one is brought up to it."""
+STUDY, TABLE = "configuration", "about"
+"""Keys of `meta` that say what a store belongs to: a study, or a computed table."""
 METADATA = MetaData()
 WHOLE = BigInteger().with_variant(Integer(), "sqlite")
 NUMBER = REAL().with_variant(DOUBLE_PRECISION(), "postgresql")

@@ -67,17 +67,6 @@ def without_figures() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="session")
-def postgres() -> Iterator[Server]:
-    with server() as found:
-        yield found
-
-
-@pytest.fixture
-def schema(tmp_path: Path) -> str:
-    return re.sub(r"\W", "_", f"s_{tmp_path.parent.name}_{tmp_path.name}".lower())[-60:].strip("_")
-
-
 @pytest.fixture
 def address(postgres: Server, schema: str) -> str:
     return postgres.store(schema)

@@ -12,12 +12,13 @@ from ....section import flat
 from ...store.backend import DAMAGE, Backend, Foreign, Newer, reason
 from ...store.faults import not_ours
 from ...store.sqlite_file import SqliteFile
+from ...store.tables import STUDY, TABLE
 from ..plan import StudyPlan
 from .database import Database
 from .names import CONFIGURATION
 from .rows import Row, whole
 
-IDENTITY, POINTS, SEAL = "configuration", "points", "sha256"
+IDENTITY, POINTS, SEAL = STUDY, "points", "sha256"
 """What a database says of its study: the resolved configuration, a hash of the design, and the
 digest of both.
 """
@@ -96,6 +97,8 @@ def identity_faults(database: Database, plan: StudyPlan) -> list[Fault]:
     nothing that can be read.
     """
     new, old, backend = plan.settings.configuration, database.meta(IDENTITY), database.backend
+    if database.meta(TABLE):
+        raise refuse(backend.where, f"holds a computed table; {backend.other}")
     if not _seal_fits(database):
         text = f"cannot be read: what it says of its study is damaged; {backend.anew}"
         raise refuse(backend.where, text)

@@ -84,18 +84,16 @@ def other_study(plan: StudyPlan, address: str, place: str) -> list[Fault]:
     """A fault for each key in which the study of a store is another one; nothing is written."""
     from ...store.backend import DAMAGE, reason
     from .database import Database
-    from .opening import IDENTITY, identity_faults
+    from .opening import identity_faults
 
     backend = Site(Path(), address).backend()
     try:
         with Database(backend, len(plan.points), (), reading=True) as database:
-            if not database.format or not database.meta(IDENTITY):
-                return []
-            found = identity_faults(database, plan)
+            found = identity_faults(database, plan) if database.format else []
     except DAMAGE as error:
         return [Fault(place, f"{backend.where} cannot be read: {reason(error)}")]
     except InputError as error:
-        return list(error.faults)
+        return [Fault(place, str(one)) for one in error.faults]
     head = f"{backend.where} belongs to another configuration"
     return [Fault(place, f"{head}: {one.place} {one.message}") for one in found]
 
