@@ -93,8 +93,9 @@ def test_a_store_of_something_else_is_refused(
     assert "belongs to another configuration; name another schema" in str(caught.value)
     assert "belongs to another quality" in str(caught.value)
     assert not (tmp_path / "b.csv").exists()
-    study = {"seeds": 2, "run": {"problem": "pose_accuracy", "algorithm": {"name": "nsga2"}},
-             "design": {"kind": "factorial"}, "vary": {"algorithm.population": [8, 10]}}  # fmt: skip
+    run = {"problem": "pose_accuracy", "algorithm": {"name": "nsga2"}}
+    study = {"seeds": 2, "run": run, "design": {"kind": "factorial"},
+             "vary": {"algorithm.population": [8, 10]}}  # fmt: skip
     with pytest.raises(InputError, match="holds a computed table; name another schema"):
         tolevo.study(study, tmp_path / "s", store=store)
     assert not (tmp_path / "s").exists()
