@@ -57,6 +57,8 @@ kind = "factorial"
 """
 LONG = ("seeds=40", "run.algorithm.generations=60")
 """A study of some ten seconds of CPU, so that much can be killed in it."""
+KILLS = int(os.environ.get("TOLEVO_TRIALS", "10"))
+"""How often a machine is killed, after two of its workers."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -290,7 +292,7 @@ def begun(plan: StudyPlan, out: Path, address: str, resume: bool = False) -> Any
     return process
 
 
-def wait_until(condition: Callable[[], bool], seconds: float = 120.0) -> None:
+def wait_until(condition: Callable[[], bool], seconds: float = 600.0) -> None:
     until = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < until, "took too long"
@@ -380,7 +382,7 @@ def test_machines_are_killed_at_ten_moments_and_their_workers_at_twenty(
     kept = begun(long, tmp_path / "kept", address)
     wait_until(lambda: counted(postgres, schema) > 0)
     struck = 0
-    for _ in range(10):
+    for _ in range(KILLS):
         other = begun(long, tmp_path / "other", address, resume=True)
         for _ in range(2):
             wait_until(lambda other=other: bool(workers(other.pid)) or not other.is_alive())  # type: ignore[misc]
@@ -393,7 +395,7 @@ def test_machines_are_killed_at_ten_moments_and_their_workers_at_twenty(
         other.join()
     kept.join()
     assert kept.exitcode == 0
-    print(f"{struck} workers and 10 machines were killed")
+    print(f"{struck} workers and {KILLS} machines were killed")
     assert (tmp_path / "kept" / "study.csv").read_bytes() == long_table
     sound(postgres, schema, long)
     study(long, tmp_path / "other", InProcess(), resume=True, store=address)
