@@ -32,8 +32,8 @@ from pymoo.optimize import minimize
 from tolevo.configuration.study import read_study
 from tolevo.workflows.execution import InProcess
 from tolevo.workflows.study import Executor, StudyPlan, executor_of
-from tolevo.workflows.study.storage import Database
-from tolevo.workflows.study.storage.database import DATABASE
+from tolevo.workflows.study.storage.database import Database
+from tolevo.workflows.study.storage.site import Site
 from tolevo.workflows.study.work import Work
 from tolevo.workflows.study.yardstick import yardstick
 
@@ -88,7 +88,7 @@ def against_pymoo(folder: Path) -> None:
 def round_of(plan: StudyPlan, folder: Path) -> float:
     """CPU time of all runs of a plan, without that of the exact front, which is found once."""
     folder.mkdir()
-    with Database(folder / DATABASE, len(plan.points), plan.settings.responses) as database:
+    with Database(Site(folder).backend(), len(plan.points), plan.settings.responses) as database:
         for number, problem in enumerate(plan.problems):
             database.keep_yardstick(number, yardstick(problem))
         work = Work(plan, database, InProcess(), None)
@@ -123,13 +123,13 @@ def measured(
     """Runs of a study, their CPU time, that of everything, and the wall time."""
     plan = planned(out.parent, f"seeds={seeds}", LONG)
     out.mkdir()
-    with Database(out / DATABASE, len(plan.points), plan.settings.responses) as database:
+    with Database(Site(out).backend(), len(plan.points), plan.settings.responses) as database:
         start, clock = cpu(), time.monotonic()
         with make() as executor:
             work = Work(plan, database, executor, None)
             work.finish()
         total, seconds = cpu() - start, time.monotonic() - clock
-        runs = list(database.runs(plan.total))
+        runs = database.runs(plan.total)
     return len(runs), sum(run.cpu_s for run in runs), total, seconds
 
 

@@ -160,6 +160,7 @@ def study(
     settings: Sequence[str] = (),
     workers: int | None = None,
     dask: str = "",
+    store: str = "",
     progress: Callable[[StudyProgress], None] | None = None,
     tell: Tell | None = None,
     resume: bool = False,
@@ -168,19 +169,25 @@ def study(
     """Many optimisations over settings and seeds, and what the settings do.
 
     They run in `workers` processes (one where none are named), or on the Dask scheduler at `dask`.
-    Raises ConfigurationError with every fault.
+    With the address of a `store` that machines share, several of them may be at work, each with an
+    `out` of its own. Raises ConfigurationError with every fault.
     """
     from .configuration.study import read_study
+    from .registry import needed
     from .workflows.execution import executor_of
     from .workflows.study import study as studying
+    from .workflows.study.storage.site import other_study
 
-    faults = start_faults_of(out, workers, resume, overwrite, shared=True)
-    where = executing(source, settings, workers, dask, faults)
+    faults = start_faults_of(out, workers, resume, overwrite, shared=True) + needed("study")
+    where = executing(source, settings, workers, dask, faults, store=store)
     plan = collected(lambda: read_study(raw(source), settings), faults)
+    if where.store and not any(one.place == where.store_place for one in faults):
+        faults += other_study(plan, where.store, where.store_place)
     raise_all(faults)
     told(tell, "warning", plan.warnings)
     folder, kept = folder_for(out)
-    done = studying(plan, folder, executor_of(where), progress, resume, overwrite or out is None)
+    replace = overwrite or out is None
+    done = studying(plan, folder, executor_of(where), progress, resume, replace, where.store)
     return Study(done.status, done.lines, done.data, folder, kept)
 
 

@@ -16,7 +16,7 @@ from .counts import forced
 from .ending import INTERRUPTED, exit_status
 from .errors import raise_all
 from .files import write_text
-from .options import Asked, Blocks, Dialect, Into, grouped
+from .options import Asked, Blocks, Dialect, Into, Shared, grouped
 from .results import Finished
 
 GARBAGE = 200_000
@@ -119,6 +119,7 @@ def study(
     config: Config,
     *,
     into: Into,
+    shared: Shared,
     asked: Asked,
 ) -> Finished:
     """Run many optimisations over settings and seeds, and say what the settings do."""
@@ -126,7 +127,8 @@ def study(
     from .progress import shown_study
 
     with shown_study(asked.quiet) as progress:
-        return study(config, **into.arguments(), **asked.arguments(), progress=progress)
+        given = into.arguments() | asked.arguments() | asdict(shared)
+        return study(config, **given, progress=progress)
 
 
 @command("reproduce")

@@ -35,6 +35,16 @@ class Asked:
             typer.echo(line, err=True)
 
 
+Kept = Annotated[str, typer.Option(help="A database that machines share (postgresql://...).")]
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Options of commands whose runs several machines may do."""
+
+    store: Kept = ""
+
+
 @dataclass(frozen=True)
 class Into:
     """Options of commands that write a directory."""
@@ -76,6 +86,7 @@ class Blocks:
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace blocks of an earlier command.")
     ] = False
+    store: Kept = ""
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,7 @@ def evaluate(
     quality: str = "reported",
     workers: int | None = None,
     dask: str = "",
+    store: str = "",
     block_rows: int | None = None,
     partitioned: bool = False,
     resume: bool = False,
@@ -56,7 +57,8 @@ def evaluate(
     and named in `.attrs["notes"]`. With `quality` "search" outputs are as coarse as a search sees
     them, and empty where it does not look. Blocks of `block_rows` rows run in `workers` processes
     or on the Dask scheduler at `dask`; no byte depends on it. `out` is a file, or a directory with
-    a Parquet file per block (`partitioned`); `resume` computes what is missing of it. Without
+    a Parquet file per block (`partitioned`); `resume` computes what is missing of it. Machines
+    that name the same `store` share the blocks, each with an `out` of its own. Without
     `frame` an empty frame is returned, for results too large to be held. Raises ConfigurationError
     with every fault.
     """
@@ -66,7 +68,7 @@ def evaluate(
     if quality not in QUALITIES:
         text = f'must be one of {", ".join(QUALITIES)}, got "{quality}"'
         faults.append(Fault("--quality", text))
-    where = executing(source, settings, workers, dask, faults, block_rows)
+    where = executing(source, settings, workers, dask, faults, block_rows, store)
     configuration = collected(lambda: _read(source, settings), faults)
     problem, notes = configuration.problem, list[str]()
     if problem is None:
@@ -91,6 +93,7 @@ def simulate(
     settings: Sequence[str] = (),
     workers: int | None = None,
     dask: str = "",
+    store: str = "",
     block_rows: int | None = None,
     partitioned: bool = False,
     resume: bool = False,
@@ -112,7 +115,7 @@ def simulate(
     from .workflows.streamed import streamed
 
     faults = table_faults_of(out, inputs, partitioned, resume, overwrite)
-    where = executing(source, settings, workers, dask, faults, block_rows)
+    where = executing(source, settings, workers, dask, faults, block_rows, store)
     configuration = collected(lambda: _read(source, settings), faults)
     raise_all(faults)
     given = configuration.settings
@@ -163,6 +166,9 @@ def _computed(
     if not where.dask:
         blocks = computing.about(where.block_rows).total
         where = replace(where, workers=min(where.workers or 1, blocks))
-    found = computed(computing, executor_of(where), target, where.block_rows, progress, frame)
-    found.attrs[NOTES] = tuple(notes)
-    return found
+    shared = (where.store, where.store_place) if where.store else None
+    done = computed(
+        computing, executor_of(where), target, where.block_rows, progress, frame, shared
+    )
+    done.attrs[NOTES] = tuple(notes)
+    return done

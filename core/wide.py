@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from .configuration import Configuration
@@ -20,13 +21,17 @@ def executing(
     dask: str,
     faults: list[Fault],
     block_rows: int | None = None,
+    store: str | None = None,
 ) -> Execution:
-    """Where to compute; what is wrong with that is added to `faults`."""
+    """Where to compute; what is wrong with that is added to `faults`.
+
+    A command that can keep what has ended in a shared `store` says so, "" where none is asked for.
+    """
     from .configuration.execution import read_execution
     from .workflows.execution import Execution
 
-    given = Execution(workers, dask, block_rows)
+    given = Execution(workers, dask, block_rows, store=store or "")
     tables = {} if isinstance(source, Configuration) else raw(source)
-    found, wrong = read_execution(tables, settings, given)
+    found, wrong = read_execution(tables, settings, given, store is not None)
     faults += wrong
-    return found
+    return found if store is not None else replace(found, store="")

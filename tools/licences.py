@@ -15,10 +15,14 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "licences.md"
-EXTRAS = ("fast", "gap", "report", "study")
+EXTRAS = ("fast", "gap", "postgres", "report", "study")
 BY_HAND = {"graphemeu": "MIT"}
 """Licences of packages whose metadata do not say: read in their files."""
-KNOWN = {"moocore": "LGPL-2.1-or-later"}
+KNOWN = {
+    "moocore": "LGPL-2.1-or-later",
+    "psycopg": "LGPL-3.0-only",
+    "psycopg-binary": "LGPL-3.0-only",
+}
 """Licences that ask for more than to be named; what follows from them stands on the page."""
 PERMISSIVE = re.compile(
     r"MIT|BSD|Apache|ISC|PSF|Python Software Foundation|Unlicense|Zlib|HPND|0BSD|PIL|MPL-2|CC0"
@@ -26,11 +30,12 @@ PERMISSIVE = re.compile(
 HEAD = """# Licences
 
 tolevo is MIT. At run time it uses the packages below (with the extras {extras});
-none of them is part of its wheel. All are permissive but one: **moocore is under the LGPL,
-version 2.1 or later**. Its hypervolumes and its sorting of fronts are called at run time, from a
-library that may be replaced. Who passes tolevo on together with moocore, in a container or a
-frozen application, passes on moocore's licence, its source or an offer of it, and a way to
-replace it.
+none of them is part of its wheel. All are permissive but two: **moocore is under the LGPL,
+version 2.1 or later, and psycopg (the extra `postgres` alone) under the LGPL, version 3**. They
+are called at run time, as libraries that may be replaced: moocore for hypervolumes and sorting of
+fronts, psycopg for a store in PostgreSQL. Who passes tolevo on together with them, in a container
+or a frozen application, passes on their licences, their sources or an offer of them, and a way to
+replace them. psycopg-binary contains libpq (PostgreSQL licence) and OpenSSL (Apache-2.0).
 
 `python tools/licences.py` writes this page from the installed packages; `make lint` fails where
 one of them is missing here or comes under a licence that nobody has looked at.
@@ -53,30 +58,32 @@ def licence_of(found: Distribution) -> str:
     return ", ".join(marks) or text[:60] or "not stated"
 
 
-def needed(name: str, extras: tuple[str, ...] = ()) -> Iterator[str]:
-    """Requirements of an installed distribution that apply here."""
+def needed(name: str, extras: tuple[str, ...] = ()) -> Iterator[Requirement]:
+    """Requirements of an installed distribution that apply here, with these extras."""
     for text in distribution(name).requires or ():
         one = Requirement(text)
         given = ({"extra": extra} for extra in ("", *extras))
         if one.marker is None or any(one.marker.evaluate(dict(each)) for each in given):
-            yield one.name
+            yield one
 
 
 def closure() -> dict[str, str]:
     """Names of the packages, each with the one that asked for it first."""
     found: dict[str, str] = {}
-    open_ = [(name, "tolevo") for name in needed("tolevo", EXTRAS)]
+    open_ = [(one, "tolevo") for one in needed("tolevo", EXTRAS)]
+    seen = set[tuple[str, tuple[str, ...]]]()
     while open_:
-        name, parent = open_.pop(0)
-        key = re.sub(r"[-_.]+", "-", name).lower()
-        if key in found:
+        one, parent = open_.pop(0)
+        key, extras = re.sub(r"[-_.]+", "-", one.name).lower(), tuple(sorted(one.extras))
+        if (key, extras) in seen:
             continue
+        seen.add((key, extras))
         try:
-            inner = list(needed(key))
+            inner = list(needed(key, extras))
         except PackageNotFoundError:
             continue  # for another system
-        found[key] = parent
-        open_ += [(one, key) for one in inner]
+        found.setdefault(key, parent)
+        open_ += [(each, key) for each in inner]
     return found
 
 

@@ -14,6 +14,7 @@ from ..counts import BLOCK_ROWS
 from ..errors import Fault
 from ..section import Range, Section
 from ..workflows.execution import Execution, unreachable
+from ..workflows.store.faults import store_faults
 from .source import EXECUTION, Source, parsed_tables
 
 
@@ -22,12 +23,13 @@ class Usual(int):
 
 
 def read_execution(
-    source: Source, overrides: Sequence[str], given: Execution
+    source: Source, overrides: Sequence[str], given: Execution, keeps: bool = False
 ) -> tuple[Execution, list[Fault]]:
     """Where to compute: what is `given` as options or, where nothing is, the configuration's table.
 
-    With every fault, that of a Dask scheduler which does not answer included. What cannot be read
-    at all is reported by who reads the configuration.
+    With every fault, those of a Dask scheduler or, of a command that `keeps` blocks or runs, of a
+    store which does not answer included. What cannot be read at all is reported by who reads the
+    configuration.
     """
     faults: list[Fault] = []
     table = parsed_tables(source, overrides)
@@ -35,6 +37,7 @@ def read_execution(
     dask = own.text("dask") or ""
     workers = own.integer("workers", Range(low=1), None)
     block_rows = own.integer("block_rows", Range(low=1), BLOCK_ROWS)
+    store = own.text("store") or ""
     own.finish()
     if dask and workers is not None:
         own.fault("dask", "has workers of its own; leave out workers")
@@ -51,7 +54,12 @@ def read_execution(
         asked = replace(asked, workers=None)
     if asked.block_rows is None and block_rows is not None:
         asked = replace(asked, block_rows=block_rows)
-    return asked, [*faults, *unreachable(asked)]
+    if not asked.store and store:
+        asked = replace(asked, store=store, store_place=own.place("store"))
+    faults += unreachable(asked)
+    if asked.store and (keeps or asked.store == store):
+        faults += store_faults(asked.store, asked.store_place, look=keeps)
+    return asked, faults
 
 
 def _option_faults(given: Execution) -> list[Fault]:

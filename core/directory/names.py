@@ -42,9 +42,10 @@ KINDS: Mapping[str, Kind] = {
     ),
     "study": Kind(
         marks=("study.json", "study.csv", "study.sqlite", "medians.csv"),
-        state=("study.sqlite", "study.sqlite-wal", "study.sqlite-shm"),
-        files=("study.sqlite", "config.toml", "curves.parquet", "study.csv", "sensitivity.csv",
-               "tests.csv", "medians.csv", "leaders.csv", "page.json", "study.json"),
+        state=("study.sqlite", "study.sqlite-wal", "study.sqlite-shm", "store.json"),
+        files=("study.sqlite", "store.json", "config.toml", "curves.parquet", "study.csv",
+               "sensitivity.csv", "tests.csv", "medians.csv", "leaders.csv", "page.json",
+               "study.json"),
         pages=(PAGE, *_drawn("course_*", "response_*", "sensitivity")),
         saved="every run that had ended",
     ),

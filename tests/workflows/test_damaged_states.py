@@ -198,7 +198,8 @@ def test_a_changed_identity_is_refused(
 
 def test_names_of_claims_may_be_anything(finished: Path, database: Path) -> None:
     for number, name in enumerate((b"\xff", b"../x\x00y", b"")):
-        changed(database, "INSERT INTO claims VALUES (?, CAST(? AS TEXT))", number, name)
+        text = "INSERT INTO claims VALUES (?, CAST(? AS TEXT), 9e99)"
+        changed(database, text, number, name)
     changed(database, "DELETE FROM runs WHERE number < 3")
     outcome = study(read_study(finished / "study.toml"), database.parent, InProcess(), resume=True)
     assert outcome.status == "done"

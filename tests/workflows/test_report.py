@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,11 +12,15 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
+from tolevo.algorithms.course import CURVE
 from tolevo.cli import app
 from tolevo.directory import MANIFEST
 from tolevo.directory.unfinished import write_unfinished
 from tolevo.records import Axis, RunResult
 from tolevo.workflows.report.comparison import compared
+from tolevo.workflows.study.storage.database import Database
+from tolevo.workflows.study.storage.site import Site
+from tolevo.workflows.study.trial import RunRecord
 
 CONFIG = """
 problem = "stack"
@@ -192,11 +195,9 @@ def test_a_study_without_its_page_data_says_what_to_do(tmp_path: Path) -> None:
 
 
 def of_a_study(folder: Path) -> None:
-    connection = sqlite3.connect(folder / "study.sqlite")
-    connection.execute("CREATE TABLE runs (number)")
-    connection.execute("INSERT INTO runs VALUES (1), (2)")
-    connection.commit()
-    connection.close()
+    with Database(Site(folder).backend(), 2, ()) as database:
+        empty = np.empty((0, len(CURVE)))
+        database.record([RunRecord(at, 0, 0, "done", "", 1, 0.0, {}, empty) for at in range(2)])
 
 
 def of_a_reproduction(folder: Path) -> None:

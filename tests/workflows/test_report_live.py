@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 import json
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from tolevo.algorithms.course import CURVE
 from tolevo.cli import app
 from tolevo.directory.unfinished import write_unfinished
 from tolevo.workflows.report import Report, report, watch
+from tolevo.workflows.study.storage.database import Database
+from tolevo.workflows.study.storage.site import Site
+from tolevo.workflows.study.trial import RunRecord
 
 RENEWS = 'http-equiv="refresh" content="5"'
 
 
 def ended(folder: Path, *gaps: tuple[int, float]) -> None:
     """Runs of a study that have ended: point of the design and gap."""
-    with closing(sqlite3.connect(folder / "study.sqlite")) as database, database:
-        database.execute("CREATE TABLE IF NOT EXISTS runs (point INTEGER, gap_percent REAL)")
-        database.executemany("INSERT INTO runs VALUES (?, ?)", gaps)
+    with Database(Site(folder).backend(), 2, ("gap_percent",)) as database:
+        before = len(database.runs(10**6))
+        database.record([
+            RunRecord(point, before + at, 0, "done", "", 1, 0.0, {"gap_percent": gap},
+                      np.empty((0, len(CURVE))))
+            for at, (point, gap) in enumerate(gaps)
+        ])  # fmt: skip
 
 
 def test_an_unfinished_study_shows_its_medians(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -22,6 +23,8 @@ from .target import Target, joined
 
 BLOCKS = 1000
 """Blocks at most, where nothing else is asked for."""
+POLL_S = 0.5
+"""Seconds between two looks at what other machines have done."""
 Compute = Callable[[Any, int], pd.DataFrame]
 """The frame of a grain of rows, by the rows and the grain's number; it is pickled."""
 
@@ -80,32 +83,49 @@ def computed(
     block_rows: int | None = None,
     progress: Callable[[BlockProgress], None] | None = None,
     frame: bool = True,
+    shared: tuple[str, str] | None = None,
 ) -> pd.DataFrame:
     """Compute every block that is missing, and write the table; its frame where it is wanted.
 
     A table of one block is kept nowhere before it is written, no other is anywhere without a
-    `target`. Raises InputError where blocks of another table are in its place, RunError where
-    blocks are lost; what has ended is kept.
+    `target`. Where blocks are `shared` with other machines (the address of the store, and the place
+    where that was said) they stay there, and each machine writes the table. Raises InputError where
+    blocks of another table are in its place, RunError where blocks are lost; what has ended is
+    kept.
     """
-    if target is None and isinstance(executor, InProcess):
+    if target is None and isinstance(executor, InProcess) and shared is None:
         return _here(table)
-    about = table.about(block_rows)
+    with closing(_kept(table.about(block_rows), target, shared)) as store:
+        _finish(table, store, executor, progress)
+        total = store.about.total
+        wanted = range(total if frame else 1)
+        found = pd.concat([pd.read_parquet(store.block(one)) for one in wanted], ignore_index=True)
+        if target is not None and not target.partitioned:
+            joined(map(store.block, range(total)), target.path)
+            store.remove()
+        elif target is not None and not isinstance(store, BlockFolder):
+            _copied(store, target)
+    return found if frame else found.iloc[:0]
+
+
+def _kept(about: About, target: Target | None, shared: tuple[str, str] | None) -> BlockStore:
+    """Where the blocks are kept."""
+    if shared is not None:
+        from .table import block_table  # with it comes SQLAlchemy, slow to load
+
+        return block_table(shared[0], about, shared[1])
     small = target is not None and about.total == 1 and not target.occupied
     if target is None or (small and not target.partitioned):
-        store: BlockStore = InMemory(about)
-    else:
-        store = BlockFolder(target.blocks, about, target.resume, target.overwrite)
-    with closing(store):
-        _finish(table, store, executor, progress)
-        blocks = [store.block(number) for number in range(store.about.total)]
-        found = pd.concat(
-            [pd.read_parquet(block) for block in (blocks if frame else blocks[:1])],
-            ignore_index=True,
-        )
-        if target is not None and not target.partitioned:
-            joined([store.block(number) for number in range(store.about.total)], target.path)
-            store.remove()
-    return found if frame else found.iloc[:0]
+        return InMemory(about)
+    return BlockFolder(target.blocks, about, target.resume, target.overwrite)
+
+
+def _copied(store: BlockStore, target: Target) -> None:
+    """Write the blocks of a store as the files of a directory."""
+    with closing(BlockFolder(target.blocks, store.about, target.resume, target.overwrite)) as there:
+        for number in sorted(store.known - there.known):
+            block = store.block(number)
+            there.keep(number, block.read_bytes() if isinstance(block, Path) else block.getvalue())
 
 
 def _here(table: Computed) -> pd.DataFrame:
@@ -134,14 +154,20 @@ def _finish(
             left = seconds * (total - done) / (done - had) if done > had else None
             progress(BlockProgress(done, total, seconds, left))
 
-    tasks = _tasks(table, store, total, apart=not isinstance(executor, InProcess))
+    apart = not isinstance(executor, InProcess)
     tell()
     try:
         with executor:
-            for task, found in executor.completed(perform, lambda: next(tasks, None)):
-                if isinstance(found, Lost):
-                    raise RunError(f"block {task.number}: {found.reason}")
-                store.keep(task.number, found)
+            while len(store.known) < total:
+                before, tasks = len(store.known), _tasks(table, store, total, apart)
+                for task, found in executor.completed(perform, lambda: next(tasks, None)):  # noqa: B023
+                    if isinstance(found, Lost):
+                        raise RunError(f"block {task.number}: {found.reason}")
+                    store.keep(task.number, found)
+                    tell()
+                store.refresh()
+                if len(store.known) == before:
+                    time.sleep(POLL_S)  # others are at work on what is left
                 tell()
     except RunError as error:
         raise RunError(f"{error}; {store.saved()}") from error
@@ -153,7 +179,7 @@ def _tasks(table: Computed, store: BlockStore, total: int, apart: bool) -> Itera
     content = pickle.dumps(table.compute) if apart else table.compute
     name = hashlib.sha256(repr(store.about).encode()).hexdigest()[:24]
     for number in range(total):
-        if number in store.known:
+        if number in store.known or not store.claim(number):
             continue
         start, stop = number * each, min((number + 1) * each, table.rows.count)
         rows = [

@@ -42,6 +42,13 @@ class BlockStore(ABC):
     def block(self, number: int) -> Path | io.BytesIO:
         """A block that has ended, to be read."""
 
+    def claim(self, number: int) -> bool:
+        """Whether a block is ours to be computed; others may be at work on the same table."""
+        return True
+
+    def refresh(self) -> None:  # noqa: B027 - nobody else is at work
+        """Look at what others have done."""
+
     @abstractmethod
     def saved(self) -> str:
         """What is saved where a table cannot be finished, and how to go on."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,7 @@ class Target:
         return self.blocks.exists()
 
 
-def joined(blocks: Sequence[Any], path: Path) -> None:
+def joined(blocks: Iterable[Any], path: Path) -> None:
     """Write the rows of all blocks, Parquet files, into one file, CSV or Parquet by its name.
 
     Few blocks are in memory at once, and the bytes do not depend on how many rows a block had.
@@ -51,7 +51,7 @@ def joined(blocks: Sequence[Any], path: Path) -> None:
     write_with(path, lambda part: _parquet(blocks, part) if parquet else _csv(blocks, part))
 
 
-def _parquet(blocks: Sequence[Any], path: Path) -> None:
+def _parquet(blocks: Iterable[Any], path: Path) -> None:
     tables = _tables(blocks)
     held = next(tables)
     with pq.ParquetWriter(path, held.schema) as writer:
@@ -64,13 +64,13 @@ def _parquet(blocks: Sequence[Any], path: Path) -> None:
             writer.write_table(held.slice(at, GROUP))
 
 
-def _csv(blocks: Sequence[Any], path: Path) -> None:
+def _csv(blocks: Iterable[Any], path: Path) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         for at, table in enumerate(_tables(blocks)):
             file.write(csv_text(table.to_pandas(), header=at == 0))
 
 
-def _tables(blocks: Sequence[Any]) -> Iterator[Any]:
+def _tables(blocks: Iterable[Any]) -> Iterator[Any]:
     """The blocks as tables of the schema of the first."""
     schema = None
     for block in blocks:

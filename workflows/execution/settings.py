@@ -18,3 +18,6 @@ class Execution:
     block_rows: int | None = None
     dask_place: str = "--dask"
     """Where the address stands, as faults name it."""
+    store: str = ""
+    """Address of the database in which several machines keep what has ended; empty for files."""
+    store_place: str = "--store"

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +16,7 @@ from ...sealed import read_record
 from ..gap.replicates import FILE as REPLICATES
 from ..run.resume import CHECKPOINT
 from ..study.records import RESPONSES
-from ..study.storage import DATABASE
+from ..study.storage.site import site_of
 
 COLUMNS = ["generation", "evaluations", "seconds", "hypervolume", "feasible_fraction"]
 """Columns of the history in the checkpoint of a run."""
@@ -51,7 +49,8 @@ def facts(folder: Path, here: Standing) -> tuple[str, ...]:
     if here.unfinished is not None and here.unfinished.retiring:
         return ("An older result was being replaced; nothing of the new one was saved.",)
     if here.command == "study":
-        return (_runs(folder / DATABASE),)
+        runs = _runs(folder)
+        return (f"{len(runs)} runs have ended." if len(runs) else "No run has ended.",)
     state = present(folder, KINDS[here.command].state) if here.command in KINDS else []
     if not state:
         return ("Nothing has been saved.",)
@@ -80,13 +79,9 @@ def tables(folder: Path, here: Standing) -> dict[str, pd.DataFrame]:
 
 def _responses(folder: Path) -> dict[str, pd.DataFrame]:
     """Median of every response over the runs that have ended, by point of the design."""
-    try:
-        with closing(sqlite3.connect(f"file:{folder / DATABASE}?mode=ro", uri=True)) as database:
-            runs = pd.read_sql_query("SELECT * FROM runs", database)
-    except (sqlite3.Error, pd.errors.DatabaseError):
-        return {}
+    runs = _runs(folder)
     names = [name for name in RESPONSES if name in runs and runs[name].notna().any()]
-    if runs.empty or not names or "point" not in runs:
+    if runs.empty or not names:
         return {}
     found = runs.groupby("point")[names].median()
     found.insert(0, "runs ended", runs.groupby("point").size())
@@ -133,14 +128,18 @@ def _replicates(folder: Path) -> dict[str, pd.DataFrame]:
     return {title: pd.DataFrame(rows)} if rows else {}
 
 
-def _runs(path: Path) -> str:
-    """How many runs of a study have ended."""
+def _runs(folder: Path) -> pd.DataFrame:
+    """The runs of a study that have ended, with their responses; none where nothing can be read."""
+    from sqlalchemy import select
+
+    from ..store.backend import DAMAGE, Foreign, Newer
+    from ..store.store import Store
+    from ..store.tables import RUNS
+
+    columns = [RUNS.c.point, *(RUNS.c[name] for name in RESPONSES)]
     try:
-        connection = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
-        try:
-            count = connection.execute("SELECT COUNT(*) FROM runs").fetchone()[0]
-        finally:
-            connection.close()
-    except sqlite3.Error:
-        return "No run has ended."
-    return f"{count} runs have ended."
+        with Store(site_of(folder).backend(reading=True), reading=True) as store:
+            rows = store.read(lambda one: one.execute(select(*columns)).all())
+    except (*DAMAGE, Foreign, Newer, InputError):
+        rows = []
+    return pd.DataFrame([tuple(row) for row in rows], columns=[one.name for one in columns])

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -12,18 +12,21 @@ import pandas as pd
 from ...algorithms.course import CURVE
 from ...csv_text import csv_text
 from ...directory import KINDS, Ownership, owned
-from ...errors import Fault, RunError, refuse
+from ...errors import Fault, RunError
 from ...files import write_bytes, write_text
 from ..execution import Executor
 from .analysed import analysed, known_lines
 from .plan import StudyOutcome, StudyPlan
 from .racing import STOPPED
 from .records import StudyData
-from .storage import DATABASE, Database, opened
-from .storage.opening import CONFIGURATION, Unopened, differences
+from .storage.names import CONFIGURATION
+from .storage.site import Site
 from .trial import response_of
 from .work import Report, Work
 from .yardstick import Yardstick
+
+if TYPE_CHECKING:
+    from .storage.database import Database
 
 GO_ON = "run the same command with --resume"
 TABLE = "study.csv"
@@ -40,8 +43,12 @@ def study(
     progress: Report | None = None,
     resume: bool = False,
     overwrite: bool = True,
+    store: str = "",
 ) -> StudyOutcome:
     """Do every run of `plan` that the database in `out` does not have, then write the files.
+
+    With an address of a `store` that is shared, the runs are there, and other machines may be at
+    work on them, each with a directory of its own.
 
     `study.csv` does not depend on the executor, on breaks, or on how many processes share the
     study: with `resume` others may be at work on it, and the last one through writes the files. An
@@ -49,21 +56,28 @@ def study(
     study or has another owner, RunError where the study cannot go on.
     """
     with owned(out, "study", resume, overwrite, shared=True, apart=STATE) as place:
-        return _study(plan, place, executor, progress, resume)
+        return _study(plan, place, Site(out, store), executor, progress, resume)
 
 
 def _study(
-    plan: StudyPlan, place: Ownership, executor: Executor, progress: Report | None, resume: bool
+    plan: StudyPlan,
+    place: Ownership,
+    site: Site,
+    executor: Executor,
+    progress: Report | None,
+    resume: bool,
 ) -> StudyOutcome:
-    out = place.folder
+    from ..store.backend import DAMAGE, reason  # with it comes SQLAlchemy, slow to load
+    from .storage.opening import Unopened, opened
+
     if not resume or place.blank:
         place.begin(keep=(CONFIGURATION,))  # so that nothing of an older study is opened
-        write_text(out / CONFIGURATION, plan.settings.configuration)
-    elif not (out / DATABASE).is_file():
-        text = f"{out} holds no {DATABASE} of a study; name another directory, or --overwrite"
-        raise refuse("--resume", text)
+        write_text(place.folder / CONFIGURATION, plan.settings.configuration)
+        site.begin()
+    else:
+        site.check()
     try:
-        database, notes = opened(plan, out, alone=not place.joined)
+        database, notes = opened(plan, site.backend(), not place.joined, site.prefix)
     except Unopened as error:
         raise place.unwritten(*error.args) from error
     with database:
@@ -74,14 +88,15 @@ def _study(
             place.share()
         try:
             measures = _done(Work(plan, database, executor, progress))
+            data = gathered(plan, database, measures, notes)
         except KeyboardInterrupt:
-            return StudyOutcome("interrupted", out, (_saved(database, plan, out),))
-        except (sqlite3.Error, UnicodeDecodeError) as error:
-            raise RunError(f"{out / DATABASE}: {error}; {_saved(database, plan, out)}") from error
+            return StudyOutcome("interrupted", place.folder, (_saved(database, plan, site),))
+        except DAMAGE as error:
+            where, saved = database.backend.where, _saved(database, plan, site)
+            raise RunError(f"{where}: {reason(error)}; {saved}") from error
         except RunError as error:
             how = "" if GO_ON in str(error) else f"; {GO_ON}"
-            raise RunError(f"{error}; {_count(database, plan, out)}{how}") from error
-        data = gathered(plan, database, measures, notes)
+            raise RunError(f"{error}; {_count(database, plan, site)}{how}") from error
     return _written(plan, data, place, finished)
 
 
@@ -101,23 +116,25 @@ def _done(work: Work) -> Mapping[int, Yardstick]:
         return work.finish()
 
 
-def _saved(database: Database, plan: StudyPlan, out: Path) -> str:
-    return f"{_count(database, plan, out)}; {GO_ON} to go on"
+def _saved(database: Database, plan: StudyPlan, site: Site) -> str:
+    return f"{_count(database, plan, site)}; {GO_ON} to go on"
 
 
-def _count(database: Database, plan: StudyPlan, out: Path) -> str:
+def _count(database: Database, plan: StudyPlan, site: Site) -> str:
+    from ..store.backend import DAMAGE
+
     try:
         done, failed = database.count(plan.total)
-    except sqlite3.Error:
-        return f"what had ended is in {out / DATABASE}"
-    return f"{done + failed} of {plan.total} runs have ended and are saved in {out}"
+    except DAMAGE:
+        return f"what had ended is in {database.backend.where}"
+    return f"{done + failed} of {plan.total} runs have ended and are saved in {site.where}"
 
 
 def gathered(
     plan: StudyPlan, database: Database, measures: Mapping[int, Yardstick], notes: tuple[str, ...]
 ) -> StudyData:
     """The tables of a study from its database."""
-    runs = list(database.runs(plan.total))
+    runs = database.runs(plan.total)
     at = [run.point for run in runs]
     keys = [factor.key for factor in plan.settings.factors]
     columns = {"point": at} | {key: plan.design[key].to_numpy()[at] for key in keys}
@@ -178,6 +195,8 @@ def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool)
 
 def _check_same(plan: StudyPlan, out: Path) -> None:
     """Raises RunError where what stands there finished is another study."""
+    from .storage.opening import differences
+
     try:
         there = (out / CONFIGURATION).read_text(encoding="utf-8")
         faults = differences(there, plan.settings.configuration)

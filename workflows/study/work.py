@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from math import isnan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,11 @@ from .plan import Point, StudyPlan, StudyProgress
 from .racing import STOPPED, left_behind, looks
 from .records import LARGER_IS_BETTER
 from .responses import needs_level, unknown
-from .storage import Database
 from .trial import Chunk, Job, RunRecord, Surveying, done, ended, lost, response_of
 from .yardstick import Yardstick, bare
+
+if TYPE_CHECKING:
+    from .storage.database import Database
 
 CHUNK_S = 0.5
 """CPU time [s] of a chunk of short runs: handing one over costs some milliseconds."""
@@ -65,10 +67,11 @@ class Work:
         a run must know when it got there, or where there is one process only: a study that cannot
         be compared with anything should end early. Returns all of them.
         """
-        known = self.database.yardsticks()
-        self._surveys = deque(n for n in range(len(self._problems)) if n not in known)
-        self._measures = dict(known)
-        if self._surveys and (needs_level(self._responses) or self.executor.workers == 1):
+        unknown = self._unmeasured()
+        if unknown and needs_level(self._responses):
+            self._until(0)
+        elif unknown and self.executor.workers == 1:
+            self._surveys = deque(unknown)
             self._work(self._survey)
         if self.plan.settings.hopeless:
             self._race()
@@ -76,13 +79,21 @@ class Work:
         self._tell()
         return self._measures
 
+    def _unmeasured(self) -> list[int]:
+        """Problems whose references nobody has measured yet."""
+        self._measures = dict(self.database.yardsticks())
+        return [n for n in range(len(self._problems)) if n not in self._measures]
+
     def _until(self, total: int) -> None:
         """Do the runs of the first `total` numbers, and what references are missing."""
-        while (missing := self.database.missing(total)) or self._surveys:
-            self._todo.extend(missing)
-            before = self._own
+        while True:
+            missing, unknown = self.database.missing(total), self._unmeasured()
+            if not missing and not unknown:
+                return
+            self._todo, self._surveys = deque(self.database.free(missing)), deque(unknown)
+            before = self._own, len(self._measures)
             self._work(lambda: self._survey() or self._next())
-            if self._own == before and missing:
+            if before == (self._own, len(self._measures)):
                 self._tell("another process has begun what is left: waiting for it")
                 time.sleep(POLL_S)
 
@@ -135,13 +146,14 @@ class Work:
 
     def _survey(self) -> Surveying | None:
         """The next reference that is to be measured."""
-        if not self._surveys:
-            return None
-        self._surveying += 1
-        self._tell()
-        number = self._surveys.popleft()
-        key = self._key("survey", str(number))
-        return Surveying(key, self._version, self._problems[number], number)
+        while self._surveys:
+            number = self._surveys.popleft()
+            if self.database.claim_yardstick(number):
+                self._surveying += 1
+                self._tell()
+                key = self._key("survey", str(number))
+                return Surveying(key, self._version, self._problems[number], number)
+        return None
 
     def _measured(self, task: Surveying, found: Yardstick | Lost) -> None:
         """Keep a reference. Raises RunError where a response cannot be told without it."""
@@ -170,11 +182,12 @@ class Work:
             self._running += len(chunk.jobs)
             return chunk
         while self._todo:
-            taken = self.database.claim(self._batch())
+            taken = self.database.claim_runs(self._batch())
             if taken:
                 self._running += len(taken)
                 self._tell()
                 return self._chunk(taken)
+            self._todo = deque(self.database.free(list(self._todo)))  # others were quicker
         return None
 
     def _batch(self) -> list[int]:

@@ -34,7 +34,7 @@ from tolevo.workflows.evaluate import GRAIN
 from tolevo.workflows.execution import InProcess, Lost, Processes, dask_cluster
 from tolevo.workflows.execution.executor import Result, TaskT
 from tolevo.workflows.study import StudyPlan, StudyProgress, executor_of, study
-from tolevo.workflows.study.storage import DATABASE
+from tolevo.workflows.study.storage.names import DATABASE
 from tolevo.workflows.study.trial import Chunk
 
 pytestmark = pytest.mark.long
@@ -174,12 +174,10 @@ def test_killed_at_random_moments(plan: StudyPlan, table: bytes, tmp_path: Path)
     while len(counts) < TRIALS:
         process = server().Process(target=study, args=(plan, out, InProcess(), None, True))
         process.start()
-        wait_until(partial(begun, process, out))
+        wait_until(partial(begun, process, out, ended(out)))
         time.sleep(moments.uniform(0.0, longest))
         process.kill()
         process.join()
-        for left in out.glob(".at-work-*"):
-            left.unlink()  # so that the next one is waited for; the lock on it is gone
         if process.exitcode == 0:
             sound(out, plan, table)
             out = tmp_path / str(len(counts))
@@ -191,9 +189,9 @@ def test_killed_at_random_moments(plan: StudyPlan, table: bytes, tmp_path: Path)
     sound(out, plan, table)
 
 
-def begun(process: BaseProcess, out: Path) -> bool:
+def begun(process: BaseProcess, out: Path, before: int) -> bool:
     """Whether a process works on the study in `out`, or is through with it."""
-    return not process.is_alive() or any(out.glob(".at-work-*"))
+    return not process.is_alive() or ended(out) > before
 
 
 def server() -> multiprocessing.context.ForkServerContext:

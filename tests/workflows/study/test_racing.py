@@ -18,7 +18,8 @@ from tolevo.workflows.execution import InProcess, Lost
 from tolevo.workflows.execution.executor import Result, TaskT
 from tolevo.workflows.study import StudyPlan, study
 from tolevo.workflows.study.racing import ALPHA, behind, left_behind, looks
-from tolevo.workflows.study.storage import DATABASE, Database
+from tolevo.workflows.study.storage.database import Database
+from tolevo.workflows.study.storage.site import Site
 from tolevo.workflows.study.trial import Surveying
 
 Array = NDArray[np.float64]
@@ -164,7 +165,9 @@ def test_a_real_study_is_raced_the_same_wherever_it_runs(plan: StudyPlan, tmp_pa
     third = Late()
     study(plan, tmp_path / "b", third, resume=True)
     assert (again.surveys, third.surveys) == (1, 0)  # never again
-    with Database(tmp_path / "b" / DATABASE, len(plan.points), plan.settings.responses) as kept:
+    with Database(
+        Site(tmp_path / "b").backend(), len(plan.points), plan.settings.responses
+    ) as kept:
         assert len(kept.yardsticks()) == 1
 
 

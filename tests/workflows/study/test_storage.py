@@ -22,9 +22,9 @@ from tolevo.directory import KINDS, MANIFEST, owned, standing
 from tolevo.directory.names import present
 from tolevo.errors import InputError
 from tolevo.workflows.execution import InProcess
+from tolevo.workflows.store.tables import FORMAT
 from tolevo.workflows.study import StudyOutcome, study
-from tolevo.workflows.study.storage import DATABASE
-from tolevo.workflows.study.storage.database import FORMAT
+from tolevo.workflows.study.storage.names import DATABASE
 
 RUN = """
 problem = "pose_accuracy"
@@ -145,6 +145,56 @@ def test_the_database_of_another_study_is_refused(
     assert (out / DATABASE).read_bytes() == before
 
 
+OLD = """
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE runs (
+  number INTEGER PRIMARY KEY, point INTEGER NOT NULL, replicate INTEGER NOT NULL,
+  seed INTEGER NOT NULL, status TEXT NOT NULL, reason TEXT NOT NULL, evaluations INTEGER,
+  cpu_s REAL, hypervolume_ratio REAL, hypervolume REAL, gap_percent REAL, evaluations_to_99 REAL,
+  cpu_s_to_99 REAL, feasible_fraction REAL, curve BLOB, checksum INTEGER,
+  UNIQUE (point, replicate));
+CREATE TABLE claims (number INTEGER PRIMARY KEY, owner TEXT NOT NULL);
+CREATE TABLE yardsticks (problem INTEGER PRIMARY KEY, value TEXT NOT NULL);
+PRAGMA application_id = 1953264500;
+"""
+"""The tables as versions 1 and 2 made them."""
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_database_of_an_older_version_is_gone_on_with(
+    config: Path, out: Path, version: int
+) -> None:
+    """All of its runs count, a claim of a process that is gone does not, a lost run is done."""
+    table = (out / "study.csv").read_bytes()
+    (out / DATABASE).rename(out / "new")
+    connection = sqlite3.connect(out / DATABASE)
+    connection.executescript(OLD)
+    connection.execute("ATTACH ? AS new", (str(out / "new"),))
+    connection.execute("INSERT INTO meta SELECT * FROM new.meta")
+    connection.execute("INSERT INTO runs SELECT * FROM new.runs")
+    connection.execute(
+        "INSERT INTO yardsticks SELECT problem, CAST(value AS TEXT) FROM new.yardsticks"
+    )
+    connection.execute("DELETE FROM runs WHERE number = 7")
+    connection.execute("INSERT INTO claims VALUES (7, '123-abc')")
+    if version == 1:
+        connection.execute("DELETE FROM meta WHERE key = 'sha256'")
+    connection.execute(f"PRAGMA user_version = {version}")
+    connection.commit()
+    connection.close()
+    (out / "new").unlink()
+    done: list[int] = []
+    plan = read_study(config)
+    study(plan, out, InProcess(), lambda state: done.append(state.done), resume=True)
+    assert done[0] == RUNS - 1
+    assert (out / "study.csv").read_bytes() == table
+    connection = sqlite3.connect(out / DATABASE)
+    assert connection.execute("PRAGMA user_version").fetchone() == (FORMAT,)
+    assert connection.execute("SELECT * FROM claims").fetchall() == []
+    assert connection.execute("SELECT value FROM meta WHERE key = 'sha256'").fetchone() is not None
+    connection.close()
+
+
 def test_a_newer_database_is_refused(config: Path, out: Path) -> None:
     changed(out, f"PRAGMA user_version = {FORMAT + 1}")
     result = command(config, out, "--resume")
@@ -220,10 +270,10 @@ def test_nothing_whole_is_said_and_kept(config: Path, out: Path) -> None:
 
 
 def test_a_full_disk_in_mid_study(config: Path, finished: Path, tmp_path: Path) -> None:
-    """No file may grow beyond 60 kB: what had ended is kept, and --resume goes on."""
+    """No file may grow beyond 90 kB: what had ended is kept, and --resume goes on."""
 
     def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (90_000, 90_000))
 
     words = [sys.executable, "-m", "tolevo", "study", str(config), "--out", str(tmp_path / "o"),
              "--quiet", "--workers", "1"]  # fmt: skip

@@ -1,21 +1,24 @@
-"""Opens the database of a study: a new one, that of a broken study, or what is whole of it."""
+"""Opens the store of a study: a new one, that of a broken study, or what is whole of a file."""
 
 from __future__ import annotations
 
 import hashlib
-import sqlite3
 import tomllib
 from itertools import count
 from pathlib import Path
 
 from ....errors import Fault, raise_all, refuse
 from ....section import flat
+from ...store.backend import DAMAGE, Backend, Foreign, Newer, reason
+from ...store.faults import not_ours
+from ...store.sqlite_file import SqliteFile
+from ...store.tables import STUDY, TABLE
 from ..plan import StudyPlan
-from .database import APPLICATION, DATABASE, FORMAT, NAMES, Database, hindrance
+from .database import Database
+from .names import CONFIGURATION
 from .rows import Row, whole
 
-CONFIGURATION = "config.toml"
-IDENTITY, POINTS, SEAL = "configuration", "points", "sha256"
+IDENTITY, POINTS, SEAL = STUDY, "points", "sha256"
 """What a database says of its study: the resolved configuration, a hash of the design, and the
 digest of both.
 """
@@ -25,8 +28,6 @@ GROWS = "seeds"
 """The one key of the runs that may differ between a study and what goes on with it, upwards."""
 SAID = "reading"
 """What is only tested on the runs."""
-DAMAGE = (sqlite3.Error, UnicodeDecodeError)
-"""What a damaged database may raise: of a broken name SQLite's own message cannot be decoded."""
 SHOWN = 12
 """Lost runs that are named one by one."""
 
@@ -35,38 +36,45 @@ class Unopened(Exception):
     """A database that may be sound cannot be opened: its path, why, and what helps."""
 
 
-def opened(plan: StudyPlan, folder: Path, alone: bool) -> tuple[Database, tuple[str, ...]]:
-    """The database of a study in `folder`, and what the user should know of it.
+def opened(
+    plan: StudyPlan, backend: Backend, alone: bool, prefix: str = ""
+) -> tuple[Database, tuple[str, ...]]:
+    """The open store of a study, and what the user should know of it.
 
-    Claims of earlier processes are dropped where this one is `alone`. Raises InputError where it
-    belongs to another study, was written by a newer version, or where nothing of it can be read,
-    Unopened where the disk is full, or cannot be written for another reason.
+    Where this process is `alone`, claims of earlier ones whose names begin with `prefix` are
+    dropped. Raises InputError where it belongs to another study, was written by a newer version,
+    or where nothing of it can be read, Unopened where the disk is full, nobody answers, or it
+    cannot be written for another reason.
     """
-    path = folder / DATABASE
-    if path.exists() and path.stat().st_size:
-        _check_format(path)
     try:
-        database, notes = _sound(path, plan)
+        database, notes = _sound(backend, plan, prefix)
+    except (Newer, Foreign) as error:
+        raise refuse(backend.where, not_ours(error, backend)) from None
     except DAMAGE as error:
-        if why := hindrance(error):
-            raise Unopened(path, *why) from error
-        database, notes = _recovered(path, plan, str(error))
+        if why := backend.hindrance(error):
+            raise Unopened(backend.where, *why) from error
+        if not isinstance(backend, SqliteFile):
+            text = f"cannot be read: {reason(error)}; {backend.anew}"
+            raise refuse(backend.where, text) from error
+        database, notes = _recovered(backend, plan, reason(error))
     try:
-        _check_identity(database, plan)
+        while not _taken(database, plan):
+            pass  # another process has just said what it is
         if alone:
-            database.drop_claims()
+            database.drop_claims(prefix)
     except DAMAGE as error:
         database.close()
-        raise refuse(str(path), f"cannot be read: {error}; start again with --overwrite") from error
+        text = f"cannot be read: {reason(error)}; {backend.anew}"
+        raise refuse(backend.where, text) from error
     except BaseException:
         database.close()
         raise
     return database, notes
 
 
-def _sound(path: Path, plan: StudyPlan) -> tuple[Database, tuple[str, ...]]:
+def _sound(backend: Backend, plan: StudyPlan, prefix: str) -> tuple[Database, tuple[str, ...]]:
     """The database where its pages are sound; rows that were changed are forgotten, and named."""
-    database = _database(path, plan)
+    database = _database(backend, plan, prefix)
     try:
         wrong = database.damaged()
         if wrong:
@@ -75,67 +83,71 @@ def _sound(path: Path, plan: StudyPlan) -> tuple[Database, tuple[str, ...]]:
         database.close()
         raise
     return database, (
-        (f"{_named(wrong, plan)} of {path} had been changed and are done again",) if wrong else ()
-    )
+        (f"{_named(wrong, plan)} of {backend.where} had been changed and are done again",)
+        if wrong else ()
+    )  # fmt: skip
 
 
-def _database(path: Path, plan: StudyPlan) -> Database:
-    return Database(path, len(plan.points), plan.settings.responses)
+def _database(backend: Backend, plan: StudyPlan, prefix: str = "") -> Database:
+    return Database(backend, len(plan.points), plan.settings.responses, prefix)
 
 
-def _check_format(path: Path) -> None:
-    """Raises InputError for a database that is none of a study, or a newer one."""
-    try:
-        connection = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
-        try:
-            application = connection.execute("PRAGMA application_id").fetchone()[0]
-            version = connection.execute("PRAGMA user_version").fetchone()[0]
-            tables = connection.execute("SELECT COUNT(*) FROM sqlite_schema").fetchone()[0]
-        finally:
-            connection.close()
-    except DAMAGE as error:  # damaged: what is whole of it is looked for
-        if why := hindrance(error):
-            raise Unopened(path, *why) from error
-        return
-    if application == APPLICATION and version > FORMAT:
-        text = f"was written by a newer version of tolevo (format {version}, this one reads up to "
-        raise refuse(str(path), f"{text}{FORMAT}): update tolevo, or name another directory")
-    if tables and application != APPLICATION:
-        raise refuse(str(path), "is no database of a study; name another directory")
-
-
-def _check_identity(database: Database, plan: StudyPlan) -> None:
-    """Takes the database for this study; raises InputError where it belongs to another."""
-    new, old = plan.settings.configuration, database.meta(IDENTITY)
-    if database.meta(SEAL) not in ("" if database.format < SEALED else None, _seal(database)):
-        text = "cannot be read: what it says of its study is damaged; start again with --overwrite"
-        raise refuse(str(database.path), text)
+def identity_faults(database: Database, plan: StudyPlan) -> list[Fault]:
+    """What is wrong with taking the database for this study. Raises InputError where it says
+    nothing that can be read.
+    """
+    new, old, backend = plan.settings.configuration, database.meta(IDENTITY), database.backend
+    if database.meta(TABLE):
+        raise refuse(backend.where, f"holds a computed table; {backend.other}")
+    if not _seal_fits(database):
+        text = f"cannot be read: what it says of its study is damaged; {backend.anew}"
+        raise refuse(backend.where, text)
     if old and old != new:
         try:
-            faults = differences(old, new)
+            faults = differences(old, new, backend.anew)
         except tomllib.TOMLDecodeError as error:
             text = f"cannot be read: its configuration is damaged ({error})"
-            raise refuse(str(database.path), f"{text}; start again with --overwrite") from None
-        raise_all(faults)
-    points = hashlib.sha256(plan.design.to_csv(index=False).encode()).hexdigest()
-    if database.meta(POINTS) not in ("", points):
+            raise refuse(backend.where, f"{text}; {backend.anew}") from None
+        if faults:
+            return faults
+    if database.meta(POINTS) not in ("", _points(plan)):
         text = "its points are not those of the study to resume: the table, or the version of what "
-        raise refuse("design", f"{text}draws them, has changed; start again with --overwrite")
-    if (old, database.meta(POINTS), database.format) != (new, points, FORMAT):
-        database.set_meta({IDENTITY: new, POINTS: points, SEAL: _digest(new, points)})
+        return [Fault("design", f"{text}draws them, has changed; {backend.anew}")]
+    return []
 
 
-def _seal(database: Database) -> str:
-    """The digest that fits what the database says of its study; empty where it says nothing."""
-    identity, points = database.meta(IDENTITY), database.meta(POINTS)
-    return _digest(identity, points) if identity or points else ""
+def _taken(database: Database, plan: StudyPlan) -> bool:
+    """Whether the database, brought up to this version, says that it belongs to this study.
+
+    Raises InputError where it belongs to another.
+    """
+    old = database.meta(IDENTITY)
+    raise_all(identity_faults(database, plan))
+    database.migrate()
+    new, points = plan.settings.configuration, _points(plan)
+    if (old, database.meta(POINTS)) == (new, points) and database.meta(SEAL):
+        return True
+    own = {IDENTITY: new, POINTS: points, SEAL: _digest(new, points)}
+    return database.set_meta(own, IDENTITY, old)
+
+
+def _points(plan: StudyPlan) -> str:
+    return hashlib.sha256(plan.design.to_csv(index=False).encode()).hexdigest()
+
+
+def _seal_fits(database: Database) -> bool:
+    """Whether what the database says of its study is as it was written."""
+    identity, points, seal = (database.meta(key) for key in (IDENTITY, POINTS, SEAL))
+    if database.format < SEALED and not seal:
+        return True
+    return seal == (_digest(identity, points) if identity or points else "")
 
 
 def _digest(identity: str, points: str) -> str:
     return hashlib.sha256(f"{identity}\n{points}".encode()).hexdigest()
 
 
-def differences(before: str, after: str) -> list[Fault]:
+def differences(before: str, after: str, anew: str = SqliteFile.anew) -> list[Fault]:
     """What makes a configuration (TOML) that of another study than one before."""
     old, new = (flat(tomllib.loads(text)) for text in (before, after))
     found = []
@@ -144,20 +156,23 @@ def differences(before: str, after: str) -> list[Fault]:
         if was == now or key == SAID or (key == GROWS and now > was):
             continue
         hint = "it may only grow" if key == GROWS else "only seeds may grow"
-        text = f"is {now}, but the study to resume has {was}: {hint}; undo the change, or start "
-        found.append(Fault(key, f"{text}again with --overwrite"))
+        text = f"is {now}, but the study to resume has {was}: {hint}; undo the change, or {anew}"
+        found.append(Fault(key, text))
     return found
 
 
-def _recovered(path: Path, plan: StudyPlan, error: str) -> tuple[Database, tuple[str, ...]]:
+def _recovered(
+    backend: SqliteFile, plan: StudyPlan, error: str
+) -> tuple[Database, tuple[str, ...]]:
     """A new database with every row of a damaged one that can be read and is as it was written."""
+    path = backend.path
     identity, rows, holes = _salvaged(path, plan)
     if not rows:
-        raise refuse(str(path), f"is damaged ({error}) and none of its runs can be read: start "
-                     "again with --overwrite")  # fmt: skip
+        raise refuse(str(path), f"is damaged ({error}) and none of its runs can be read: "
+                     f"{backend.anew}")  # fmt: skip
     identity = identity or _configuration_beside(path)
     aside = _put_aside(path)
-    database = _database(path, plan)
+    database = _database(SqliteFile(path), plan)
     if identity:
         database.set_meta({IDENTITY: identity, SEAL: _digest(identity, "")})
     database.insert(rows)
@@ -174,19 +189,20 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
     identity = ""
     rows: list[Row] = []
     holes: list[int] = []
-    connection = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
     try:
-        connection.execute("PRAGMA writable_schema = ON")  # else a file cut short is refused whole
+        database = Database(SqliteFile(path, reading=True), len(plan.points), (), reading=True)
+    except (*DAMAGE, Newer, Foreign):
+        return identity, rows, list(range(plan.total))
+    with database:
         try:
-            known = dict(connection.execute("SELECT key, value FROM meta").fetchall())
-            if known.get(SEAL) == _digest(known[IDENTITY], known[POINTS]):
-                identity = known[IDENTITY]
-        except (*DAMAGE, TypeError, KeyError):
+            known = [database.meta(key) for key in (IDENTITY, POINTS)]
+            if database.meta(SEAL) == _digest(*known):
+                identity = known[0]
+        except (*DAMAGE, ValueError):
             pass  # the configuration beside it says the same
         for number in range(plan.total):
             try:
-                text = f"SELECT {NAMES} FROM runs WHERE number = ?"
-                row = connection.execute(text, (number,)).fetchone()
+                row = database.row(number)
             except DAMAGE:
                 holes.append(number)
                 continue
@@ -196,8 +212,6 @@ def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:
                 rows.append(row)
             else:
                 holes.append(number)
-    finally:
-        connection.close()
     return identity, rows, holes
 
 

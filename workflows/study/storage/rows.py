@@ -24,8 +24,9 @@ def row_of(number: int, run: RunRecord, wanted: tuple[str, ...]) -> Row:
     """The row of a run: number, `COLUMNS`, checksum. What is not a number is NULL."""
     values = [_null(run.responses[name]) if name in wanted else None for name in RESPONSES]
     curve = zlib.compress(np.ascontiguousarray(run.curve, dtype="<f8").tobytes(), 1)
+    reason = run.reason.encode("utf-8", "replace").decode().replace("\0", "\ufffd")
     row = (
-        number, run.point, run.replicate, run.seed, run.status, run.reason, run.evaluations,
+        number, run.point, run.replicate, run.seed, run.status, reason, run.evaluations,
         _null(run.cpu_s), *values, curve,
     )  # fmt: skip
     return (*row, checksum(row))

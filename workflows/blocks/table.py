@@ -1,0 +1,120 @@
+"""Blocks in a store that machines share."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from dataclasses import asdict
+from typing import Any
+
+from sqlalchemy import Connection, delete, select
+
+from ...errors import Fault, InputError, RunError, raise_all, refuse
+from ...sealed import loads, sealed_record, unsealed_record
+from ..store.address import read_address
+from ..store.backend import DAMAGE, Backend, reason
+from ..store.postgresql import PostgreSQL
+from ..store.store import Store
+from ..store.tables import BLOCKS, STUDY, TABLE
+from .folder import CALLED
+from .store import About, BlockStore
+
+
+class BlockTable(BlockStore):
+    """The blocks of a table, of which each machine computes those that no other has begun.
+
+    Whole blocks that are there already are kept, damaged ones are computed again. Raises
+    InputError, which names `place`, where the store holds anything else.
+    """
+
+    def __init__(self, backend: Backend, about: About, place: str = "--store") -> None:
+        self._store = Store(backend)
+        self.known = set()
+        try:
+            self._store.migrate()
+            self.about = self._agreed(about, place)
+            self.refresh()
+            if damaged := [number for number in self.known if not self._whole(number)]:
+                dropped = delete(BLOCKS).where(BLOCKS.c.number.in_(damaged))
+                self._store.write(lambda one: one.execute(dropped))
+                self.known.difference_update(damaged)
+        except BaseException:
+            self._store.close()
+            raise
+
+    @property
+    def _where(self) -> str:
+        return self._store.backend.where
+
+    def claim(self, number: int) -> bool:
+        return self._store.claim([number], BLOCKS) == [number]
+
+    def keep(self, number: int, content: bytes) -> None:
+        digest = hashlib.sha256(content).hexdigest()
+        row = self._store.backend.insert(BLOCKS).on_conflict_do_nothing()
+
+        def work(connection: Connection) -> None:
+            connection.execute(row.values(number=number, content=content, digest=digest))
+            self._store.finished(connection, [number])
+
+        self._store.write(work)
+        self._store.let_go([number])
+        self.known.add(number)
+
+    def refresh(self) -> None:
+        text = select(BLOCKS.c.number).where(BLOCKS.c.number < self.about.total)
+        self.known = {number for (number,) in self._read(lambda one: one.execute(text).all())}
+
+    def block(self, number: int) -> io.BytesIO:
+        text = select(BLOCKS.c.content).where(BLOCKS.c.number == number)
+        return io.BytesIO(bytes(self._read(lambda one: one.execute(text).scalar_one())))
+
+    def saved(self) -> str:
+        count = f"{len(self.known)} of {self.about.total} blocks are saved in {self._where}"
+        return f"{count}; run the same command again to go on"
+
+    def close(self) -> None:
+        self._store.close()
+
+    def _read(self, work: Any) -> Any:
+        try:
+            return self._store.read(work)
+        except DAMAGE as error:
+            raise RunError(f"{self._where} cannot be read: {reason(error)}") from error
+
+    def _whole(self, number: int) -> bool:
+        text = select(BLOCKS.c.digest).where(BLOCKS.c.number == number)
+        digest = self._read(lambda one: one.execute(text).scalar_one())
+        return bool(hashlib.sha256(self.block(number).getvalue()).hexdigest() == digest)
+
+    def _agreed(self, about: About, place: str) -> About:
+        """What the blocks are to be: those that are there decide how many rows a block has."""
+        own = asdict(about)
+        text = json.dumps(sealed_record(own))
+        while not self._store.meta(TABLE):
+            if self._store.meta(STUDY):
+                raise refuse(place, f"{self._where} holds a study; {self._store.backend.other}")
+            self._store.set_meta({TABLE: text}, TABLE, "")
+        try:
+            there = unsealed_record(loads(self._store.meta(TABLE)))
+        except ValueError as error:
+            raise refuse(place, f"{self._where} cannot be read: {error}") from error
+        raise_all([
+            Fault(place, f"{self._where} belongs to {text}; {self._store.backend.other}")
+            for name, text in CALLED.items()
+            if there.get(name) != own[name]
+        ])  # fmt: skip
+        return About(**{**own, "block_rows": int(there["block_rows"])})
+
+
+def block_table(address: str, about: About, place: str) -> BlockTable:
+    """The blocks at the address of a store."""
+    backend = PostgreSQL(read_address(address))
+    try:
+        return BlockTable(backend, about, place)
+    except InputError:
+        raise
+    except DAMAGE as error:
+        why, remedy = backend.hindrance(error) or (reason(error), "mend that")
+        raise refuse(place, f"{backend.where}: {why}; {remedy}") from error

@@ -1,0 +1,1 @@
+"""Records of studies and tables in SQLite or PostgreSQL, which processes and machines share."""

@@ -1,0 +1,48 @@
+"""What is wrong with the address of a shared store, before anything is written."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...errors import Fault
+from .address import read_address
+
+if TYPE_CHECKING:
+    from .backend import Backend, Foreign, Newer
+
+
+def store_faults(address: str, place: str, look: bool = True) -> list[Fault]:
+    """An address that is none or has a password, a driver that is missing and, where the store is
+    looked at, a server that does not answer, or tables that are not ours or of a newer version.
+    """
+    try:
+        known = read_address(address)
+    except ValueError as error:
+        return [Fault(place, str(error))]
+    if not look:
+        return []
+    try:
+        from .backend import DAMAGE, Foreign, Newer, reason
+        from .postgresql import PostgreSQL
+        from .store import Store
+    except ImportError as error:
+        return [Fault(place, f"needs a driver ({error}): pip install 'tolevo[postgres]'")]
+    backend = PostgreSQL(known)
+    try:
+        Store(backend, reading=True).close()
+    except (Newer, Foreign) as error:
+        return [Fault(place, f"{backend.where} {not_ours(error, backend)}")]
+    except DAMAGE as error:
+        why, remedy = backend.hindrance(error) or (reason(error), "mend that")
+        return [Fault(place, f"{backend.where}: {why}; {remedy}")]
+    return []
+
+
+def not_ours(error: Newer | Foreign, backend: Backend) -> str:
+    """Why tables cannot be used, and what helps."""
+    if not error.args:
+        return f"is no database of a study; {backend.other}"
+    from .tables import FORMAT
+
+    return (f"was written by a newer version of tolevo (format {error.args[0]}, this one reads up "
+            f"to {FORMAT}): update tolevo, or {backend.other}")  # fmt: skip

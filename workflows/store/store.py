@@ -1,0 +1,240 @@
+"""Records that outlive processes, in tables that machines may share."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from typing import Self, TypeVar
+
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    Table,
+    bindparam,
+    delete,
+    func,
+    or_,
+    select,
+    update,
+)
+from sqlalchemy.exc import DBAPIError
+
+from ...errors import RunError
+from .backend import DAMAGE, WRITING, Backend, reason
+from .migrations import migrate
+from .tables import CLAIMS, FORMAT, META, METADATA
+
+LEASE_S = 60.0
+"""Seconds for which something is claimed; whoever lives renews that."""
+RENEWED_S = 15.0
+"""Seconds between two renewals."""
+PATIENCE_S = 300.0
+"""Seconds for which a server that is gone is asked again."""
+PAUSES_S = (0.05, 0.2, 0.5, 1.0)
+"""Seconds before it is asked again; the last one from then on."""
+Found = TypeVar("Found")
+
+
+class Store:
+    """The open tables in a database; `prefix` begins the name under which this process claims.
+
+    Tables are made where there are none, and left as they are where they are of an older version,
+    until `migrate`. Raises Newer, Foreign, and errors of SQLAlchemy where they cannot be opened.
+    """
+
+    def __init__(self, backend: Backend, prefix: str = "", reading: bool = False) -> None:
+        self.backend = backend
+        self.owner = f"{prefix}{os.getpid()}-{secrets.token_hex(4)}"
+        self._held: set[int] = set()
+        self._ended = threading.Event()
+        self._renewing: threading.Thread | None = None
+        try:
+            with backend.engine.connect() as connection:
+                self.format = backend.version(connection)
+            if not self.format and not reading:
+                self._once(self._make)
+        except BaseException:
+            backend.close()
+            raise
+
+    def _make(self, connection: Connection) -> None:
+        """Make the tables, where no other process has done so meanwhile."""
+        self.backend.alone(connection)
+        self.format = self.backend.version(connection)
+        if not self.format:
+            METADATA.create_all(connection)
+            self.backend.mark(connection, FORMAT)
+            self.format = FORMAT
+
+    def migrate(self) -> None:
+        """Bring the tables up to this version."""
+
+        def step(connection: Connection) -> None:
+            self.backend.alone(connection)
+            migrate(connection, self.backend.version(connection))
+            self.backend.mark(connection, FORMAT)
+
+        if self.format != FORMAT:
+            self.write(step)
+            self.format = FORMAT
+
+    def close(self) -> None:
+        """Let go of all claims and of the database."""
+        self._ended.set()
+        if self._renewing is not None:
+            self._renewing.join()
+        with suppress(*DAMAGE):  # what is claimed by a process that is gone is free after a while
+            if self._held:
+                self._once(lambda one: one.execute(delete(CLAIMS).where(self._mine)))
+        self.backend.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    # transactions
+
+    def read(self, work: Callable[[Connection], Found]) -> Found:
+        """What `work` finds in one transaction, which sees one state of the tables."""
+        return self._patiently(lambda: self._once(work, writing=False))
+
+    def write(self, work: Callable[[Connection], Found]) -> Found:
+        """Do `work` in one transaction, whole or not at all; it may be done again.
+
+        Raises RunError where it cannot be written; what is there stays.
+        """
+        try:
+            return self._patiently(lambda: self._once(work))
+        except DBAPIError as error:
+            why, remedy = self.backend.hindrance(error) or (reason(error), "mend that")
+            text = f"{self.backend.where} cannot be written: {why}; {remedy}, then run the same "
+            raise RunError(f"{text}command with --resume") from error
+
+    def _once(self, work: Callable[[Connection], Found], writing: bool = True) -> Found:
+        engine = self.backend.engine.execution_options(**{WRITING: writing})
+        with engine.begin() as connection:
+            return work(connection)
+
+    def _patiently(self, work: Callable[[], Found]) -> Found:
+        """Again and again as long as that may help."""
+        begin, attempt = time.monotonic(), 0
+        while True:
+            try:
+                return work()
+            except DBAPIError as error:
+                late = time.monotonic() > begin + PATIENCE_S
+                if late or not self.backend.transient(error):
+                    raise
+            time.sleep(PAUSES_S[min(attempt, len(PAUSES_S) - 1)])
+            attempt += 1
+
+    # what the tables belong to
+
+    def meta(self, key: str) -> str:
+        """What the store says of what it belongs to, empty for a new one."""
+        text = select(META.c.value).where(META.c.key == key)
+        return self.read(lambda one: str(one.execute(text).scalar() or ""))
+
+    def set_meta(self, values: Mapping[str, str], key: str = "", before: str = "") -> bool:
+        """Say what the store belongs to, where `key` still has the value `before`.
+
+        Returns whether it has: another process may have been quicker.
+        """
+        row = self.backend.insert(META)
+        rows = [{"key": name, "value": value} for name, value in values.items()]
+        text = row.on_conflict_do_update(
+            index_elements=[META.c.key], set_={"value": row.excluded.value}
+        )
+
+        def work(connection: Connection) -> bool:
+            self.backend.alone(connection)
+            found = connection.execute(select(META.c.value).where(META.c.key == key)).scalar()
+            if str(found or "") != before:
+                return False
+            connection.execute(text, rows)
+            return True
+
+        return self.write(work)
+
+    # claims
+
+    @property
+    def _mine(self) -> ColumnElement[bool]:
+        return CLAIMS.c.owner == self.owner
+
+    def claim(self, numbers: Iterable[int], table: Table) -> list[int]:
+        """Those of the numbers that `table` does not have and nobody is at work on: now ours.
+
+        A claim that was not renewed in time is anybody's.
+        """
+        wanted = sorted(set(numbers) - self._held)
+        taken = self.write(lambda one: self._claimed(one, wanted, table)) if wanted else []
+        self._held.update(taken)
+        if taken and self._renewing is None:
+            self._renewing = threading.Thread(target=self._renew, daemon=True)
+            self._renewing.start()
+        return taken
+
+    def _claimed(self, connection: Connection, wanted: list[int], table: Table) -> list[int]:
+        now, row = self.backend.clock, self.backend.insert(CLAIMS)
+        values = {"number": bindparam("number"), "owner": self.owner, "expires": now + LEASE_S}
+        text = row.values(values).on_conflict_do_update(
+            index_elements=[CLAIMS.c.number],
+            set_={"owner": row.excluded.owner, "expires": row.excluded.expires},
+            where=or_(~self._live, self._mine),
+        )  # in the order of numbers, so that no two processes wait for each other
+        rows = [{"number": number} for number in wanted]
+        taken = {n for (n,) in connection.execute(text.returning(CLAIMS.c.number), rows)}
+        # asked after the claim: whoever had it before has written by now what has ended
+        ended = self.present(connection, table, taken)
+        self._free(connection, ended)
+        return sorted(taken - ended)
+
+    @property
+    def _live(self) -> ColumnElement[bool]:
+        """Whether a claim counts; a time beyond what anybody may claim does not."""
+        return CLAIMS.c.expires.between(self.backend.clock, self.backend.clock + 2.0 * LEASE_S)
+
+    def present(self, connection: Connection, table: Table, numbers: Iterable[int]) -> set[int]:
+        """Those of some numbers that a table has."""
+        key = next(iter(table.primary_key.columns))
+        text = select(key).where(key.in_(sorted(numbers)))
+        return {n for (n,) in connection.execute(text)}
+
+    def claimed(self, numbers: Iterable[int]) -> set[int]:
+        """Those of some numbers that somebody is at work on."""
+        text = select(CLAIMS.c.number).where(CLAIMS.c.number.in_(sorted(numbers)), self._live)
+        return self.read(lambda one: {n for (n,) in one.execute(text)})
+
+    def finished(self, connection: Connection, numbers: Iterable[int]) -> None:
+        """Drop the claims of what has been written in the same transaction, whoever's they are."""
+        self._free(connection, numbers)
+
+    def let_go(self, numbers: Iterable[int]) -> None:
+        """Forget that they are ours."""
+        self._held.difference_update(numbers)
+
+    def _free(self, connection: Connection, numbers: Iterable[int]) -> None:
+        rows = [{"one": number} for number in sorted(numbers)]
+        if rows:
+            connection.execute(delete(CLAIMS).where(CLAIMS.c.number == bindparam("one")), rows)
+
+    def drop_claims(self, prefix: str = "") -> None:
+        """Drop the claims of owners whose names begin so, none of which is at work any more."""
+        own = CLAIMS.c.owner.startswith(prefix, autoescape=True)
+        if self.read(lambda one: one.execute(select(func.count()).where(own)).scalar()):
+            self.write(lambda one: one.execute(delete(CLAIMS).where(own)))
+
+    def _renew(self) -> None:
+        """Until the end: say of what is claimed that it still is."""
+        text = update(CLAIMS).where(self._mine).values(expires=self.backend.clock + LEASE_S)
+        while not self._ended.wait(RENEWED_S):
+            if self._held:
+                with suppress(*DAMAGE):  # it is tried again, and what has expired may be taken
+                    self._once(lambda one: one.execute(text))

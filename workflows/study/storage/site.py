@@ -1,0 +1,114 @@
+"""Where the runs of a study are kept: in a file of its directory, or in a store elsewhere."""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ....errors import Fault, InputError, refuse
+from ....sealed import read_record, write_record
+from .names import DATABASE, PLACE
+
+if TYPE_CHECKING:
+    from ...store.backend import Backend
+    from ..plan import StudyPlan
+
+STORE, TOKEN = "store", "directory"
+ANOTHER = "name another directory, or give --overwrite"
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """The directory of a study and, where its runs are in a shared store, the address of that."""
+
+    folder: Path
+    address: str = ""
+
+    @property
+    def where(self) -> str:
+        """Where the runs are, as messages say it."""
+        return _shown(self.address) if self.address else str(self.folder)
+
+    def begin(self) -> None:
+        """Say in the directory where the runs are; a token tells its claims from those of others.
+
+        Who resumes the study here knows by it which claims are of processes that are gone.
+        """
+        if self.address:
+            record = {STORE: self.where, TOKEN: secrets.token_hex(8)}
+            write_record(self.folder / PLACE, record)
+
+    def check(self) -> None:
+        """Raises InputError where the directory does not hold a study that is kept there."""
+        there, file = _placed(self.folder), (self.folder / DATABASE).is_file()
+        if there is None and not file:
+            text = f"{self.folder} holds no {DATABASE} of a study; name another directory, or"
+            raise refuse("--resume", f"{text} --overwrite")
+        if there is None and self.address:
+            text = f"the runs of {self.folder} are in its {DATABASE}: leave out --store, or"
+            raise refuse("--store", f"{text} {ANOTHER}")
+        if there is not None and there[STORE] != (self.where if self.address else ""):
+            text = f"the runs of {self.folder} are in {there[STORE]}: name that, or"
+            raise refuse("--store", f"{text} {ANOTHER}")
+
+    def backend(self, reading: bool = False) -> Backend:
+        """The database."""
+        if self.address:
+            from ...store.address import read_address
+            from ...store.postgresql import PostgreSQL
+
+            return PostgreSQL(read_address(self.address))
+        from ...store.sqlite_file import SqliteFile
+
+        return SqliteFile(self.folder / DATABASE, reading)
+
+    @property
+    def prefix(self) -> str:
+        """Beginning of the names under which processes of this directory claim runs."""
+        there = _placed(self.folder)
+        return f"{there[TOKEN]}-" if there is not None else ""
+
+
+def site_of(folder: Path) -> Site:
+    """Where the runs of a study that was begun in a directory are."""
+    try:
+        there = _placed(folder)
+    except InputError:
+        there = None
+    return Site(folder, "" if there is None else there[STORE])
+
+
+def other_study(plan: StudyPlan, address: str, place: str) -> list[Fault]:
+    """A fault for each key in which the study of a store is another one; nothing is written."""
+    from ...store.backend import DAMAGE, reason
+    from .database import Database
+    from .opening import identity_faults
+
+    backend = Site(Path(), address).backend()
+    try:
+        with Database(backend, len(plan.points), (), reading=True) as database:
+            found = identity_faults(database, plan) if database.format else []
+    except DAMAGE as error:
+        return [Fault(place, f"{backend.where} cannot be read: {reason(error)}")]
+    except InputError as error:
+        return [Fault(place, str(one)) for one in error.faults]
+    head = f"{backend.where} belongs to another configuration"
+    return [Fault(place, f"{head}: {one.place} {one.message}") for one in found]
+
+
+def _placed(folder: Path) -> dict[str, str] | None:
+    """What a directory says of where its runs are."""
+    try:
+        found = read_record(folder / PLACE)
+    except ValueError as error:
+        text = f"cannot be read: {error}; start again with --overwrite"
+        raise refuse(f"{folder}/{PLACE}", text) from error
+    return None if found is None else {key: str(found[key]) for key in (STORE, TOKEN)}
+
+
+def _shown(address: str) -> str:
+    from ...store.address import read_address
+
+    return read_address(address).shown
