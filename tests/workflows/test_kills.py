@@ -13,13 +13,13 @@ import pytest
 
 from tests.killing import (
     SIGNALS,
+    WITHOUT_PRIVILEGES,
     Job,
     content,
     jobs,
     killed,
     start,
     tolevo,
-    unprivileged,
 )
 from tolevo.directory import standing
 
@@ -133,13 +133,8 @@ def test_clock_core_and_language_change_nothing(name: str, known: Known, tmp_pat
 def test_a_directory_that_may_not_be_written(name: str, known: Known, tmp_path: Path) -> None:
     job, locked = known[name], tmp_path / "locked"
     locked.mkdir(mode=0o555)
-    for path in (tmp_path, *tmp_path.parents[:2]):
-        path.chmod(path.stat().st_mode | 0o055)
-    for end in ("err", "out", "cpu"):
-        (tmp_path / f"s.{end}").touch()
-        (tmp_path / f"s.{end}").chmod(0o666)
-    before = unprivileged()
-    process = start(job.at(locked if job.file else locked / "out"), tmp_path / "s", before)
+    place = locked if job.file else locked / "out"
+    process = start(job.at(place), tmp_path / "s", WITHOUT_PRIVILEGES)
     process.join()
     errors = (tmp_path / "s.err").read_text()
     assert process.exitcode in (1, 2), errors
