@@ -94,6 +94,7 @@ def test_a_point_below_its_bound_is_no_proof_but_an_error() -> None:
     """At v = 0.5 nothing costs less than 3: rounding passes, anything more does not."""
     close = proven(Plain(form_of()), cost=[3.0 * (1.0 - 5e-10)], v=[0.5])
     assert close.bound[0] == 3.0 * (1.0 - 5e-10)
+    proven(Plain(form_of()), cost=[6.0 * (1.0 - 8e-10)], v=[0.2])
     with pytest.raises(ModelError, match=r"lies above a cost of 2\.9"):
         proven(Plain(form_of()), cost=[9.0, 2.9, 9.0], v=[0.2, 0.5, 1.0])
     with pytest.raises(ModelError, match="lies above"):
@@ -173,6 +174,12 @@ def test_designs_that_the_form_leaves_out_may_be_cheaper() -> None:
     cheap = form_of(also=(form_of(DEAR),))
     found = proven(Plain(cheap), cost=[9.0], v=[0.5])
     np.testing.assert_allclose(found.bound, [3.0], rtol=1e-10)
+    flat = form_of(Reciprocal(2.5, 0.0), also=(form_of(),))  # 2.5 at once, or 1 + 1/v
+    found = proven(Plain(flat), cost=[9.0, 9.0, 9.0], v=[0.2, 0.5, 1.0])
+    np.testing.assert_allclose(found.bound, [2.5, 2.5, 2.0], rtol=1e-10)
+    wide = form_of(DEAR, also=(form_of(outputs=("w",), most=(0.5,)),))  # 3 whatever v is
+    found = proven(Plain(wide), cost=[99.0, 99.0], v=[0.2, 1.0])
+    np.testing.assert_allclose(found.bound, [3.0, 3.0], rtol=1e-8)
     partly = form_of(DEAR, low=0.5, also=(form_of(high=0.25),))  # impossible below 0.5; 5 at 0.25
     found = proven(Plain(partly), cost=[99.0, 99.0, 99.0], v=[0.2, 0.45, 1.0])
     np.testing.assert_allclose(found.bound, [6.0, 5.0, 4.0], rtol=1e-10)
