@@ -7,6 +7,7 @@ front of 20,000 points. `units`: `simulate` of 10^7 units. Every part has a proc
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import resource
 import sys
@@ -104,6 +105,7 @@ def runs(folder: Path) -> None:
     def some(seeds: int, name: str) -> float:
         (folder / "study.toml").write_text(STUDY.format(seeds=seeds, populations=[8, 10]))
         study(read_study(folder / "study.toml"), folder / name, InProcess())
+        gc.collect()
         return rss()
 
     first = some(100, "a")

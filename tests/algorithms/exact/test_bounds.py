@@ -18,6 +18,7 @@ from tolevo.algorithms.exact.bounds import (
     within_reach,
 )
 from tolevo.errors import ModelError
+from tolevo.models.capability.norm import Surplus
 from tolevo.models.costs import CostCurve, Reciprocal, Table
 from tolevo.models.propagation.even import EvenPlateau
 from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
@@ -246,5 +247,9 @@ def test_restricted_keeps_what_belongs_to_a_requirement() -> None:
     assert (first.linear, first.spread, first.offset) == ((2.0, 3.0), (5.0, 6.0), (8.0, 9.0))
     assert second.offset == () and kept.features[0].count == 2
     assert kept.offset.tolist() == [1.0, 2.0] and kept.constant.tolist() == [10.0, 20.0]
+    doubt = cast("Surplus", object())
+    doubted = replace(form, surpluses=(None, doubt, None))
+    assert restricted(doubted, np.array([False, True, True])).surpluses == (doubt, None)
+    assert restricted(doubted, np.array([True, False, True])).surpluses == ()
     bare = restricted(replace(form, most=(), quantiles=()), np.array([True, False, False]))
     assert (bare.outputs, bare.most, bare.quantiles, bare.surpluses) == (("a",), (), (), ())
