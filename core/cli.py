@@ -36,13 +36,15 @@ Table = Annotated[Path, typer.Option("--out", help="The table that is written.")
 
 def main() -> None:
     """Entry point of the `tolevo` command."""
-    signal.signal(signal.SIGTERM, _terminated)
+    for polite in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(polite) is not signal.SIG_IGN:  # as nohup leaves it
+            signal.signal(polite, _terminated)
     gc.set_threshold(GARBAGE)
     app()
 
 
 def _terminated(number: int, frame: object) -> NoReturn:
-    """A polite kill ends a run as Ctrl-C does."""
+    """A polite kill, or a terminal that is closed, ends a run as Ctrl-C does."""
     raise KeyboardInterrupt
 
 

@@ -78,8 +78,10 @@ class _Course:
         if not len(rest) or len(every) >= SOLVED:
             return np.empty(0, dtype=np.intp)
         above = self._most(every, rest)
-        lost = above - self.bound[rest] - LOST * np.abs(above)
-        lost = np.where(np.isfinite(above), lost, np.inf)
+        bound, lost = self.bound[rest], np.full(len(rest), np.inf)
+        real = np.isfinite(above)
+        lost[real] = above[real] - bound[real] - LOST * np.abs(above[real])
+        lost[bound == np.inf] = -np.inf  # proven impossible: there is nothing to gain
         gap = np.searchsorted(every, rest)
         each = [rest[gap == one][np.argmax(lost[gap == one])]
                 for one in np.unique(gap[lost > 0.0])]  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,10 +110,7 @@ class Measures:
     def _average(self) -> tuple[Array, Spread]:
         """Mean backlash of the cycloid stage over the turn."""
         values = self._positive.mean(axis=0, dtype=np.float64)
-        return values, self._evenly
-
-    def _evenly(self, weight: Array) -> Array:
-        return (self.turn.play > 0.0) * (weight / len(self.turn.play))
+        return values, partial(_evenly, self.turn.play)
 
     def _rms(self) -> Measure:
         """Root mean square of the backlash over units and positions."""
@@ -123,11 +120,11 @@ class Measures:
         by_unit = np.mean(play**2, axis=0) + 2.0 * first * play.mean(axis=0) + square
         value = float(np.sqrt(by_unit.mean()))
         error = float(np.std(by_unit)) / np.sqrt(len(by_unit)) / (2.0 * value)
-        count = len(by_unit)
+        count, signed = len(by_unit), self.turn.play
         weights = np.full(count, 1.0 / (value * count))
 
         def spread(weight: Array) -> Array:
-            return np.asarray(self._evenly(weight) * (play + first))
+            return np.asarray(_evenly(signed, weight) * (play + first))
 
         return Measure(Statistic(value, weights, (level * first + square) / value, error), spread)
 
@@ -157,7 +154,7 @@ class Measures:
 
             return Measure(share_below(values, limit, growth, radius), least)
         values = play.mean(axis=0, dtype=np.float64)
-        return Measure(share_below(values, 0.0, growth, radius), self._everywhere)
+        return Measure(share_below(values, 0.0, growth, radius), partial(_everywhere, play.shape))
 
     def _overlap(self) -> Measure:
         """Largest overlap over the turn that 95 % of the units stay below [arcmin]."""
@@ -172,9 +169,6 @@ class Measures:
 
         return Measure(ordered_quantile(values, 0.95), spread)
 
-    def _everywhere(self, weight: Array) -> Array:
-        return np.broadcast_to(weight / len(self.turn.play), self.turn.play.shape)
-
     def _share_of_turn(self, growth: Array, radius: Array) -> Measure:
         play = self.turn.play.astype(np.float64)
         wide = [np.broadcast_to(one, play.shape).ravel() for one in (growth, radius)]
@@ -184,3 +178,15 @@ class Measures:
         one = np.ones(play.shape[1])
         whole = Statistic(found.value, one, 0.0, error, found.by_zone)
         return Measure(whole, lambda weight: by_place * weight)
+
+
+# Not methods: a measure that its measures keep may not know them, or the arrays of every design
+# stay in memory until Python searches for cycles.
+
+
+def _evenly(play: NDArray[np.float32], weight: Array) -> Array:
+    return (play > 0.0) * (weight / len(play))
+
+
+def _everywhere(shape: tuple[int, int], weight: Array) -> Array:
+    return np.broadcast_to(weight / shape[0], shape)

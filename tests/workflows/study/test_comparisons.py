@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom, f, friedmanchisquare, ttest_rel, wilcoxon
+from statsmodels.stats.anova import AnovaRM
 
 from tolevo.records import Response
 from tolevo.workflows.study.designs import Factorial, LatinHypercube, OneAtATime
@@ -299,3 +300,15 @@ def test_the_same_generator_gives_the_same_statistics(synthetic: Any) -> None:
     for name in ("medians", "sensitivity", "tests"):
         pd.testing.assert_frame_equal(getattr(first, name), getattr(second, name))
     assert first.recommendations[0].sentence == second.recommendations[0].sentence
+
+
+def test_anova_is_that_of_another_implementation() -> None:
+    """Of 12 seeds at 4 levels, by statsmodels' repeated measures."""
+    rng = np.random.default_rng(5)
+    table = rng.normal(0.0, 1.0, (12, 1)) + rng.normal(0.0, 0.5, (12, 4)) + [0.0, 0.1, 0.4, 0.2]
+    long = pd.DataFrame({"seed": np.repeat(np.arange(12), 4), "level": np.tile(np.arange(4), 12),
+                         "value": table.ravel()})  # fmt: skip
+    other = AnovaRM(long, "value", "seed", within=["level"]).fit().anova_table.iloc[0]
+    own = level_test(table.T, sides(*table.T)[0])
+    assert own["statistic"] == pytest.approx(other["F Value"], rel=1e-12)
+    assert own["p"] == pytest.approx(other["Pr > F"], rel=1e-10)
