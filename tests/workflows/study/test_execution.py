@@ -162,6 +162,7 @@ def cmdline(pid: int) -> bytes:
         return b""
 
 
+@pytest.mark.slow
 def test_killed_at_random_moments(plan: StudyPlan, table: bytes, tmp_path: Path) -> None:
     """The whole process by SIGKILL, resumed each time, and finished at last.
 
