@@ -31,9 +31,10 @@ def force(amplitude: str, p: Array, width: float = 0.0) -> Array:
     return model.predict(table, np.random.default_rng(0), changes)["force_kip"]
 
 
-def error(amplitude: str, p: Array, width: float = 0.0) -> float:
-    measured = read(amplitude)["force_kip"].to_numpy()
-    return float(np.sqrt(np.mean((force(amplitude, p, width) - measured) ** 2)))
+def error(amplitude: str, p: Array, width: float = 0.0, late: float = 0.0) -> float:
+    measured, time = (read(amplitude)[name].to_numpy() for name in ("force_kip", "time_s"))
+    recorded = np.interp(time - late, time, force(amplitude, p, width))
+    return float(np.sqrt(np.mean((recorded - measured) ** 2)))
 
 
 def test_loop_of_the_element_is_the_parallelogram_of_its_parameters() -> None:
@@ -60,10 +61,10 @@ def fitted(start: Array) -> Array:
     return np.asarray(least_squares(left, start, diff_step=STEP).x)
 
 
-def on_the_other_record(p: Array, width: float) -> float:
+def on_the_other_record(p: Array, width: float, late: float = 0.0) -> float:
     """RMSE [kip] on the 0.5 in. record, its beginning free."""
     starts = np.linspace(-0.2, 0.2, 41)
-    return min(error("0.5", np.array([*p[:2], at]), width) for at in starts)
+    return min(error("0.5", np.array([*p[:2], at]), width, late) for at in starts)
 
 
 @pytest.fixture(scope="module")
@@ -113,8 +114,9 @@ def test_the_gap_is_located_at_small_force(result: GapResult) -> None:
 def test_the_record_that_was_not_fitted_is_predicted_better(
     result: GapResult, plain: Array
 ) -> None:
-    """Half the amplitude, its beginning free: the error falls by 40 % at least."""
+    """Half the amplitude, its beginning free: by all that was named the error falls by half."""
     after = {one.name: one.after for one in result.gate.recalibrated}
     corrected = np.array([after[name] for name in PLAIN])
-    width = result.effects[0].parameters[0].value
-    assert on_the_other_record(corrected, width) < 0.6 * on_the_other_record(plain, 0.0)
+    named = {p.name: p.value for one in result.effects for p in one.parameters}
+    found = on_the_other_record(corrected, named["bearing_clearance_in"], named.get("delay_s", 0.0))
+    assert found < 0.5 * on_the_other_record(plain, 0.0)
