@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import Fault, RunError, raise_all, refuse
+from ...files import PART as LEFTOVER
 from ...files import write_bytes
 from ...sealed import read_record, write_record
 from .store import About, BlockStore
@@ -110,7 +111,7 @@ def _digest(path: Path) -> str:
 def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
     """What the blocks are to be: those that are there decide how many rows a block has."""
     raise_all(folder_faults(path, resume, overwrite))
-    if overwrite or not path.exists() or not any(path.iterdir()):
+    if overwrite or not path.exists() or _blank(path):
         return about
     try:
         there: dict[str, Any] = read_record(path / ABOUT) or {}
@@ -124,6 +125,11 @@ def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
         raise refuse("--resume", f"{path} holds blocks of {' and of '.join(other)}; "
                      "name another file, or give --overwrite")  # fmt: skip
     return About(**{**own, "block_rows": int(there["block_rows"])})
+
+
+def _blank(path: Path) -> bool:
+    """Whether a directory holds nothing but what a process leaves that is killed as it begins."""
+    return all(one.name == LOCK or LEFTOVER.fullmatch(one.name) for one in path.iterdir())
 
 
 def _locked(path: Path) -> int:
@@ -142,7 +148,7 @@ def _locked(path: Path) -> int:
 
 def folder_faults(path: Path, resume: bool, overwrite: bool) -> list[Fault]:
     """What keeps a directory of blocks from being written, before anything is read."""
-    if not path.exists() or (path.is_dir() and not any(path.iterdir())):
+    if not path.exists() or (path.is_dir() and _blank(path)):
         return []
     if not path.is_dir():
         return [Fault("--out", f"{path} is a file; name a directory for --partitioned")]

@@ -9,7 +9,6 @@ from sqlalchemy.schema import CreateTable, DropTable
 
 from .tables import BLOCKS, CLAIMS, FORMAT, META, METADATA, RUNS, YARDSTICKS
 
-Columns = dict[str, tuple[tuple[str, str, bool], ...]]
 OLD = MetaData()
 _OLD_CLAIMS = Table(
     "claims", OLD, Column("number", Integer, primary_key=True), Column("owner", Text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from typing import Any
 
 import psycopg
 from sqlalchemy import Connection, Table, create_engine, inspect, literal_column, select, text
@@ -21,8 +22,6 @@ LOCKED_MS = 5000
 IDLE_MS = 60_000
 """Milliseconds after which the server ends a transaction whose machine says nothing more."""
 OPTIONS = f"-c lock_timeout={LOCKED_MS} -c idle_in_transaction_session_timeout={IDLE_MS}"
-KEEPALIVE = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 4}
-"""Seconds and counts by which a connection to a machine that is gone is given up."""
 AGAIN = ("40001", "40P01", "55P03", "57P01", "57P02", "57P03")
 """SQLSTATE of transactions that may be done again: conflicts, locks, a server that restarts."""
 VERSION = "format"
@@ -42,10 +41,16 @@ class PostgreSQL(Backend):
         self._address = address
         self.engine = create_engine("postgresql+psycopg://", creator=self._connect)
 
-    def _connect(self) -> psycopg.Connection:
-        options = f"{OPTIONS} -c search_path={self._address.schema}"
-        return psycopg.connect(self._address.url, connect_timeout=PATIENCE, options=options,
-                               application_name="tolevo", **KEEPALIVE)  # fmt: skip
+    def _connect(self) -> psycopg.Connection[tuple[Any, ...]]:
+        return psycopg.connect(
+            self._address.url,
+            connect_timeout=PATIENCE,
+            options=f"{OPTIONS} -c search_path={self._address.schema}",
+            application_name="tolevo",
+            keepalives_idle=10,  # a connection to a machine that is gone is given up in 30 s
+            keepalives_interval=5,
+            keepalives_count=4,
+        )
 
     def version(self, connection: Connection) -> int:
         look, schema = inspect(connection), self._address.schema

@@ -348,6 +348,16 @@ def test_killed_at_two_moments(table: Path, whole: bytes, tmp_path: Path) -> Non
     killed_until_done(table, whole, tmp_path, 2)
 
 
+def test_killed_before_the_first_line(table: Path, whole: bytes, tmp_path: Path) -> None:
+    """A lock and the beginning of the first file are no table of somebody else."""
+    blocks_of = tmp_path / "o.csv.blocks"
+    blocks_of.mkdir()
+    (blocks_of / "_lock").touch()
+    (blocks_of / "._table.json.0123abcd.part").touch()
+    tolevo.evaluate(CONFIGURATION, table, tmp_path / "o.csv", block_rows=GRAIN, resume=True)
+    assert (tmp_path / "o.csv").read_bytes() == whole
+
+
 def killed_until_done(table: Path, whole: bytes, tmp_path: Path, kills: int) -> None:
     context, out, moments = multiprocessing.get_context("fork"), tmp_path / "o.csv", kills
     rng, caught = random.Random(3), 0

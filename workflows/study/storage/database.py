@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
+from functools import partial
 
 from sqlalchemy import Connection, delete, func, select
 
@@ -62,8 +63,7 @@ class Database(Store):
         """The numbers from the first one on that nobody has done or is at work on."""
         for at in range(0, len(numbers), WINDOW):
             some = numbers[at : at + WINDOW]
-            taken = self.claimed(some)
-            taken |= self.read(lambda one, some=some: self.present(one, RUNS, some))  # type: ignore[misc]
+            taken = self.claimed(some) | self.read(partial(self.present, table=RUNS, numbers=some))
             left = [number for number in some if number not in taken]
             if left:
                 return [*left, *numbers[at + WINDOW :]]
