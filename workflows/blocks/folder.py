@@ -80,6 +80,9 @@ class BlockFolder(BlockStore):
             os.close(self._lock)
 
     def remove(self) -> None:
+        for path in self.path.iterdir():  # what it belongs to is the last to go
+            if path.name not in (ABOUT, LOCK):
+                path.unlink()
         shutil.rmtree(self.path)
         self._log.close()
         os.close(self._lock)
@@ -110,7 +113,7 @@ def _digest(path: Path) -> str:
 def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
     """What the blocks are to be: those that are there decide how many rows a block has."""
     raise_all(folder_faults(path, resume, overwrite))
-    if overwrite or not path.exists() or not any(path.iterdir()):
+    if overwrite or not path.exists() or _nothing(path):
         return about
     try:
         there: dict[str, Any] = read_record(path / ABOUT) or {}
@@ -124,6 +127,11 @@ def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
         raise refuse("--resume", f"{path} holds blocks of {' and of '.join(other)}; "
                      "name another file, or give --overwrite")  # fmt: skip
     return About(**{**own, "block_rows": int(there["block_rows"])})
+
+
+def _nothing(path: Path) -> bool:
+    """Whether a directory is empty but for what a command leaves that is killed as it begins."""
+    return all(one.name == LOCK or one.name.startswith(f".{ABOUT}") for one in path.iterdir())
 
 
 def _locked(path: Path) -> int:
@@ -142,7 +150,7 @@ def _locked(path: Path) -> int:
 
 def folder_faults(path: Path, resume: bool, overwrite: bool) -> list[Fault]:
     """What keeps a directory of blocks from being written, before anything is read."""
-    if not path.exists() or (path.is_dir() and not any(path.iterdir())):
+    if not path.exists() or (path.is_dir() and _nothing(path)):
         return []
     if not path.is_dir():
         return [Fault("--out", f"{path} is a file; name a directory for --partitioned")]
