@@ -71,7 +71,7 @@ ROOMS: Mapping[str, Room] = {
     "proofs": Room(
         tuple(f"algorithms/exact/{name}.py" for name in PROVE),
         tuple(f"tests/algorithms/exact/test_{name}.py" for name in (
-            "bounds", "choices", "doubt", "oracle", "path", "programme")),
+            "between", "bounds", "choices", "doubt", "duals", "oracle", "path", "programme")),
         guards=True,
     ),
     "exact": Room(
