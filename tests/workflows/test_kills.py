@@ -30,8 +30,8 @@ LONG = ("gap", "study", "report")
 NAMES = [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG)]
 ENDED = {0, 130}
 PROMPT = 3.0
-"""CPU seconds within which a command ends after a signal that it hears: a run that saves what it has,
-page and figures included, took 1.24 s."""
+"""CPU seconds within which a command ends after a signal that it hears: a run, which saves what it
+has with its page and figures, took 1.24 s."""
 
 
 class Known:
