@@ -15,12 +15,14 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pandas as pd
 from typer.testing import CliRunner
 
 from tolevo.algorithms.course import CURVE
+from tolevo.algorithms.nsga2 import NSGA2
 from tolevo.cli import app
 from tolevo.configuration.study import read_study
 from tolevo.workflows.execution import InProcess
@@ -79,7 +81,8 @@ class Invented(InProcess):
 
 def _invented(job: Job) -> RunRecord:
     rng = np.random.default_rng(job.seed)
-    value = float(0.7 + 0.01 * job.algorithm.population / 100 + rng.normal(0.0, 0.01))
+    population = cast(NSGA2, job.algorithm).population
+    value = float(0.7 + 0.01 * population / 100 + rng.normal(0.0, 0.01))
     curve = np.zeros((20, len(CURVE)))
     curve[:, 0] = np.arange(20)
     curve[:, CURVE.index("value")] = np.sort(rng.uniform(0.0, value, 20))

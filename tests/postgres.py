@@ -35,14 +35,14 @@ class Server:
             user = pwd.getpwnam(USER)
             os.chown(folder, user.pw_uid, user.pw_gid)
             self._as = {"user": user.pw_uid, "group": user.pw_gid, "extra_groups": []}
-        words = [BIN[-1] / "initdb", "-D", folder / "data", "-U", USER, "-A", "trust", "-N",
-                 "--locale=C", "-E", "UTF8"]  # fmt: skip
+        words = [str(BIN[-1] / "initdb"), "-D", str(folder / "data"), "-U", USER, "-A", "trust",
+                 "-N", "--locale=C", "-E", "UTF8"]  # fmt: skip
         subprocess.run(words, check=True, cwd=folder, capture_output=True, **self._as)
         self._process: subprocess.Popen[bytes] | None = None
         self.start()
 
     def start(self) -> None:
-        words = [BIN[-1] / "postgres", "-D", self.folder / "data", "-k", self.folder,
+        words = [str(BIN[-1] / "postgres"), "-D", str(self.folder / "data"), "-k", str(self.folder),
                  "-c", "listen_addresses=", "-c", "log_lock_waits=on",
                  "-c", f"deadlock_timeout={WAITED_MS}ms", "-c", "shared_buffers=16MB"]  # fmt: skip
         with self.log.open("ab") as log:

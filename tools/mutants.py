@@ -32,9 +32,9 @@ from types import ModuleType
 import coverage
 import pytest
 
+from tools.mutant_rooms import ROOMS, ROOT, Room
 from tools.mutations import Mutation, mutations
 
-ROOT = Path(__file__).resolve().parents[1]
 ANSWERS = ROOT / "runs" / "mutants.jsonl"
 SAMPLE, SEED = 60, 25
 LONGEST = 10.0
@@ -48,66 +48,6 @@ OPTIONS = ("-q", "-x", "-p", "no:xdist", "-p", "no:cacheprovider", "-p", "no:ran
 NOTHING = 5
 """Status of pytest where a file has no test that is not slow."""
 Place = tuple[str, Mutation]
-
-
-@dataclass(frozen=True, slots=True)
-class Room:
-    """Modules (patterns of files) and their tests; of proofs every guard is tried."""
-
-    files: tuple[str, ...]
-    tests: tuple[str, ...]
-    guards: bool = False
-
-    def sources(self) -> list[str]:
-        """The files of its modules, without packages' doors."""
-        paths = (path for pattern in self.files for path in sorted(ROOT.glob(pattern)))
-        return [str(path.relative_to(ROOT)) for path in paths if path.name != "__init__.py"]
-
-
-PROVE = ("bounds", "path", "prices", "between", "pieces", "points", "combination", "choices",
-         "separable", "doubt", "master", "programme", "ascent")  # fmt: skip
-"""Modules of algorithms/exact/ that a bound comes from; the others propose points."""
-ROOMS: Mapping[str, Room] = {
-    "proofs": Room(
-        tuple(f"algorithms/exact/{name}.py" for name in PROVE),
-        tuple(f"tests/algorithms/exact/test_{name}.py" for name in (
-            "bounds", "choices", "doubt", "oracle", "path", "programme")),
-        guards=True,
-    ),
-    "exact": Room(
-        ("algorithms/exact/*.py",),
-        ("tests/algorithms/exact/test_*.py", "tests/problems/test_stack_*.py"),
-    ),
-    "propagation": Room(
-        ("models/propagation/*.py",),
-        tuple(f"tests/models/test_{name}.py" for name in (
-            "propagation", "power_sums", "symmetric_sum", "sums_of_every_input")),
-    ),
-    "rv_reducer": Room(
-        ("models/rv_reducer/*.py",),
-        ("tests/models/test_rv_*.py", "tests/models/test_stagger.py",
-         "tests/models/test_tighter_planet.py", "tests/models/test_tooth_fit.py",
-         "tests/models/test_zone_optimum.py", "tests/models/test_gear.py"),
-    ),
-    "manipulator": Room(("models/manipulator/*.py",), ("tests/models/test_manipulator*.py",)),
-    "contact": Room(
-        ("models/rv_reducer/contact/*.py",),
-        ("tests/models/test_rv_contact*.py", "tests/models/test_rv_batch_contact.py"),
-    ),
-    "expressions": Room(
-        ("models/expressions/*.py",),
-        ("tests/models/test_expressions.py", "tests/problems/test_stack_domain.py"),
-    ),
-    "study statistics": Room(
-        ("workflows/study/statistics/*.py",), ("tests/workflows/study/test_*.py",)
-    ),
-    "gap selection": Room(
-        ("workflows/gap/select.py", "workflows/gap/settle.py", "workflows/gap/scan.py",
-         "workflows/gap/ambiguity.py"),
-        tuple(f"tests/workflows/test_gap_{name}.py" for name in (
-            "statistics", "settled", "terms", "noise", "bounds", "arts", "counterparts")),
-    ),
-}  # fmt: skip
 
 
 # -------------------------------------------------------------------- one process per question
@@ -207,7 +147,8 @@ class Map:
         named = {test for line in range(first, last + 1) for test in own.get(line, ())}
         if "" in named or not named:
             named = set(self.seconds) if "" in named else named - {""}
-        picked, total = {}, 0.0
+        picked: dict[str, float] = {}
+        total = 0.0
         for test in sorted(named - {""}, key=lambda one: self.seconds.get(one, 0.0)):
             total += self.seconds.get(test, 0.0)
             if picked and total > LONGEST:
@@ -353,11 +294,6 @@ def warmed(tests: Sequence[str]) -> None:
                 continue  # a module that something made up while it ran
 
 
-def tests_of(room: Room) -> list[str]:
-    """The files of tests of a room that are there."""
-    return [str(path.relative_to(ROOT)) for one in room.tests for path in sorted(ROOT.glob(one))]
-
-
 def answered(room: str, count: int, again: bool, file: str) -> Iterator[dict[str, object]]:
     """The answers of a room's mutants, from before or new; of one file only where it is named."""
     places = [place for place in drawn(room, count) if file in place[0]]
@@ -370,7 +306,7 @@ def answered(room: str, count: int, again: bool, file: str) -> Iterator[dict[str
             yield before[key]
             continue
         if known is None:
-            tests = tests_of(ROOMS[room])
+            tests = ROOMS[room].tests_of()
             warmed(tests)
             known = mapped(ROOMS[room], tests)
         where = {"key": key, "room": room, "file": module, "line": mutation.lines[0]}

@@ -81,6 +81,9 @@ class BlockFolder(BlockStore):
             os.close(self._lock)
 
     def remove(self) -> None:
+        for path in self.path.iterdir():  # what it belongs to is the last to go
+            if path.name not in (ABOUT, LOCK):
+                path.unlink()
         shutil.rmtree(self.path)
         self._log.close()
         os.close(self._lock)

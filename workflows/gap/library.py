@@ -152,7 +152,7 @@ class Columns:
         x = np.column_stack([each[one.stem]() for one in effect.weights(target)])
         reached = [o.name for o in effect.reached(target)]
         at = np.array([[float(o.name == name) for name in reached] for o in data.outputs])
-        return x if len(data.outputs) == 1 else np.kron(at, x)
+        return np.asarray(x if len(data.outputs) == 1 else np.kron(at, x), dtype=np.float64)
 
     def _of_term(self, effect: Unresolved) -> Array:
         """Of a term without a name, which acts at one output."""

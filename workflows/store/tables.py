@@ -14,6 +14,7 @@ from sqlalchemy import (
     UniqueConstraint,
 )
 from sqlalchemy.dialects.postgresql import DOUBLE_PRECISION
+from sqlalchemy.types import TypeEngine
 
 from ..study.records import RESPONSES
 
@@ -23,7 +24,7 @@ STUDY, TABLE = "configuration", "about"
 """Keys of `meta` that say what a store belongs to: a study, or a computed table."""
 METADATA = MetaData()
 WHOLE = BigInteger().with_variant(Integer(), "sqlite")
-NUMBER = REAL().with_variant(DOUBLE_PRECISION(), "postgresql")
+NUMBER: TypeEngine[float] = REAL().with_variant(DOUBLE_PRECISION(), "postgresql")
 
 META = Table(
     "meta", METADATA, Column("key", Text, primary_key=True), Column("value", Text, nullable=False)

@@ -64,10 +64,9 @@ class Plain:
         return self.why
 
 
-def proven(problem: Plain, points: int | None = None, **values: list[float]) -> Proof:
+def proven(problem: Plain, /, **values: list[float]) -> Proof:
     arrays = {name: np.array(own) for name, own in values.items()}
-    count = len(arrays["cost"]) if points is None else points
-    return proof(cast("ToleranceProblem", problem), arrays, count)
+    return proof(cast("ToleranceProblem", problem), arrays, len(arrays["cost"]))
 
 
 def test_a_bound_is_the_least_cost_at_the_points_own_value() -> None:
@@ -159,7 +158,7 @@ def test_a_requirement_that_stands_for_a_limit_is_kept_at_the_points_own_value()
 
 
 def test_no_points_need_no_proof() -> None:
-    found = proven(Plain(form_of()), points=0, cost=[], v=[])
+    found = proven(Plain(form_of()), cost=[], v=[])
     assert found.bound.shape == (0,) and found.statement == "proven by hand"
 
 

@@ -123,3 +123,12 @@ def test_a_table_that_is_not_convex_leaves_an_honest_gap() -> None:
     kept = path.value(grid) <= 0.7
     assert found.bound[0] <= path.combination.cost(grid[kept]).min()
     assert found.bound[0] < found.cost[0]
+
+
+def test_parts_of_one_tolerance_have_one_cost_or_none() -> None:
+    """No price moves t = 0.5: V = 2.25 everywhere."""
+    path = path_of(reciprocals(), SENSITIVITY, NONE, ends=(0.5, 0.5))
+    found = path.least_cost(np.array([[2.2], [2.25], [3.0]]))
+    cost = A.sum() + B.sum() / 0.5
+    np.testing.assert_allclose(found.cost, [np.inf, cost, cost], rtol=1e-14)
+    np.testing.assert_allclose(found.bound, [np.inf, cost, cost], rtol=1e-14)

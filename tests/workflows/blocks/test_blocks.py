@@ -376,3 +376,14 @@ def killed_until_done(table: Path, whole: bytes, tmp_path: Path, kills: int) -> 
             out = tmp_path / f"{caught}.csv"
     tolevo.evaluate(CONFIGURATION, table, out, resume=True)
     assert out.read_bytes() == whole
+
+
+def test_killed_before_it_is_said_whose_blocks_they_are(
+    table: Path, whole: bytes, tmp_path: Path
+) -> None:
+    out, folder = tmp_path / "o.csv", tmp_path / "o.csv.blocks"
+    folder.mkdir()
+    for name in ("_lock", "._table.json.0123abcd.part"):
+        (folder / name).touch()
+    tolevo.evaluate(CONFIGURATION, table, out, resume=True)
+    assert out.read_bytes() == whole

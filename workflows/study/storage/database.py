@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 from functools import partial
+from typing import Any
 
 from sqlalchemy import Connection, delete, func, select
 
@@ -108,7 +109,7 @@ class Database(Store):
     def insert(self, rows: Sequence[Row]) -> int:
         """Write rows, those of another database as well; returns how many are new."""
         numbers = [row[0] for row in rows]
-        values = [dict(zip(NAMES, row, strict=True)) for row in sorted(rows)]
+        values: list[dict[str, Any]] = [dict(zip(NAMES, row, strict=True)) for row in sorted(rows)]
         text = self.backend.insert(RUNS).on_conflict_do_nothing()
 
         def work(connection: Connection) -> int:
