@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 from typer.testing import CliRunner
 
 from tolevo.cli import app
+from tolevo.workflows.run.answers import Words
 
 STACK = """
 problem = "stack"
@@ -59,3 +62,15 @@ def test_one_optimum_in_sentences(tmp_path: Path) -> None:
     assert "Found: cost 9 (with variation 0.1 mm)." in head
     assert "No published allocation of this problem is known" in head
     assert (tmp_path / "r" / "drawing.html").is_file()
+
+
+def test_a_least_cost_lies_above_or_below_a_published_one() -> None:
+    """With cost alone there is nothing that could be equal; with a second objective there is."""
+    one: Any = SimpleNamespace(names=["cost"])
+    told = Words._gains(one, {"cost_saving_percent": 12.0}, "")
+    assert told == "the least cost that was found is 12 % lower"
+    told = Words._gains(one, {"relaxed_cost_saving_percent": -24.6}, "relaxed_")
+    assert told == "the least cost that was found is 24.6 % higher"
+    two: Any = SimpleNamespace(names=["cost", "backlash_arcmin"])
+    told = Words._gains(two, {"cost_saving_percent": 12.0}, "")
+    assert told == "there is an allocation that costs 12 % less at equal backlash"

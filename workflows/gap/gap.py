@@ -227,7 +227,8 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
     found += [*unlikely_numbers(end.fit, data), *data.notes, *end.setup.notes]
     for output, noise in zip(data.outputs, analysis.bare.noises, strict=True):
         if noise.outliers:
-            found.append(f"{output.name}: {noise.outliers} outliers do not count")
+            many = f"{noise.outliers} outliers do" if noise.outliers > 1 else "1 outlier does"
+            found.append(f"{output.name}: {many} not count")
         if noise.varies_with:
             found.append(f"{output.name}: the size of the noise follows {noise.varies_with}")
         if noise.rho > 0.3:

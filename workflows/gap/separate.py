@@ -59,7 +59,8 @@ def separating(setup: Setup, levels: Array, fit: Fit, other: Fit) -> Measurement
         return Measurement("no design of these inputs separates them: another quantity is needed")
     size, design = best
     readings = int(min(np.ceil(CERTAIN / size**2), 10**6))
-    text = f"{design.text}: {readings} readings separate them ({size:.2g} of the noise per reading)"
+    many = f"{readings} readings separate" if readings > 1 else "1 reading separates"
+    text = f"{design.text}: {many} them ({size:.2g} of the noise per reading)"
     return Measurement(text, design.inputs, size, readings)
 
 

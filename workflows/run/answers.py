@@ -147,9 +147,11 @@ class Words:
             value = float(row.get(prefix + gain_column(name), np.nan))
             if np.isfinite(value):
                 side = "less" if value >= 0.0 else "more"
+                if self.names == [COST]:
+                    side = "lower" if value >= 0.0 else "higher"
+                    return f"the least cost that was found is {distance_words(abs(value))} {side}"
                 at = "the same cost" if name != COST else (
-                    "equal " + " and ".join(words(n) for n in self.names if n != COST)
-                    if len(self.names) > 1 else "least")  # fmt: skip
+                    "equal " + " and ".join(words(n) for n in self.names if n != COST))  # fmt: skip
                 what = "an allocation that costs" if name == COST else f"a {words(name)} that is"
                 parts.append(f"{what} {distance_words(abs(value))} {side} at {at}")
         return "there is " + ", or ".join(parts) if parts else ""
