@@ -45,7 +45,7 @@ REDUCED: dict[str, tuple[str, ...]] = {
     "run configs/robot_arm": EXACT,
     "run configs/robot_manipulator.toml": EXACT,
     "run configs/rv40e_least_cost.toml": REDUCER,
-    "run configs/rv_transmission_error.toml": (*FEW, "references=none"),
+    "run configs/rv_transmission_error.toml": FEW,
     "run configs/tooth_modification.toml": (*FEW, "references=none"),
     "run docs/gearbox/reducer.toml": (
         *REDUCER, *FEW, 'algorithm.name="ga"', 'objectives.minimise=["cost"]'),

@@ -204,6 +204,7 @@ def server() -> multiprocessing.context.ForkServerContext:
     return context
 
 
+@pytest.mark.slow
 def test_two_processes_share_a_study(plan: StudyPlan, table: bytes, tmp_path: Path) -> None:
     """Each does some of the runs, none is done twice, and both end with the files."""
     arguments = (plan, tmp_path, InProcess(), None, True)
@@ -219,6 +220,7 @@ def test_two_processes_share_a_study(plan: StudyPlan, table: bytes, tmp_path: Pa
     sound(tmp_path, plan, table)
 
 
+@pytest.mark.slow
 def test_a_killed_study_leaves_no_worker_behind(
     config: Path, plan: StudyPlan, table: bytes, tmp_path: Path
 ) -> None:
