@@ -169,3 +169,19 @@ def test_faults_of_unresolved_terms_are_all_named(tmp_path: Path) -> None:
                   "unresolved[3].variable",
                   "unresolved[3].coefficients", "unresolved[3].slope"):  # fmt: skip
         assert place in ran.output, place
+
+
+CIRCLING = 22_020
+"""Here bearing_clearance is added, exchanged for hertz_stiffening, and that is left out again: the
+names are those from before, and without a memory the search would begin once more for ever.
+"""
+
+
+@pytest.mark.timeout(200)
+def test_a_search_that_comes_back_to_its_names_goes_another_way(tmp_path: Path) -> None:
+    configuration, table = files(tmp_path, CIRCLING)
+    plan = read_gap(configuration)
+    with threadpool_limits(1):
+        steps = analysed(prepared(plan, read_data(plan, table))).selection.steps
+    added = [(frozenset(one.names), one.name) for one in steps if one.action == "add"]
+    assert len(added) == len(set(added))

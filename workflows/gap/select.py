@@ -123,6 +123,7 @@ def select(search: Search, quick: bool = False) -> Selection:
     real: dict[str, Improvement] = {}
     before = search.tested(fit)
     accepted = [(fit, before)]
+    stood = {frozenset(fit.names)}
     _note(steps, search, fit, before, "start", "", True, "the model as recalibrated")
     while len(fit.members) < search.settings.effects_at_most:
         grown = _next(search, fit, rejected)
@@ -146,8 +147,12 @@ def select(search: Search, quick: bool = False) -> Selection:
         real |= dict.fromkeys(new, better)
         _note(steps, search, grown, after, "add", name, True, BOTH, gain, better)
         fit = _retested(search, grown, steps, accepted)
-        rejected.clear()  # effects mask each other: what failed before may not fail now
         accepted.append((grown, after))
+        if frozenset(fit.names) in stood:  # back at names that it stood at: another way from here
+            rejected.add(frozenset(new))
+        else:
+            rejected.clear()  # effects mask each other: what failed before may not fail now
+            stood.add(frozenset(fit.names))
         before = search.tested(fit)
     fit = search.fitter.refined(fit.members)
     gone = sorted(name for one in rejected for name in one)
