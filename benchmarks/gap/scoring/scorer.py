@@ -94,7 +94,12 @@ class Scored:
     @property
     def nothing_like_it(self) -> bool:
         """Whether every name of the library leaves something of a cause that it does not have."""
-        return all(len(one.names) == 1 for one in self.told)
+        return not self.since_inside and all(len(one.names) == 1 for one in self.told)
+
+    @property
+    def since_inside(self) -> set[str]:
+        """The names by which the library has causes by now that once were outside of it."""
+        return {SINCE_INSIDE[name] for name in self.truth.names if name in SINCE_INSIDE}
 
     @property
     def all_named(self) -> bool:
@@ -244,11 +249,12 @@ def of_other_gears(records: Sequence[Scored]) -> list[Figure]:
 
 
 def once_outside(records: Sequence[Scored]) -> list[Figure]:
-    """Causes that the library has by now, where the record cannot tell them from that name."""
-    of = [one for one in records if one.truth.group == "outside"
-          and not one.nothing_like_it and set(one.truth.names) & set(SINCE_INSIDE)]  # fmt: skip
-    name = "once outside the library, named by it"
-    return [share(name, [rightly(one) for one in of], 0.88, 0.95, False)] if of else []
+    """Causes that the library has by now. They are drawn with other exponents than its own, so that
+    a remainder may be told beside the name.
+    """
+    of = [one for one in records if one.truth.group == "outside" and one.since_inside]
+    hits = [rightly(one) or set(one.said.names) == one.since_inside for one in of]
+    return [share("once outside the library, named by it", hits, 0.88, 0.95, False)] if of else []
 
 
 def coverage(hits: Sequence[bool]) -> list[Figure]:
