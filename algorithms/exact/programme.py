@@ -81,10 +81,14 @@ class Programme:
         c = self.combination
         if self._keeps(c.high, limit):
             return c.high
+        near = limit + NEAR * np.maximum(np.abs(limit), 0.1)
+        if self._compensating and not self._keeps(c.low, near):
+            traded = self._traded(near)
+            if traded is not None and traded[0] is None:  # where no allocation is, SLSQP seeks long
+                return None
         first = self._between(limit, c.low) if start is None else np.clip(start, c.low, c.high)
         t = self._solved(limit, first, None, QUICK)[0]
-        excess = c.values(t[None, :])[0] - limit
-        return t if np.all(excess <= NEAR * np.maximum(np.abs(limit), 0.1)) else None
+        return t if self._keeps(t, near) else None
 
     def kept_allocation(self, limit: Array, start: Array) -> Array | None:
         """Tolerances (features,) of nearly least cost that keep limits (r,), from a `start`."""

@@ -18,7 +18,7 @@ EXACT = "exact, least cost within the limits"
 """Label of the exact optimum among the references."""
 FEW = 100
 """The same where every design is tested on a sample of fresh units."""
-MOST = 5000
+MOST = 20_000
 """Designs recomputed at full accuracy at most."""
 
 

@@ -151,3 +151,24 @@ def test_full_correlation_is_the_worst_case() -> None:
     np.testing.assert_allclose(
         least_cost(correlated, limit).cost, least_cost(worst_case, limit).cost, rtol=1e-9
     )
+
+
+def test_limits_that_contradict_each_other_are_not_searched(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A shift raises one requirement as much as it lowers the other; both have the same spread.
+
+    Shifts sum to nothing, so that limits whose sum is below twice the least spread contradict each
+    other: SLSQP would only find that it cannot go on, after thousands of evaluations.
+    """
+    flat, curve = ReciprocalPower(0.0, 1e-9, 1.0), ReciprocalPower(0.0, 0.1, 1.0)
+    shift = Way(flat, LOW, HIGH, (1.0, -1.0), (0.0, 0.0))
+    spread = Way(curve, 0.1, HIGH, (0.0, 0.0), (1.0, 1.0))
+    features = (Feature("shift", (shift,)), Feature("t", (spread,)))
+    form = Form(("up", "down"), features, np.zeros(2), np.zeros(2), "")
+    programme = Programme(Combination(form, (0, 0)))
+    found = programme.allocation(np.array([1.15, -0.85]))
+    assert found is not None
+    assert found[1] == pytest.approx(0.15, rel=1e-4)
+    monkeypatch.setattr("tolevo.algorithms.exact.programme.slsqp", None)
+    assert programme.allocation(np.array([1.09, -0.91])) is None
