@@ -185,3 +185,20 @@ def test_a_search_that_comes_back_to_its_names_goes_another_way(tmp_path: Path) 
         steps = analysed(prepared(plan, read_data(plan, table))).selection.steps
     added = [(frozenset(one.names), one.name) for one in steps if one.action == "add"]
     assert len(added) == len(set(added))
+
+
+def test_names_beneath_what_has_no_name_are_withheld(tmp_path: Path) -> None:
+    """One soft rod, which no effect has: terms take up half of the variance, and a name that
+    explains a fiftieth of what they do is what their forms miss.
+    """
+    found, truth = record("manipulator outside", 22_000)
+    configuration, table = tmp_path / "gap.toml", tmp_path / "data.csv"
+    configuration.write_text(found.configuration + "[settings]\nsimulations = 500\n", "utf-8")
+    found.table.to_csv(table, index=False)
+    plan = read_gap(configuration)
+    with threadpool_limits(1):
+        end = ended(analysed(prepared(plan, read_data(plan, table))))
+    assert [one.name for one in truth.hidden] == ["one_soft_rod"]
+    assert end.verdict == "unnamed"
+    assert not end.named
+    assert end.fit.members

@@ -101,6 +101,7 @@ def test_killed_at_some_moments(name: str, known: Known, tmp_path: Path) -> None
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("name", [*QUICK, *LONG])
 def test_killed_at_fifty_moments(name: str, known: Known, tmp_path: Path) -> None:
     all_kills(name, known[name], tmp_path, 50)

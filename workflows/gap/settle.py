@@ -32,6 +32,9 @@ FORMS_MORE = 2
 DISBELIEVED = 0.1
 """What a form explains beside a name, as a share of what the name explains beside everything else,
 from which that name is not the form's: it does without the form what the form does without it."""
+BENEATH = 0.1
+"""What all names explain, as a share of what terms explain beside them, below which the names may
+be what the forms of the terms miss: no form of one or two variables is a whole law of theirs."""
 FREER = 5.0
 """What a set of fewer names must fit better by than one with more, which says more."""
 
@@ -68,7 +71,7 @@ class Settling:
             answers.append(self.grown(self.search.fitter.refined(kept), names))
         if len(answers) > 1 and answers[1].score < answers[0].score - FREER:
             answers.reverse()
-        best = self._first_that_holds(answers, frozenset())
+        best = self._chosen(answers, frozenset())
         left = left_over(best, self.search.fitter, self.generic)
         struck = tuple(name for name in fit.names if name not in best.names)
         return Settled(best, struck, left, significant_forms(self.search, left))
@@ -77,9 +80,31 @@ class Settling:
         """The answer without some names, with more terms to begin with."""
         kept = [*(one for one in fit.members if one.name not in barred), *more]
         grown = self.grown(self.search.fitter.refined(kept), barred)
-        best = self._first_that_holds([grown], barred)
+        best = self._chosen([grown], barred)
         left = left_over(best, self.search.fitter, self.generic)
         return Settled(best, (), left, significant_forms(self.search, left))
+
+    def _chosen(self, answers: Sequence[Fit], barred: frozenset[str]) -> Fit:
+        """The first answer that holds; without any name where its names are beneath its terms: in
+        their place others would imitate the same.
+        """
+        best = self._first_that_holds(answers, barred)
+        if not self._beneath(best):
+            return best
+        terms = [one for one in best.members if is_term(one)]
+        barred |= {*self.search.book.places}
+        alone = self.grown(self.search.fitter.refined(terms), barred)
+        return self._first_that_holds([alone], barred)
+
+    def _beneath(self, fit: Fit) -> bool:
+        """Whether a fit has names, and they explain next to nothing of what its terms do."""
+        terms = [one for one in fit.members if is_term(one)]
+        names = [one for one in fit.members if not is_term(one)]
+        if not (terms and names):
+            return False
+        without, only = self.search.fitter.fit(terms).rss, self.search.fitter.fit(names).rss
+        explained = max(without - fit.rss, self.empty.rss - only)
+        return explained < BENEATH * (only - fit.rss)
 
     def holds(self, fit: Fit) -> bool:
         """Whether rows that the fit never saw are predicted as well as by every accepted step, but
