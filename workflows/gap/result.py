@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,7 +35,7 @@ from .noise import outliers, whiteness
 from .population import Scatter
 from .scan import scan
 from .separate import separating
-from .settle import names_of
+from .settle import names_of, predicts_as_well
 from .setup import Setup, nominal
 from .uncertainty import Spread
 
@@ -107,18 +107,37 @@ class Ending:
 
 def ended(analysis: Analysis) -> Ending:
     """The final fit of what keeps its name, in the full model; a name whose numbers may all be 0
-    beside the others, by their joint interval, is none, and the rest is fitted and tested again.
+    beside the others, by their joint interval, is none, and the rest is fitted and tested again. So
+    is one that may be the form of a larger name, unless held-out rows are predicted worse then.
     """
-    found = _ended(analysis)
-    for _ in found.named if found.rows else ():
-        weak = next(((found.fit.names[at], larger) for at in found.named
-                     if (larger := _form_of(found, at))
-                     or found.model.nothing(found.fit.members[at])), None)  # fmt: skip
-        if weak is None:
-            break
-        analysis = without(analysis, *weak)
-        found = _ended(analysis)
+    found, needed = _ended(analysis), set[str]()
+    while found.rows and (weak := _weak(found, needed)) is not None:
+        name, larger = weak
+        less = without(analysis, name, larger)
+        after = _ended(less)
+        if larger and not _predicts_as_well(after):
+            needed.add(name)
+        else:
+            analysis, found = less, after
     return found
+
+
+def _weak(end: Ending, needed: Collection[str]) -> tuple[str, str] | None:
+    """The first name that is none, and the larger one whose form it may be, empty where its own
+    numbers may be 0; None where all are names. What is `needed` is not a form of another one.
+    """
+    for at in end.named:
+        name = end.fit.names[at]
+        larger = "" if name in needed else _form_of(end, at)
+        if larger or end.model.nothing(end.fit.members[at]):
+            return name, larger
+    return None
+
+
+def _predicts_as_well(end: Ending) -> bool:
+    """Whether held-out rows are predicted as well as by every accepted step."""
+    steps = [one for _, one in end.analysis.selection.accepted]
+    return predicts_as_well(end.after, steps, end.analysis.search.labels)
 
 
 def _form_of(end: Ending, at: int) -> str:

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .abstain import displaced, more_numbers, significant_forms
 from .blocks import HeldOut, improvement
@@ -113,11 +114,7 @@ class Settling:
         return self._held(self.search.tested(fit))
 
     def _held(self, tested: HeldOut) -> bool:
-        for at, (_, other) in enumerate(self.tried):
-            better = improvement(other, tested, self.search.labels)
-            if better.gain < (0.0 if at == 0 else -better.error):
-                return False
-        return True
+        return predicts_as_well(tested, [one for _, one in self.tried], self.search.labels)
 
     def _first_that_holds(self, answers: Sequence[Fit], barred: frozenset[str]) -> Fit:
         """The first answer that holds, names first, terms behind them, perhaps with forms that were
@@ -267,6 +264,17 @@ class Settling:
                 count += 1
             if count >= TRIED or (count < 2 and term.shape == LEVELS):
                 return  # anything else would only imitate what is off with each session
+
+
+def predicts_as_well(tested: HeldOut, steps: Sequence[HeldOut], labels: NDArray[np.int64]) -> bool:
+    """Whether an answer is no worse on held-out rows than the model alone, the first of the steps,
+    and than every other step but for its standard error.
+    """
+    for at, other in enumerate(steps):
+        better = improvement(other, tested, labels)
+        if better.gain < (0.0 if at == 0 else -better.error):
+            return False
+    return True
 
 
 def names_of(members: Sequence[Member]) -> tuple[int, ...]:
