@@ -33,9 +33,10 @@ def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
     `lots` (n,) name the lot of each value, empty where none is known: then values that are more
     alike than by chance where they follow each other tell of lots (von Neumann's ratio).
 
-    Reference: von Neumann (1941), Annals of Mathematical Statistics 12(4), 367-395; Holm (1979), Scandinavian J. Statistics 6(2), 65-70; Grubbs (1969), Technometrics
+    Reference: Holm (1979), Scandinavian J. Statistics 6(2), 65-70; Grubbs (1969), Technometrics
     11(1), 1-21; Shapiro and Wilk (1965), Biometrika 52(3-4), 591-611; Brown and Forsythe (1974),
-    J. American Statistical Association 69(346), 364-367.
+    J. American Statistical Association 69(346), 364-367; von Neumann (1941), Annals of Mathematical
+    Statistics 12(4), 367-395.
     """
     tried = [_drift(values), _outlier(values), *_lots(values, lots)]
     if len(values) >= FEW:

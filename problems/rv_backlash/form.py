@@ -89,6 +89,7 @@ def _rows(mean: float, std: float, k: float) -> tuple[tuple[float, ...], tuple[f
 
 
 def tolerance_feature(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
+    """A tolerance of the cycloid stage."""
     if name in problem.made:
         return _machines(problem, name, term, k)
     curve, (low, high) = problem.settings.costs[name], ends(problem, name)

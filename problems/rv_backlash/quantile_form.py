@@ -116,7 +116,9 @@ def _branches(main: list[Row], total: Sum) -> list[list[Row]]:
     found = []
     safe = [one for row in main for one in _safe(row)]
     for row in main:
-        if row.kind != "promise" and any(part.bent and (part.clipped or not row.clipped) for part in total.parts):
+        if row.kind != "promise" and any(
+            part.bent and (part.clipped or not row.clipped) for part in total.parts
+        ):
             kind = "edge" if row.clipped else "range"
             own = replace(row, kind=kind, output=f"{row.output} ({kind})", most=0.0)
             if kind == "range" and any(part.bent and part.choice for part in total.parts):
@@ -194,9 +196,7 @@ def _spreads(part: Part, row: Row) -> bool:
     return _inside(part, row) and not (part.bent and row.kind != "convex")
 
 
-def _feature(
-    part: Part, rows: list[Row], promised: PromisedRow | None, factor: float
-) -> Feature:
+def _feature(part: Part, rows: list[Row], promised: PromisedRow | None, factor: float) -> Feature:
     ways = []
     for member in part.members:
         each = [_coefficients(part, member, row, promised, factor) for row in rows]

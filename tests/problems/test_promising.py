@@ -208,7 +208,8 @@ def test_the_bound_counts_promise_and_interference(limit: float, tmp_path: Path)
         return design[None, :]
 
     start = (0.97 * least.design[free] - low[at]) / (high - low)[at]
-    searched = optimize.minimize(
+    slsqp: Any = optimize.minimize
+    searched = slsqp(
         lambda x: float(problem.cost_of(whole(x))[0]), np.clip(start, 0.0, 1.0), method="SLSQP",
         bounds=[(0.0, 1.0)] * len(free), options={"maxiter": 60, "ftol": 1e-7},
         constraints={"type": "ineq", "fun": lambda x: -problem.violations(

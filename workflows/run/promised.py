@@ -28,7 +28,7 @@ def _rounded(result: RunResult, problem: ToleranceProblem, point: int) -> Array 
     own = result.allocation
     if own is None or result.front.empty or point not in set(own["point"]):
         return None
-    design = problem.designs_of(result.front.iloc[[point]])[0].copy()
+    design = np.array(problem.designs_of(result.front.iloc[[point]])[0])
     first = own[own["point"] == point].drop_duplicates("variable")
     for name, value in zip(first["variable"], first["rounded"], strict=True):
         if name in problem.names and np.isfinite(float(value)):
