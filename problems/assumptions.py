@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from ..declarations import Assumption, Variable
 from ..models.capability import PartSample
-from ..models.machines.offers import PLUG_IN
+from ..models.machines.offers import PLUG_IN as ESTIMATED
+from .promise import PLUG_IN, Promise
 
 if TYPE_CHECKING:
     from .tolerance_problem import ToleranceProblem
@@ -15,6 +16,13 @@ if TYPE_CHECKING:
 PRINTED = "printed"
 """The reading in which a parameter has the value that a document prints."""
 NOT_PRINTED = object()
+SAMPLED = ("later parts are normal, of the process that made the sample; what it leaves open of "
+           "mean and scatter is in the promise")  # fmt: skip
+
+
+def told(promise: Promise | None) -> str:
+    """What is taken for granted of a measured process."""
+    return ESTIMATED if promise is None or promise.statement == PLUG_IN else SAMPLED
 
 
 def assumptions_of(problem: ToleranceProblem) -> tuple[Assumption, ...]:
@@ -54,7 +62,7 @@ def _variables(problem: ToleranceProblem) -> list[Assumption]:
             reason = "search range; no document prints one"
             found.append(Assumption(f"variables.{v.name}", text, v.unit, reason, set_by))
         if setting.sample is not None:
-            found += _measured(v, setting.sample)
+            found += _measured(v, setting.sample, problem.settings.promise)
         elif v.random:
             kind = type(setting.distribution).__name__ if setting.distribution else "Uniform"
             reason = "distribution over units; the documents name none"
@@ -63,11 +71,11 @@ def _variables(problem: ToleranceProblem) -> list[Assumption]:
     return found
 
 
-def _measured(variable: Variable, sample: PartSample) -> list[Assumption]:
+def _measured(variable: Variable, sample: PartSample, promise: Promise | None) -> list[Assumption]:
     """What is known of a variable by measured parts, and what they leave open."""
     place = f"variables.{variable.name}"
     known = sample.statement(variable.unit)
-    return [Assumption(f"{place}.measured", known, "", PLUG_IN, "configuration"),
+    return [Assumption(f"{place}.measured", known, "", told(promise), "configuration"),
             *(Assumption(f"{place}.{key}", "", "", why)
               for key, why in sample.assumed.items())]  # fmt: skip
 

@@ -22,8 +22,9 @@ STATEMENTS = (
 )
 NEXT = (
     "Where twenty more parts lower the cost of the assured promise most. shadow_gain is by the "
-    "multiplier of the promise at the present tolerances; expected_gain, of the first three, is "
-    "the expected least cost over what the next sample may say. next_parts.csv has this table."
+    "multiplier of the promise at the present tolerances; expected_gain, of the first three, is by "
+    "how much the expected least cost falls, over what the next sample may say. next_parts.csv has "
+    "this table."
 )
 CAPABILITY = (
     "Every measured characteristic: Cp and Cpk with 95 % confidence limits, and the distribution "

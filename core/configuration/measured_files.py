@@ -76,6 +76,11 @@ def _read(
         return None
 
 
+def _stated(value: Any) -> str:
+    """A number by nine digits: limits and deviations of one drawing differ by rounding."""
+    return f"{value:.9g}" if isinstance(value, float) else str(value)
+
+
 def together(found: list[Raw], names: Sequence[str], place: str, faults: list[Fault]) -> Raw:
     """The values of several files of one characteristic, in their order, each file a lot of its own
     where it names none. Files of different revisions of the drawing, or units, are a fault.
@@ -83,7 +88,7 @@ def together(found: list[Raw], names: Sequence[str], place: str, faults: list[Fa
     if len(found) < 2:
         return found[0] if found else {}
     for key, what in REVISED.items():
-        stated = {str(one[key]): name for one, name in zip(found, names, strict=True)
+        stated = {_stated(one[key]): name for one, name in zip(found, names, strict=True)
                   if key in one}  # fmt: skip
         if len(stated) > 1:
             each = ", ".join(f"{value} in {name}" for value, name in stated.items())

@@ -15,4 +15,6 @@ def reviewed(run: Path, parts: Sequence[Path], since: Sequence[Path], options: R
     one = reopened(run, parts, since, options)
     found = review(one.before, one.design, one.now, one.reset, one.made, one.since,
                    one.attributed, [name for name in one.made if name in one.earlier])  # fmt: skip
-    return "\n".join([*found.lines, "", found.parts.to_string(index=False, float_format="%.4g")])
+    shown = found.parts.dropna(axis="columns", how="all")
+    table = shown.to_string(index=False, float_format="%.4g", na_rep="-")
+    return "\n".join([*found.lines, "", table])

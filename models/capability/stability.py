@@ -30,11 +30,13 @@ class Finding:
 def findings(values: Array, lots: Sequence[str] = ()) -> list[Finding]:
     """Departures of `values` (n,), in the order of making, beyond chance (Holm's procedure).
 
-    `lots` (n,) name the lot of each value, empty where none is known.
+    `lots` (n,) name the lot of each value, empty where none is known: then values that are more
+    alike than by chance where they follow each other tell of lots (von Neumann's ratio).
 
     Reference: Holm (1979), Scandinavian J. Statistics 6(2), 65-70; Grubbs (1969), Technometrics
     11(1), 1-21; Shapiro and Wilk (1965), Biometrika 52(3-4), 591-611; Brown and Forsythe (1974),
-    J. American Statistical Association 69(346), 364-367.
+    J. American Statistical Association 69(346), 364-367; von Neumann (1941), Annals of Mathematical
+    Statistics 12(4), 367-395.
     """
     tried = [_drift(values), _outlier(values), *_lots(values, lots)]
     if len(values) >= FEW:
@@ -79,7 +81,7 @@ def _lots(values: Array, lots: Sequence[str]) -> list[Finding]:
     groups = [values[[at for at, lot in enumerate(lots) if lot == name]] for name in names]
     groups = [group for group in groups if len(group) > 1]
     if len(groups) < 2:
-        return []
+        return [_succession(values)] if len(values) >= FEW else []
     spread = float(np.ptp([group.mean() for group in groups]))
     return [
         Finding("lots", f"has lots whose means differ by up to {spread:.3g}",
@@ -87,6 +89,20 @@ def _lots(values: Array, lots: Sequence[str]) -> list[Finding]:
         Finding("scatter", "has lots that scatter differently",
                 float(scipy.stats.levene(*groups, center="median").pvalue)),
     ]  # fmt: skip
+
+
+def _succession(values: Array) -> Finding:
+    """Mean square of the steps from part to part over the variance, about a straight line: 2 where
+    parts do not depend on those before (a little more, for the line is fitted).
+    """
+    n, at = len(values), np.arange(len(values), dtype=float)
+    rest = values - np.polyval(np.polyfit(at, values, 1), at)
+    total = float(np.sum(rest**2))
+    ratio = float(np.sum(np.diff(rest) ** 2)) / total if total > 0.0 else 2.0
+    z = (0.5 * ratio - 1.0) * np.sqrt((n**2 - 1.0) / (n - 2.0))
+    text = (f"has parts that follow those before them (steps of {ratio:.2g} variances in the mean "
+            "square, 2 by chance): lots or settings that are not named")  # fmt: skip
+    return Finding("lots", text, float(scipy.special.ndtr(z)))
 
 
 def _outlier(values: Array) -> Finding:

@@ -255,8 +255,12 @@ class PoseAccuracy(PromisingPoses):
         return super().interval(output)
 
     def least_cost(self) -> tuple[str, PoseAccuracy] | None:
-        """The document's task: tolerances as wide as the limits on the orientation allow."""
-        if "cost" not in self.objectives or not self.limits:
+        """The document's task: tolerances as wide as the limits on the orientation allow.
+
+        None where units are judged for a promise: it is not the document's task, and the 32,000
+        evaluations of its GA would take 25 times the rest of the run.
+        """
+        if "cost" not in self.objectives or not self.limits or self.sampled:
             return None
         label = "GA with the document's settings (not the document's allocation, which is lost)"
         return label, PoseAccuracy(replace(self.given, objectives=("cost",)))

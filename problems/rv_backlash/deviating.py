@@ -7,6 +7,7 @@ alike: it is less than a thousandth of the variance of its term in the document'
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -47,20 +48,36 @@ def promised_form(problem: RvBacklash) -> Form | None:
     form, promised = form_of(problem), problem.promised
     if form is None or promised is None or promised.promise.statement != ASSURED:
         return form
-    at = {name: k for k, name in enumerate(promised.names)}
-    one = Deviations(np.zeros(1), {}, np.zeros(1), upper=problem.limit)
-    norm, quantile, features = promised.norm(one), promised.quantile(one), []
-    doubt, own, error = norm.surplus(), *np.zeros((2, len(form.features)))
-    assert doubt.error is not None
-    for place, feature in enumerate(form.features):
-        wider = 1.0
-        if (k := at.get(feature.variable)) is not None:
-            wider = float(np.sqrt(norm.even[k]))
-            own[place], error[place] = doubt.own[k], doubt.error[k]
-        features.append(_with_row(feature, quantile * wider))
-    surplus = Surplus(own, np.zeros_like(own), error=error)
+    factors, surplus = doubt_of(problem, [feature.variable for feature in form.features])
+    features = tuple(map(_with_row, form.features, factors.tolist()))
     none = (None,) * len(form.outputs)
-    return _form(problem, form, tuple(features), (*none, surplus) if np.any(own) else ())
+    return _form(problem, form, features, () if surplus is None else (*none, surplus))
+
+
+def doubt_of(problem: RvBacklash, variables: Sequence[str]) -> tuple[Array, Surplus | None]:
+    """By which factors (features,) standard deviations count in an assured promise, and what doubt
+    adds; None without any. `variables` are those of the features, empty where they have none.
+    """
+    promised = problem.promised
+    assert promised is not None
+    one = Deviations(np.zeros(1), {}, np.zeros(1), upper=problem.limit)
+    norm, at = promised.norm(one), {name: k for k, name in enumerate(promised.names)}
+    doubt, (own, error, even) = norm.surplus(), np.zeros((3, len(variables)))
+    assert doubt.error is not None
+    even += 1.0
+    for place, variable in enumerate(variables):
+        if (k := at.get(variable)) is not None:
+            even[place], own[place], error[place] = norm.even[k], doubt.own[k], doubt.error[k]
+    surplus = Surplus(own, np.zeros_like(own), error=error) if np.any(own) else None
+    return promised.quantile(one) * np.sqrt(even), surplus
+
+
+def statement_of(problem: RvBacklash) -> str:
+    """What is proven of an assured promise, in words."""
+    promise = problem.settings.promise
+    assert promise is not None
+    return (f"promised: {promise.words()}, by the geometric backlash and normal processes as "
+            "measured")  # fmt: skip
 
 
 def _with_row(feature: Feature, factor: float) -> Feature:
@@ -83,8 +100,6 @@ def _form(
     features: tuple[Feature, ...],
     surpluses: tuple[Surplus | None, ...],
 ) -> Form:
-    promise = problem.settings.promise
-    assert promise is not None
     return replace(
         form,
         outputs=(*form.outputs, PROMISED),
@@ -93,6 +108,5 @@ def _form(
         constant=np.append(form.constant, 0.0),
         most=(np.inf,) * len(form.outputs) + (problem.limit,),
         surpluses=surpluses,
-        statement=f"{form.statement}; promised: {promise.words()}, by the geometric backlash and "
-        "normal processes as measured",
+        statement=f"{form.statement}; {statement_of(problem)}",
     )

@@ -57,10 +57,10 @@ def form_of(problem: RvBacklash) -> Form | None:
     terms = unit_terms(problem)
     offset = _nominal(problem, pair, stagger)
     offset += sum(float(term.constant[0]) for term in terms.values()) / ARCMIN
-    features = tuple(_feature(problem, name, term, k) for name, term in terms.items())
+    features = tuple(tolerance_feature(problem, name, term, k) for name, term in terms.items())
     offset += problem.change.effective / ARCMIN
     offset_of = np.array([offset, offset, 0.0])
-    features = (*features, _bearing(problem, k), _grades(problem, k))
+    features = (*features, bearing_feature(problem, k), grade_feature(problem, k))
     relaxed = _relaxed(problem, settled)
     left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
     return Form(
@@ -88,7 +88,8 @@ def _rows(mean: float, std: float, k: float) -> tuple[tuple[float, ...], tuple[f
     return (mean, mean, 0.0), (k * std, 0.0, std)
 
 
-def _feature(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
+def tolerance_feature(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
+    """A tolerance of the cycloid stage."""
     if name in problem.made:
         return _machines(problem, name, term, k)
     curve, (low, high) = problem.settings.costs[name], ends(problem, name)
@@ -97,7 +98,7 @@ def _feature(problem: RvBacklash, name: str, term: Term, k: float) -> Feature:
     if term.quadratic is not None:
         edges = np.linspace(low, high, CELLS + 1) if low < high else np.array([low, high])
         cells = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
-        return Feature(name, tuple(_cell(term, curve, one, k) for one in cells))
+        return Feature(name, tuple(cell_way(term, curve, one, k) for one in cells))
     rows = _rows(linear * m1, abs(linear) * float(np.sqrt(m2 - m1**2)), k)
     return Feature(name, (Way(curve, low, high, *rows),))
 
@@ -123,7 +124,7 @@ def _made(term: Term, piece: Piece, moves: bool, k: float) -> Way:
     return Way(piece.curve, piece.low, piece.high, *rows, (offset, offset, 0.0), piece.choice)
 
 
-def _cell(term: Term, curve: CostCurve, ends: tuple[float, float], k: float) -> Way:
+def cell_way(term: Term, curve: CostCurve, ends: tuple[float, float], k: float) -> Way:
     """Lower bounds of mean and standard deviation for half-widths between `ends` [um]."""
     m1, m2, m3, m4 = term.distribution.raw_moments(4)[1:]
     assert term.quadratic is not None
@@ -141,7 +142,7 @@ def _cell(term: Term, curve: CostCurve, ends: tuple[float, float], k: float) -> 
     return Way(curve, low, high, *rows, offset=(offset, offset, 0.0))
 
 
-def _bearing(problem: RvBacklash, k: float) -> Feature:
+def bearing_feature(problem: RvBacklash, k: float) -> Feature:
     """The crank-arm bearing: mid and half-width of its zone both grow with the clearance."""
     name = "crank_bearing_um"
     term = problem.total(np.ones((1, len(problem.names)))).free[1]
@@ -150,7 +151,7 @@ def _bearing(problem: RvBacklash, k: float) -> Feature:
     return Feature(name, (Way(problem.settings.costs[name], *ends(problem, name), *rows),))
 
 
-def _grades(problem: RvBacklash, k: float) -> Feature:
+def grade_feature(problem: RvBacklash, k: float) -> Feature:
     """The involute grade: every grade of the range is a way of its own."""
     name = "involute_grade"
     low, high = ends(problem, name)

@@ -155,14 +155,17 @@ def _bent(problem: RvBacklash, name: str, term: Term, cells: int = CELLS) -> Par
     return Part(name, tuple(members), clipped=True, bent=True)
 
 
-def coarse(problem: RvBacklash, total: Sum) -> Sum:
-    """The sum with few cells and one grade that is better than all, for designs of no interest."""
+def coarse(problem: RvBacklash, total: Sum, grades: bool = False) -> Sum:
+    """The sum with few cells, for designs of no interest; without `grades` one that is better than
+    all stands for them.
+    """
     terms = unit_terms(problem)
 
     def coarser(part: Part) -> Part:
-        if part.choice and not part.variable:
+        if part.choice and not part.variable and not grades:
             return replace(part, members=(_best_of(part.members),))
-        return _bent(problem, part.variable, terms[part.variable], COARSE) if part.bent else part
+        cut = part.bent and bool(part.variable)
+        return _bent(problem, part.variable, terms[part.variable], COARSE) if cut else part
 
     return replace(total, parts=tuple(coarser(part) for part in total.parts))
 

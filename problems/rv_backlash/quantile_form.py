@@ -25,7 +25,10 @@ from ...models.propagation.sums import total_cumulants
 from ...units import ARCMIN
 from ..forms import Feature, Form, Piece, Quantile, Way
 from ..limits import Limit
+from ..promise import PROMISED
+from .deviating import statement_of
 from .pieces import Member, Part, Sum, coarse, sum_of
+from .promised_row import PromisedRow
 from .refused import allows_any
 from .shift import SHIFT, Shift, columns_of
 
@@ -50,7 +53,9 @@ NONE = Reciprocal(0.0, 0.0)
 
 def quantile_form(problem: RvBacklash) -> Form | str:
     """The form of `backlash_arcmin`, or why there is none."""
-    main = _rows(problem)
+    main, promised = _rows(problem), PromisedRow.of(problem)
+    if promised is not None and main:
+        main.append(Row(PROMISED, promised.share, False, problem.limit, kind="promise"))
     if all(row.clipped for row in main):
         return "neither backlash_arcmin nor a yield of one half at least is asked for"
     lacking = max(1.0 - row.probability for row in main if not row.clipped)
@@ -60,9 +65,12 @@ def quantile_form(problem: RvBacklash) -> Form | str:
     relaxed = _relaxed(problem, total.shift, main)
     left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
     statement = f"quantile of the geometric backlash, which the effective one exceeds{left_out}"
-    forms = [_form(total, main, statement, relaxed)]
-    others, wide = _branches(main, total), coarse(problem, total)
-    forms += [_form(wide, rows, statement, relaxed) for rows in others]
+    if promised is not None:
+        statement += f"; {statement_of(problem)}"
+    forms = [_form(total, main, statement, relaxed, promised)]
+    others = _branches(main, total)
+    wide = coarse(problem, total, grades=promised is not None)
+    forms += [_form(wide, rows, statement, relaxed, promised) for rows in others]
     return replace(forms[0], also=tuple(forms[1:]))
 
 
@@ -72,7 +80,8 @@ class Row:
 
     `kind` says what stands for the parts that are bent: their uniform law ("convex"), their
     quantile at `share` ("share"), or nothing but their range ("range": the
-    quantile of all others is at most that). "edge" is no quantile: s lets phi_2 be below zero.
+    quantile of all others is at most that). "edge" is no quantile: s lets phi_2 be below zero; nor
+    is "promise", by the moments of all parts (`PromisedRow`).
     """
 
     output: str
@@ -107,7 +116,9 @@ def _branches(main: list[Row], total: Sum) -> list[list[Row]]:
     found = []
     safe = [one for row in main for one in _safe(row)]
     for row in main:
-        if any(part.bent and (part.clipped or not row.clipped) for part in total.parts):
+        if row.kind != "promise" and any(
+            part.bent and (part.clipped or not row.clipped) for part in total.parts
+        ):
             kind = "edge" if row.clipped else "range"
             own = replace(row, kind=kind, output=f"{row.output} ({kind})", most=0.0)
             if kind == "range" and any(part.bent and part.choice for part in total.parts):
@@ -118,6 +129,8 @@ def _branches(main: list[Row], total: Sum) -> list[list[Row]]:
 
 def _safe(row: Row) -> list[Row]:
     """Rows that hold for every design which keeps a row."""
+    if row.kind == "promise":
+        return [row]
     lacking = 1.0 - row.probability
     return [
         replace(row, probability=1.0 - lacking / share, kind="share", share=share,
@@ -127,9 +140,20 @@ def _safe(row: Row) -> list[Row]:
     ]  # fmt: skip
 
 
-def _form(total: Sum, rows: list[Row], statement: str, relaxed: tuple[str, ...]) -> Form:
-    features = [_feature(part, rows) for part in total.parts]
+def _form(
+    total: Sum,
+    rows: list[Row],
+    statement: str,
+    relaxed: tuple[str, ...],
+    promised: PromisedRow | None,
+) -> Form:
+    factors, surplus = np.zeros(len(total.parts)), None
+    if promised is not None:
+        factors, surplus = promised.doubt(total.parts)
+    features = [_feature(part, rows, promised, float(factor))
+                for part, factor in zip(total.parts, factors, strict=False)]  # fmt: skip
     features.append(_shift_feature(total.shift, rows))
+    doubts = tuple(surplus if row.kind == "promise" else None for row in rows)
     return Form(
         outputs=tuple(row.output for row in rows),
         features=tuple(features),
@@ -141,6 +165,7 @@ def _form(total: Sum, rows: list[Row], statement: str, relaxed: tuple[str, ...])
         relaxed=relaxed,
         quantiles=tuple(_quantile(row, total) for row in rows),
         most=tuple(row.most for row in rows),
+        surpluses=doubts if any(one is not None for one in doubts) else (),
     )
 
 
@@ -154,7 +179,7 @@ def _offset(row: Row, total: Sum) -> float:
 
 
 def _quantile(row: Row, total: Sum) -> Quantile | None:
-    if row.kind == "edge":
+    if row.kind in ("edge", "promise"):
         return None
     pieces = [
         (Piece(1.0, part.members[0].law),) if _spreads(part, row) else () for part in total.parts
@@ -171,20 +196,25 @@ def _spreads(part: Part, row: Row) -> bool:
     return _inside(part, row) and not (part.bent and row.kind != "convex")
 
 
-def _feature(part: Part, rows: list[Row]) -> Feature:
-    ways = tuple(
-        Way(
-            member.curve,
-            member.low,
-            member.high,
-            linear=tuple(_means(part, member, row)[0] for row in rows),
-            spread=tuple(member.spread if _spreads(part, row) else 0.0 for row in rows),
-            offset=tuple(_means(part, member, row)[1] for row in rows),
-            choice=member.choice,
-        )
-        for member in part.members
-    )
-    return Feature(part.variable, ways, part.choice)
+def _feature(part: Part, rows: list[Row], promised: PromisedRow | None, factor: float) -> Feature:
+    ways = []
+    for member in part.members:
+        each = [_coefficients(part, member, row, promised, factor) for row in rows]
+        linear, offset, spread = zip(*each, strict=True)
+        ways.append(Way(member.curve, member.low, member.high, linear=linear, spread=spread,
+                        offset=offset, choice=member.choice))  # fmt: skip
+    return Feature(part.variable, tuple(ways), part.choice)
+
+
+def _coefficients(
+    part: Part, member: Member, row: Row, promised: PromisedRow | None, factor: float
+) -> tuple[float, float, float]:
+    """Slope, constant and spread that a way adds to a row."""
+    if row.kind == "promise":
+        assert promised is not None
+        slope, constant, std = promised.moments(part, member)
+        return slope, constant, factor * std
+    return *_means(part, member, row), member.spread if _spreads(part, row) else 0.0
 
 
 def _means(part: Part, member: Member, row: Row) -> tuple[float, float]:

@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 from ...declarations import Assumption
-from ...models.machines.offers import PLUG_IN as ESTIMATED
 from ...models.machines.offers import samples_of
-from ..promise import PLUG_IN, Promise
+from ..assumptions import SAMPLED, told
 from .build import nominal_sum
 from .definition import Definition
 
-SAMPLED = ("later parts are normal, of the process that made the sample; what it leaves open of "
-           "mean and scatter is in the promise")  # fmt: skip
 UNMEASURED = ("no part is measured: its scatter counts as known, and as normal where yields are "
               "promised")  # fmt: skip
-
-
-def told(promise: Promise | None) -> str:
-    """What is taken for granted of a measured process."""
-    return ESTIMATED if promise is None or promise.statement == PLUG_IN else SAMPLED
 
 
 def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -82,6 +84,22 @@ def test_a_stable_process_is_left_in_peace() -> None:
     said = [bool(findings(rng.normal(size=30), [str(at // 10) for at in range(30)]))
             for _ in range(1000)]  # fmt: skip
     assert np.mean(said) <= 0.02
+
+
+def test_lots_without_names_are_found_by_what_follows_what() -> None:
+    """Steps of lots, not a trend alone; and the ratio against its definition by explicit sums."""
+    rng = np.random.default_rng(8)
+    assert np.mean([bool(findings(rng.normal(size=30))) for _ in range(1000)]) <= 0.02
+    values = rng.normal(size=40) + np.repeat([0.0, 3.0, -2.0, 2.0, -1.0], 8)
+    found = next(one for one in findings(values) if one.kind == "lots")
+    at = np.arange(40.0)
+    line = np.cov(at, values, ddof=0)[0, 1] / np.var(at)
+    rest = values - values.mean() - line * (at - at.mean())
+    ratio = sum((b - a) ** 2 for a, b in pairwise(rest)) / sum(rest**2)
+    assert f"steps of {ratio:.2g} variances" in found.text
+    assert distribution_type([found]) == "C1"
+    trend = rng.normal(size=60) + np.linspace(0.0, 6.0, 60)
+    assert [one.kind for one in findings(trend)] == ["drift"]
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import optimize, stats
 
-from tolevo.algorithms.exact.bounds import row_limits
+from tolevo.algorithms.exact.bounds import proof, row_limits
 from tolevo.algorithms.exact.choices import least_cost
+from tolevo.algorithms.exact.combination import Combination
 from tolevo.configuration import read
 from tolevo.declarations import Kind, Output, Variable
 from tolevo.errors import InputError
@@ -21,6 +22,7 @@ from tolevo.models.costs import Reciprocal
 from tolevo.problems.deviations import Deviations, PromisedOutput
 from tolevo.problems.promise import ASSURED, Promise
 from tolevo.problems.promising import Promising
+from tolevo.problems.rv_backlash.shift import play_slopes
 from tolevo.problems.settings import Bound, Settings
 from tolevo.testing import PromisingContract
 from tolevo.workflows.promise.least import cheapest
@@ -143,6 +145,80 @@ def test_a_point_of_the_form_is_corrected_until_it_keeps_its_limits(
     found = problem.outputs_of(least.design[None, :])
     assert 99.73 <= found["yield_percent"][0] <= 99.7302
     assert found["interference_probability"][0] <= limit
+
+
+def value_of(form: Any, problem: Any, design: np.ndarray, shift: float) -> np.ndarray:
+    """The rows of a form at a full design: the ways that its tolerances and its grade are in."""
+    row, ways, t = dict(zip(problem.names, design, strict=True)), [], []
+    for feature in form.features:
+        own = row.get(feature.variable, shift if feature.variable else 1.0)
+        choice = row.get(feature.choice, 0.0)
+        ways.append(next(at for at, way in enumerate(feature.ways)
+                         if way.low - 1e-9 <= own <= way.high + 1e-9
+                         and (not feature.choice or way.choice == choice)))  # fmt: skip
+        t.append(own)
+    return np.asarray(Combination(form, tuple(ways)).values(np.array([t]))[0])
+
+
+def test_the_promise_beside_a_limit_on_interference_is_a_row_of_the_form(tmp_path: Path) -> None:
+    """At random designs the row lies below the true requirement, by explicit sums, and near it."""
+    problem = built(tmp_path, text(more=LIMITED.format(limit=0.01)))
+    form, designs = problem.form(), designs_of(problem, 60)
+    assert form.outputs == ("interference_probability", "promised_yield_percent")
+    assert form.relaxed == ()
+    given = problem.deviations(designs)
+    e, g = 19.0 / 17.0, 19.0 / stats.chi2.ppf(0.05, 19.0) - 19.0 / 17.0
+    v = np.stack([given.each[name] ** 2 for name in MADE_TO], axis=1)
+    rest = sum(one**2 for name, one in given.each.items() if name not in MADE_TO)
+    a = np.sqrt(rest + e * v.sum(axis=1))
+    b, k = np.sqrt(a**2 + g * np.linalg.norm(v, axis=1)) - a, stats.norm.ppf(0.9973)
+    c = stats.norm.ppf(0.95) / k * np.sqrt(e * v.sum(axis=1) / 20.0)
+    true = given.mean + k * (a + np.hypot(b, c))
+    column = {name: designs[:, problem.names.index(name)] for name in problem.names}
+    play = np.stack([column["dr_rp_mm"], column["dr_p_mm"]], axis=1) @ play_slopes(problem)
+    shift = play - problem.shift.gain * column["stagger_arcmin"] - problem.shift.low + 1.0
+    rows = np.array([value_of(form, problem, design, float(s))[1] if 1.0 <= s <= 1.0
+                     + problem.shift.high - problem.shift.low else np.nan
+                     for design, s in zip(designs, shift, strict=True)])  # fmt: skip
+    inside = np.isfinite(rows)
+    assert inside.sum() > 20
+    assert np.all(rows[inside] <= true[inside] + 1e-12)
+    np.testing.assert_allclose(rows[inside], true[inside], atol=0.02)
+
+
+@pytest.mark.parametrize("limit", [0.001, 0.05])
+def test_the_bound_counts_promise_and_interference(limit: float, tmp_path: Path) -> None:
+    """The least cost keeps both, and no allocation of SLSQP on the full model is cheaper than the
+    bound; without the interference it would be a third lower.
+    """
+    problem = built(tmp_path, text(more=LIMITED.format(limit=limit)))
+    least = cheapest(problem)
+    found = problem.outputs_of(least.design[None, :])
+    assert 99.73 <= found["promised_yield_percent"][0] <= 99.7302
+    assert found["interference_probability"][0] <= limit
+    proven = proof(problem, {"cost": np.array([least.cost])}, 1)
+    assert 0.98 * least.cost <= proven.bound[0] <= least.cost
+    free = [problem.names.index(v.name) for v in problem.free if not v.integer]
+    low, high = problem.xl, problem.xu
+    at = [place for place, v in enumerate(problem.free) if not v.integer]
+
+    def whole(x: np.ndarray) -> np.ndarray:
+        design = least.design.copy()
+        design[free] = low[at] + np.clip(x, 0.0, 1.0) * (high - low)[at]
+        return design[None, :]
+
+    start = (0.97 * least.design[free] - low[at]) / (high - low)[at]
+    slsqp: Any = optimize.minimize
+    searched = slsqp(
+        lambda x: float(problem.cost_of(whole(x))[0]), np.clip(start, 0.0, 1.0), method="SLSQP",
+        bounds=[(0.0, 1.0)] * len(free), options={"maxiter": 60, "ftol": 1e-7},
+        constraints={"type": "ineq", "fun": lambda x: -problem.violations(
+            whole(x), problem.outputs_of(whole(x), searching=True))[0]},
+    )  # fmt: skip
+    kept = problem.outputs_of(whole(searched.x), searching=True)
+    assert np.all(problem.violations(whole(searched.x), kept) <= 1e-4)
+    assert searched.fun >= proven.bound[0] * (1.0 - 1e-4)
+    assert searched.fun <= 1.05 * least.cost  # the comparison is one of nearly the least cost
 
 
 def test_assurance_by_other_draws() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +93,20 @@ def test_the_optimum_is_proven_and_meets_the_norm(tmp_path: Path) -> None:
     assert pd.read_csv(tmp_path / "o" / "next_parts.csv")["rank"].tolist() == [1, 2, 3, 4]
     kept = pd.read_csv(tmp_path / "o" / "capability.csv")
     assert set(kept["index"]) == {"Cp", "Cpk"}
+
+
+def test_a_drawing_that_breaks_the_promise_is_said(tmp_path: Path) -> None:
+    """Too coarse steps: the rounded tolerances have the norm of another sum."""
+    steps = "[rounding]\n" + "".join(f"p{at}_t = [30.0, 50.0]\n" for at in range(4))
+    built(tmp_path, text(more=steps))
+    done = CliRunner().invoke(app, ["run", str(tmp_path / "c.toml"), "--out", str(tmp_path / "o")])
+    assert done.exit_code == 0, done.output
+    found = json.loads((tmp_path / "o" / "summary.json").read_text(encoding="utf-8"))["promise"]
+    assert found["rounded_kept"] is False
+    assert 3.0 * by_hand(np.full(4, 30.0)) > 40.0
+    assert found["rounded_assurance_percent"] < 50.0 < found["assurance_percent"]
+    assert (f"as rounded for the drawing it is not kept (probability "
+            f"{found['rounded_assurance_percent']:.1f} %)") in done.output  # fmt: skip
 
 
 def test_slopes_of_promised_yields_are_differences(tmp_path: Path) -> None:

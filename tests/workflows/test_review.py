@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from shutil import copytree
 
@@ -90,8 +91,11 @@ def test_a_part_that_scatters_more_is_tightened(first: Path, tmp_path: Path) -> 
     told = reviewed(str(first / "o"), parts, "--since", before)
     rows = {line.split()[0]: line.split() for line in told.splitlines() if "  um" in line
             or (" um " in line and line.split()[0] in t)}  # fmt: skip
-    assert rows["pin"][-1] == "tighten"
-    assert rows["cap"][-1] == "loosen"
+    assert rows["pin"][-2] == "tighten"
+    assert rows["cap"][-2] == "loosen"
+    for own in rows.values():  # costs are 1/t
+        old, new, saving = float(own[-4]), float(own[-3]), float(own[-1])
+        assert saving == pytest.approx(1.0 / old - 1.0 / new, rel=2e-2, abs=1e-5)
     assert "pin scatters" in told
     assert "promised: at least 99 % of the units conform, with 95 % confidence" in told
     assert "the least cost that keeps the promise now is" in told
@@ -217,3 +221,56 @@ def test_a_run_of_another_problem_is_reviewed(tmp_path: Path) -> None:
     )
     assert row[2] == "40"
     assert float(row[4]) == pytest.approx(5.0 / (3.0 * parts["pin_radius"].std()), rel=1e-3)
+
+
+ROBOT = """
+problem = "pose_accuracy"
+[objectives]
+minimise = ["cost"]
+[promise]
+yield_percent = 99.73
+statement = "assured"
+[propagation]
+samples = 4096
+[variables.rod_length_1_um.measured]
+values = {values}
+mean = "corrected"
+"""
+
+
+def test_a_measured_standard_deviation_is_as_made(tmp_path: Path) -> None:
+    """No drawing sets it: it is priced as made in the drawing's cost and in the new one, so that a
+    drawing which keeps the promise is never told to be cheaper than what keeps it at least cost.
+    """
+    rng, run = np.random.default_rng(3), tmp_path / "o"
+    run.mkdir()
+    text = ROBOT.format(values=rng.normal(0.0, 1.0, 20).round(4).tolist())
+    (run / "config.toml").write_text(text, encoding="utf-8")
+    problem = read(run / "config.toml").problem
+    assert problem is not None
+    design = problem.starts()[1]
+    problem.designs_frame(design[None, :]).to_csv(run / "front.csv", index=False)
+    pd.DataFrame({"point": 0, "variable": problem.names, "rounded": design}).to_csv(
+        run / "allocation.csv", index=False)  # fmt: skip
+    own = dict(zip(problem.names, design, strict=True))["rod_length_2_um"]
+    parts = pd.DataFrame({"rod_length_1": rng.normal(0.0, 1.0, 60),
+                          "rod_length_2": rng.normal(0.0, 0.5 * own, 60)}).round(5)  # fmt: skip
+    parts.to_csv(tmp_path / "now.csv", index=False)
+    told = reviewed(str(run), str(tmp_path / "now.csv"))
+    kept = re.search(r"by the parts now: .* probability of ([0-9.]+) %", told)
+    costs = re.search(r"promise now is ([0-9.]+); the drawing's is ([0-9.]+)", told)
+    assert kept is not None
+    assert costs is not None
+    assert float(kept.group(1)) > 95.0
+    assert float(costs.group(1)) < float(costs.group(2))
+    made = float(parts["rod_length_2"].std())
+    drawn = sum(problem.settings.costs[name].cost(np.array([design[at]]))[0]
+                for at, name in enumerate(problem.names))  # fmt: skip
+    for name, std in (("rod_length_1_um", parts["rod_length_1"].std()), ("rod_length_2_um", made)):
+        at = problem.names.index(name)
+        drawn += 10.0 / float(std) - problem.settings.costs[name].cost(np.array([design[at]]))[0]
+    assert float(costs.group(2)) == pytest.approx(drawn, rel=1e-3)
+    row = next(line.split() for line in told.splitlines() if line.split()[:1] ==
+               ["rod_length_2_um"])  # fmt: skip
+    assert row[-3:-1] == ["as", "made"]
+    assert float(row[-4]) == pytest.approx(made, rel=1e-3)

@@ -38,6 +38,7 @@ class Judge:
         self.searching = searching
         self.limits = limits_of(kept, problem.outputs, problem.variables)
         self.own = self._outputs(design[None])
+        self.lacks: Array | float = 0.0
 
     def _outputs(self, designs: Array) -> dict[str, Array]:
         if self.searching:
@@ -52,7 +53,12 @@ class Judge:
         """
         parts = [designs[at : at + BATCH] for at in range(0, max(len(designs), 1), BATCH)]
         use, cost = zip(*map(self._use, parts), strict=True)
-        return np.concatenate(use), np.concatenate(cost)
+        return np.concatenate(use) + self.lacks, np.concatenate(cost)
+
+    def learn(self, other: Judge, design: Array) -> None:
+        """Add from now on what another one finds used up more at a full design (all,)."""
+        missing = other.use(design[None])[0][0] - self.use(design[None])[0][0]
+        self.lacks = self.lacks + np.where(np.isfinite(missing), missing, 0.0)
 
     def _use(self, designs: Array) -> tuple[Array, Array]:
         found = self._outputs(designs)

@@ -36,9 +36,12 @@ class PromiseOutcome:
 
 
 def promise_outcome(
-    problem: ToleranceProblem, front: pd.DataFrame, point: int
+    problem: ToleranceProblem, front: pd.DataFrame, point: int, drawing: Array | None = None
 ) -> PromiseOutcome | None:
-    """The promise at one point of a front; None where nothing is promised or found."""
+    """The promise at one point of a front; None where nothing is promised or found.
+
+    `drawing` is the full design (all variables,) of that point as it is rounded, where it is known.
+    """
     promise = problem.promise
     if promise is None or front.empty or not promised_limits(problem):
         return None
@@ -61,6 +64,8 @@ def promise_outcome(
         summary["kept"] = bool(summary[ASSURANCE] + doubt >= promise.confidence_percent)
     if isinstance(problem, Stack):
         summary |= _of_stack(problem, design)
+    if drawing is not None:
+        summary |= _of_drawing(problem, drawing)
     return PromiseOutcome(summary, sentence(summary, promise.words(), costs), costs, ranking)
 
 
@@ -90,6 +95,16 @@ def _of_stack(problem: Stack, design: Array) -> dict[str, Any]:
     if shapely(problem):
         found["bootstrap_percent"] = bootstrapped(problem, design)
     return found
+
+
+def _of_drawing(problem: ToleranceProblem, drawing: Array) -> dict[str, Any]:
+    """Whether a rounded full design (all variables,) keeps the promise, and how surely."""
+    own, found = drawing[None, :], problem.outputs_of(drawing[None, :])
+    promised = promised_limits(problem)
+    kept = all(np.all(column <= 0.0) for limit in problem.limits if limit.name in promised
+               for column in limit.violations(problem.values(own, found, limit.name)))  # fmt: skip
+    each = {name: float(value[0]) for name, value in found.items()}
+    return {"rounded_kept": kept, f"rounded_{ASSURANCE}": _least_of(each, ASSURANCE)}
 
 
 def by_statement(problem: ToleranceProblem, least: Mapping[str, Least]) -> pd.DataFrame:
@@ -124,6 +139,10 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
     told += f"; over what the samples leave open it is kept with a probability of {kept:.1f} %"
     if summary.get("kept") is False:
         told += ", less than the confidence that was asked for: it is not assured"
+    if summary.get("rounded_kept") is False:
+        told += (f"; as rounded for the drawing it is not kept (probability "
+                 f"{float(summary[f'rounded_{ASSURANCE}']):.1f} %): state finer steps in "
+                 "[rounding]")  # fmt: skip
     if "bootstrap_percent" in summary:
         told += f", by the Bayesian bootstrap {float(summary['bootstrap_percent']):.1f} %"
     by = costs.set_index("statement")["cost"]

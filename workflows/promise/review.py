@@ -24,6 +24,8 @@ CHANGED = 0.01
 """Probability below which a difference of scatter or mean is no chance."""
 SAME = 0.02
 """Share of a tolerance below which it stays as it is."""
+AS_MADE = "as made"
+"""Advice on a standard deviation that parts tell, which no drawing sets."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +61,9 @@ def review(
     anew = Least.none(before)
     if reset is not None:
         anew = cheapest(cheapest_at(reset, {}), _full(reset, design))
-    cost = float(before.cost_of(full[None, :])[0])
     if reset is not None and np.isfinite(anew.cost):
+        # standard deviations that parts tell cost the same in both
+        cost = float(reset.cost_of(_full(reset, design)[None, :])[0])
         side = "saves" if anew.cost < cost else "costs"
         told.append(
             f"the least cost that keeps the promise now is {anew.cost:.4g}; the drawing's "
@@ -72,7 +75,9 @@ def review(
                     "tightest tolerances")  # fmt: skip
     then, latest = characteristics(before), characteristics(now)
     shown = [name for name, one in then.items() if name in made or not one.fixed or one.stated]
-    rows = [_row(then[name], latest[name], design, anew.design, name in made) for name in shown]
+    saved = _savings(reset or before, design, anew.design)
+    rows = [_row(then[name], latest[name], design, anew.design, name in made)
+            | {"saving": saved[then[name].at]} for name in shown]  # fmt: skip
     for name in made:
         sample = latest[name].sample
         told += [f"{name} {one.text}" for one in (sample.found if sample is not None else ())]
@@ -89,6 +94,17 @@ def _full(problem: ToleranceProblem, design: Mapping[str, float]) -> Array:
              else problem.complete(problem.xl[None, :])[0])  # fmt: skip
     for at, name in enumerate(problem.names):
         found[at] = problem.fixed.get(name, float(design.get(name, found[at])))
+    return found
+
+
+def _savings(problem: ToleranceProblem, design: Mapping[str, float], anew: Array) -> Array:
+    """What each value (all,) of a new design saves of the cost of the drawing, alone."""
+    full = _full(problem, design)
+    each = np.repeat(full[None, :], len(full), axis=0)
+    np.fill_diagonal(each, anew)
+    known = np.isfinite(anew)
+    found = np.full(len(full), np.nan)
+    found[known] = problem.cost_of(full[None, :])[0] - problem.cost_of(each[known])
     return found
 
 
@@ -163,7 +179,8 @@ def _row(
     if not np.isfinite(new):
         advice = "unknown"
     elif abs(new / t - 1.0) > SAME:
-        advice = "loosen" if new > t else "tighten"
+        told = "loosen" if new > t else "tighten"
+        advice = AS_MADE if now.fixed and made else told
     return {
         "part": then.name,
         "unit": then.unit,
@@ -173,7 +190,7 @@ def _row(
         "offset": sample.knowledge.mean if made and sample is not None else np.nan,
         "tolerance": t,
         "new_tolerance": new,
-        "advice": "keep" if then.fixed else advice,
+        "advice": advice if not then.fixed or advice == AS_MADE else "keep",
     }
 
 

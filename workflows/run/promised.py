@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 from ..promise.limits import promised_limits
+
+Array = NDArray[np.float64]
 
 
 def with_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
@@ -18,6 +23,19 @@ def with_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
     return replace(result, capability=capability_table(problem))
 
 
+def _rounded(result: RunResult, problem: ToleranceProblem, point: int) -> Array | None:
+    """The full design (all variables,) of a point with the values of its drawing, if it has one."""
+    own = result.allocation
+    if own is None or result.front.empty or point not in set(own["point"]):
+        return None
+    design = np.array(problem.designs_of(result.front.iloc[[point]])[0])
+    first = own[own["point"] == point].drop_duplicates("variable")
+    for name, value in zip(first["variable"], first["rounded"], strict=True):
+        if name in problem.names and np.isfinite(float(value)):
+            design[problem.names.index(name)] = float(value)
+    return design
+
+
 def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with what it promises at its knee or its one point, where it promises anything."""
     if not promised_limits(problem):
@@ -26,7 +44,7 @@ def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
 
     choices = result.choices
     point = 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
-    found = promise_outcome(problem, result.front, point)
+    found = promise_outcome(problem, result.front, point, _rounded(result, problem, point))
     if found is None:
         return result
     answers = dict(result.answers) | {"promise": found.sentence}

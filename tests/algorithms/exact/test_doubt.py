@@ -59,10 +59,10 @@ def test_optimum_of_a_conic_solver(parts: int, fixed: float) -> None:
 
 @pytest.mark.parametrize(("fixed", "one_limit"), [(0.0, False), (0.7, False), (0.7, True)])
 def test_no_chord_lies_below_the_norm(fixed: float, one_limit: bool) -> None:
-    """20,000 chords and as many tangents, with all terms: none above by more than rounding."""
+    """40,000 chords and as many tangents, with all terms: none above by more than rounding."""
     form, rng = drawn(3, 9, fixed, one_limit), np.random.default_rng(8)
-    ends = 10.0 ** rng.uniform(-2.0, 1.5, (2, 20_000, 1, 9))
-    share = rng.uniform(size=(20_000, 1, 1))
+    ends = 10.0 ** rng.uniform(-2.0, 1.5, (2, 40_000, 1, 9))
+    share = rng.uniform(size=(40_000, 1, 1))
     middle = share * ends[0] + (1.0 - share) * ends[1]
     low, high, inner = (spread_of(form, s) for s in (*ends, middle))
     chord = share[:, :, 0] * low.value + (1.0 - share[:, :, 0]) * high.value

@@ -227,3 +227,26 @@ def test_what_is_read_is_written(parsed: Read, tmp_path: Path) -> None:
     path.write_text(first.toml(), encoding="utf-8")
     assert read(path).choice == first.choice
     assert first.choice.steps == {"a_t": pytest.approx(0.01), "b_t": (0.02, 0.05)}
+
+
+class Lenient(PoseAccuracy):
+    """A search sees 3 % less squareness than the full model: the best of its roundings break it."""
+
+    def outputs_of(self, designs: np.ndarray, searching: bool = False, errors: bool = True,
+                   known: Any = None) -> dict[str, np.ndarray]:  # fmt: skip
+        found = super().outputs_of(designs, searching, errors, known)
+        share = 0.97 if searching else 1.0
+        return found | {"squareness_mrad": share * found["squareness_mrad"]}
+
+
+def test_a_sample_that_is_too_lenient_is_corrected_by_the_full_model() -> None:
+    """Many fine steps: more than enough combinations break the limit of the full model alone."""
+    limits = {"squareness_mrad": Bound(high=0.1)}
+    problem = Lenient(Settings(objectives=("cost",), limits=limits))
+    design = problem._corner(tight=True)
+    design *= 0.1 / problem.outputs_of(design[None])["squareness_mrad"][0]  # it is homogeneous
+    grids = {name: (0.002 * np.arange(1.0, 4000.0) + 0.0017) * own
+             for name, own in zip(problem.names, design, strict=True)}  # fmt: skip
+    found = rounded(problem, design, grids)
+    assert problem.outputs_of(found[None])["squareness_mrad"][0] <= 0.1
+    assert problem.cost_of(found[None])[0] < 1.001 * problem.cost_of(design[None])[0]
