@@ -88,7 +88,8 @@ bench: $(PEERS) $(READY)  ## optimisers side by side and the speeds that are pro
 	$(BENCH)/python benchmarks/population.py
 	$(BENCH)/python benchmarks/tables.py
 	$(BIN)/python -m benchmarks.study
-	$(BIN)/python -m benchmarks.scaling $(if $(QUICK),--quick)
+	$(BIN)/python -m benchmarks.scaling $(if $(QUICK),--quick,--write docs)
+	$(BIN)/python -m benchmarks.wide $(if $(QUICK),--designs 2000)
 
 bench-gap: $(READY)  ## the benchmark of naming, about 20 minutes on two cores; goes on where it was stopped
 	$(BIN)/python -m benchmarks.gap --write docs/gap_benchmark.md

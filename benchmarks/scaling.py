@@ -206,33 +206,51 @@ def table_of(quick: bool, names: Sequence[str]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def drawn(table: pd.DataFrame, path: Path) -> None:
-    """CPU time and memory against size, a line per command."""
-    from matplotlib.figure import Figure
+def drawn(table: pd.DataFrame) -> bytes:
+    """CPU time and memory against size as SVG, a row of panels per command."""
+    from tolevo.reports.drawing import COLOURS, as_svg, new_figure, plain
 
-    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
-    for axes, column, label in zip(
-        figure.subplots(1, 2), ("cpu_s", "memory_MiB"), ("CPU time [s]", "Memory [MiB]"),
-        strict=True,
-    ):  # fmt: skip
-        for name, part in table.groupby(["command", "against"], sort=False):
-            axes.loglog(part["size"], part[column], marker="o", label=": ".join(map(str, name)))
-        axes.set(xlabel="Size", ylabel=label)
-        axes.grid(alpha=0.3)
-    figure.axes[0].legend(fontsize=7)
-    figure.savefig(path)
+    groups = list(table.groupby(["command", "against"], sort=False))
+    figure = new_figure(1.6 * len(groups))
+    panels = figure.subplots(len(groups), 2, squeeze=False)
+    for row, ((command, against), part) in zip(panels, groups, strict=True):
+        growth = part["exponent"].iloc[0]
+        told = "" if np.isnan(growth) else f", exponent {growth:.2f}"
+        for axes, column, label, colour in zip(
+            row, ("cpu_s", "memory_MiB"), ("CPU time [s]", "Memory [MiB]"), COLOURS, strict=False
+        ):
+            axes.loglog(part["size"], part[column], marker="o", color=colour)
+            axes.set(xlabel=against, ylabel=label, ylim=(0.5 * part[column].min(), None))
+            axes.set_title(f"{command}{told if column == 'cpu_s' else ''}", fontsize=9)
+            plain(axes)
+    return as_svg(figure)
+
+
+def replaced(before: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
+    """A table with the rows of the commands that were measured again in place of the old ones."""
+    key = ["command", "against"]
+    new = set(table[key].itertuples(index=False, name=None))
+    kept = before[[one not in new for one in before[key].itertuples(index=False, name=None)]]
+    order = {(case.name, case.of): at for at, case in enumerate(CASES)}
+    both = pd.concat([kept, table], ignore_index=True)
+    places = [order[one] for one in both[key].itertuples(index=False, name=None)]
+    return both.iloc[np.argsort(places, kind="stable")]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--write", type=Path)
+    parser.add_argument("--draw", action="store_true", help="with --write: the table that is there")
     parser.add_argument("names", nargs="*", help='such as "simulate rows"')
     given = parser.parse_args()
-    table = table_of(given.quick, given.names)
-    if given.write:
-        table.to_csv(given.write / "scaling.csv", index=False, float_format="%.4g")
-        drawn(table, given.write / "scaling.svg")
+    kept = given.write / "scaling.csv" if given.write else None
+    table = pd.read_csv(kept) if given.draw else table_of(given.quick, given.names)
+    if kept is not None:
+        if given.names and kept.exists():  # the other rows stay
+            table = replaced(pd.read_csv(kept), table)
+        table.to_csv(kept, index=False, float_format="%.4g")
+        (given.write / "scaling.svg").write_bytes(drawn(table))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@
 pymoo's NSGA-II by `minimize`, which computes neither, on the same problem: `pose_accuracy`, nine
 variables, two objectives, two limits. Both take turns in this one process, CPU time; a sample of
 the runs is measured and scaled. Then what handing out runs of 0.1 s costs in CPU time of all
-processes, from studies of two sizes, so that starting them is not counted.
+processes, in workers that a smaller study has started.
 """
 
 import os
@@ -13,6 +13,7 @@ import os
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[_name] = "1"
 
+import pickle
 import re
 import resource
 import subprocess
@@ -22,6 +23,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from multiprocessing import active_children
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -35,7 +37,7 @@ from tolevo.workflows.study import Executor, StudyPlan, executor_of
 from tolevo.workflows.study.storage.database import Database
 from tolevo.workflows.study.storage.site import Site
 from tolevo.workflows.study.work import Work
-from tolevo.workflows.study.yardstick import yardstick
+from tolevo.workflows.study.yardstick import Yardstick, yardstick
 
 RUN = Path(__file__).resolve().parent.parent / "configs" / "pose_accuracy.toml"
 STUDY = f"""
@@ -54,12 +56,12 @@ kind = "one_at_a_time"
 PROMISED, RUNS = 10.0, 1000
 ROUNDS, EACH = 10, 10
 """Rounds, and runs of the array engine in each, beside one of pymoo."""
-LONG = "run.algorithm.evaluations=16000"
+LONG = "run.algorithm.evaluations=24000"
 """Runs of about 0.1 s."""
 IDLE = 10.0
 """Seconds in which the processes that wait for work are watched."""
-SEEDS = (2, 10, 110)
-"""Seeds of the three studies that the cost of handing out is told from; the first warms up."""
+WARM, SEEDS = 4, 100
+"""Seeds of the study that starts the workers, and of that which is measured."""
 
 
 def planned(folder: Path, *changes: str) -> StudyPlan:
@@ -89,8 +91,7 @@ def round_of(plan: StudyPlan, folder: Path) -> float:
     """CPU time of all runs of a plan, without that of the exact front, which is found once."""
     folder.mkdir()
     with Database(Site(folder).backend(), len(plan.points), plan.settings.responses) as database:
-        for number, problem in enumerate(plan.problems):
-            database.keep_yardstick(number, yardstick(problem))
+        keep_yardsticks(database, plan)
         work = Work(plan, database, InProcess(), None)
         start = time.process_time()
         work.finish()
@@ -103,40 +104,55 @@ def handing_out(name: str, folder: Path, make: Callable[[], Executor], cpu: Call
 
     What processes use that wait for work is told apart: it goes with the time, not with the runs.
     """
-    warm, small, large = SEEDS
-    measured(folder / f"{name} warm", warm, make, cpu)
-    start = cpu()
-    time.sleep(IDLE)
-    waiting = (cpu() - start) / IDLE
-    found = [measured(folder / f"{name} {seeds}", seeds, make, cpu) for seeds in (small, large)]
-    count, own, total, seconds = (after - before for before, after in zip(*found, strict=True))
+    with make() as executor:
+        measured(folder / f"{name} warm", WARM, executor, cpu)
+        start = cpu()
+        time.sleep(IDLE)
+        waiting = (cpu() - start) / IDLE
+        count, own, total, seconds = measured(folder / name, SEEDS, executor, cpu)
     extra = total - own - waiting * seconds
     print(f"{name}: {count:.0f} runs of {own / count:.3f} s; handing out "
           f"{1e3 * extra / count:.2f} ms CPU a run, {100.0 * extra / own:.1f} % (promised: under "
           f"5 %); waiting {waiting:.3f} s CPU per second, here "
-          f"{100.0 * waiting * seconds / own:.1f} %")  # fmt: skip
+          f"{100.0 * waiting * seconds / own:.1f} %; load {os.getloadavg()[0]:.1f}")  # fmt: skip
 
 
 def measured(
-    out: Path, seeds: int, make: Callable[[], Executor], cpu: Callable[[], float]
+    out: Path, seeds: int, executor: Executor, cpu: Callable[[], float]
 ) -> tuple[float, float, float, float]:
-    """Runs of a study, their CPU time, that of everything, and the wall time."""
+    """Runs of a study whose references are known, their CPU time, that of everything, and the
+    wall time.
+    """
     plan = planned(out.parent, f"seeds={seeds}", LONG)
     out.mkdir()
     with Database(Site(out).backend(), len(plan.points), plan.settings.responses) as database:
+        keep_yardsticks(database, plan)
+        work = Work(plan, database, executor, None)
         start, clock = cpu(), time.monotonic()
-        with make() as executor:
-            work = Work(plan, database, executor, None)
-            work.finish()
+        work.finish()
         total, seconds = cpu() - start, time.monotonic() - clock
         runs = database.runs(plan.total)
     return len(runs), sum(run.cpu_s for run in runs), total, seconds
 
 
+def keep_yardsticks(database: Database, plan: StudyPlan) -> None:
+    """Put the references of a plan's problems into a database; each is measured once."""
+    for number, problem in enumerate(plan.problems):
+        content = pickle.dumps(problem)
+        if content not in KNOWN:
+            KNOWN[content] = yardstick(problem)
+        database.keep_yardstick(number, KNOWN[content])
+
+
+KNOWN: dict[bytes, Yardstick] = {}
+"""References by what they belong to."""
+
+
 def own_cpu() -> float:
-    """CPU time of this process and of its children that have ended."""
+    """CPU time of this process and of its workers, those that have ended included."""
     usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(one.ru_utime + one.ru_stime for one in usage)
+    own = sum(one.ru_utime + one.ru_stime for one in usage)
+    return own + cpu_of([one.pid for one in active_children() if one.pid is not None])
 
 
 def cpu_of(pids: list[int]) -> float:

@@ -76,14 +76,18 @@ def read(
 def check(source: Source, settings: Sequence[str] = ()) -> str:
     """The resolved configuration of any command as TOML with comments, as `tolevo check` prints it.
 
-    Raises ConfigurationError with every fault.
+    Raises ConfigurationError with every fault, those of `[execution]` included: a scheduler or a
+    store that it names is looked at, and nothing is written there.
     """
     from .configuration.checked import checked
     from .configuration.description import describe
 
-    if isinstance(source, Configuration):
-        return describe(read(source, settings))
-    return checked(raw(source), settings)
+    faults: list[Fault] = []
+    executing(source, settings, None, "", faults, store="")
+    found = collected(lambda: describe(read(source, settings)) if isinstance(source, Configuration)
+                      else checked(raw(source), settings), faults)  # fmt: skip
+    raise_all(faults)
+    return found
 
 
 def run(

@@ -43,7 +43,9 @@ class Store:
     """The open tables in a database; `prefix` begins the name under which this process claims.
 
     Tables are made where there are none, and left as they are where they are of an older version,
-    until `migrate`. Raises Newer, Foreign, and errors of SQLAlchemy where they cannot be opened.
+    until `migrate`. Who is going to write waits for a server that restarts; a store that is only
+    looked at (`reading`) answers at once or not at all. Raises Newer, Foreign, and errors of
+    SQLAlchemy where they cannot be opened.
     """
 
     def __init__(self, backend: Backend, prefix: str = "", reading: bool = False) -> None:
@@ -53,13 +55,17 @@ class Store:
         self._ended = threading.Event()
         self._renewing: threading.Thread | None = None
         try:
-            with backend.engine.connect() as connection:
-                self.format = backend.version(connection)
+            self.format = self._looked() if reading else self._patiently(self._looked)
             if not self.format and not reading:
-                self._once(self._make)
+                self._patiently(lambda: self._once(self._make))
         except BaseException:
             backend.close()
             raise
+
+    def _looked(self) -> int:
+        """The version of the tables that are there."""
+        with self.backend.engine.connect() as connection:
+            return self.backend.version(connection)
 
     def _make(self, connection: Connection) -> None:
         """Make the tables, where no other process has done so meanwhile."""

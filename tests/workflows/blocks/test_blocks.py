@@ -195,6 +195,11 @@ def test_the_configuration_says_where_to_run(table: Path, whole: bytes, tmp_path
         ({"workers": 2, "dask": "tcp://127.0.0.1:9"}, "execution.dask: has workers of its own"),
         ({"dask": "tcp://127.0.0.1:9"}, "execution.dask: no Dask scheduler answers at tcp://127"),
         ({"workers": 10**7}, "execution.workers: 10000000 processes would need"),
+        ({"store": "postgresql://me:secret@host/db"}, "execution.store: has a password in it"),
+        (
+            {"store": "postgresql://127.0.0.1:1/db"},
+            "execution.store: postgresql://127.0.0.1:1/db?schema=tolevo: it cannot be reached",
+        ),
     ],
 )
 def test_faults_of_the_table_come_with_those_of_the_rest(
@@ -210,6 +215,12 @@ def test_faults_of_the_table_come_with_those_of_the_rest(
     assert "limits.nonsense" in text
     assert "--block-rows: must be at least 1, got 0" in text
     assert '--quality: must be one of reported, search, got "best"' in text
+    with pytest.raises(InputError) as caught:
+        tolevo.check(wrong)
+    checked = [str(fault) for fault in caught.value.faults]
+    assert len(checked) == 2
+    assert any(line.startswith(said) for line in checked)
+    assert any(line.startswith("limits.nonsense") for line in checked)
     assert not list(tmp_path.iterdir())
 
 

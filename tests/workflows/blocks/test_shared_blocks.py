@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import random
 import time
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from tolevo.errors import InputError
 from tolevo.problems.rv_backlash import RvBacklash
 from tolevo.workflows.blocks import compute
 from tolevo.workflows.evaluate import GRAIN
+from tolevo.workflows.store import store as store_module
 
 CONFIGURATION: dict[str, Any] = {"problem": "rv_backlash", "parameters": {"reading": "printed"}}
 BLOCKS = 6
@@ -24,10 +24,15 @@ BLOCKS = 6
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path, problem = tmp_path_factory.mktemp("designs") / "designs.csv", RvBacklash()
-    share = np.random.default_rng(1).random((BLOCKS * GRAIN - 5, problem.n_var))
-    designs = problem.complete(problem.xl + share * (problem.xu - problem.xl))
-    problem.designs_frame(designs).to_csv(path, index=False)
+    return designs(tmp_path_factory.mktemp("designs") / "designs.csv", BLOCKS)
+
+
+def designs(path: Path, blocks: int) -> Path:
+    """A table of so many blocks, the last of which is not full."""
+    problem = RvBacklash()
+    share = np.random.default_rng(1).random((blocks * GRAIN - 5, problem.n_var))
+    full = problem.complete(problem.xl + share * (problem.xu - problem.xl))
+    problem.designs_frame(full).to_csv(path, index=False)
     return path
 
 
@@ -41,9 +46,9 @@ def evaluated(table: Path, out: Path, store: str, **more: Any) -> None:
     tolevo.evaluate(CONFIGURATION, table, out, store=store, block_rows=GRAIN, frame=False, **more)
 
 
-def sound(postgres: Server, schema: str) -> None:
+def sound(postgres: Server, schema: str, blocks: int = BLOCKS) -> None:
     assert postgres.ask(schema, "SELECT COUNT(*), COUNT(DISTINCT number) FROM blocks") == [
-        (BLOCKS, BLOCKS)
+        (blocks, blocks)
     ]
     assert postgres.ask(schema, "SELECT * FROM claims") == []
 
@@ -105,30 +110,58 @@ def test_a_store_of_something_else_is_refused(
         evaluated(table, tmp_path / "b.csv", store)
 
 
+class Told:
+    """Writes how many blocks are done to a file, which another process looks at."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __call__(self, state: Any) -> None:
+        self.path.write_text(str(state.done), encoding="utf-8")
+
+    @property
+    def done(self) -> int:
+        try:
+            return int(self.path.read_text(encoding="utf-8") or -1)
+        except FileNotFoundError:
+            return -1
+
+
+def machine(table: Path, store: str, told: Told) -> None:
+    """An evaluation whose claims expire soon, as another machine waits for those of a lost one."""
+    store_module.LEASE_S, store_module.RENEWED_S = 4.0, 1.0
+    evaluated(table, told.path.with_suffix(".csv"), store, progress=told)
+
+
 @pytest.mark.slow
-def test_machines_workers_and_the_server_are_killed(
-    table: Path, whole: bytes, postgres: Server, schema: str, tmp_path: Path
+def test_machines_and_the_server_are_killed_at_ten_moments(
+    postgres: Server, schema: str, tmp_path: Path
 ) -> None:
-    """Ten moments at which the server, and ten at which one of two machines is killed."""
-    rng, context = random.Random(2), multiprocessing.get_context("spawn")
+    """Ten evaluations by two machines: at some share of each the server and one of them die."""
+    blocks, context, struck = 50, multiprocessing.get_context("forkserver"), list[int]()
+    context.set_forkserver_preload([__name__, "tolevo.api", "tolevo.workflows.blocks.table"])
+    table = designs(tmp_path / "designs.csv", blocks)
+    tolevo.evaluate(CONFIGURATION, table, tmp_path / "whole.csv")
+    whole = (tmp_path / "whole.csv").read_bytes()
     for moment in range(10):
-        store = postgres.store(f"{schema[:50]}_{moment}")
+        own = f"{schema[:50]}_{moment}"
+        told = [Told(tmp_path / f"{name}{moment}.txt") for name in ("a", "b")]
         both = [
-            context.Process(target=evaluated, args=(table, tmp_path / f"{name}{moment}.csv", store))
-            for name in ("a", "b")
+            context.Process(target=machine, args=(table, postgres.store(own), one)) for one in told
         ]
-        for one in both:
-            one.start()
-        while not postgres.ask("public", f"SELECT to_regclass('{schema[:50]}_{moment}.blocks')")[0][
-            0
-        ]:
-            time.sleep(0.02)
-        time.sleep(rng.uniform(0.0, 2.0))
+        for process in both:
+            process.start()
+        while min(one.done for one in told) < 0 or max(one.done for one in told) < 4.5 * moment:
+            assert any(process.is_alive() for process in both)
+            time.sleep(0.001)
         postgres.kill()
         both[1].kill()
+        struck.append(max(one.done for one in told))
         postgres.start()
-        for one in both:
-            one.join()
+        for process in both:
+            process.join()
         assert both[0].exitcode == 0
-        assert (tmp_path / f"a{moment}.csv").read_bytes() == whole
-        sound(postgres, f"{schema[:50]}_{moment}")
+        assert told[0].path.with_suffix(".csv").read_bytes() == whole
+        sound(postgres, own, blocks)
+    print(f"killed when {struck} of {blocks} blocks were done")
+    assert sum(at < blocks for at in struck) >= 8

@@ -7,30 +7,25 @@ import multiprocessing.context
 import operator
 import os
 import random
-import re
 import signal
 import socket
 import sqlite3
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from functools import partial
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import tolevo
+from tests.dask_daemons import LOOPBACK, cluster, wait_until
 from tolevo.cli import app
 from tolevo.configuration.study import read_study
 from tolevo.errors import InputError, RunError
-from tolevo.workflows.evaluate import GRAIN
 from tolevo.workflows.execution import InProcess, Lost, Processes, dask_cluster
 from tolevo.workflows.execution.executor import Result, TaskT
 from tolevo.workflows.study import StudyPlan, StudyProgress, executor_of, study
@@ -63,7 +58,6 @@ kind = "factorial"
 "algorithm.population" = [8, 10, 12]
 "algorithm.mutation.probability" = [0.05, 0.1]
 """
-LOOPBACK = "127.0.0.1"
 TRIALS = int(os.environ.get("TOLEVO_TRIALS", "4"))
 """Kills of a study at random moments."""
 
@@ -115,13 +109,6 @@ def ended(out: Path) -> int:
         return 0
     finally:
         connection.close()
-
-
-def wait_until(condition: Callable[[], bool], seconds: float = 60.0) -> None:
-    until = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < until, "took too long"
-        time.sleep(0.01)
 
 
 def children() -> set[int]:
@@ -287,45 +274,6 @@ def test_of_a_lost_chunk_only_the_guilty_run_has_failed(
     assert other[0].endswith(b",failed,its process was lost,,")
 
 
-@contextmanager
-def daemon(*words: object) -> Iterator[subprocess.Popen[str]]:
-    """A Dask scheduler or worker of this test; its messages can be read."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "dask", *map(str, words)],
-        stderr=subprocess.STDOUT, stdout=subprocess.PIPE, text=True,
-        env=os.environ | {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "20"},
-    )  # fmt: skip
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.wait()
-        assert process.stdout is not None
-        process.stdout.close()
-
-
-@contextmanager
-def scheduler() -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """A scheduler on the loopback with its address."""
-    bound = ("--host", LOOPBACK, "--port", 0, "--dashboard-address", f"{LOOPBACK}:0")
-    with daemon("scheduler", *bound) as process:
-        assert process.stdout is not None
-        lines = (re.search(r"Scheduler at:\s+(tcp://127\.0\.0\.1:\d+)", x) for x in process.stdout)
-        found = next(one for one in lines if one)
-        threading.Thread(target=process.stdout.read, daemon=True).start()  # or its pipe is full
-        yield process, found[1]
-
-
-def worker(address: str) -> subprocess.Popen[bytes]:
-    """A worker with one thread and no nanny that would start it anew."""
-    bound = ("--host", LOOPBACK, "--dashboard-address", f"{LOOPBACK}:0")
-    words = ("worker", address, *bound, "--nthreads", 1, "--no-nanny")
-    return subprocess.Popen(
-        [sys.executable, "-m", "dask", *map(str, words)],
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-
-
 def listening(pids: set[int]) -> set[str]:
     """Addresses (hexadecimal, as /proc has them) at which processes listen."""
     inodes = set()
@@ -347,81 +295,20 @@ def test_dask_a_worker_killed_then_the_scheduler(
     plan: StudyPlan, table: bytes, tmp_path: Path
 ) -> None:
     """Two workers, one killed in the middle; then a study whose scheduler is killed."""
-    with scheduler() as (process, address):
-        workers = [worker(address) for _ in range(2)]
-        try:
-            first = DaskKiller(lambda: workers[0].kill(), at=plan.total // 4)
-            executor = executor_of(0, address)
-            wait_until(lambda: both(address))
-            assert listening({process.pid, *(one.pid for one in workers)}) == {"0100007F"}
-            assert study(plan, tmp_path / "a", executor, first).status == "done"
-            assert first.struck
-            sound(tmp_path / "a", plan, table)
-            second = DaskKiller(process.kill, at=3)
-            with pytest.raises(RunError, match=r"scheduler .* was lost.*runs have ended.*--resume"):
-                study(plan, tmp_path / "b", executor_of(0, address), second)
-        finally:
-            for one in workers:
-                one.kill()
-                one.wait()
+    with cluster() as (process, address, workers):
+        first = DaskKiller(lambda: workers[0].kill(), at=plan.total // 4)
+        executor = executor_of(0, address)
+        assert listening({process.pid, *(one.pid for one in workers)}) == {"0100007F"}
+        assert study(plan, tmp_path / "a", executor, first).status == "done"
+        assert first.struck
+        sound(tmp_path / "a", plan, table)
+        second = DaskKiller(process.kill, at=3)
+        with pytest.raises(RunError, match=r"scheduler .* was lost.*runs have ended.*--resume"):
+            study(plan, tmp_path / "b", executor_of(0, address), second)
     kept = ended(tmp_path / "b")
     assert 3 <= kept < plan.total
     assert study(plan, tmp_path / "b", InProcess(), resume=True).status == "done"
     sound(tmp_path / "b", plan, table)
-
-
-@pytest.mark.slow
-def test_dask_lost_at_several_moments_in_an_evaluation(tmp_path: Path) -> None:
-    """Ten moments: a worker is killed at every other one, the scheduler at the rest."""
-    configuration: dict[str, Any] = {"problem": "rv_backlash", "parameters": {"reading": "printed"}}
-    problem = tolevo.read(configuration).problem
-    assert problem is not None
-    share = np.random.default_rng(0).random((12 * GRAIN, problem.n_var))
-    full = problem.complete(problem.xl + share * (problem.xu - problem.xl))
-    problem.designs_frame(full).to_csv(tmp_path / "d.csv", index=False)
-    tolevo.evaluate(configuration, tmp_path / "d.csv", tmp_path / "whole.csv")
-    whole = (tmp_path / "whole.csv").read_bytes()
-    for moment in range(10):
-        out = tmp_path / f"{moment}.csv"
-        with scheduler() as (process, address):
-            workers = [worker(address) for _ in range(2)]
-            try:
-                wait_until(partial(both, address))
-                told: list[int] = []
-
-                def report(
-                    state: Any, at: int = moment, one: Any = workers[0], all_: Any = process,
-                    seen: list[int] = told,
-                ) -> None:  # fmt: skip
-                    if state.done == at:
-                        (one.kill if at % 2 else all_.kill)()
-                        seen.append(state.done)
-
-                arguments: dict[str, Any] = {
-                    "dask": address,
-                    "block_rows": GRAIN,
-                    "progress": report,
-                }
-                if moment % 2:
-                    tolevo.evaluate(configuration, tmp_path / "d.csv", out, **arguments)
-                else:
-                    with pytest.raises(RunError, match=r"of 12 blocks are saved.*--resume"):
-                        tolevo.evaluate(configuration, tmp_path / "d.csv", out, **arguments)
-                    tolevo.evaluate(configuration, tmp_path / "d.csv", out, resume=True)
-            finally:
-                for one in workers:
-                    one.kill()
-                    one.wait()
-        assert told
-        assert out.read_bytes() == whole
-
-
-def both(address: str) -> bool:
-    """Whether both workers have come."""
-    from distributed import Client
-
-    with Client(address, timeout=10, set_as_default=False) as client:
-        return len(client.scheduler_info()["workers"]) == 2
 
 
 class DaskKiller:
