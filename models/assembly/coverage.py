@@ -45,9 +45,15 @@ def normals(count: int, dimensions: int, seed: int = 0) -> Array:
 
 
 def root(covariance: Array) -> Array:
-    """A with A A' = covariance, shape (..., k, k), also where it is singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
+    """A with A A' = covariance, shape (..., k, k), also where it is singular: standard deviations
+    times the symmetric root of the correlations, to the same precision in every row and on every
+    processor, whatever the units of the rows and however often an eigenvalue occurs.
+    """
+    scale = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))[..., None]
+    over = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(covariance / over / np.swapaxes(over, -1, -2))
+    part = vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
+    return np.asarray(scale * (part @ np.swapaxes(vectors, -1, -2)))
 
 
 def sample_quantile(

@@ -241,6 +241,16 @@ def test_root_of_a_singular_covariance() -> None:
     np.testing.assert_allclose(found @ np.swapaxes(found, 1, 2), covariance, atol=1e-12)
 
 
+def test_root_of_rows_in_units_far_apart() -> None:
+    """Each row of the root to the same precision: a scale in front of it changes nothing else."""
+    half = np.random.default_rng(3).normal(size=(4, 3))
+    scale = np.array([1e-9, 1.0, 1e-4, 1e5])
+    found = root(half @ half.T * np.outer(scale, scale))
+    np.testing.assert_allclose(found / scale[:, None], root(half @ half.T), rtol=1e-6)
+    again = root(np.eye(3))  # every vector is an eigenvector
+    np.testing.assert_allclose(again, np.eye(3), atol=1e-15)
+
+
 def test_sample_quantile_of_a_norm() -> None:
     """The length of a Gaussian vector is chi distributed; chunks change nothing."""
     covariance = np.repeat(4.0 * np.eye(3)[None], 3, axis=0)
