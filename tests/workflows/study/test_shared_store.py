@@ -56,7 +56,7 @@ kind = "factorial"
 """
 LONG = ("seeds=40", "run.algorithm.generations=60")
 """A study of some ten seconds of CPU, so that much can be killed in it."""
-LONGER = ("seeds=200", "run.algorithm.generations=60")
+LONGER = ("seeds=120", "run.algorithm.generations=60")
 """One that is not through before machines have been begun ten times."""
 KILLS = int(os.environ.get("TOLEVO_TRIALS", "10"))
 """How often a machine is killed."""
@@ -286,7 +286,8 @@ def machine(plan: StudyPlan, out: Path, address: str, handed: Path, resume: bool
 
 
 def begun(plan: StudyPlan, out: Path, address: str, resume: bool = False) -> Any:
-    context = multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__])
     process = context.Process(target=machine, args=(plan, out, address, out.with_suffix(".txt"),
                                                     resume))  # fmt: skip
     process.start()
@@ -398,8 +399,9 @@ def test_machines_are_killed_at_ten_moments(
     both, struck = [begun(plan, out, address) for out in outs], list[int]()
     for moment in range(KILLS):
         at = moment % 2
+        share = 0.9 * (moment + rng.random()) / KILLS
+        wait_until(partial(reached, postgres, schema, share * plan.total))
         wait_until(partial(at_work, both[at]))
-        time.sleep(rng.uniform(0.0, 0.5))
         orphans = workers(both[at].pid)
         both[at].kill()
         both[at].join()
@@ -412,7 +414,7 @@ def test_machines_are_killed_at_ten_moments(
         assert (out / "study.csv").read_bytes() == (tmp_path / "whole" / "study.csv").read_bytes()
     sound(postgres, schema, plan)
     print(f"machines were killed when {struck} of {plan.total} runs had ended")
-    assert max(struck) < plan.total
+    assert sum(0 < at < plan.total for at in struck) >= KILLS - 2
 
 
 def all_gone(pids: list[int]) -> bool:
