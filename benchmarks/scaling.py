@@ -244,13 +244,18 @@ def main() -> None:
     parser.add_argument("--draw", action="store_true", help="with --write: the table that is there")
     parser.add_argument("names", nargs="*", help='such as "simulate rows"')
     given = parser.parse_args()
-    kept = given.write / "scaling.csv" if given.write else None
+    folder: Path | None = given.write
+    if folder is None:
+        if given.draw:
+            parser.error("--draw needs --write")
+        table_of(given.quick, given.names)
+        return
+    kept = folder / "scaling.csv"
     table = pd.read_csv(kept) if given.draw else table_of(given.quick, given.names)
-    if kept is not None:
-        if given.names and kept.exists():  # the other rows stay
-            table = replaced(pd.read_csv(kept), table)
-        table.to_csv(kept, index=False, float_format="%.4g")
-        (given.write / "scaling.svg").write_bytes(drawn(table))
+    if given.names and kept.exists():  # the other rows stay
+        table = replaced(pd.read_csv(kept), table)
+    table.to_csv(kept, index=False, float_format="%.4g")
+    (folder / "scaling.svg").write_bytes(drawn(table))
 
 
 if __name__ == "__main__":
