@@ -16,6 +16,7 @@ pytestmark = pytest.mark.long
 RUN = """
 problem = "rv_reducer"
 [parameters]
+allow_interference = true
 search_units = 16
 report_units = 128
 elastic_units = 16
@@ -30,13 +31,13 @@ generations = 5
 """
 STUDY = """
 run = "rv_reducer.toml"
-seeds = 6
+seeds = 12
 response = ["hypervolume"]
 {more}
 [design]
 {design}
 [vary]
-"algorithm.population" = [4, 8, 32]
+"algorithm.population" = [4, 8, 64]
 """
 FACTORIAL, LEADERS = 'kind = "factorial"', 'kind = "table"\nfile = "coarse/leaders.csv"'
 FULL = '"run.parameters.search_units" = 64'
@@ -68,7 +69,7 @@ def test_leaders_on_a_small_sample_are_run_on_the_full_one(
     assert list(dict.fromkeys(fine[key])) == list(leaders)
     known = whole.set_index([key, "replicate"])["hypervolume"]
     assert fine.set_index([key, "replicate"])["hypervolume"].equals(
-        known.loc[[(size, at) for size in leaders for at in range(6)]]
+        known.loc[[(size, at) for size in leaders for at in range(12)]]
     )
     small = coarse.set_index([key, "replicate"])["hypervolume"]
     assert not known.equals(small)
