@@ -7,7 +7,7 @@ import signal
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any
 
 import typer
 
@@ -16,7 +16,7 @@ from .counts import forced
 from .ending import INTERRUPTED, exit_status
 from .errors import raise_all
 from .files import write_text
-from .options import Asked, Blocks, Dialect, Into, Shared, grouped
+from .options import Asked, Blocks, Dialect, Into, Shared, Told, grouped
 from .results import Finished
 
 GARBAGE = 200_000
@@ -35,17 +35,12 @@ Table = Annotated[Path, typer.Option("--out", help="The table that is written.")
 
 
 def main() -> None:
-    """Entry point of the `tolevo` command."""
+    """Entry point of the `tolevo` command; SIGTERM and SIGHUP end it as Ctrl-C does."""
     for polite in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(polite) is not signal.SIG_IGN:  # as nohup leaves it
-            signal.signal(polite, _terminated)
+            signal.signal(polite, signal.default_int_handler)
     gc.set_threshold(GARBAGE)
     app()
-
-
-def _terminated(number: int, frame: object) -> NoReturn:
-    """A polite kill, or a terminal that is closed, ends a run as Ctrl-C does."""
-    raise KeyboardInterrupt
 
 
 def command(name: str) -> Callable[[Callable[..., Finished | None]], Callable[..., Any]]:
@@ -65,6 +60,15 @@ def command(name: str) -> Callable[[Callable[..., Finished | None]], Callable[..
         return app.command(name)(ending)
 
     return registered
+
+
+def _called(name: str, asked: Asked, *given: Any, **options: Any) -> Any:
+    """What a function of the Python interface returns, its progress shown on the terminal."""
+    from . import api
+    from .progress import shown
+
+    with shown(name, asked.quiet) as progress:
+        return getattr(api, name)(*given, **options, progress=progress)
 
 
 def _ended(finished: Finished) -> int:
@@ -91,11 +95,7 @@ def _root(
 @command("run")
 def run(config: Config, *, into: Into, asked: Asked) -> Finished:
     """Run one optimisation: from a configuration to a Pareto front."""
-    from .api import run
-    from .progress import shown
-
-    with shown(asked.quiet) as progress:
-        return run(config, **into.arguments(), **asked.arguments(), progress=progress)
+    return _called("run", asked, config, **into.arguments(), **asked.arguments())
 
 
 @command("gap")
@@ -108,29 +108,15 @@ def gap(
     asked: Asked,
 ) -> Finished:
     """Find where model and measurement disagree, name the missing effect, correct the model."""
-    from .api import gap
-    from .progress import shown_gap
-
     given = into.arguments() | asked.arguments() | asdict(dialect)
-    with shown_gap(asked.quiet) as progress:
-        return gap(config, data, **given, progress=progress)
+    return _called("gap", asked, config, data, **given)
 
 
 @command("study")
-def study(
-    config: Config,
-    *,
-    into: Into,
-    shared: Shared,
-    asked: Asked,
-) -> Finished:
+def study(config: Config, *, into: Into, shared: Shared, asked: Asked) -> Finished:
     """Run many optimisations over settings and seeds, and say what the settings do."""
-    from .api import study
-    from .progress import shown_study
-
-    with shown_study(asked.quiet) as progress:
-        given = into.arguments() | asked.arguments() | asdict(shared)
-        return study(config, **given, progress=progress)
+    given = into.arguments() | asked.arguments() | asdict(shared)
+    return _called("study", asked, config, **given)
 
 
 @command("reproduce")
@@ -144,11 +130,7 @@ def reproduce(
     asked: Asked,
 ) -> Finished:
     """Recompute every figure that documents print, and say which of them hold."""
-    from .api import reproduce
-    from .progress import shown_claims
-
-    with shown_claims(asked.quiet) as progress:
-        return reproduce(claims or (), **into.arguments(), settings=asked.set_, progress=progress)
+    return _called("reproduce", asked, claims or (), **into.arguments(), settings=asked.set_)
 
 
 @command("evaluate")
@@ -165,12 +147,8 @@ def evaluate(
     asked: Asked,
 ) -> None:
     """Evaluate a configuration's problem at given designs."""
-    from .api import evaluate
-    from .progress import shown_blocks
-
     given = asked.arguments() | asdict(dialect) | asdict(blocks)
-    with shown_blocks(asked.quiet) as progress:
-        evaluate(config, designs, out, **given, quality=quality, progress=progress, frame=False)
+    _called("evaluate", asked, config, designs, out, **given, quality=quality, frame=False)
     typer.echo(f"written: {out}")
 
 
@@ -185,12 +163,8 @@ def simulate(
     asked: Asked,
 ) -> None:
     """Predict a configuration's model at given operating points."""
-    from .api import simulate
-    from .progress import shown_blocks
-
     given = asked.arguments() | asdict(dialect) | asdict(blocks)
-    with shown_blocks(asked.quiet) as progress:
-        simulate(config, inputs, out, **given, progress=progress, frame=False)
+    _called("simulate", asked, config, inputs, out, **given, frame=False)
     typer.echo(f"written: {out}")
 
 
@@ -199,21 +173,20 @@ def report(
     folders: Annotated[
         list[Path], typer.Argument(metavar="DIR...", help="Results of run, study, gap.")
     ],
+    *,
     out: Annotated[
         Path | None, typer.Option("--out", help="The page.", show_default="DIR/report.html")
     ] = None,
-    figures: Annotated[
-        Path | None, typer.Option("--figures", help="A folder for figures, as PNG and SVG.")
-    ] = None,
+    figures: Annotated[Path | None, typer.Option(help="A folder for figures, PNG and SVG.")] = None,
     watch: Annotated[
         bool, typer.Option("--watch", help="Renew the page until the result is complete.")
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Nothing on stderr but errors.")] = False,
+    told: Told,
 ) -> None:
     """Build the page of a result again, or compare several runs."""
     from .api import report
 
-    found = report(folders, out, figures, watch=watch, tell=Asked(quiet=quiet).tell)
+    found = report(folders, out, figures, watch=watch, tell=told.tell)
     typer.echo(f"page: {found.path}")
 
 
@@ -233,9 +206,7 @@ def template(
     out: Annotated[
         Path | None, typer.Option("--out", help="The file.", show_default="the terminal")
     ] = None,
-    config: Annotated[
-        Path | None, typer.Option("--config", help="Whose designs, costs or units.")
-    ] = None,
+    config: Annotated[Path | None, typer.Option(help="Whose designs, costs or units.")] = None,
 ) -> None:
     """Write the table or configuration that a command wants, filled in."""
     from .configuration.template import written

@@ -14,7 +14,8 @@ class Separation:
     units, of what the one says and the other cannot follow when it is fitted again. `chance` is
     that the right one fits better then, `alike` that of as many readings like the present ones,
     `alone` that only the right one stays within the distance of a set; `needed` readings like
-    the planned ones bring the chance to 0.95 (0 where none do). `text` says so.
+    the planned ones bring the chance to 0.95 (0 where none do). `text` says so. `possible` is false
+    where no design in the range tells them apart.
     """
 
     names: tuple[str, ...]
@@ -26,6 +27,7 @@ class Separation:
     alone: float
     needed: int
     text: str
+    possible: bool = True
 
     def __str__(self) -> str:
         mine, other = " + ".join(self.names), " + ".join(self.instead_of)

@@ -12,7 +12,8 @@ class PopulationLine:
     `model` is "before" or "after" (with the effects in it), `aspect` "location", "spread", "shape",
     "mixture", "trend" or "lots", `statistic` what of it. `low` and `high` are the 90 % interval of
     `difference` (nan where the statistic is never negative), `chance` the size that it reaches by
-    chance in any of the lines, `would_show` what would have been seen nine times out of ten.
+    chance in any of the lines, `would_show` what would have been seen nine times out of ten;
+    `enough` is false where the units are too few to say that nothing differs.
     """
 
     model: str
@@ -28,6 +29,7 @@ class PopulationLine:
     chance: float
     would_show: float
     verdict: str
+    enough: bool = True
 
     @property
     def differs(self) -> bool:

@@ -268,7 +268,8 @@ class Shape:
     """Stage 7: what is left without a name.
 
     `torque` and `direction` are "odd", "even", "none" or "unknown"; `between` are the names that
-    come closest, none of which fits; `empirical` is a formula that beats a spline on held-out rows.
+    come closest, none of which fits; `empirical` is a formula that beats a spline on held-out rows;
+    `by` is what a wave grows with.
     """
 
     output: str
@@ -284,6 +285,7 @@ class Shape:
     direction: str = "unknown"
     between: tuple[str, ...] = ()
     empirical: str = ""
+    by: str = ""
 
     def __str__(self) -> str:
         return self.text

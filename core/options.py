@@ -16,23 +16,29 @@ WORKERS = min(4, os.cpu_count() or 1)
 
 
 @dataclass(frozen=True)
-class Asked:
-    """Options of every command that reads a configuration."""
+class Told:
+    """Options of every command that says something beside its result."""
 
-    set_: Annotated[list[str], typer.Option("--set", help="key=value; may be repeated.")] = field(
-        default_factory=list
-    )
     quiet: Annotated[bool, typer.Option("--quiet", help="Nothing on stderr but errors.")] = False
-    force: Annotated[bool, typer.Option("--force", help="Refuse no count for its size.")] = False
-
-    def arguments(self) -> dict[str, Any]:
-        """As the functions of the Python interface take them."""
-        return {"settings": self.set_, "tell": self.tell}
 
     def tell(self, line: str) -> None:
         """A line that the user should read, on stderr."""
         if not self.quiet:
             typer.echo(line, err=True)
+
+
+@dataclass(frozen=True)
+class Asked(Told):
+    """Options of every command that reads a configuration."""
+
+    set_: Annotated[list[str], typer.Option("--set", help="key=value; may be repeated.")] = field(
+        default_factory=list
+    )
+    force: Annotated[bool, typer.Option("--force", help="Refuse no count for its size.")] = False
+
+    def arguments(self) -> dict[str, Any]:
+        """As the functions of the Python interface take them."""
+        return {"settings": self.set_, "tell": self.tell}
 
 
 Kept = Annotated[str, typer.Option(help="A database that machines share (postgresql://...).")]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .algorithms.search import Progress
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
     from .workflows.gap.progress import GapProgress
     from .workflows.reproduce.plan import ClaimsProgress
     from .workflows.study.plan import StudyProgress
-
-State = TypeVar("State")
 
 LINE_EVERY = 10.0
 """Seconds between two lines where stderr is not a terminal."""
@@ -62,16 +61,16 @@ def study_fraction(progress: StudyProgress) -> float | None:
     return (progress.done + progress.failed) / progress.total if progress.total else None
 
 
+def ended_share(progress: GapProgress | ClaimsProgress | BlockProgress) -> float | None:
+    """Share of the parts that have ended; None where there are none."""
+    return progress.done / progress.total if progress.total else None
+
+
 def describe_gap(progress: GapProgress) -> str:
     """What is being done, replicates that have ended, and the time left in one line."""
     counted = f" {progress.done}/{progress.total}" if progress.total else ""
     left = "" if progress.remaining is None else f", {progress.remaining:.0f} s left"
     return f"{progress.phase}{counted}{left}"
-
-
-def gap_fraction(progress: GapProgress) -> float | None:
-    """Share of the replicates that have ended; None where none are made."""
-    return progress.done / progress.total if progress.total else None
 
 
 def describe_claims(progress: ClaimsProgress) -> str:
@@ -84,83 +83,70 @@ def describe_claims(progress: ClaimsProgress) -> str:
     return f"{told}, {progress.note}" if progress.note else told
 
 
-def claims_fraction(progress: ClaimsProgress) -> float | None:
-    """Share of the claims that have been checked."""
-    return progress.done / progress.total if progress.total else None
-
-
 def describe_blocks(progress: BlockProgress) -> str:
     """Blocks that have ended, and the time left in one line."""
     left = "" if progress.remaining is None else f", {progress.remaining:.0f} s left"
     return f"blocks {progress.done}/{progress.total}{left}"
 
 
-def blocks_fraction(progress: BlockProgress) -> float | None:
-    """Share of the blocks that have ended."""
-    return progress.done / progress.total if progress.total else None
+@dataclass(frozen=True)
+class Display:
+    """How the states of a command are shown: a line, the share that is done (None where it is not
+    known), and a phase whose first state is always shown. A command of one part alone shows nothing
+    where it `counts_parts`: the part ends before a line would be read.
+    """
+
+    text: Callable[[Any], str]
+    share: Callable[[Any], float | None] = ended_share
+    phase: Callable[[Any], str] = lambda progress: ""
+    counts_parts: bool = False
+
+
+BLOCKS = Display(describe_blocks, counts_parts=True)
+DISPLAYS: Mapping[str, Display] = {
+    "run": Display(describe, fraction),
+    "study": Display(describe_study, study_fraction),
+    "gap": Display(describe_gap, phase=lambda progress: progress.phase),
+    "reproduce": Display(describe_claims),
+    "evaluate": BLOCKS,
+    "simulate": BLOCKS,
+}
+"""By command."""
 
 
 @contextmanager
-def shown(quiet: bool) -> Iterator[Callable[[Progress], None] | None]:
-    """A function to call with every `Progress`, or None where nothing is to be shown."""
-    with _shown(quiet, describe, fraction) as update:
-        yield update
-
-
-@contextmanager
-def shown_study(quiet: bool) -> Iterator[Callable[[StudyProgress], None] | None]:
-    """A function to call with every `StudyProgress`, or None where nothing is to be shown."""
-    with _shown(quiet, describe_study, study_fraction) as update:
-        yield update
-
-
-@contextmanager
-def shown_gap(quiet: bool) -> Iterator[Callable[[GapProgress], None] | None]:
-    """A function to call with every `GapProgress`, or None where nothing is to be shown."""
-    with _shown(quiet, describe_gap, gap_fraction, lambda progress: progress.phase) as update:
-        yield update
-
-
-@contextmanager
-def shown_claims(quiet: bool) -> Iterator[Callable[[ClaimsProgress], None] | None]:
-    """A function to call with every `ClaimsProgress`, or None where nothing is to be shown."""
-    with _shown(quiet, describe_claims, claims_fraction) as update:
-        yield update
-
-
-@contextmanager
-def shown_blocks(quiet: bool) -> Iterator[Callable[[BlockProgress], None] | None]:
-    """A function to call with every `BlockProgress`; one block ends before it would be read."""
-    with _shown(quiet, describe_blocks, blocks_fraction) as update:
-        several = update
-        yield (lambda at: several(at) if at.total > 1 else None) if several else None
-
-
-@contextmanager
-def _shown(
-    quiet: bool,
-    text: Callable[[State], str],
-    share: Callable[[State], float | None],
-    phase: Callable[[State], str] = lambda progress: "",
-) -> Iterator[Callable[[State], None] | None]:
+def shown(command: str, quiet: bool) -> Iterator[Callable[[Any], None] | None]:
+    """A function to call with every state of a command, None where nothing is to be shown."""
+    display = DISPLAYS[command]
     if quiet:
         yield None
-    elif sys.stderr.isatty():
-        with _bar(text, share) as update:
+    elif display.counts_parts:
+        with _terminal(display) as update:
+            yield lambda progress: update(progress) if progress.total > 1 else None
+    else:
+        with _terminal(display) as update:
+            yield update
+
+
+@contextmanager
+def _terminal(display: Display) -> Iterator[Callable[[Any], None]]:
+    """A bar where stderr is a terminal, else lines."""
+    if sys.stderr.isatty():
+        with _bar(display.text, display.share) as update:
             yield update
     else:
-        yield _lines(text, phase)
+        yield _lines(display.text, display.phase)
 
 
 def _of(done: int, total: int | None) -> str:
     return f"{done}" if total is None else f"{done}/{total}"
 
 
-def _lines(text: Callable[[State], str], phase: Callable[[State], str]) -> Callable[[State], None]:
+def _lines(text: Callable[[Any], str], phase: Callable[[Any], str]) -> Callable[[Any], None]:
     """Prints the first report of each phase, and then one every `LINE_EVERY` seconds."""
     due, shown_last = 0.0, None
 
-    def update(progress: State) -> None:
+    def update(progress: Any) -> None:
         nonlocal due, shown_last
         if time.monotonic() >= due or phase(progress) != shown_last:
             due, shown_last = time.monotonic() + LINE_EVERY, phase(progress)
@@ -171,8 +157,8 @@ def _lines(text: Callable[[State], str], phase: Callable[[State], str]) -> Calla
 
 @contextmanager
 def _bar(
-    text: Callable[[State], str], share_of: Callable[[State], float | None]
-) -> Iterator[Callable[[State], None]]:
+    text: Callable[[Any], str], share_of: Callable[[Any], float | None]
+) -> Iterator[Callable[[Any], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bar
@@ -181,7 +167,7 @@ def _bar(
     bar = Bar(*columns, console=Console(stderr=True), transient=True)
     task = bar.add_task("starting", total=None)
 
-    def update(progress: State) -> None:
+    def update(progress: Any) -> None:
         bar.start()  # with the first report: what is said before stands above the bar
         share = share_of(progress)
         total = None if share is None else 1.0

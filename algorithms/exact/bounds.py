@@ -26,11 +26,13 @@ units, whose rounding an edge far out in the tail magnifies."""
 class Proof:
     """What is proven of n points: lower bounds (n,) of their cost, NaN where there is none.
 
-    `statement` says in words what the bound holds for, or why there is none.
+    `statement` says in words what the bound holds for, or why there is none; `left_out` names the
+    limits that it does not keep.
     """
 
     bound: Array
     statement: str
+    left_out: tuple[str, ...] = ()
 
     def gap_percent(self, cost: Array) -> Array:
         """Distance (n,) of costs from their bounds, in percent; NaN where the bound is 0."""
@@ -50,7 +52,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     if missing or form is None:
         return Proof(np.full(points, np.nan), missing)
     if not points:
-        return Proof(np.empty(0), form.statement)
+        return Proof(np.empty(0), form.statement, form.relaxed)
     limits = np.stack(
         [
             np.minimum(_own(problem, form, values, name, points), upper)
@@ -69,7 +71,7 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
         at = int(np.argmax(excess))
         raise ModelError(f"the proven bound {bound[at]} lies above a cost of {cost[at]}: the form "
                          f"of {type(problem).__name__} does not bound it")  # fmt: skip
-    return Proof(np.minimum(bound, cost), form.statement)
+    return Proof(np.minimum(bound, cost), form.statement, form.relaxed)
 
 
 def _least_bound(form: Form, limits: Array) -> Array:

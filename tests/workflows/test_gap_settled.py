@@ -100,7 +100,7 @@ def test_terms_are_the_forms_that_they_stand_for(end: Ending) -> None:
     output = setup.data.outputs[0].name
     seen = set()
     for form, own in zip(forms, columns, strict=True):
-        kind = (form.kind, form.detail.split(" ")[0], form.direction)
+        kind = (form.kind, form.shape or form.by or form.powers, form.direction)
         term = term_of(form, setup.data, output) if kind not in seen else None
         if term is None:
             continue

@@ -16,7 +16,7 @@ from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
 from tolevo.configuration import read
-from tolevo.workflows.run.proofs import exact_front
+from tolevo.workflows.run.proofs import Statement, exact_front
 
 A = np.array([2.0, 1.5, 1.0, 0.5])
 B = np.array([0.04, 0.09, 0.01, 0.16])
@@ -177,3 +177,10 @@ def test_same_configuration_same_bytes(algorithm: str, tmp_path: Path) -> None:
         content = (first / name).read_bytes()
         assert content == (again / name).read_bytes()
         assert content == (other / name).read_bytes()
+
+
+def test_a_bound_without_some_limits_says_nothing_of_points_far_above_it() -> None:
+    far, near = np.array([30.0, 40.0, np.nan]), np.array([20.0, np.nan])
+    kept, without = Statement("least cost"), Statement("least cost", ("yield_percent",))
+    assert kept.informative(far) and kept.informative(near)
+    assert not without.informative(far) and without.informative(near)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models.measurable import Role
 from .fit import Fit
-from .generic import PREDICTED, SWING, Form
+from .generic import PREDICTED, STEP, SWING, Form
 from .linear import basis, beside
 from .scan import Left, Remaining, left_over
 from .select import Search
@@ -129,8 +129,8 @@ def _only_beside(search: Search, fit: Fit, generic: Remaining, lost: set[int]) -
 
 def more_numbers(form: Form) -> int:
     """Numbers in a form beside its coefficients: an exponent, an order, a place."""
-    free = form.kind in ("power", "order") or (form.kind == "product" and form.detail != "")
-    return 1 if free or form.detail.startswith(("step", SWING)) else 0
+    free = form.kind in ("power", "order") or (form.kind == "product" and form.powers is not None)
+    return 1 if free or form.shape in (STEP, SWING) else 0
 
 
 def _touched(search: Search, fit: Fit, generic: Remaining, at: int) -> set[int]:

@@ -29,15 +29,16 @@ BEYOND = 10.0
 MOST_ORDERS = 600.0
 OVER_A_WORKSPACE = 12.0
 """The same where the angle is that of a pose: no teeth pass by."""
-LEVELS = "levels"
-"""Detail of a form that has a level of its own for each label."""
+LEVELS, STEP, SWING = "levels", "step", "swing"
+"""Shapes of a form over labels, an order and the time: a level of its own for each label, a step, a
+slow wave."""
+ODD, EVEN, FROM_ZERO, FROM_LEAST = "odd", "even", "from zero", "from least"
+"""Shapes of a power: of a signed input odd or even, of another one from zero or its least."""
 MEAN = "mean of the units"
 PREDICTED = "predicted "
 """Before the name of an output: the variable that its prediction is."""
 USUAL = (1.0, 2.0, 4.0)
 """Orders that are also tried with a size that follows another input, beside those of the gear."""
-SWING = "a swing of "
-"""How the detail of a slow wave of the time begins."""
 CYCLES = tuple(np.arange(0.75, 8.1, 0.25).tolist())
 """Cycles over the record that are tried."""
 POWERS = (0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)
@@ -47,14 +48,36 @@ SMOOTH = (Role.TORQUE, Role.FORCE, Role.SPEED, Role.TEMPERATURE, Role.TIME, Role
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What a group of generic columns is: `kind` as a `Region` has it; `detail` says more."""
+    """What a group of generic columns is: `kind` as a `Region` has it, over `variable` and `more`.
+
+    `shape` is one of those above, a step `after` so many `of` all. `powers` are those of the two
+    inputs of a single product. A wave may grow `by` a column or a role to the power `by_power`.
+    """
 
     kind: str
     variable: str
     order: float = np.nan
     direction: str = ""
-    detail: str = ""
     more: tuple[str, ...] = ()
+    shape: str = ""
+    after: int = 0
+    of: str = ""
+    powers: tuple[int, int] | None = None
+    by: str = ""
+    by_power: int = 1
+
+    @property
+    def detail(self) -> str:
+        """What more there is to say of it, empty where that is nothing."""
+        if self.shape == STEP:
+            return f"step after {self.after} of {self.of}"
+        if self.shape == SWING:
+            return f"a swing of {self.order:g} cycles"
+        if self.powers is not None:
+            return f"powers {self.powers[0]} and {self.powers[1]}"
+        if self.by:
+            return f"times {self.by}" + (" squared" if self.by_power == 2 else "")
+        return self.shape
 
 
 def generic(
@@ -127,13 +150,13 @@ def _powers(column: Column, x: Array) -> list[tuple[Form, Array]]:
     signed = bool((x < 0).any() and (x > 0).any())
     if signed:
         size = np.abs(x) / np.abs(x).max()
-        bases = {"odd": (size, np.sign(x)), "even": (size, np.ones_like(x))}
+        bases = {ODD: (size, np.sign(x)), EVEN: (size, np.ones_like(x))}
     else:
         size = (x - x.min()) / np.ptp(x)
         one = np.ones_like(x)
-        bases = {"from zero": (np.abs(x) / np.abs(x).max(), one), "from least": (size, one)}
+        bases = {FROM_ZERO: (np.abs(x) / np.abs(x).max(), one), FROM_LEAST: (size, one)}
     return [
-        (Form("power", column.name, order=power, detail=which), sign * magnitude**power)
+        (Form("power", column.name, order=power, shape=which), sign * magnitude**power)
         for which, (magnitude, sign) in bases.items()
         for power in POWERS
     ]
@@ -170,7 +193,7 @@ def _raw_products(
         a, b = (from_origin(c, values[c.name]) for c in (one, other))
         for p, q in ((1, 1), (2, 1), (1, 2)):
             columns = (a**p * b**q)[:, None]
-            form = Form("product", one.name, more=(other.name,), detail=f"powers {p} and {q}")
+            form = Form("product", one.name, more=(other.name,), powers=(p, q))
             found.append((form, columns))
             if sign is not None:
                 found.append((replace(form, direction="odd"), columns * sign[:, None]))
@@ -196,7 +219,7 @@ def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, 
             share = (values[column.name] - values[column.name].min()) / np.ptp(values[column.name])
             for cycles in CYCLES:
                 turned = 2.0 * np.pi * cycles * share
-                form = Form("trend", column.name, order=cycles, detail=f"{SWING}{cycles:g} cycles")
+                form = Form("trend", column.name, order=cycles, shape=SWING)
                 found.append((form, np.column_stack([np.cos(turned), np.sin(turned)])))
     return found
 
@@ -211,8 +234,8 @@ def _steps_in(at: NDArray[Any], name: str, what: str) -> list[tuple[Form, Array]
     """Steps at places of an order `at` (n,)."""
     n = len(at)
     return [
-        (Form("trend", name, detail=f"step after {k} of {n} {what}"), (at >= k)[:, None] * 1.0)
-        for k in np.unique(np.linspace(n * 0.08, n * 0.92, 22).astype(int))
+        (Form("trend", name, shape=STEP, after=k, of=f"{n} {what}"), (at >= k)[:, None] * 1.0)
+        for k in np.unique(np.linspace(n * 0.08, n * 0.92, 22).astype(int)).tolist()
     ]
 
 
@@ -242,7 +265,7 @@ def _levels(data: GapData) -> list[tuple[Form, Array]]:
         labels, number = labels_of(data.readings.table[name])
         if 2 <= len(labels) <= max(2, len(data) // 8):
             columns = (number[:, None] == np.arange(1, len(labels))).astype(float)
-            found.append((Form("interval", name, detail=LEVELS), columns))
+            found.append((Form("interval", name, shape=LEVELS), columns))
     return found
 
 
@@ -269,7 +292,7 @@ def _orders(data: GapData) -> list[tuple[Form, Array]]:
         found.append((Form("order", column.name, order=float(order)), wave))
         if load is not None and order == np.floor(order):
             size = data.readings[load] / max(float(np.abs(data.readings[load]).max()), 1e-300)
-            form = Form("order", column.name, order=float(order), detail=f"times {load}")
+            form = Form("order", column.name, order=float(order), by=str(load))
             found.append((form, wave * size[:, None]))
     return found + _modulated(data, column, angle)
 
@@ -294,8 +317,8 @@ def _modulated(data: GapData, column: Column, angle: Array) -> list[tuple[Form, 
                 if power == 2 and other.role is Role.DIRECTION:
                     continue
                 size = (x / np.abs(x).max()) ** power
-                detail = f"times {other.name}" + (" squared" if power == 2 else "")
-                form = Form("order", column.name, order=order, detail=detail, more=(other.name,))
+                form = Form("order", column.name, order=order, more=(other.name,),
+                            by=other.name, by_power=power)  # fmt: skip
                 found.append((form, wave * size[:, None]))
     return found
 

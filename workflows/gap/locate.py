@@ -68,7 +68,7 @@ def _flexible(generic: Remaining, at: int) -> NDArray[np.int64]:
             return False
         if form.kind == "order":
             near = other.kind == "order" and abs(other.order - form.order) < BESIDE
-            return near and other.detail == form.detail
+            return near and (other.by, other.by_power) == (form.by, form.by_power)
         return other.kind in OVER_INPUT and form.kind in OVER_INPUT
 
     mine = [same(one) and generic.outputs[k] == generic.outputs[at]

@@ -112,7 +112,7 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
         name = f"order {form.order:g}" if form.kind == "order" else form.kind
         text = f"an {name}" if name[0] in "aeiou" else f"a {name}"
         text += f" of {form.variable}" + (f", {form.detail}" if form.detail else "")
-        text = f"a level of its own in each {form.variable}" if form.detail == LEVELS else text
+        text = f"a level of its own in each {form.variable}" if form.shape == LEVELS else text
         text += ", opposite in the two directions" if form.direction else ""
         found[key] = Remainder(
             one.name, (form.variable, *form.more), text, ratio * _level(end, output), one.unit,

@@ -48,7 +48,7 @@ def _formula(end: Ending, shape: Shape, fit: Fit) -> str:
 
     setup, n = end.setup, len(end.setup.data)
     x, name, period = along(setup, shape.variable), shape.variable, 0.0
-    if x is None or "times " in shape.text:
+    if x is None or shape.by:
         return ""
     if np.isfinite(shape.order):
         x = np.mod(shape.order * setup.data.readings[Role.ANGLE], 2.0 * np.pi)

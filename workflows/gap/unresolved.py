@@ -16,7 +16,7 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import Column, Role
 from .data import GapData
 from .fit import Fitter, Member
-from .generic import LEVELS, SWING, Form, origin
+from .generic import FROM_LEAST, LEVELS, ODD, STEP, SWING, Form, origin
 from .library import Candidate
 from .linear import basis, beside
 
@@ -45,7 +45,7 @@ def term_of(form: Form, data: GapData, output: str) -> Term | None:
     if form.kind == "direction":
         name = next(c.name for c in data.inputs if c.role is Role.DIRECTION)
         return Term(output, name, "constant", turns=True)
-    if form.detail == LEVELS and not data.target.population:
+    if form.shape == LEVELS and not data.target.population:
         labels, _ = labels_of(data.readings.table[form.variable])
         return Term(output, form.variable, "levels", labels=tuple(labels.tolist()))
     if form.variable not in columns or data.target.population:
@@ -58,14 +58,14 @@ def term_of(form: Form, data: GapData, output: str) -> Term | None:
         return _product(base, form, data, columns)
     if form.kind == "power":
         return _power(base, form, x)
-    if form.detail.startswith("step"):
-        at = int(form.detail.split()[2])
+    if form.shape == STEP:
+        at = form.after
         later = bool((x[at:] > x[at - 1]).all() and (x[:at] < x[at]).all())  # not with own clocks
         return replace(base, shape="step", zero=float(x[at])) if later else None
-    if form.detail.startswith(SWING):
+    if form.shape == SWING:
         size = float(np.ptp(x)) / (2.0 * np.pi)
         return replace(base, shape="swing", order=form.order, zero=float(x.min()), scale=size)
-    return _spline(base, columns[form.variable], x) if not form.detail else None
+    return _spline(base, columns[form.variable], x) if not form.shape else None
 
 
 def _spline(base: Term, column: Column, x: Array) -> Term:
@@ -79,18 +79,18 @@ def _spline(base: Term, column: Column, x: Array) -> Term:
 
 def _power(base: Term, form: Form, x: Array) -> Term:
     found = replace(base, shape="power", exponent=float(form.order), scale=float(np.abs(x).max()))
-    if form.detail == "from least":
+    if form.shape == FROM_LEAST:
         return replace(found, zero=float(x.min()), scale=float(np.ptp(x)))
-    return replace(found, signed=form.detail == "odd")
+    return replace(found, signed=form.shape == ODD)
 
 
 def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) -> Term:
     other = form.more[0]
     x, y = (np.asarray(data.readings.table[n], dtype=float) for n in (form.variable, other))
-    if not form.detail:
+    if form.powers is None:
         found = replace(base, shape="product", zero=float(x.mean()), scale=float(x.std()))
         return replace(found, times=other, times_zero=float(y.mean()), times_scale=float(y.std()))
-    p, q = int(form.detail.split()[1]), int(form.detail.split()[3])
+    p, q = form.powers
     ends = [origin(columns[n]) for n in (form.variable, other)]
     sizes = [float(np.abs(v - z).max()) for v, z in zip((x, y), ends, strict=True)]
     return replace(base, shape="power", exponent=float(p), signed=p == 1, zero=ends[0],
@@ -100,13 +100,11 @@ def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) 
 
 def _wave(base: Term, form: Form, data: GapData) -> Term:
     found = replace(base, shape="wave", order=float(form.order))
-    if not form.detail:
+    if not form.by:
         return found
-    role = form.detail.removeprefix("times ")
-    by = (*form.more, *(c.name for c in data.inputs if str(c.role) == role))[0]
+    by = (*form.more, *(c.name for c in data.inputs if str(c.role) == form.by))[0]
     size = float(np.abs(np.asarray(data.readings.table[by], dtype=float)).max())
-    power = 2.0 if form.detail.endswith("squared") else 1.0
-    return replace(found, times=by, times_exponent=power, times_scale=size)
+    return replace(found, times=by, times_exponent=float(form.by_power), times_scale=size)
 
 
 def member_of(term: Term, data: GapData, fitter: Fitter, named: Sequence[Member]) -> Member | None:

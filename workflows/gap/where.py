@@ -122,6 +122,7 @@ def _shape(
         torque=torque,
         direction=direction,
         between=near,
+        by=form.by,
     )
 
 

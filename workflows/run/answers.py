@@ -12,7 +12,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult, unit_of_cost
 from ...units import split_unit
 from ..promise.limits import promised_limits
-from .proofs import EXACT, INFORMATIVE, LEFT_OUT, distance_words, percent
+from .proofs import EXACT, Statement, distance_words, percent
 from .references import gain_column
 
 COST = "cost"
@@ -24,7 +24,7 @@ NEAR = 1e-3
 """Share of a limit within which a point uses it up."""
 
 
-def answers(result: RunResult, problem: ToleranceProblem, statement: str) -> dict[str, str]:
+def answers(result: RunResult, problem: ToleranceProblem, statement: Statement) -> dict[str, str]:
     """`asked`, `found`, `published`, `limits` and `proof`: a sentence or two each.
 
     `statement` says what the bounds of the front are proven for. Only `asked` where nothing was
@@ -219,11 +219,11 @@ class Words:
                         f"as loose as that of {label} ({loose}).")  # fmt: skip
         return ""
 
-    def proof(self, statement: str) -> str:
+    def proof(self, statement: Statement) -> str:
         gap = self.result.front["gap_percent"].to_numpy(dtype=float)
         if np.all(np.isnan(gap)):
             return f"How far the points are from the optimum is not proven ({reason(statement)})."
-        if LEFT_OUT in statement and np.nanmedian(gap) > INFORMATIVE:
+        if not statement.informative(gap):
             return (
                 "How far the points are from the optimum is not known: the proven bound is not "
                 f"informative, for it leaves out what holds them back ({statement})."
@@ -251,9 +251,9 @@ def _step(limit: Limit) -> float:
     return min(abs(limit.low), left if left > 0.0 else np.inf) * TENTH or 1.0
 
 
-def reason(statement: str) -> str:
+def reason(statement: Statement) -> str:
     """Why nothing is proven, without saying again that nothing is."""
-    return statement.removeprefix("nothing is proven: ") or "there is no bound of the cost"
+    return statement.text.removeprefix("nothing is proven: ") or "there is no bound of the cost"
 
 
 def words(name: str) -> str:

@@ -32,10 +32,28 @@ EXACT = 1e-3
 """Gap [percent] that is none."""
 INFORMATIVE = 25.0
 """Median gap [percent] beyond which a bound that leaves limits out says nothing."""
-LEFT_OUT = "limits left out"
 INTERRUPTED = "nothing is proven: the run was interrupted; it is when --resume has ended it"
 CLOSED = 1e-7
 """Relative gap up to which a front counts as exact."""
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """What the bounds of a front are proven for, or why there are none, as `text`; `left_out` names
+    the limits that they do not keep.
+    """
+
+    text: str
+    left_out: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return self.text
+
+    def informative(self, gap_percent: NDArray[np.float64]) -> bool:
+        """Whether bounds say something of points (n,) that lie so far above them: where limits are
+        left out, the points may be held back by those alone.
+        """
+        return not self.left_out or bool(np.nanmedian(gap_percent) <= INFORMATIVE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +75,7 @@ def with_bounds(
     problem: ToleranceProblem,
     within: NDArray[np.bool_] | None = None,
     interrupted: bool = False,
-) -> tuple[pd.DataFrame, str]:
+) -> tuple[pd.DataFrame, Statement]:
     """The frame with `bound` and `gap_percent`, and what they are proven for.
 
     Rows that are marked as not feasible, or that are not `within` the search space (n,), keep them
@@ -67,7 +85,7 @@ def with_bounds(
     frame = frame.assign(bound=np.nan, gap_percent=np.nan)
     frame = frame[[name for name in frame if name != "knee"] + ["knee"] * ("knee" in frame)]
     if interrupted and takes_long(problem):
-        return frame, INTERRUPTED
+        return frame, Statement(INTERRUPTED)
     kept = frame[frame["feasible"].astype(bool)] if "feasible" in frame else frame
     kept = kept if within is None else kept[within[frame.index.isin(kept.index)]]
     form = problem.form()
@@ -77,11 +95,11 @@ def with_bounds(
     try:
         found = proof(problem, values, len(kept))
     except ModelError as error:
-        return frame, f"nothing is proven: {error}; please report it"
+        return frame, Statement(f"nothing is proven: {error}; please report it")
     if len(kept) and "cost" in values:
         frame.loc[kept.index, "bound"] = found.bound
         frame.loc[kept.index, "gap_percent"] = found.gap_percent(values["cost"])
-    return frame, found.statement
+    return frame, Statement(found.statement, found.left_out)
 
 
 def solved_front(plan: RunPlan, found: SearchResult) -> np.ndarray | None:
@@ -155,7 +173,7 @@ def _between(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
 
 
 def measures(
-    found: SearchResult, front: pd.DataFrame, statement: str, exact: Exact | None
+    found: SearchResult, front: pd.DataFrame, statement: Statement, exact: Exact | None
 ) -> dict[str, object]:
     """What the summary says of quality: hypervolume, its ratio to the exact one, gaps, the form."""
     last = found.history[-1].hypervolume if found.history else None
@@ -164,7 +182,7 @@ def measures(
     return {
         "hypervolume": last,
         "hypervolume_ratio": last / exact.hypervolume if exact and last is not None else None,
-        "bound_form": statement,
+        "bound_form": statement.text,
         "gap_percent_median": float(np.nanmedian(gap)) if proven else None,
         "gap_percent_max": float(np.nanmax(gap)) if proven else None,
     }
@@ -199,12 +217,12 @@ def _missing(found: float, proven: float) -> str:
     return percent(100.0 * (found - proven) / proven)
 
 
-def proof_notes(front: pd.DataFrame, statement: str) -> list[str]:
+def proof_notes(front: pd.DataFrame, statement: Statement) -> list[str]:
     """What the page and the terminal say of the proof."""
     gap = front["gap_percent"].to_numpy(dtype=float)
     if not len(gap) or np.all(np.isnan(gap)):
-        return [statement] if len(gap) else []
-    if LEFT_OUT in statement and np.nanmedian(gap) > INFORMATIVE:
+        return [statement.text] if len(gap) else []
+    if not statement.informative(gap):
         return [f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it "
                 f"in the median, for it leaves out what holds them back ({statement})"]  # fmt: skip
     return [f"proven: no allocation of equal or better other objectives costs less than the bound "

@@ -68,7 +68,7 @@ def _of_rivals(end: Ending, wanted: NextPlan) -> Planned:
         one = of_scatter(end, end.analysis.scatter[0], wider, wanted.readings)
         found.append(one)
         said[one.names, one.instead_of] = Measurement(one.text, readings=one.needed)
-    planned = new is not None and any(not one.text.startswith(NONE) for one in found)
+    planned = new is not None and any(one.possible for one in found)
     return _planned(end, new if planned else None, inputs, tuple(found), (), (), said)
 
 
@@ -116,7 +116,7 @@ def _none(one: Separation, other: Other) -> Separation:
     """Of a pair that no design tells apart, and what would."""
     names = frozenset(set(other.names) ^ set(other.instead_of))
     text = f"{NONE}: {UNSEEN[names]}" if names in UNSEEN else f"{NONE}: another quantity is needed"
-    return replace(one, needed=0, text=text)
+    return replace(one, needed=0, text=text, possible=False)
 
 
 def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
@@ -161,7 +161,7 @@ def _planned(
 
 def _measurement(one: Separation, new: Ahead | None, inputs: Sequence[str]) -> Measurement:
     """What stands beside a rival."""
-    if new is None or one.text.startswith(NONE):
+    if new is None or not one.possible:
         return Measurement(one.text)
     ends = {name: (float(np.min(new.table[name])), float(np.max(new.table[name])))
             for name in inputs}  # fmt: skip

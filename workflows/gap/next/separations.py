@@ -144,7 +144,8 @@ def told(
     planned, alike = duels
     if levels[1] <= TIE:
         nan = float("nan")
-        return Separation(pair.names, pair.instead_of, *levels, nan, nan, nan, 0, NONE)
+        return Separation(pair.names, pair.instead_of, *levels, nan, nan, nan, 0, NONE,
+                          possible=False)  # fmt: skip
     needed = count * planned.times_until(CERTAIN)
     readings = max(FEWEST, int(np.ceil(needed))) if np.isfinite(needed) else 0
     chance, like = planned.chance(), alike.chance()

@@ -45,7 +45,7 @@ def said(lines: Sequence[PopulationLine], attribution: Sequence[Attribution]) ->
     if differ:
         more = f" and {len(differ) - SHOWN} more" if len(differ) > SHOWN else ""
         found.append(f"units differ from the simulated ones in {', '.join(differ[:SHOWN])}{more}")
-    elif any("cannot tell" in one.verdict for one in before):
+    elif any(not one.enough for one in before):
         found.append(f"units beside the simulated ones: {before[0].verdict}")
     elif before:
         found.append(f"units as simulated: no difference seen in {len(before)} statistics")

@@ -88,10 +88,11 @@ class Compared:
         beyond = abs(difference) > limit if one.signed else difference > limit
         shows = limit + float(ndtri(SEEN) * np.std(drawn))
         text = DIFFERS if beyond else UNSEEN.format(f"{shows:.3g} {one.unit}".rstrip())
-        if not beyond and len(self.x) < self.least:
+        enough = beyond or len(self.x) >= self.least
+        if not enough:
             text = f"cannot tell with n = {len(self.x)}"
         by = offset.get(one.name, 0.0)
         return PopulationLine(
             model, output, one.aspect, one.name, one.unit, simulated + by, measured + by,
-            difference, low, high, limit, shows, text,
+            difference, low, high, limit, shows, text, bool(enough),
         )  # fmt: skip
