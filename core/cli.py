@@ -18,6 +18,7 @@ from .errors import raise_all
 from .files import write_text
 from .options import Asked, Blocks, Dialect, Into, Shared, Told, grouped
 from .results import Finished
+from .streams import keep_standard_streams
 
 GARBAGE = 200_000
 """New objects between two searches for cycles: imports make many objects and no garbage."""
@@ -40,6 +41,7 @@ def main() -> None:
         if signal.getsignal(polite) is not signal.SIG_IGN:  # as nohup leaves it
             signal.signal(polite, signal.default_int_handler)
     gc.set_threshold(GARBAGE)
+    keep_standard_streams()
     app()
 
 
@@ -62,13 +64,14 @@ def command(name: str) -> Callable[[Callable[..., Finished | None]], Callable[..
     return registered
 
 
-def _called(name: str, asked: Asked, *given: Any, **options: Any) -> Any:
+def _called(name: str, asked: Asked, *given: Any, **options: Any) -> Finished:
     """What a function of the Python interface returns, its progress shown on the terminal."""
     from . import api
     from .progress import shown
 
     with shown(name, asked.quiet) as progress:
-        return getattr(api, name)(*given, **options, progress=progress)
+        finished: Finished = getattr(api, name)(*given, **options, progress=progress)
+        return finished
 
 
 def _ended(finished: Finished) -> int:
@@ -186,8 +189,7 @@ def report(
     """Build the page of a result again, or compare several runs."""
     from .api import report
 
-    found = report(folders, out, figures, watch=watch, tell=told.tell)
-    typer.echo(f"page: {found.path}")
+    typer.echo(f"page: {report(folders, out, figures, watch=watch, tell=told.tell).path}")
 
 
 @command("check")

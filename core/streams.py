@@ -1,0 +1,47 @@
+"""Standard streams that are closed, or that nobody reads: a command goes on without them."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import sys
+from typing import Any
+
+LOST = (errno.EPIPE, errno.EIO)
+"""A pipe whose reader has ended, and a terminal that is gone."""
+
+
+class Unread(io.FileIO):
+    """A stream whose text is dropped once its reader is gone; other errors are raised."""
+
+    def write(self, data: Any) -> int:
+        """Bytes that were written, or dropped."""
+        try:
+            return super().write(data) or 0
+        except OSError as error:
+            if error.errno not in LOST:
+                raise
+            return memoryview(data).nbytes
+
+
+def keep_standard_streams() -> None:
+    """Let stdout and stderr end without an error where their reader does.
+
+    One that was closed before the start is opened on nothing: the next file would get its number,
+    and what a library prints would end up in that file.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+    sys.stdout = _over(1, sys.stdout, line_buffering=sys.stdout is not None and sys.stdout.isatty())
+    sys.stderr = _over(2, sys.stderr, line_buffering=True)
+
+
+def _over(number: int, before: io.TextIOWrapper | Any, line_buffering: bool) -> io.TextIOWrapper:
+    """A text stream over a file descriptor, with the encoding of the one that it replaces."""
+    encoding, errors = getattr(before, "encoding", "utf-8"), getattr(before, "errors", "replace")
+    raw = io.BufferedWriter(Unread(number, "w", closefd=False))
+    return io.TextIOWrapper(raw, encoding, errors, line_buffering=line_buffering)
