@@ -304,6 +304,16 @@ def test_what_breaks_a_limit_is_drawn_back(monkeypatch: pytest.MonkeyPatch) -> N
     assert found.t[0, 0] <= 1.1
 
 
+def test_what_is_drawn_back_stays_in_its_range(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rounding leaves some of 400 points on their chords just beyond a limit."""
+    monkeypatch.setattr(SLSQP, ends_at(2.0))
+    own, start = programme((0.5, 3.0, (1.0,), (0.0,), 3.0)), np.ones(1)
+    for limit in np.linspace(0.55, 1.1, 400):
+        t = own.kept_allocation(np.array([limit]), start)
+        assert t is not None
+        assert 0.5 <= t[0] <= limit
+
+
 def test_costs_that_do_not_fall() -> None:
     """The first is free, the second is 0.2/t: 0.5 t1 + t2 <= 1 leaves it 0.95."""
     free: Part = (0.1, 2.0, (0.5,), (0.0,), 0.0)
