@@ -92,13 +92,22 @@ def test_values_and_slopes_of_a_root() -> None:
             assert slope[0] == pytest.approx(by_differences, rel=1e-5)
 
 
-def test_a_root_of_nothing_is_priced_itself() -> None:
+@pytest.mark.parametrize(("spread", "t"), [(0.0, 0.5), (1.0, 0.0)])
+def test_a_root_of_nothing_is_priced_itself(spread: float, t: float) -> None:
     """S = 0 at the reference: t is free there, and dual and slope are those of the offset."""
-    form = form_of((0.0,), (0.0,))
     with np.errstate(all="raise"):
-        value, slope = ascent(form, [0.4]).value(np.array([2.0]))
+        value, slope = ascent(form_of((0.0,), (spread,)), [0.4], t).value(np.array([2.0]))
     assert value == pytest.approx(1.0 / 9.0 - 2.0 * 0.3)
     assert slope[0] == pytest.approx(-0.3)
+
+
+def test_from_nothing_it_is_no_worse() -> None:
+    """Of a part that is free as well, whose bound is 0."""
+    own, nothing = ascent(form_of((1.0,), (0.0,)), [0.6]), np.zeros(1)
+    assert own.value(own.multipliers(nothing))[0] >= 1.0 / 9.0 * (1.0 - 1e-12)
+    free = Way(Reciprocal(0.0, 0.0), 0.01, 9.0, (1.0,), (0.0,))
+    form = Form(("v",), (Feature("t", (free,)),), np.zeros(1), np.zeros(1), "")
+    assert ascent(form, [0.6]).multipliers(nothing) == [0.0]
 
 
 @pytest.mark.parametrize("ends", [-0.5, 0.0, 1e6])
