@@ -7,8 +7,9 @@ else's table. An apostrophe in front makes it text. Numbers are no text, and sta
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,12 @@ _NUMBERS = re.compile(rf"(?:{_NUMBER})(?:; (?:{_NUMBER}))*")
 _ACTIVE = re.compile(r"'*[=+\-@\t\r]")
 """How a formula begins, or a text that has apostrophes in front of such a beginning already."""
 _MARKED = re.compile(r"'+[=+\-@\t\r]")
+_EXACT: Mapping[str, Any] = (
+    {} if tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
+    else {"float_precision": "round_trip"}
+)  # fmt: skip
+"""With this pandas reads every number as it was written, the last digit of some was lost before
+3.1."""
 
 
 def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
@@ -39,12 +46,12 @@ def csv_text(frame: pd.DataFrame, header: bool = True) -> str:
     return found.to_csv(index=False, lineterminator="\n", header=names if header else False)
 
 
-def read_own_csv(path: Path) -> pd.DataFrame:
-    """A CSV table that `csv_text` wrote, every text as it was.
+def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
+    """A CSV table that `csv_text` wrote, every text and number as it was.
 
     Raises OSError where the file cannot be read, ValueError where it is no table.
     """
-    found = pd.read_csv(path)
+    found = pd.read_csv(path, **_EXACT)
     for at in range(found.shape[1]):
         cells = _each(found.iloc[:, at].to_numpy(), original)
         if cells is not None:

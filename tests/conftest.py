@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
+import pandas as pd
 import pytest
 
 from tolevo.options import Into
+
+if pd.__version__.startswith(("2.", "3.0")):  # whose default loses the last digit of some numbers
+    pd.read_csv = partial(pd.read_csv, float_precision="round_trip")  # type: ignore[call-overload]
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -16,14 +16,22 @@ ROOT = Path(__file__).resolve().parents[1]
 PLACE = ROOT / ".venv-versions"
 PYTHONS = ("3.11", "3.12", "3.13")
 RESOLUTIONS = ("lowest-direct", "highest")
-EXTRAS = "dev,fast,gap,report,study"
+EXTRAS = "dev,fast,gap,postgres,report,study"
 UV = ROOT / ".venv" / "bin" / "uv"
 
 
 def installed(version: str) -> str | None:
-    """The interpreter of that version, where there is one: nothing is downloaded."""
-    found = _output([str(UV), "python", "find", "--no-project", "--no-python-downloads", version])
-    return found or None
+    """The interpreter of that version, where there is one: nothing is downloaded.
+
+    Those that pyenv keeps without offering them count as well, the newest of a version.
+    """
+    options = ["--no-project", "--no-python-downloads"]
+    found = _output([str(UV), "python", "find", *options, version])
+    folder = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+    kept = {int(one.parts[-3].rpartition(".")[2]): str(one)
+            for one in folder.glob(f"{version}.*/bin/python")
+            if one.parts[-3].rpartition(".")[2].isdigit()}  # fmt: skip
+    return found or (kept[max(kept)] if kept else None)
 
 
 def _output(command: list[str]) -> str:

@@ -7,11 +7,11 @@ from io import StringIO
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.optimize import minimize
 from scipy.stats import norm
 
+from tolevo.csv_text import read_own_csv
 from tolevo.errors import Fault, ModelError
 from tolevo.problems.settings import Bound, PropagationSetting, Settings
 from tolevo.problems.stack import Stack
@@ -529,7 +529,7 @@ def test_tables_hold_the_names_of_processes() -> None:
     frame = problem.frame(designs)
     assert set(frame["cage_process"]) == {"turned", "ground"}
     np.testing.assert_array_equal(problem.designs_of(frame), designs)
-    again = pd.read_csv(StringIO(frame.to_csv(index=False)))
+    again = read_own_csv(StringIO(frame.to_csv(index=False)))
     np.testing.assert_array_equal(problem.designs_of(again), designs)
 
 

@@ -123,7 +123,7 @@ def _table(
     ]
     own = front.iloc[list(found.values())].reset_index(drop=True)
     kept = ["bound", "gap_percent", *problem.objectives, *problem.names]
-    table = own[[name for name in kept if name in own]]
+    table = own[[name for name in kept if name in own]].copy()
     table.insert(0, "choice", list(found))
     table.insert(1, "meaning", [meaning_of(name) for name in found])
     table.insert(2, "point", list(found.values()))

@@ -14,6 +14,7 @@ from ....algorithms.course import Box, Course
 from ....algorithms.nsga2 import NSGA2
 from ....algorithms.settings import Budget, Crossover, Mutation
 from ....algorithms.watched import watch
+from ....csv_text import read_own_csv
 from ....declarations import Output, Parameter, Value, number
 from ....directory import not_whole
 from ....errors import Fault, InputError, raise_all, refuse
@@ -159,7 +160,7 @@ def _study_table(own: Mapping[str, Value]) -> pd.DataFrame:
     raise_all(not_whole(path.parent))
     if not path.is_file():
         raise refuse("study", f"{path} does not exist: name the directory of a finished study")
-    table = pd.read_csv(path)
+    table = read_own_csv(path)
     missing = [name for name in (KEYS[str(own["setting"])], *RESPONSES) if name not in table]
     if missing:
         raise refuse("study", f"{path} has no {', '.join(missing)}: vary and measure it there")
