@@ -35,7 +35,8 @@ ROOMS: Mapping[str, Room] = {
     "proofs": Room(
         tuple(f"algorithms/exact/{name}.py" for name in PROVE),
         tuple(f"tests/algorithms/exact/test_{name}.py" for name in (
-            "between", "bounds", "choices", "doubt", "duals", "oracle", "path", "programme")),
+            "between", "bounds", "choices", "doubt", "duals", "master", "oracle", "path",
+            "programme")),
         guards=True,
     ),
     "exact": Room(
