@@ -167,12 +167,10 @@ class Master:
         rows = np.array([self._index(*self._columns[i][:2]) for i in used])
         size = np.array([self._columns[i][2] for i in used])
         cost = np.array([self._columns[i][3] for i in used])
-        which = np.array([row for row, _, _ in self._cuts])
-        slope = np.array([direction for _, direction, _ in self._cuts])
+        which, slope, room = self._cut_arrays()
         parts = self._offset[rows].T[which] + size * (
             self._linear[rows].T[which] + slope[:, owner] * self._spread[rows].T[which]
         )
-        room = (self.limit - self.form.offset)[which] - np.array([c for _, _, c in self._cuts])
         scale = np.maximum(np.abs(room), 1e-12)
         price = PENALTY * max(self.ceiling - self.floor, 1e-12)
         whole = np.hstack([parts / scale[:, None], -np.eye(len(which))])
@@ -190,10 +188,19 @@ class Master:
         prices = np.maximum(-np.asarray(found.ineqlin.marginals), 0.0) / scale
         return used, np.asarray(found.x[: len(used)]), prices
 
+    def _cut_arrays(self) -> tuple[NDArray[np.intp], Array, Array]:
+        """Of the cuts (c,), none where nothing is limited: their requirements, slopes (c, features)
+        and what their limits leave (c,).
+        """
+        which = np.array([row for row, _, _ in self._cuts], dtype=np.intp)
+        slope = np.array([direction for _, direction, _ in self._cuts])
+        least = np.array([intercept for _, _, intercept in self._cuts])
+        room = (self.limit - self.form.offset)[which] - least
+        return which, slope.reshape(len(which), len(self.form.features)), room
+
     def _lagrangian(self, prices: Array, open_: NDArray[np.bool_]) -> tuple[float, Array]:
         """The bound at prices of the cuts, and the t of every open way there."""
-        which = np.array([row for row, _, _ in self._cuts])
-        slope = np.array([direction for _, direction, _ in self._cuts])
+        which, slope, room = self._cut_arrays()
         linear = np.zeros(len(self._ways))
         offset = np.zeros(len(self._ways))
         for row in self._asked:
@@ -202,7 +209,6 @@ class Master:
             linear += total * self._linear[:, row]
             linear += (prices[own] @ slope[own])[self._owner] * self._spread[:, row]
             offset += total * self._offset[:, row]
-        room = (self.limit - self.form.offset)[which] - np.array([c for _, _, c in self._cuts])
         t, value = np.zeros(len(self._ways)), np.full(len(self._ways), np.inf)
         for at in np.flatnonzero(open_).tolist():
             count = float(self.form.features[self._owner[at]].count)

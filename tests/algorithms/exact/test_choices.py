@@ -1,6 +1,7 @@
 """Alternative ways of making a part: branch and bound against enumeration by another solver."""
 
 import itertools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,11 @@ from scipy import optimize
 
 from tolevo.algorithms.exact import choices
 from tolevo.algorithms.exact.choices import least_cost
+from tolevo.algorithms.exact.master import Solution
+from tolevo.algorithms.exact.separable import Leaf
 from tolevo.models.costs import Reciprocal
-from tolevo.problems.forms import Feature, Form, Way
+from tolevo.models.propagation.even import EvenPlateau
+from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
 
 minimize: Any = optimize.minimize  # its stubs know arrays of one fixed dimension only
 
@@ -90,6 +94,27 @@ def test_bounds_stay_proven_when_the_search_is_cut_short(monkeypatch: pytest.Mon
     assert np.all(cut.cost[real] >= whole.cost[real] * (1.0 - 1e-12))
 
 
+@pytest.mark.parametrize(
+    ("ways", "shift", "seed"), [((3, 3, 3, 3), 0.2, 6), ((4, 4, 4), 0.2, 0), ((4, 4, 4), 0.2, 11)]
+)
+def test_the_bound_of_what_was_not_searched_counts(
+    monkeypatch: pytest.MonkeyPatch, ways: tuple[int, ...], shift: float, seed: int
+) -> None:
+    """Where the first ways are not the best ones, and nothing else is looked at."""
+    form, limits = mixed(ways, shift, seed), np.linspace(0.1, 0.8, 9)[:, None]
+    whole = least_cost(form, limits)
+    np.testing.assert_allclose(whole.bound, whole.cost, rtol=1e-9)
+    monkeypatch.setattr(choices, "LEAVES", 0)
+    cut = least_cost(form, limits)
+    worse = np.isfinite(cut.cost) & (cut.cost > 1.02 * whole.cost)
+    assert np.any(worse)
+    assert np.all(cut.bound <= whole.cost)
+    assert np.all(cut.bound[worse] < cut.cost[worse])
+    floor = sum(min(float(w.curve.cost(np.array([w.high]))[0]) for w in f.ways)
+                for f in form.features)  # fmt: skip
+    assert np.all(cut.bound >= floor * (1.0 - 1e-12))
+
+
 def test_wide_choice_is_proven() -> None:
     form = mixed((3,) * 10, seed=5)  # 59,049 sets of ways
     found = least_cost(form, np.array([[0.35]]))
@@ -143,3 +168,77 @@ def test_alike_parts_are_tried_in_one_order() -> None:
         found = least_cost(form, np.array([[limit]]))
         np.testing.assert_allclose(found.cost, by_enumeration(form, limit), rtol=1e-6)
         np.testing.assert_allclose(found.bound, found.cost, rtol=1e-8)
+
+
+class Priced(Reciprocal):
+    """A reciprocal cost that is searched by the prices of its square."""
+
+    @property
+    def priced(self) -> bool:
+        return True
+
+
+def priced(form: Form) -> Form:
+    """The form with curves that are."""
+    features = [replace(f, ways=tuple(replace(w, curve=Priced(w.curve.a, w.curve.b))  # type: ignore[attr-defined]
+                                      for w in f.ways)) for f in form.features]  # fmt: skip
+    return replace(form, features=tuple(features))
+
+
+def test_choices_by_prices_of_squares_are_those_of_enumeration(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Also where a limit that none keeps stands between two others."""
+    monkeypatch.setattr(choices, "MANY", 1)
+    form = mixed((3, 2, 2), seed=4)
+    limits = [0.6, 0.001, 0.3, 0.25]
+    found = least_cost(priced(form), np.array(limits)[:, None])
+    by_hand = [by_enumeration(form, limit) for limit in limits]
+    assert np.isinf(by_hand[1]) and np.all(np.isfinite(by_hand)[[0, 2, 3]])
+    np.testing.assert_allclose(found.cost, by_hand, rtol=1e-6)
+    np.testing.assert_allclose(found.bound, by_hand, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("cost", "bound", "proven"), [
+    (9.0, 8.5, 8.5), (9.0, 9.1, 9.0), (9.0, -3.0, 1.5), (9.0, -np.inf, 1.5),
+    (np.inf, np.inf, np.inf),
+])  # fmt: skip
+def test_a_bound_by_prices_lies_between_the_least_cost_of_all_and_that_which_was_found(
+    monkeypatch: pytest.MonkeyPatch, cost: float, bound: float, proven: float
+) -> None:
+    """Without limits the part costs 1 + 0.5/1."""
+    way = Way(Priced(1.0, 0.5), 0.1, 1.0, (0.0,), (1.0,))
+    form = Form(("v",), (Feature("t", (way, way), "p"),), np.zeros(1), np.zeros(1), "")
+    leaf = Leaf((0,), np.full(1, 0.5), cost, bound, np.ones(1))
+    monkeypatch.setattr(choices, "MANY", 1)
+    monkeypatch.setattr(choices, "least_leaf", lambda squares, limit, known: (leaf, bound))
+    found = least_cost(form, np.array([[0.5]]))
+    assert (found.cost[0], found.bound[0]) == (cost, proven)
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_what_a_master_problem_does_not_find_is_not_called_impossible(
+    monkeypatch: pytest.MonkeyPatch, kept: bool
+) -> None:
+    """Its proven bound stands without a cost; with one the solution's own does."""
+
+    class Master:
+        proven = 7.0
+
+        def __init__(self, *given: object) -> None:
+            assert len(given) == 4
+
+        def run(self) -> Solution | None:
+            one = np.ones(1)
+            return Solution((1,), 0.3 * one, 9.0, 8.0, 2.0 * one) if kept else None
+
+    quantile = Quantile(0.9, ((Piece(1.0, EvenPlateau()),),))
+    way = Way(Reciprocal(1.0, 0.5), 0.1, 1.0, (0.0,), (1.0,))
+    form = Form(("v",), (Feature("t", (way, way), "p"),), np.zeros(1), np.zeros(1), "",
+                quantiles=(quantile,))  # fmt: skip
+    monkeypatch.setattr(choices, "MIXED", 1)
+    monkeypatch.setattr(choices, "Master", Master)
+    found = least_cost(form, np.array([[0.5]]))
+    assert found.cost[0] == (9.0 if kept else np.inf)
+    assert found.bound[0] == (8.0 if kept else 7.0)
+    assert found.chosen[0, 0] == int(kept)

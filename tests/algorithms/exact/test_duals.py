@@ -15,8 +15,10 @@ from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.pieces import convex_pieces
 from tolevo.algorithms.exact.points import least_of_points, only_points
 from tolevo.algorithms.exact.prices import Prices, only_roots
+from tolevo.models.capability import Surplus
 from tolevo.models.costs import CostCurve, Exponential, Reciprocal, Table
 from tolevo.problems.forms import Feature, Form, Way
+from tolevo.problems.spread import Spread
 
 B, SLOPE = np.array([0.4, 0.9, 0.1]), np.array([1.0, 2.0, 0.5])
 INF = np.inf
@@ -220,3 +222,49 @@ def test_ranges_are_cut_at_the_bends_inside_of_them_alone() -> None:
         way = Way(bent, low, high, (1.0,), (0.0,))
         form = Form(("v",), (Feature("t", (way,)),), np.zeros(1), np.zeros(1), "")
         assert [(w.low, w.high) for w in convex_pieces(form).features[0].ways] == edges
+
+
+def test_all_choices_of_points_under_doubt_by_hand() -> None:
+    """S^2 = q1 + q2 + c + |(own1 q1, own2 q2, shared1 q1 + shared2 q2)|, q = (a t)^2; a way may
+    shift its requirement."""
+    own, shared, constant = np.array([0.8, 0.3]), np.array([0.2, 0.4]), 0.5
+    surplus = Surplus(own, shared)
+    shifted = replace(points((2.0, 2.0, 1.0)).ways[0], offset=(0.7,))
+    first = replace(points((3.0, 1.0, 1.0)), ways=(*points((3.0, 1.0, 1.0)).ways, shifted))
+    second = points((4.0, 1.0, 1.0), (1.0, 4.0, 1.0))
+    form = Form(("v",), (first, second), np.full(1, 0.3), np.full(1, constant), "",
+                surpluses=(surplus,))  # fmt: skip
+    every = []
+    for one in first.ways:
+        for other in second.ways:
+            q = np.array([one.low**2, other.low**2])
+            doubt = np.sqrt(np.sum((own * q) ** 2) + float(shared @ q) ** 2)
+            value = 0.3 + 0.1 * (one.low + other.low) + sum(way.offset[0] for way in (one, other)
+                                                            if way.offset)  # fmt: skip
+            value += np.sqrt(q.sum() + constant + doubt)
+            every.append((value, float(one.curve.cost(np.ones(1))[0])
+                          + float(other.curve.cost(np.ones(1))[0])))  # fmt: skip
+    assert len({round(value, 6) for value, _ in every}) == 4
+    for limit, _ in every:
+        fits = [cost for value, cost in every if value <= limit]
+        found = least_of_points(form, np.array([[limit * (1.0 + 1e-12)]]))
+        assert found.cost[0] == pytest.approx(min(fits)) == found.bound[0]
+        tighter = [cost for value, cost in every if value < limit * (1.0 - 1e-9)]
+        found = least_of_points(form, np.array([[limit * (1.0 - 1e-9)]]))
+        assert found.cost[0] == (pytest.approx(min(tighter)) if tighter else np.inf)
+
+
+def test_only_a_requirement_of_its_own_doubt_is_not_priced_by_its_square() -> None:
+    spread = np.ones((2, 3))
+    form = form_of(np.zeros((2, 3)), spread, (0.0, 0.0), (0.0, 0.0))
+    doubted = replace(form, surpluses=(None, Surplus(np.ones(3), np.zeros(3))))
+    assert only_roots(doubted).tolist() == [True, False]
+
+
+def test_a_root_of_nothing_has_no_price() -> None:
+    """Where S is 0 its square has no slope: no division, and a price of V itself."""
+    form = form_of(np.zeros((1, 3)), np.ones((1, 3)), (0.0,), (0.0,))
+    nothing = Spread(np.zeros((1, 1)), np.zeros((1, 1, 3)), np.zeros((1, 1)))
+    with np.errstate(all="raise"):
+        found = Prices.at(form, np.full((1, 1), 2.0), np.full((1, 1), 3.0), nothing)
+    assert (found.linear[0, 0], found.square[0, 0], found.received[0]) == (2.0, 0.0, 6.0)

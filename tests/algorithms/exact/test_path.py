@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tolevo.algorithms.exact.combination import Combination
-from tolevo.algorithms.exact.path import Path
+from tolevo.algorithms.exact.path import Path, arc_length
 from tolevo.models.costs import CostCurve, Exponential, Reciprocal, ReciprocalSquared, Table
 from tolevo.problems.forms import Feature, Form, Way
 
@@ -132,3 +132,40 @@ def test_parts_of_one_tolerance_have_one_cost_or_none() -> None:
     cost = A.sum() + B.sum() / 0.5
     np.testing.assert_allclose(found.cost, [np.inf, cost, cost], rtol=1e-14)
     np.testing.assert_allclose(found.bound, [np.inf, cost, cost], rtol=1e-14)
+
+
+def test_front_by_hand_between_its_ends() -> None:
+    """Worst case of reciprocals: cost = sum a + (sum sqrt(b S))^2 / V, as far as no end is met."""
+    path, k = path_of(reciprocals(), SENSITIVITY, NONE), np.sqrt(B * SENSITIVITY).sum() ** 2
+    t = path.front(50, upper=0.5, most=A.sum() + k / 0.1)
+    value, cost = t @ SENSITIVITY, A.sum() + np.sum(B / t, axis=1)
+    np.testing.assert_allclose(cost, A.sum() + k / value, rtol=1e-9)
+    assert value[0] == pytest.approx(0.5, rel=1e-9) and value[0] <= 0.5
+    assert value[-1] == pytest.approx(0.1, rel=1e-9) and cost[-1] <= A.sum() + k / 0.1
+    steps = np.hypot(np.diff(value) / np.ptp(value), np.diff(cost) / np.ptp(cost))
+    assert steps.max() < 1.02 * steps.min()  # the arcs are measured at a few points
+
+
+@pytest.mark.parametrize(("upper", "most"), [(np.inf, np.inf), (1e9, 1e9), (1e-9, 0.0)])
+def test_front_whose_ends_no_limit_cuts_is_whole(upper: float, most: float) -> None:
+    """From all at their loosest to all at their tightest; a limit that none keeps cuts nothing."""
+    path = path_of(reciprocals(), SENSITIVITY, NONE, ends=(0.01, 1.0))
+    t = path.front(20, upper, most)
+    np.testing.assert_allclose(t[0], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(t[-1], 0.01, rtol=1e-12)
+
+
+def test_a_limit_that_does_not_bind_leaves_all_at_their_widest() -> None:
+    """Also where the last part of a cost curve is flat, so that tighter ones cost no more."""
+    flat: list[CostCurve] = [Table((0.01, 0.1, 1.0), (2.0, 1.0, 1.0))] * 4
+    found = path_of(flat, SENSITIVITY, NONE, ends=(0.01, 1.0)).least_cost(np.array([[4.5], [1.0]]))
+    np.testing.assert_array_equal(found.t[0], 1.0)
+    assert found.t[1] @ SENSITIVITY <= 1.0
+    np.testing.assert_allclose(found.cost, 4.0, rtol=1e-12)
+
+
+def test_arc_length_in_units_of_each_axis() -> None:
+    """An axis along which nothing moves adds nothing."""
+    np.testing.assert_allclose(arc_length(np.array([[0.0, 3.0, 6.0], [5.0, 5.0, 5.0]])),
+                               [0.0, 0.5, 1.0])  # fmt: skip
+    np.testing.assert_allclose(arc_length(np.array([[0.0, 2.0], [1.0, 4.0]])), [0.0, np.sqrt(2.0)])
