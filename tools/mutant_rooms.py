@@ -35,13 +35,8 @@ ROOMS: Mapping[str, Room] = {
     "proofs": Room(
         tuple(f"algorithms/exact/{name}.py" for name in PROVE),
         tuple(f"tests/algorithms/exact/test_{name}.py" for name in (
-<<<<<<< HEAD
-            "between", "bounds", "choices", "doubt", "duals", "oracle", "path", "programme",
-            "programme_by_hand", "separable", "ascent")),
-=======
             "between", "bounds", "choices", "doubt", "duals", "master", "oracle", "path",
-            "programme")),
->>>>>>> doors
+            "programme", "programme_by_hand", "separable", "ascent")),
         guards=True,
     ),
     "exact": Room(
