@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from tolevo.algorithms.exact import choices, master
-from tolevo.algorithms.exact.bounds import cost_range
-from tolevo.algorithms.exact.choices import least_cost
+from tolevo.algorithms.exact.choices import cost_range, least_cost
 from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.master import GAP, Master
 from tolevo.models.costs import Reciprocal
