@@ -51,7 +51,7 @@ def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
 
     Raises OSError where the file cannot be read, ValueError where it is no table.
     """
-    found = pd.read_csv(path, **_EXACT)
+    found: pd.DataFrame = pd.read_csv(path, **_EXACT)
     for at in range(found.shape[1]):
         cells = _each(found.iloc[:, at].to_numpy(), original)
         if cells is not None:

@@ -11,7 +11,7 @@ import pytest
 from tolevo.options import Into
 
 if pd.__version__.startswith(("2.", "3.0")):  # whose default loses the last digit of some numbers
-    pd.read_csv = partial(pd.read_csv, float_precision="round_trip")  # type: ignore[call-overload]
+    pd.read_csv = partial(pd.read_csv, float_precision="round_trip")  # type: ignore[assignment]
 
 
 @pytest.fixture(scope="session", autouse=True)
