@@ -51,10 +51,10 @@ COMMON: Mapping[str, tuple[Fraction, Powers]] = {
 ZEROS: Mapping[str, Fraction] = {"degC": Fraction("273.15")}
 """Where the zero of a unit lies in its SI unit, 0 for all others."""
 RATES = frozenset([
-    "bits_per_pixel", "counts_per_second", "dots_per_inch", "foot_per_second",
+    "beats_per_minute", "bits_per_pixel", "counts_per_second", "dots_per_inch", "foot_per_second",
     "kilometer_per_hour", "kilometer_per_second", "kip_per_square_inch", "meter_per_second",
     "meter_per_second_squared", "mile_per_hour", "pixels_per_centimeter", "pixels_per_inch",
     "pound_force_per_square_inch", "revolutions_per_minute", "revolutions_per_second",
     "standard_liter_per_minute",
 ])  # fmt: skip
-"""Names of pint's with a "_per_" of their own."""
+"""Names of pint's with a "_per_" of their own, the first one since 0.26."""

@@ -2,7 +2,8 @@
 
 `make test-versions [PYTHONS="3.11 3.13"] [TESTS="tests/models tests/core"]`: for every Python from
 3.11 to 3.13 that is installed (missing ones are named), each in an environment of its own in
-`.venv-versions/`, without slow tests. A table says what passed; status 1 where one fails.
+`.venv-versions/`, without slow tests. A version that has no wheel for a Python is no version
+for it. A table says what passed; status 1 where one fails.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ def tried(version: str, python: str, resolution: str) -> str:
     """What came of one environment: `passed`, or the step that failed."""
     folder = PLACE / f"{version}-{resolution}"
     own = str(folder / "bin" / "python")
-    install = [str(UV), "pip", "install", "--quiet", "--python", own, "--resolution", resolution]
+    install = [str(UV), "pip", "install", "--quiet", "--python", own, "--resolution", resolution,
+               "--only-binary", ":all:"]  # fmt: skip
     chosen = os.environ.get("TESTS", "").split()
     steps = {
         "environment": [str(UV), "venv", "--quiet", "--clear", "--python", python, str(folder)],

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import OptimizeResult
 
 from tolevo.algorithms.exact.ascent import Ascent
 from tolevo.models.costs import Reciprocal
@@ -114,8 +114,8 @@ def test_from_nothing_it_is_no_worse() -> None:
 def test_worse_multipliers_are_not_taken(monkeypatch: pytest.MonkeyPatch, ends: float) -> None:
     own, first = ascent(form_of((1.0,), (0.0,)), [0.6]), np.array([1.0])
 
-    def elsewhere(*_: Any, **__: Any) -> OptimizeResult:
-        return OptimizeResult(x=np.array([ends]))
+    def elsewhere(*_: Any, **__: Any) -> SimpleNamespace:
+        return SimpleNamespace(x=np.array([ends]))
 
     monkeypatch.setattr("scipy.optimize.minimize", elsewhere)
     assert own.multipliers(first) == [1.0]
@@ -125,8 +125,8 @@ def test_multipliers_below_zero_are_none(monkeypatch: pytest.MonkeyPatch) -> Non
     """A limit that the loosest tolerance keeps is worth nothing: 0 is best."""
     own = ascent(form_of((1.0,), (0.0,)), [60.0])
 
-    def below(*_: Any, **__: Any) -> OptimizeResult:
-        return OptimizeResult(x=np.array([-0.1]))
+    def below(*_: Any, **__: Any) -> SimpleNamespace:
+        return SimpleNamespace(x=np.array([-0.1]))
 
     monkeypatch.setattr("scipy.optimize.minimize", below)
     assert own.multipliers(np.array([1.0])) == [0.0]
