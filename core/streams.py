@@ -36,8 +36,11 @@ def keep_standard_streams() -> None:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDWR)
-    sys.stdout = _over(1, sys.stdout, line_buffering=sys.stdout is not None and sys.stdout.isatty())
-    sys.stderr = _over(2, sys.stderr, line_buffering=True)
+    if sys.stdout is sys.__stdout__:  # else they lead elsewhere
+        terminal = sys.stdout is not None and sys.stdout.isatty()
+        sys.stdout = _over(1, sys.stdout, line_buffering=terminal)
+    if sys.stderr is sys.__stderr__:
+        sys.stderr = _over(2, sys.stderr, line_buffering=True)
 
 
 def _over(number: int, before: io.TextIOWrapper | Any, line_buffering: bool) -> io.TextIOWrapper:
