@@ -91,16 +91,21 @@ def units(folder: Path, rows: int) -> list[str]:
     return ["simulate", "c.toml", "u.parquet", "--out", "o", "--partitioned"]
 
 
-def evaluate(folder: Path, rows: int) -> list[str]:
-    """Designs of a closed form, at the accuracy of a search."""
+def write_designs(folder: Path, configuration: str, count: int) -> None:
+    """A configuration, c.toml, and designs that are uniform in its search ranges, d.parquet."""
     import tolevo
 
-    (folder / "c.toml").write_text(BACKLASH, encoding="utf-8")
+    (folder / "c.toml").write_text(configuration, encoding="utf-8")
     problem = tolevo.read(folder / "c.toml").problem
     assert problem is not None
-    share = np.random.default_rng(0).random((rows, problem.n_var))
+    share = np.random.default_rng(0).random((count, problem.n_var))
     full = problem.complete(problem.xl + share * (problem.xu - problem.xl))
     problem.designs_frame(full).to_parquet(folder / "d.parquet", index=False)
+
+
+def evaluate(folder: Path, rows: int) -> list[str]:
+    """Designs of a closed form, at the accuracy of a search."""
+    write_designs(folder, BACKLASH, rows)
     return ["evaluate", "c.toml", "d.parquet", "--out", "o", "--partitioned", "--quality", "search"]
 
 

@@ -20,10 +20,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-import tolevo
-
+from .scaling import write_designs
 from .study import cluster, cpu_of
 
 CONFIGURATION = 'problem = "rv_reducer"\n'
@@ -60,15 +57,6 @@ def evaluated(folder: Path, out: str, *words: str) -> tuple[float, Used]:
     return time.monotonic() - start, Used(cpu, taken.ru_maxrss / 1024.0)
 
 
-def prepared(folder: Path, count: int) -> None:
-    (folder / "c.toml").write_text(CONFIGURATION, encoding="utf-8")
-    problem = tolevo.read(folder / "c.toml").problem
-    assert problem is not None
-    share = np.random.default_rng(0).random((count, problem.n_var))
-    full = problem.complete(problem.xl + share * (problem.xu - problem.xl))
-    problem.designs_frame(full).to_parquet(folder / "d.parquet", index=False)
-
-
 def told(name: str, taken: Used) -> None:
     print(f"  {name:<10} {taken.cpu_s:8.1f} s CPU {taken.memory_mib:6.0f} MiB", flush=True)
 
@@ -79,7 +67,7 @@ def main() -> None:
     count = parser.parse_args().designs
     with tempfile.TemporaryDirectory(prefix="wide-") as name:
         folder = Path(name)
-        prepared(folder, count)
+        write_designs(folder, CONFIGURATION, count)
         print(f"{count:,} designs; load {os.getloadavg()[0]:.1f}", flush=True)
         alone_s, alone = evaluated(folder, "alone.parquet")
         print(f"one process: {alone_s:.1f} s")

@@ -21,7 +21,7 @@ _NUMBERS = re.compile(rf"(?:{_NUMBER})(?:; (?:{_NUMBER}))*")
 _ACTIVE = re.compile(r"'*[=+\-@\t\r]")
 """How a formula begins, or a text that has apostrophes in front of such a beginning already."""
 _MARKED = re.compile(r"'+[=+\-@\t\r]")
-_EXACT: Mapping[str, Any] = (
+EXACT: Mapping[str, Any] = (
     {} if tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     else {"float_precision": "round_trip"}
 )  # fmt: skip
@@ -51,7 +51,7 @@ def read_own_csv(path: Path | TextIO) -> pd.DataFrame:
 
     Raises OSError where the file cannot be read, ValueError where it is no table.
     """
-    found: pd.DataFrame = pd.read_csv(path, **_EXACT)
+    found: pd.DataFrame = pd.read_csv(path, **EXACT)
     for at in range(found.shape[1]):
         cells = _each(found.iloc[:, at].to_numpy(), original)
         if cells is not None:

@@ -8,10 +8,11 @@ from functools import partial
 import pandas as pd
 import pytest
 
+from tolevo.csv_text import EXACT
 from tolevo.options import Into
 
-if pd.__version__.startswith(("2.", "3.0")):  # whose default loses the last digit of some numbers
-    pd.read_csv = partial(pd.read_csv, float_precision="round_trip")  # type: ignore[assignment]
+if EXACT:  # tests read tables as tolevo does
+    pd.read_csv = partial(pd.read_csv, **EXACT)  # type: ignore[assignment]
 
 
 @pytest.fixture(scope="session", autouse=True)

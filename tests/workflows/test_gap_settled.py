@@ -62,16 +62,15 @@ def ending(folder: Path, number: int) -> Ending:
 def test_held_out_error_is_never_above_that_of_the_model_or_of_an_accepted_step(
     end: Ending,
 ) -> None:
-    holds(end)
+    assert no_worse(end)
 
 
-def holds(end: Ending) -> None:
-    search = end.analysis.search
-    accepted = end.analysis.selection.accepted
-    assert np.sum(end.after.white**2) <= np.sum(accepted[0][1].white ** 2)
-    for _, tested in accepted:
-        better = improvement(tested, end.after, search.labels)
-        assert better.gain >= -better.error
+def no_worse(end: Ending) -> bool:
+    """Than the model as recalibrated, and than every accepted step but for its standard error."""
+    steps = [tested for _, tested in end.analysis.selection.accepted]
+    better = [improvement(one, end.after, end.analysis.search.labels) for one in steps]
+    below = bool(np.sum(end.after.white**2) <= np.sum(steps[0].white ** 2))
+    return below and all(one.gain >= -one.error for one in better)
 
 
 def test_a_strike_after_which_rows_are_predicted_worse_is_taken_back(tmp_path: Path) -> None:
@@ -79,7 +78,7 @@ def test_a_strike_after_which_rows_are_predicted_worse_is_taken_back(tmp_path: P
     end = ending(tmp_path, 22068)
     assert {*end.fit.names} == {"pin_circle_runout", "pitch_defect", "structural_resonance"}
     assert end.verdict == "named"
-    holds(end)
+    assert no_worse(end)
 
 
 def test_no_joint_interval_of_an_effect_holds_nothing(end: Ending) -> None:
