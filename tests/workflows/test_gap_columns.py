@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from tolevo.configuration.gap import read_gap
 from tolevo.models.effects.shapes import Shape
-from tolevo.workflows.gap.blocks import Without
+from tolevo.workflows.gap.blocks import Training
+from tolevo.workflows.gap.generic import stacked
 from tolevo.workflows.gap.library import grid
-from tolevo.workflows.gap.linear import basis, beside, joined, products
+from tolevo.workflows.gap.linear import Groups, basis, beside
 from tolevo.workflows.gap.read import read_data
-from tolevo.workflows.gap.setup import prepared
+from tolevo.workflows.gap.scan import Thresholds, dictionary
+from tolevo.workflows.gap.searching import noise_of, searching
+from tolevo.workflows.gap.setup import Setup, prepared
 
 ROWS = 60
 HEAD = """
@@ -45,13 +50,17 @@ def bench() -> pd.DataFrame:
     })  # fmt: skip
 
 
-def test_columns_are_what_an_effect_does_per_unit_of_each_coefficient(tmp_path: Path) -> None:
-    """Of two outputs: the columns at once, against the effect acting with one coefficient."""
-    configuration, table = tmp_path / "gap.toml", tmp_path / "bench.csv"
+def set_up(folder: Path) -> Setup:
+    configuration, table = folder / "gap.toml", folder / "bench.csv"
     configuration.write_text(HEAD, encoding="utf-8")
     bench().to_csv(table, index=False)
     plan = read_gap(configuration)
-    setup = prepared(plan, read_data(plan, table))
+    return prepared(plan, read_data(plan, table))
+
+
+def test_columns_are_what_an_effect_does_per_unit_of_each_coefficient(tmp_path: Path) -> None:
+    """Of two outputs: the columns at once, against the effect acting with one coefficient."""
+    setup = set_up(tmp_path)
     plain = [one for one in setup.library
              if isinstance(one.effect, Shape) and one.effect.plain(setup.data.target)]  # fmt: skip
     assert {"torsional_compliance", "structural_resonance", "stribeck"} <= {o.name for o in plain}
@@ -62,14 +71,46 @@ def test_columns_are_what_an_effect_does_per_unit_of_each_coefficient(tmp_path: 
         np.testing.assert_allclose(setup.columns.of(one, shape), np.column_stack(each), atol=1e-9)
 
 
-def test_gains_without_a_block_are_those_of_the_other_rows() -> None:
-    """Against a fit in which the rows of the block are zero."""
-    rng = np.random.default_rng(5)
-    others, y = rng.normal(size=(200, 6)), rng.normal(size=200)
-    groups = joined([rng.normal(size=(200, size)) for size in (1, 2, 2, 3)], [True, *[False] * 3])
-    out = np.arange(40, 80)
-    found = Without.of(groups, basis(others), y).gains(out)
-    others[out], y[out] = 0.0, 0.0
-    q = basis(others)
-    expected = groups.gains_beside(*products(groups, q, beside(y, q)), out)
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+def test_gains_without_a_block_are_those_of_the_other_rows(tmp_path: Path) -> None:
+    """Against groups of the other rows alone, beside the others there; two outputs, with noise that
+    remembers, so that the rows of a block do not follow each other.
+    """
+    setup = set_up(tmp_path)
+    noises = noise_of(setup, ())
+    noises = tuple(replace(one, rho=0.4) for one in noises)
+    book = dictionary(setup.library, setup.columns, 1.0)
+    search, _ = searching(setup, noises, book, *stacked(setup.generic, 2), Thresholds(20.0, 10.0))
+    training = Training(search.fitter, search.labels, book, search.white)
+    first = {name: book.members[at] for name, (at, _) in book.places.items()}
+    names = ("torsional_compliance", "structural_resonance", "encoder_harmonics")
+    members = [first[name] for name in names]
+    blocks = list(range(1, len(training.rows)))
+    found, own = training.gains(members, 1, blocks)
+    here, end = book.places["structural_resonance"]
+    white = search.white.part(here, end)
+    for gains, mine, rows in zip(found, own, training.rows[1:], strict=True):
+        seen = np.setdiff1d(np.arange(len(search.fitter.y)), np.arange(training.count)[rows])
+        beside_it = [search.fitter.white(members[k])[seen] for k in (0, 2)]
+        q = basis(np.hstack([search.fitter.base[seen], *beside_it]))
+        alone = Groups(white.columns[seen], white.starts, white.one_sided).orthonormal(q)
+        expected = alone.gains(beside(search.fitter.y[seen], q))
+        np.testing.assert_allclose(gains, expected, rtol=1e-7, atol=1e-9)
+        assert mine[0] == pytest.approx(expected[0], rel=1e-7)
+
+
+def test_rows_that_are_held_out_are_predicted_by_a_fit_of_the_others(tmp_path: Path) -> None:
+    """Of an effect without nonlinear numbers, against least squares on the other rows."""
+    setup = set_up(tmp_path)
+    book = dictionary(setup.library, setup.columns, 1.0)
+    search, _ = searching(setup, noise_of(setup, ()), book, *stacked(setup.generic, 2),
+                          Thresholds(20.0, 10.0))  # fmt: skip
+    member = book.members[book.places["encoder_harmonics"][0]]
+    tested = search.tested(search.fitter.fit([member]))
+    x = np.hstack([search.fitter.base, search.fitter.white(member)])
+    raw = np.hstack([search.fitter.raw_base, setup.columns.of(member.candidate, member.shape)])
+    for block in np.unique(search.labels):
+        out = np.flatnonzero(search.labels == block)
+        seen = np.setdiff1d(np.arange(len(x)), out)
+        fit = np.linalg.lstsq(x[seen], search.fitter.y[seen], rcond=None)[0]
+        np.testing.assert_allclose(tested.white[out], search.fitter.y[out] - x[out] @ fit)
+        np.testing.assert_allclose(tested.fitted[out], raw[out] @ fit)

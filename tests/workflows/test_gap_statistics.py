@@ -122,7 +122,8 @@ def test_gains_without_some_rows_are_those_of_the_others() -> None:
     base, y = rng.normal(size=(60, 2)), rng.normal(size=60)
     base[out], y[out] = 0.0, 0.0
     q = basis(base)
-    found = groups.gains_beside(*products(groups, q, beside(y, q)), out)
+    left = [whole - part for whole, part in zip(groups.grams(), groups.grams(out), strict=True)]
+    found = groups.gains_beside(*products(groups, q, beside(y, q)), left)
     alone = joined([one[rest] for one in parts], [False] * 3)
     expected = alone.orthonormal(basis(base[rest])).gains(beside(y, q)[rest])
     np.testing.assert_allclose(found, expected, rtol=1e-8)

@@ -16,7 +16,7 @@ from .close import corrected
 from .curves import as_curve
 from .fit import Fit
 from .generic import stacked
-from .linear import Groups, joined
+from .linear import Groups
 from .noise import Noise
 from .population import Batch, Misfit, Scatter, carrying, misfit, scatter
 from .reading import as_read, read_again
@@ -132,8 +132,7 @@ def analysed(setup: Setup) -> Analysis:
     setup = as_read(setup)
     noises = noise_of(setup, ())
     book = dictionary(setup.library, setup.columns, spread_of(noises))
-    forms, which = stacked(setup.generic, len(setup.data.outputs))
-    raw = joined(forms, [False] * len(forms))
+    raw, which = stacked(setup.generic, len(setup.data.outputs))
     search, generic = searching(setup, noises, book, raw, which, None)
     found = select(search)
     if max(one.rho for one in noises) > WANDERING:

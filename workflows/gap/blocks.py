@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,8 @@ from scipy import optimize
 
 from ...models.inputs.distribution import Array
 from .data import GapData
-from .fit import Fit, Fitter, Member
-from .linear import GONE, Groups, products
+from .fit import Fitter, Member
+from .linear import GONE, Groups
 from .scan import Dictionary
 
 
@@ -29,42 +30,59 @@ SURE = 2.7
 """Gain from which a nonlinear parameter is excluded: 90 % of one number (chi square)."""
 
 
+Rows = slice | NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Fold:
+    """One block: its rows, and the members and coefficients (k,) of a fit of all other rows."""
+
+    rows: Rows
+    members: tuple[Member, ...]
+    coefficients: Array
+
+
 @dataclass(frozen=True)
 class HeldOut:
-    """Whitened residuals (N,) of rows that their fit never saw, and predictions of the effects and
-    the free parameters there (N,), in the outputs' units.
-    """
+    """Whitened residuals (N,) of rows that their fit never saw, and that fit for each block."""
 
     white: Array
-    fitted: Array
+    fitter: Fitter
+    folds: tuple[Fold, ...]
+
+    @cached_property
+    def fitted(self) -> Array:
+        """Predictions of the effects and the free parameters there (N,), in the outputs' units."""
+        found = np.zeros(len(self.white))
+        for one in self.folds:
+            of, base = self.fitter.columns.of, self.fitter.raw_base
+            raw = [base, *(of(member.candidate, member.shape) for member in one.members)]
+            found[one.rows] = np.hstack([part[one.rows] for part in raw]) @ one.coefficients
+        return found
 
     def squares(self, labels: NDArray[np.int64]) -> Array:
         """Sum of squares in each block."""
         return np.asarray(np.bincount(labels, self.white**2), dtype=float)
 
 
-def held_out(
-    fitter: Fitter, fit: Fit, labels: NDArray[np.int64], book: Dictionary, white: Groups
-) -> HeldOut:
-    """Every block predicted by a fit of the others; nonlinear parameters are fitted there too.
-
-    `labels` (N,) repeats the block of each row for every output.
-    """
-    y, kept = fitter.y, Kept(fitter, fit.members, book, white)
-    residual, fitted = np.zeros(len(labels)), np.zeros(len(labels))
-    for block in np.unique(labels):
-        out = np.flatnonzero(labels == block)
-        members = _for_training(kept, out)
-        x, raw, trained = kept.columns(members)
-        found = _admissible(trained.without(out, y), members, x, y, out)
-        residual[out] = y[out] - x[out] @ found
-        fitted[out] = raw[out] @ found
-    return HeldOut(residual, fitted)
+def held_out(training: Training, members: Sequence[Member]) -> HeldOut:
+    """Every block predicted by a fit of the others; nonlinear parameters are fitted there too."""
+    fitter, count = training.fitter, training.count
+    white, folds = np.zeros(count), []
+    known: dict[tuple[object, ...], tuple[Array, Trained]] = {}
+    for rows, chosen in zip(training.rows, training.chosen(members), strict=True):
+        key = tuple(one.key for one in chosen)
+        if key not in known:
+            x = np.hstack([fitter.base, *(fitter.white(one) for one in chosen)])
+            known[key] = x, Trained.of(x, fitter.y)
+        x, trained = known[key]
+        found = _admissible(trained.without(rows, fitter.y), chosen, x, fitter.y, rows)
+        white[rows] = fitter.y[rows] - x[rows] @ found
+        folds.append(Fold(rows, tuple(chosen), found))
+    return HeldOut(white, fitter, tuple(folds))
 
 
-def _admissible(
-    found: Array, members: Sequence[Member], x: Array, y: Array, out: NDArray[np.int64]
-) -> Array:
+def _admissible(found: Array, members: Sequence[Member], x: Array, y: Array, out: Rows) -> Array:
     """Coefficients (k,) within the bounds of the effects, fitted to all rows but `out`; those of
     effects whose size is in a nonlinear parameter are free.
     """
@@ -102,7 +120,7 @@ class Trained:
         q, r = np.linalg.qr(x / size)
         return cls(q, r, size, q.T @ y)
 
-    def without(self, out: NDArray[np.int64], y: Array) -> Array:
+    def without(self, out: Rows, y: Array) -> Array:
         """Coefficients of a fit that never saw the rows `out`."""
         mine = self.q[out]
         gram = np.eye(len(self.product)) - mine.T @ mine
@@ -111,81 +129,112 @@ class Trained:
 
 
 @dataclass(frozen=True)
-class Without:
-    """Groups, the basis q (N, r) of what they stand beside, and their products with it and with the
-    record: in the rows that a fit never saw only these have to be looked at again.
+class Grid:
+    """The grid points of a name, or one point: groups of columns (N, C), and for each block the
+    products in all other rows: of each group's columns (B, g, m, m) by size, and with the record
+    (B, C, 1).
     """
 
     groups: Groups
-    q: Array
-    y: Array
-    projected: Array
+    grams: tuple[Array, ...]
     products: Array
 
-    @classmethod
-    def of(cls, groups: Groups, q: Array, y: Array) -> Without:
-        """Of all rows."""
-        return cls(groups, q, y, *products(groups, q, y))
 
-    def gains(self, out: NDArray[np.int64]) -> Array:
-        """Gain (g,) of each group in all rows but `out`, beside the same."""
-        mine, x, y = self.q[out], self.groups.columns[out], self.y[out]
-        values, vectors = np.linalg.eigh(np.eye(self.q.shape[1]) - mine.T @ mine)
-        turned = (vectors[:, values > GONE] / np.sqrt(values[values > GONE])).T
-        projected = turned @ (self.projected - mine.T @ x)
-        of_record = turned @ (self.q.T @ self.y - mine.T @ y)
-        return self.groups.gains_beside(
-            projected, self.products - x.T @ y - projected.T @ of_record, out
-        )
+class Training:
+    """What fits without one block of rows each share. They follow from the products of columns in
+    all other rows, so that columns are gone through once for all blocks.
 
-
-class Kept:
-    """What the blocks of one held-out test share: the columns of each set of members."""
+    `labels` (N,) repeats the block of each row for every output.
+    """
 
     def __init__(
-        self, fitter: Fitter, members: Sequence[Member], book: Dictionary, white: Groups
+        self, fitter: Fitter, labels: NDArray[np.int64], book: Dictionary, white: Groups
     ) -> None:
-        self.fitter, self.members, self.book, self._white = fitter, members, book, white
-        self._columns: dict[tuple[int, ...], tuple[Array, Array, Trained]] = {}
-        self._grids: dict[tuple[int, ...], tuple[Without, Without]] = {}
+        self.fitter, self.count = fitter, len(labels)
+        self.rows = [_rows(np.flatnonzero(labels == one)) for one in np.unique(labels)]
+        self._book, self._white = book, white
+        self._grids: dict[str, Grid] = {}
+        self._beside: dict[tuple[object, ...], Array] = {}
 
-    def columns(self, members: Sequence[Member]) -> tuple[Array, Array, Trained]:
-        """Whitened and raw columns (N, k) of what is free and of members, and their fit."""
-        key = tuple(map(id, members))
-        if key not in self._columns:
-            of, fitter = self.fitter.columns.of, self.fitter
-            x = np.hstack([fitter.base, *(fitter.white(one) for one in members)])
-            raw = np.hstack([fitter.raw_base, *(of(one.candidate, one.shape) for one in members)])
-            self._columns[key] = x, raw, Trained.of(x, fitter.y)
-        return self._columns[key]
+    def products(self, a: Array, b: Array) -> Array:
+        """Of columns (N, j) and (N, k) in all rows but those of each block (B, j, k)."""
+        return a.T @ b - np.stack([a[rows].T @ b[rows] for rows in self.rows])
 
-    def grid(self, members: Sequence[Member], at: int) -> tuple[Without, Without]:
-        """All grid points of one member beside the others, and the member itself."""
-        key = (at, *map(id, members))
-        if key not in self._grids:
-            fitter, one = self.fitter, members[at]
-            q = fitter.spanned([other for k, other in enumerate(members) if k != at])
-            own = Groups(fitter.white(one), np.zeros(1, dtype=np.int64),
-                         np.array([one.candidate.one_sided]))  # fmt: skip
-            grid = self._white.part(*self.book.places[one.name])
-            self._grids[key] = Without.of(grid, q, fitter.y), Without.of(own, q, fitter.y)
-        return self._grids[key]
+    def chosen(self, members: Sequence[Member]) -> list[list[Member]]:
+        """For each block the members with the nonlinear parameters that all other rows choose, in
+        turn; those of the whole record stay where these rows do not exclude them.
+        """
+        found = [list(members) for _ in self.rows]
+        for at, one in enumerate(members):
+            if not one.shape:
+                continue
+            alike: dict[tuple[object, ...], list[int]] = {}
+            for block, path in enumerate(found):
+                alike.setdefault(tuple(each.key for each in path), []).append(block)
+            first, _ = self._book.places[one.name]
+            for blocks in alike.values():
+                grid, own = self.gains(found[blocks[0]], at, blocks)
+                best = np.argmax(grid, axis=1)
+                for block, k, gains, mine in zip(blocks, best, grid, own[:, 0], strict=True):
+                    if gains[k] > mine + SURE:
+                        found[block][at] = self._book.members[first + int(k)]
+        return found
+
+    def gains(
+        self, members: Sequence[Member], at: int, blocks: Sequence[int]
+    ) -> tuple[Array, Array]:
+        """Gains (b, g) of all grid points of one member beside the others, and (b, 1) of the member
+        as it is, in all rows but those of each of some blocks.
+        """
+        fitter, one = self.fitter, members[at]
+        others = [other for k, other in enumerate(members) if k != at]
+        z = np.hstack([fitter.q, *(_unit(fitter.white(other)) for other in others)])
+        values, vectors = np.linalg.eigh(self.products(z, z)[blocks])
+        root = np.where(values > GONE, 1.0 / np.sqrt(np.maximum(values, GONE)), 0.0)
+        turned = np.swapaxes(vectors * root[:, None, :], 1, 2)
+        record = turned @ self.products(z, fitter.y[:, None])[blocks]
+        white = fitter.white(one)
+        start, sided = np.zeros(1, dtype=np.int64), np.array([one.candidate.one_sided])
+        whole, own = self._grid(one.name), self._as_grid(Groups(white, start, sided))
+        parts = [self._with_grid((), fitter.q, one.name)]
+        parts += [self._with_grid(each.key, fitter.white(each), one.name) for each in others]
+        found = []
+        for grid, with_z in ((whole, np.concatenate(parts, axis=1)),
+                             (own, self.products(z, white))):  # fmt: skip
+            projected = turned @ with_z[blocks]
+            left = grid.products[blocks] - np.swapaxes(projected, 1, 2) @ record
+            grams = [gram[blocks] for gram in grid.grams]
+            found.append(grid.groups.gains_beside(projected, left[..., 0], grams))
+        return found[0], found[1]
+
+    def _grid(self, name: str) -> Grid:
+        if name not in self._grids:
+            self._grids[name] = self._as_grid(self._white.part(*self._book.places[name]))
+        return self._grids[name]
+
+    def _as_grid(self, groups: Groups) -> Grid:
+        parts = [groups.grams(rows) for rows in self.rows]
+        grams = tuple(whole - np.stack(each) for whole, *each in
+                      zip(groups.grams(), *parts, strict=True))  # fmt: skip
+        return Grid(groups, grams, self.products(groups.columns, self.fitter.y[:, None]))
+
+    def _with_grid(self, key: tuple[object, ...], columns: Array, name: str) -> Array:
+        """Products (B, k, C) of the columns (N, k) of a key, of unit length, with a grid."""
+        if (key, name) not in self._beside:
+            grid = self._grid(name).groups.columns
+            self._beside[key, name] = self.products(_unit(columns), grid)
+        return self._beside[key, name]
 
 
-def _for_training(kept: Kept, out: NDArray[np.int64]) -> list[Member]:
-    """The members with the nonlinear parameters that all rows but `out` choose, in turn; those of
-    the whole record stay where these rows do not exclude them.
-    """
-    found = list(kept.members)
-    for at, one in enumerate(found):
-        if not one.shape:
-            continue
-        grid, own = kept.grid(found, at)
-        gains = grid.gains(out)
-        if gains.max(initial=0.0) > float(own.gains(out)[0]) + SURE:
-            first, _ = kept.book.places[one.name]
-            found[at] = kept.book.members[first + int(np.argmax(gains))]
-    return found
+def _unit(columns: Array) -> Array:
+    """Columns (N, k) of unit length, but for those that are 0."""
+    return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+
+
+def _rows(at: NDArray[np.int64]) -> Rows:
+    """Rows that follow each other as a slice, which copies nothing."""
+    whole = len(at) and int(at[-1]) - int(at[0]) + 1 == len(at)
+    return slice(int(at[0]), int(at[-1]) + 1) if whole else at
 
 
 @dataclass(frozen=True)

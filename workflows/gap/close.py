@@ -70,17 +70,27 @@ class Corrected:
         return replace(self, covariance=covariance, errors=errors, more=by)
 
     def nothing(self, member: Member) -> bool:
-        """Whether the joint interval of an effect's linear numbers holds 0: Wald's test, by F."""
+        """Whether the joint interval of an effect's linear numbers holds 0: Wald's test, by F.
+
+        Its nonlinear numbers are held: where the effect is 0 they mean nothing, and how little is
+        known of them says nothing of its size. Numbers count over their standard errors: in their
+        units they may be millions apart.
+        """
         linear = {one.name for one in member.candidate.linear}
-        at = [k for k, one in enumerate(self.numbers)
-              if one.owner == member.name and one.name in linear]  # fmt: skip
+        own = [k for k, one in enumerate(self.numbers) if one.owner == member.name]
         rounded = any(one.candidate.alone for one in self.members)  # has no derivatives
-        if rounded or not at or not np.isfinite(self.errors[at]).all():
+        sizes = [k for k in own if self.numbers[k].name in linear]
+        if rounded or not sizes or not np.isfinite(self.errors[sizes]).all():
             return False
-        values, part = self.values[at], self.covariance[np.ix_(at, at)]
-        statistic = float(values @ np.linalg.pinv(part, rcond=1e-12) @ values) / len(at)
+        own = [k for k in own if k in sizes or 0.0 < self.errors[k] < np.inf]
+        errors = np.maximum(self.errors[own], 1e-300)
+        alike = self.covariance[np.ix_(own, own)] / errors / errors[:, None]
+        here = [own.index(k) for k in sizes]
+        known = np.linalg.pinv(alike, rcond=1e-12, hermitian=True)[np.ix_(here, here)]
+        ratio = self.values[sizes] / errors[here]
+        statistic = float(ratio @ known @ ratio) / len(sizes)
         level = self.plan.settings.interval
-        return statistic < float(special.fdtri(len(at), self.freedom, level))
+        return statistic < float(special.fdtri(len(sizes), self.freedom, level))
 
     def free(self) -> dict[str, float]:
         """Recalibrated parameters of the model by name."""

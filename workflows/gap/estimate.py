@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.inputs.distribution import Array
-from .generic import Form, groups_of
+from .generic import Form
 from .linear import Groups, basis, beside, products
 from .noise import Noise, autocorrelation, outliers, robust_scale, scale_left, size_follows
 from .scan import evidence
@@ -78,10 +78,12 @@ def _first_scale(of: Remainder, kept: Array, sigma: Array) -> float:
 
 def _improved(of: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
     """One pass: forms taken out, then outliers, size and autocorrelation of what is left."""
-    whole, trend = _with_forms(of, kept, noise, True)
+    start = _start(of, kept, noise)
+    every = np.ones(len(of.slow), dtype=bool)
+    whole, trend = _with_forms(of, start, every)
     tried = [(_one(of, whole, noise), whole)]
     if trend:  # a trend, or noise that wanders: what is likelier
-        plain, _ = _with_forms(of, kept, noise, False)
+        plain, _ = _with_forms(of, start, ~np.array(of.slow))
         tried.append((_one(of, plain, noise), plain))
     scores = [_likelihood(of.residual, chosen, one) for one, chosen in tried]
     return tried[int(np.argmax(scores))]
@@ -114,31 +116,50 @@ def _fitted(of: Remainder, chosen: Array, noise: Noise) -> Array:
     return np.asarray(q @ (q.T @ y) * noise.sigma)
 
 
-def _with_forms(of: Remainder, kept: Array, noise: Noise, trends: bool) -> tuple[Array, bool]:
-    """The columns kept, and those of forms that are certainly there, one after another; also
-    whether a trend is among them.
+@dataclass(frozen=True)
+class Start:
+    """What forms are taken out of: columns that are kept (n, k), their whitened basis q (n, r), the
+    whitened residual (n,) beside it, and the whitened forms with their products with both. In noise
+    that is the same in each reading the forms are as they are: no gain depends on their lengths.
     """
-    allowed = np.array([trends or not slow for slow in of.slow], dtype=bool)
-    if not allowed.any():
-        return kept, False
-    which = np.flatnonzero(allowed)
-    groups, trend = of.generic if allowed.all() else of.generic.some(which), False
-    white = Groups(noise.whiten(groups.columns), groups.starts, groups.one_sided)
-    chosen, q = kept, basis(noise.whiten(kept))
+
+    kept: Array
+    q: Array
+    left: Array
+    white: Groups
+    projected: Array
+    product: Array
+
+
+def _start(of: Remainder, kept: Array, noise: Noise) -> Start:
+    groups = of.generic
+    if not noise.is_plain or noise.good is not None:
+        groups = Groups(noise.whiten(groups.columns), groups.starts, groups.one_sided)
+    q = basis(noise.whiten(kept))
     left = beside(noise.whiten(of.residual), q)
-    projected, product = products(white, q, left)
-    while chosen.shape[1] < max(len(left) // 5, kept.shape[1] + 2):
+    return Start(kept, q, left, groups, *products(groups, q, left))
+
+
+def _with_forms(of: Remainder, start: Start, allowed: NDArray[np.bool_]) -> tuple[Array, bool]:
+    """The columns kept, and those of `allowed` forms (g,) that are certainly there, one after
+    another; also whether a trend is among them.
+    """
+    if not allowed.any():
+        return start.kept, False
+    chosen, q, left, white = start.kept, start.q, start.left, start.white
+    projected, product, trend = start.projected, start.product, False
+    while chosen.shape[1] < max(len(left) // 5, start.kept.shape[1] + 2):
         scale = left @ left / (len(left) - q.shape[1])
         level = evidence(white, white.gains_beside(projected, product) / scale)
-        best = int(np.argmax(level))
+        best = int(np.argmax(np.where(allowed, level, -np.inf)))
         if level[best] < CERTAIN:
             break
-        chosen = np.column_stack([chosen, groups.of(best)])
+        chosen = np.column_stack([chosen, of.generic.of(best)])
         new = basis(beside(beside(white.of(best), q), q))
         left, q = beside(left, new), np.hstack([q, new])
         more, product = products(white, new, left)
         projected = np.vstack([projected, more])
-        trend |= of.slow[int(which[best])]
+        trend |= of.slow[best]
     return chosen, trend
 
 
@@ -179,15 +200,14 @@ def _pure(of: Remainder) -> float | None:
 
 def remainders(
     residuals: Sequence[Array], kept: Sequence[Array], forms: tuple[Form, ...],
-    generic: list[Array], inputs: Mapping[str, Array], trends: Sequence[str],
+    generic: Groups, inputs: Mapping[str, Array], trends: Sequence[str],
     repeats: NDArray[np.int64] | None, known: Sequence[tuple[Array, str] | None],
     laws: Sequence[float], resolutions: Sequence[float],
 ) -> list[Remainder]:  # fmt: skip
     """One record per output."""
-    groups = groups_of(generic)
     slow = tuple(form.variable in trends for form in forms)
     return [
-        Remainder(residual, columns, forms, groups, inputs, slow, repeats,
+        Remainder(residual, columns, forms, generic, inputs, slow, repeats,
                   None if given is None else given[0],
                   "estimated" if given is None else given[1], law, least)
         for residual, columns, given, law, least in

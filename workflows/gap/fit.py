@@ -179,14 +179,17 @@ class Fitter:
 
         def loss(x: Array) -> float:
             columns = self.space.whiten(self.columns.of(candidate, shape(x)))
-            return -_gain(candidate, beside(columns, q), left)
+            mine = q.T @ columns
+            losses.append(-_gain(candidate, columns.T @ columns - mine.T @ mine, columns.T @ left))
+            return losses[-1]
 
-        best = optimize.minimize(loss, np.zeros(len(free)), method="Nelder-Mead",
+        losses: list[float] = []
+        simplex = _simplex(len(free))
+        best = optimize.minimize(loss, simplex[0], method="Nelder-Mead",
                                  options={"maxiter": 40 * len(free), "xatol": 0.01, "fatol": 0.01,
-                                          "initial_simplex": _simplex(len(free))})  # fmt: skip
-        before = loss(np.zeros(len(free)))
-        if best.fun >= before:
-            return member, -before
+                                          "initial_simplex": simplex})  # fmt: skip
+        if best.fun >= losses[0]:  # where it began
+            return member, -losses[0]
         return Member(candidate, shape(best.x)), -float(best.fun)
 
 
@@ -202,12 +205,12 @@ def _width(parameter: EffectParameter, value: float) -> float:
     return 0.3 * abs(value) if value else 1.0
 
 
-def _gain(candidate: Candidate, columns: Array, left: Array) -> float:
-    """Fall of the squared residual `left` by these columns, their bounds kept."""
+def _gain(candidate: Candidate, gram: Array, product: Array) -> float:
+    """Fall of a squared residual by columns with products `gram` (m, m), and `product` (m,) with
+    the residual, their bounds kept.
+    """
     if candidate.alone:
-        column = columns[:, 0]
-        return float(2.0 * column @ left - column @ column)
-    gram, product = columns.T @ columns, columns.T @ left
+        return float(2.0 * product[0] - gram[0, 0])
     ridge = 1e-9 * np.trace(gram) + 1e-300
     found = np.linalg.solve(gram + ridge * np.eye(len(gram)), product)
     low, high = candidate.bounds

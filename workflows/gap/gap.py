@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -88,7 +89,7 @@ def gap(
         kept = opened(place, identity, resume)
         try:
             result = found(plan, data, workers, progress, kept)
-            lines = _lines(result)
+            lines = lines_of(result)
             write(result, out, lines)
             place.complete()
         except KeyboardInterrupt:
@@ -129,19 +130,33 @@ def _found(
     kept: Replicates | None,
 ) -> GapResult:
     tell, mine = progress or silent, kept or Replicates()
-    tell(GapProgress("columns of the library"))
-    setup = prepared(plan, data)
-    mine.begin()
-    tell(GapProgress("search"))
-    end = on_all_rows(never_worse(ended(analysed(setup))), data)
+    end = ending(plan, data, tell, mine.begin)
     spread = None
     if plan.settings.bootstrap and end.fit.members:
         spread = bootstrap(end.analysis, end.fit, mine, workers, tell)
     tell(GapProgress("result"))
-    return _result(plan, data, end, spread)
+    return result_of(plan, data, end, spread)
 
 
-def _result(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -> GapResult:
+def ending(
+    plan: GapPlan,
+    data: GapData,
+    tell: Tell = silent,
+    accepted: Callable[[], None] = lambda: None,
+) -> Ending:
+    """The final answer to data that were read; `accepted` is called once the model takes them.
+
+    Raises InputError where the data are outside of the model's range.
+    """
+    tell(GapProgress("columns of the library"))
+    setup = prepared(plan, data)
+    accepted()
+    tell(GapProgress("search"))
+    return on_all_rows(never_worse(ended(analysed(setup))), data)
+
+
+def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None = None) -> GapResult:
+    """The final answer as records; intervals are those of the replicates where there are any."""
     analysis, setup = end.analysis, end.setup
     bare = analysis.bare
     limit = bare.search.thresholds.generic
@@ -245,7 +260,7 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _lines(result: GapResult) -> tuple[str, ...]:
+def lines_of(result: GapResult) -> tuple[str, ...]:
     """A short summary for the terminal."""
     lines = mechanism_lines(result.summary)
     lines += result.drawing.lines() if result.drawing else ()

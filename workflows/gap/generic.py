@@ -323,19 +323,17 @@ def _modulated(data: GapData, column: Column, angle: Array) -> list[tuple[Form, 
     return found
 
 
-def stacked(columns: list[Array], outputs: int) -> tuple[list[Array], NDArray[np.int64]]:
+def stacked(groups: Groups, outputs: int) -> tuple[Groups, NDArray[np.int64]]:
     """The columns for each output on its own, over the rows of all of them; and which output."""
+    which = np.repeat(np.arange(outputs), len(groups.starts))
     if outputs == 1:
-        return columns, np.zeros(len(columns), dtype=np.int64)
-    found, which = [], []
-    for output in range(outputs):
-        for one in columns:
-            n = len(one)
-            whole = np.zeros((n * outputs, one.shape[1]))
-            whole[output * n : (output + 1) * n] = one
-            found.append(whole)
-            which.append(output)
-    return found, np.array(which)
+        return groups, which
+    n, count = groups.columns.shape
+    whole = np.zeros((outputs * n, outputs * count))
+    for at in range(outputs):
+        whole[at * n : (at + 1) * n, at * count : (at + 1) * count] = groups.columns
+    starts = np.concatenate([groups.starts + at * count for at in range(outputs)])
+    return Groups(whole, starts, np.tile(groups.one_sided, outputs)), which
 
 
 def groups_of(columns: list[Array]) -> Groups:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from math import log
 
@@ -93,7 +94,7 @@ class Candidate:
         """Whether it has no linear parameter: its size is in its one nonlinear one."""
         return not self.linear
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the coefficients of its columns."""
         if self.alone:
@@ -150,9 +151,11 @@ class Columns:
         data, target = self.data, self.data.target
         each = effect.columns(data.readings, shape, target)
         x = np.column_stack([each[one.stem]() for one in effect.weights(target)])
+        if len(data.outputs) == 1:
+            return np.asarray(x, dtype=np.float64)
         reached = [o.name for o in effect.reached(target)]
         at = np.array([[float(o.name == name) for name in reached] for o in data.outputs])
-        return np.asarray(x if len(data.outputs) == 1 else np.kron(at, x), dtype=np.float64)
+        return np.asarray(np.kron(at, x), dtype=np.float64)
 
     def _of_term(self, effect: Unresolved) -> Array:
         """Of a term without a name, which acts at one output."""

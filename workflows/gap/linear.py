@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -107,24 +108,27 @@ class Groups:
             found.append(Block(which, at, _grams(self.columns, at)))
         return tuple(found)
 
-    def gains_beside(
-        self, projected: Array, products: Array, without: NDArray[np.int64] | None = None
-    ) -> Array:
-        """Gain (g,) of each group beside an orthonormal basis Q (N, r) of a residual beside it.
+    def grams(self, rows: slice | NDArray[np.int64] = slice(None)) -> list[Array]:
+        """Products (g, m, m) of each group's columns in some rows, by the size m of the groups."""
+        return [_grams(self.columns[rows], block.at) for block in self._blocks]
 
-        `projected` (r, C) are Q' X and `products` (C,) the columns' products with the residual;
-        `without` are rows that do not count, in which Q and the residual must be zero. The columns
-        themselves are not touched: what is left of them beside Q follows from their products.
+    def gains_beside(
+        self, projected: Array, products: Array, grams: Sequence[Array] | None = None
+    ) -> Array:
+        """Gain (..., g) of each group beside an orthonormal basis Q (N, r) of a residual beside it.
+
+        `projected` (..., r, C) are Q' X and `products` (..., C) the columns' products with the
+        residual; `grams` (..., g, m, m) those of each group's columns by size, otherwise of all
+        rows. The columns themselves are not touched: what is left of them beside Q follows from
+        their products.
         """
-        gains = np.zeros(len(self.starts))
-        for block in self._blocks:
-            gram = block.gram
-            if without is not None:
-                gram = gram - _grams(self.columns[without], block.at)
-            p = projected[:, block.at]
-            left = gram - np.einsum("rgm,rgk->gmk", p, p, optimize=True)
-            gains[block.which] = _gains_of(gram, left, products[block.at],
-                                           self.one_sided[block.which])  # fmt: skip
+        gains = np.zeros((*products.shape[:-1], len(self.starts)))
+        each = [block.gram for block in self._blocks] if grams is None else grams
+        for block, gram in zip(self._blocks, each, strict=True):
+            p = projected[..., block.at]
+            left = gram - np.einsum("...rgm,...rgk->...gmk", p, p)
+            gains[..., block.which] = _gains_of(gram, left, products[..., block.at],
+                                                self.one_sided[block.which])  # fmt: skip
         return gains
 
     def gains(self, residuals: Array) -> Array:
@@ -165,19 +169,20 @@ def _grams(columns: Array, at: NDArray[np.int64]) -> Array:
 
 
 def _gains_of(gram: Array, left: Array, z: Array, one_sided: NDArray[np.bool_]) -> Array:
-    """Gains (g,) of groups with products `gram` (g, m, m), `left` of them beside others, and
-    products z (g, m) with a residual.
+    """Gains (..., g) of groups with products `gram` (..., g, m, m), `left` of them beside others,
+    and products z (..., g, m) with a residual.
     """
-    before = np.maximum(np.diagonal(gram, axis1=1, axis2=2), 1e-300)
-    if gram.shape[1] == 1:
-        square, lone = left[:, 0, 0], np.where(one_sided, np.maximum(z[:, 0], 0.0), z[:, 0])
-        good = square > GONE * before[:, 0]
+    before = np.maximum(np.diagonal(gram, axis1=-2, axis2=-1), 1e-300)
+    if gram.shape[-1] == 1:
+        square = left[..., 0, 0]
+        lone = np.where(one_sided, np.maximum(z[..., 0], 0.0), z[..., 0])
+        good = square > GONE * before[..., 0]
         return np.asarray(np.where(good, lone**2 / np.where(good, square, 1.0), 0.0))
     scale = np.sqrt(before)
-    values, vectors = np.linalg.eigh(left / scale[:, :, None] / scale[:, None, :])
+    values, vectors = np.linalg.eigh(left / scale[..., :, None] / scale[..., None, :])
     good = values > GONE
-    turned = np.einsum("gmk,gm->gk", vectors, z / scale)
-    return np.asarray(np.sum(np.where(good, turned**2 / np.where(good, values, 1.0), 0.0), axis=1))
+    turned = np.einsum("...mk,...m->...k", vectors, z / scale)
+    return np.asarray(np.sum(np.where(good, turned**2 / np.where(good, values, 1.0), 0.0), axis=-1))
 
 
 def products(groups: Groups, q: Array, residual: Array) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,16 +37,26 @@ class Noise:
 
     def whiten(self, columns: Array) -> Array:
         """Columns (n, ...) or (n,), such that the noise in them is independent with variance 1."""
-        scale = 1.0 / self.sigma
-        if self.good is not None:
-            scale = np.where(self.good, scale, 0.0)
-        scaled = columns * (scale if columns.ndim == 1 else scale[:, None])
+        scale = self._scale if columns.ndim == 1 else self._scale[:, None]
+        scaled = columns * scale
         if self.rho == 0.0:
             return scaled
         found = np.empty_like(scaled)
         found[0] = scaled[0]
-        found[1:] = (scaled[1:] - self.rho * scaled[:-1]) / np.sqrt(1.0 - self.rho**2)
+        np.multiply(scaled[:-1], -self.rho, out=found[1:])
+        found[1:] += scaled[1:]
+        found[1:] /= np.sqrt(1.0 - self.rho**2)
         return found
+
+    @cached_property
+    def _scale(self) -> Array:
+        """Weight (n,) of each reading."""
+        return 1.0 / self.sigma if self.good is None else np.where(self.good, 1.0 / self.sigma, 0.0)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether every reading that counts does so alike."""
+        return self.rho == 0.0 and float(np.ptp(self.sigma)) == 0.0
 
     def plain(self) -> Noise:
         """Noise of the same level, the same for every reading, and independent."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...gap_records import Step
-from .blocks import HeldOut, Improvement, held_out, improvement
+from .blocks import HeldOut, Improvement, Training, held_out, improvement
 from .fit import Fit, Fitter, Member
 from .linear import Groups
 from .plan import GapSettings
@@ -90,9 +91,12 @@ class Search:
         """Held-out residuals of a fit."""
         key = tuple(one.key for one in fit.members)
         if key not in self._tested:
-            found = held_out(self.fitter, fit, self.labels, self.book, self.white)
-            self._tested[key] = found
+            self._tested[key] = held_out(self._training, fit.members)
         return self._tested[key]
+
+    @cached_property
+    def _training(self) -> Training:
+        return Training(self.fitter, self.labels, self.book, self.white)
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from ...models.inputs.distribution import Array
 from ...models.measurable import NO_CHANGES, Role
 from .data import GapData
 from .fit import Fit
-from .generic import Form, generic
+from .generic import Form, generic, groups_of
 from .law import law_of
 from .library import Candidate, Columns, candidates, left_out, with_lots
-from .linear import basis, beside
+from .linear import Groups, basis, beside
 from .plan import GapPlan
 from .predictor import predictor
 from .read import finite_faults
@@ -51,7 +51,7 @@ class Setup:
     on_scatter: tuple[Candidate, ...]
     columns: Columns
     forms: tuple[Form, ...]
-    generic: list[Array]
+    generic: Groups
     laws: Mapping[str, Law]
     notes: tuple[str, ...] = ()
     first: tuple[str, ...] = ()
@@ -92,7 +92,7 @@ def prepared(plan: GapPlan, full: GapData) -> Setup:
         if plan.settings.effects_at_most
         else (),
         forms=tuple(forms),
-        generic=columns,
+        generic=groups_of(columns),
         laws=laws,
         notes=(*notes, *few, *left_out(plan.library, data)),
         first=tuple(turned(data, parts["predicted"], parts["base"], library, parts["columns"])),

@@ -34,7 +34,7 @@ class Space:
     @property
     def is_plain(self) -> bool:
         """Whether every reading of an output counts the same."""
-        return all(one.rho == 0.0 and float(np.ptp(one.sigma)) == 0.0 for one in self.noises)
+        return all(one.is_plain for one in self.noises)
 
     def plain(self) -> Space:
         """A space in which every reading of an output counts the same."""
@@ -42,6 +42,8 @@ class Space:
 
     def whiten(self, columns: Array) -> Array:
         """Columns (N,) or (N, m) whitened, with zeros in the rows of the prior."""
+        if len(self.noises) == 1 and not self.prior:
+            return self.noises[0].whiten(columns)
         parts = np.split(columns, len(self.noises))
         white = [noise.whiten(part) for noise, part in zip(self.noises, parts, strict=True)]
         tail = np.zeros((self.prior, *columns.shape[1:]))

@@ -55,7 +55,7 @@ def curve_of(setup: Setup, generic: Remaining, at: int, q: Array, residual: Arra
     """What the form fits of a residual (N,) beside a basis (N, r), in the unit of its output."""
     which = int(generic.outputs[at])
     forms = len(generic.forms) // len(setup.data.outputs)
-    raw = setup.generic[at - which * forms]
+    raw = setup.generic.of(at - which * forms)
     found = np.linalg.lstsq(beside(generic.white.of(at), q), residual, rcond=1e-7)[0]
     curve = raw @ found
     zero = setup.data.outputs[which].name in setup.data.zeros

@@ -21,6 +21,8 @@ from tolevo.configuration.gap import read_gap
 from tolevo.models.measurable import MeasurableModel
 from tolevo.workflows.as_json import as_json
 from tolevo.workflows.gap import gap
+from tolevo.workflows.gap.data import GapData
+from tolevo.workflows.gap.plan import GapPlan
 from tolevo.workflows.gap.read import read_data
 from tolevo.workflows.gap.write import record
 
@@ -55,10 +57,18 @@ def analysed(found: Record) -> dict[str, Any]:
     Raises InputError where the project refuses them.
     """
     with TemporaryDirectory() as folder:
-        configuration, table = Path(folder, "gap.toml"), Path(folder, f"{found.name}.csv")
-        configuration.write_text(found.configuration, encoding="utf-8")
-        found.table.to_csv(table, index=False)
-        plan = read_gap(configuration)
-        result = gap.found(plan, read_data(plan, table))
+        result = gap.found(*read_as_files(found, Path(folder)))
     said: dict[str, Any] = json.loads(as_json(record(result)))
     return said
+
+
+def read_as_files(found: Record, folder: Path) -> tuple[GapPlan, GapData]:
+    """A record as a user has it: its two files, written into a folder and read.
+
+    Raises InputError where the project refuses them.
+    """
+    configuration, table = folder / "gap.toml", folder / f"{found.name}.csv"
+    configuration.write_text(found.configuration, encoding="utf-8")
+    found.table.to_csv(table, index=False)
+    plan = read_gap(configuration)
+    return plan, read_data(plan, table)
