@@ -28,6 +28,8 @@ COLOURS = ("#1f5fa8", "#c4501b", "#2b7a3d", "#7b3fa0", "#8a6d00", "#b0245f")
 """Colours of lines; what they mean is told by markers and dashes too."""
 FIXED: dict[Any, Any] = {"svg.hashsalt": "tolevo", "svg.fonttype": "path"}
 """The same identifiers in every process; letters as outlines, so that no font is needed."""
+COMPRESSION = {"compress_level": 3}
+"""Of PNG files: a twentieth larger than at the usual 6, in half of the time."""
 _AS_SVG: WeakKeyDictionary[Figure, bytes] = WeakKeyDictionary()
 NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
@@ -51,6 +53,8 @@ def plain(axes: Axes) -> None:
     axes.grid(True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
+    for spine in axes.spines.values():
+        spine.set_in_layout(False)  # as large as the panel, which costs as much as its labels
     legend = axes.get_legend()
     # Ticks of numbers are made when they are drawn: to ask for their labels makes them once more.
     own = (FixedLocator, StrCategoryLocator)
@@ -74,7 +78,7 @@ def as_png(figure: Figure) -> bytes:
     with _fixed(figure):
         buffer = BytesIO()
         canvas: Any = FigureCanvasAgg(figure)
-        canvas.print_png(buffer, metadata={"Software": None})
+        canvas.print_png(buffer, metadata={"Software": None}, pil_kwargs=COMPRESSION)
     return buffer.getvalue()
 
 

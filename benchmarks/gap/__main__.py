@@ -48,12 +48,22 @@ def _count(text: str) -> int:
     return int(text)
 
 
+def _size(text: str) -> tuple[str, int]:
+    """`GROUP=COUNT` as both."""
+    group, _, count = text.partition("=")
+    if group not in GROUPS:
+        raise argparse.ArgumentTypeError(f"no group {group!r}")
+    return group, _count(count)
+
+
 def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "--records", type=_count, help="of each group; otherwise as many as the page"
     )
     parser.add_argument("--at-most", type=_count, help="of each group, fewer than the page has")
+    parser.add_argument("--of", nargs="*", default=[], metavar="GROUP=COUNT", type=_size,
+                        help="records of a group, whatever the other options say")  # fmt: skip
     parser.add_argument("--first", type=int, default=FIRST, help="number of the first one")
     parser.add_argument("--groups", nargs="*", default=list(GROUPS), choices=list(GROUPS))
     parser.add_argument("--namers", nargs="*", default=list(NAMERS),
@@ -76,6 +86,7 @@ def wanted(given: argparse.Namespace) -> list[Key]:
     """What is to be asked; the baselines read tables that hold their prediction."""
     sizes = {name: given.records or SIZES.get(name, OF_MODELS) for name in given.groups}
     sizes = {name: min(size, given.at_most or size) for name, size in sizes.items()}
+    sizes |= {name: size for name, size in given.of if name in sizes}
     return [
         (namer, group, given.first + k)
         for group, size in sizes.items() for k in range(size) for namer in given.namers

@@ -84,14 +84,15 @@ def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
     """The members that one generic form fits better in place of."""
     count = len(fit.members)
     worst: tuple[float, Sequence[int]] = (0.0, ())
+    numbers = generic.white.sizes + np.array([more_numbers(form) for form in generic.forms])
+    of_prediction = [form.variable.startswith(PREDICTED) for form in generic.forms]
     sets = [*((k,) for k in range(count)), *combinations(range(count), 2)]
     for gone in sets:
         others = tuple(one for k, one in enumerate(fit.members) if k not in gone)
         less = search.fitter.fit(others)
         gains = generic.gains(search.fitter, less)
-        numbers = generic.white.sizes + np.array([more_numbers(form) for form in generic.forms])
         score = less.score - gains + search.fitter.penalty * numbers + PRICE[len(gone)]
-        score[[form.variable.startswith(PREDICTED) for form in generic.forms]] = np.inf
+        score[of_prediction] = np.inf
         by = fit.score - float(score.min())
         while by > worst[0] and _is_part(search, fit, generic, int(np.argmin(score)), gone):
             score[int(np.argmin(score))] = np.inf

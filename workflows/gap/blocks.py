@@ -13,8 +13,8 @@ from scipy import optimize
 from ...models.inputs.distribution import Array
 from .data import GapData
 from .fit import Fitter, Member
-from .linear import GONE, Groups
-from .scan import Dictionary
+from .linear import Groups, unit, whitening
+from .scan import ALIKE, Dictionary
 
 
 def block_labels(data: GapData) -> NDArray[np.int64]:
@@ -174,7 +174,7 @@ class Training:
             first, _ = self._book.places[one.name]
             for blocks in alike.values():
                 grid, own = self.gains(found[blocks[0]], at, blocks)
-                best = np.argmax(grid, axis=1)
+                best = np.argmax(grid >= (1.0 - ALIKE) * grid.max(axis=1, keepdims=True), axis=1)
                 for block, k, gains, mine in zip(blocks, best, grid, own[:, 0], strict=True):
                     if gains[k] > mine + SURE:
                         found[block][at] = self._book.members[first + int(k)]
@@ -188,10 +188,8 @@ class Training:
         """
         fitter, one = self.fitter, members[at]
         others = [other for k, other in enumerate(members) if k != at]
-        z = np.hstack([fitter.q, *(_unit(fitter.white(other)) for other in others)])
-        values, vectors = np.linalg.eigh(self.products(z, z)[blocks])
-        root = np.where(values > GONE, 1.0 / np.sqrt(np.maximum(values, GONE)), 0.0)
-        turned = np.swapaxes(vectors * root[:, None, :], 1, 2)
+        z = np.hstack([fitter.q, *(unit(fitter.white(other)) for other in others)])
+        turned = whitening(self.products(z, z)[blocks])
         record = turned @ self.products(z, fitter.y[:, None])[blocks]
         white = fitter.white(one)
         start, sided = np.zeros(1, dtype=np.int64), np.array([one.candidate.one_sided])
@@ -222,13 +220,8 @@ class Training:
         """Products (B, k, C) of the columns (N, k) of a key, of unit length, with a grid."""
         if (key, name) not in self._beside:
             grid = self._grid(name).groups.columns
-            self._beside[key, name] = self.products(_unit(columns), grid)
+            self._beside[key, name] = self.products(unit(columns), grid)
         return self._beside[key, name]
-
-
-def _unit(columns: Array) -> Array:
-    """Columns (N, k) of unit length, but for those that are 0."""
-    return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
 
 
 def _rows(at: NDArray[np.int64]) -> Rows:

@@ -12,7 +12,7 @@ from scipy import optimize
 from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
 from .library import Candidate, Columns
-from .linear import basis, beside
+from .linear import Groups, basis, beside, unit, whitening
 from .space import Space
 
 
@@ -81,12 +81,13 @@ class Fitter:
         self.q = basis(self.base)
         self.y_left = beside(self.y, self.q)
         self._kept: dict[tuple[str, tuple[float, ...]], Array] = {}
+        self._with: dict[int, tuple[Groups, dict[tuple[object, ...], Array]]] = {}
         self._refined: dict[tuple[object, ...], Fit] = {}
 
     def of_record(self, y: Array) -> Fitter:
         """The same for another whitened record (N,)."""
         found = copy(self)
-        found.y, found.y_left, found._refined = y, beside(y, self.q), {}
+        found.y, found.y_left, found._refined, found._with = y, beside(y, self.q), {}, {}
         return found
 
     @property
@@ -98,6 +99,32 @@ class Fitter:
         """An orthonormal basis (N, r) of what is free and these members."""
         parts = [self.white(one) for one in members]
         return basis(np.hstack([self.base, *parts])) if parts else self.q
+
+    def gains(self, groups: Groups, members: Sequence[Member]) -> Array:
+        """Gain (g,) of each group of whitened columns beside what is free and these members.
+
+        What they have in common with each member is computed once: a search asks for the same
+        groups beside ever other members.
+        """
+        parts = [self.q, *(unit(self.white(one)) for one in members)]
+        keys = [("free",), *(one.key for one in members)]
+        with_groups = np.vstack([self._product(groups, *pair)
+                                 for pair in zip(keys, parts, strict=True)])  # fmt: skip
+        z = np.hstack(parts)
+        turned = whitening(z.T @ z)
+        projected = turned @ with_groups
+        record = turned @ (z.T @ self.y)
+        of_record = self._product(groups, ("record",), self.y[:, None])[0]
+        return groups.gains_beside(projected, of_record - record @ projected)
+
+    def _product(self, groups: Groups, key: tuple[object, ...], columns: Array) -> Array:
+        """Products (k, C) of the columns (N, k) of a key with those of groups."""
+        _, known = self._with.setdefault(id(groups), (groups, {}))
+        if key not in known:
+            if len(known) > 400:
+                known.clear()
+            known[key] = columns.T @ groups.columns
+        return known[key]
 
     def white(self, member: Member) -> Array:
         """Whitened columns (N, m) of a member."""

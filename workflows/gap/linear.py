@@ -31,6 +31,20 @@ def beside(columns: Array, q: Array) -> Array:
     return columns - q @ (q.T @ columns)
 
 
+def unit(columns: Array) -> Array:
+    """Columns (N, k) of unit length, but for those that are 0."""
+    return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+
+
+def whitening(gram: Array) -> Array:
+    """T (..., k, k) such that Z T' is orthonormal, of columns Z of unit length with products Z' Z;
+    rows of what is there twice are 0.
+    """
+    values, vectors = np.linalg.eigh(gram)
+    root = np.where(values > GONE, 1.0 / np.sqrt(np.maximum(values, GONE)), 0.0)
+    return np.asarray(np.swapaxes(vectors * root[..., None, :], -1, -2))
+
+
 @dataclass(frozen=True)
 class Block:
     """Groups of one size m: which ones (g,), their columns (g, m), and the products (g, m, m)."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import linalg, special
 
 from ...models.inputs.distribution import Array
-from .linear import basis
+from .linear import GONE, basis, beside
 
 GRID = np.concatenate([np.arange(0.0, 0.9, 0.05), [0.9, 0.93, 0.96, 0.98, 0.99]])
 """Autocorrelations that are tried."""
@@ -106,7 +106,7 @@ def autocorrelation(residual: Array, columns: Array, noise: Noise) -> float:
 
     Reference: Harville, J. Am. Stat. Assoc. 72, 1977: the columns that were fitted do not bias it.
     """
-    found = [_restricted(residual, columns, replace(noise, rho=float(rho))) for rho in GRID]
+    found = _restricted(residual, columns, noise)
     best = int(np.argmax(found))
     if best in (0, len(GRID) - 1):
         return float(GRID[best])
@@ -117,15 +117,34 @@ def autocorrelation(residual: Array, columns: Array, noise: Noise) -> float:
     return float(GRID[best] + np.clip(step, -1, 1) * width)
 
 
-def _restricted(residual: Array, columns: Array, noise: Noise) -> float:
-    """Restricted log likelihood at the noise's autocorrelation, but for a constant."""
-    x, y = noise.whiten(columns), noise.whiten(residual)
-    q = basis(x)
-    left = y - q @ (q.T @ y)
-    count = len(y) - q.shape[1]
-    _, spread = np.linalg.slogdet(x.T @ x + 1e-9 * np.eye(x.shape[1]) * np.trace(x.T @ x))
-    jacobian = -0.5 * (len(y) - 1) * np.log(1.0 - noise.rho**2)
-    return float(jacobian - 0.5 * spread - 0.5 * count * np.log(float(left @ left)))
+def _restricted(residual: Array, columns: Array, noise: Noise) -> Array:
+    """Restricted log likelihood (g,) at each autocorrelation of GRID, but for a constant.
+
+    Whitened products are quadratic in it, so the readings are gone through once.
+    """
+    plain = replace(noise, rho=0.0)
+    x = plain.whiten(columns)
+    z = np.column_stack([x, beside(plain.whiten(residual), basis(x))])
+    size = np.maximum(np.linalg.norm(z, axis=0), 1e-300)
+    z = z / size
+    now, before = z[1:], z[:-1]
+    across = now.T @ before
+    rho = GRID[:, None, None]
+    inside = now.T @ now - rho * (across + across.T) + rho**2 * (before.T @ before)
+    gram = np.outer(z[0], z[0]) + inside / (1.0 - rho**2)
+    x, xy, yy = gram[:, :-1, :-1], gram[:, :-1, -1], gram[:, -1, -1]
+    scale = np.sqrt(np.maximum(np.diagonal(x, axis1=1, axis2=2), 1e-300))
+    values, vectors = np.linalg.eigh(x / scale[:, :, None] / scale[:, None, :])
+    kept = values > GONE
+    along = np.einsum("gji,gj->gi", vectors, xy / scale)
+    left = yy - np.sum(np.where(kept, along**2 / np.where(kept, values, 1.0), 0.0), axis=1)
+    whole = x * np.outer(size[:-1], size[:-1])
+    ridge = 1e-9 * np.trace(whole, axis1=1, axis2=2)[:, None, None] * np.eye(x.shape[1])
+    _, spread = np.linalg.slogdet(whole + ridge)
+    count = len(z) - kept.sum(axis=1)
+    rss = np.log(np.maximum(left, 1e-14) * size[-1] ** 2)
+    jacobian = -0.5 * (len(z) - 1) * np.log(1.0 - rho[:, 0, 0] ** 2)
+    return np.asarray(jacobian - 0.5 * spread - 0.5 * count * rss)
 
 
 def scale_left(white: Array, used: int) -> float:

@@ -222,21 +222,23 @@ def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
     """
     search, setup = end.analysis.bare.search, end.setup
     wanted = np.sqrt(search.thresholds.library) + 1.2816
+    white, raw = search.white.columns, search.book.raw.columns
+    total = np.einsum("ij,ij->j", white, white)
+    squares = total - np.sum((search.fitter.q.T @ white) ** 2, axis=0)
+    squares[squares < OWN**2 * total] = 0.0
+    size, of_raw = np.sqrt(squares), np.sqrt(np.einsum("ij,ij->j", raw, raw) / len(raw))
     found: dict[str, Detectable] = {}
     names: dict[str, None] = {}
-    for at, member in enumerate(search.book.members):
+    for start, member in zip(search.white.starts, search.book.members, strict=True):
         if member.candidate.alone:
             continue
-        white, raw = search.white.of(at), search.book.raw.of(at)
         names.setdefault(member.name)
-        squares = np.sum(beside(white, search.fitter.q) ** 2, axis=0)
-        squares[squares < OWN**2 * np.sum(white**2, axis=0)] = 0.0
-        column = int(np.argmax(squares))
-        size = float(np.sqrt(squares[column]))
-        if size <= 0.0:
+        own = size[start : start + len(member.candidate.linear)]
+        column = int(np.argmax(own))
+        if own[column] <= 0.0:
             continue
-        value = float(wanted / size)
-        rms = value * float(np.sqrt(np.mean(raw[:, column] ** 2)))
+        value = float(wanted / own[column])
+        rms = value * float(of_raw[start + column])
         if member.name not in found or rms < found[member.name].rms:
             one = member.candidate.linear[column]
             family, unit = member.candidate.effect.family, setup.data.outputs[0].unit

@@ -15,11 +15,13 @@ from ...models.measurable import Role
 from .fit import Fit, Fitter, Member
 from .generic import Form
 from .library import Candidate, Columns, grid
-from .linear import Groups, beside, joined, products
+from .linear import Groups, beside, joined
 from .space import Space
 
 CHUNK = 250
 """Noise records that are simulated at once."""
+ALIKE = 1e-9
+"""Share of a gain that is rounding."""
 FAR = 300.0
 """Half of a gain from which the first term of the tail's expansion does."""
 
@@ -114,17 +116,18 @@ class Found:
 
 
 def scan(fitter: Fitter, white: Groups, book: Dictionary, members: Sequence[Member]) -> list[Found]:
-    """Each candidate that is not in a fit of `members`, at its best grid point, best first."""
-    q = fitter.spanned(members)
-    gains = white.gains_beside(*products(white, q, beside(fitter.y, q)))
+    """Each candidate that is not in a fit of `members`, at its best grid point, best first; of two
+    that differ by rounding alone it is the first one of the library, whatever computes them.
+    """
+    gains = fitter.gains(white, members)
     taken = {one.name for one in members}
     best: dict[str, Found] = {}
     for member, gain in zip(book.members, gains.tolist(), strict=True):
         if member.name in taken:
             continue
-        if member.name not in best or gain > best[member.name].gain:
+        if member.name not in best or gain > (1.0 + ALIKE) * best[member.name].gain:
             best[member.name] = Found(member, gain)
-    return sorted(best.values(), key=lambda one: -one.gain)
+    return sorted(best.values(), key=lambda one: -float(f"{one.gain:.9g}"))
 
 
 @dataclass(frozen=True)
@@ -138,8 +141,7 @@ class Remaining:
 
     def gains(self, fitter: Fitter, fit: Fit) -> Array:
         """Of each form, beside all that is in a fit."""
-        q = fitter.spanned(fit.members)
-        return self.white.gains_beside(*products(self.white, q, beside(fit.residual, q)))
+        return fitter.gains(self.white, fit.members)
 
 
 @dataclass(frozen=True)
