@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -48,11 +48,23 @@ Row = tuple[int, float, float, str, float | None]
 """Of a batch: evaluations, seconds, share that is feasible, phase, share done."""
 
 
+Values = tuple[Array, Array]
+"""Objectives (n, objectives) and constraints (n, constraints) of n designs."""
+
+
+def values_of(problem: ToleranceProblem, x: Array) -> Values:
+    """Of search vectors, by pymoo's `_evaluate`, which a problem may have wrapped."""
+    out: dict[str, Array] = {}
+    problem._evaluate(x, out)
+    return out["F"], out.get("G", np.empty((len(x), 0)))
+
+
 class Run:
     """What an algorithm works with: the problem, the budget, a generator, and `evaluate`.
 
     The budget of evaluations is honoured exactly. A budget of generations counts batches, and only
-    where `counts_generations` says so.
+    where `counts_generations` says so. A batch is computed in parts of `problem.grain` designs or a
+    few more, by `values` where others are to share them: they are the same parts whoever does.
     """
 
     def __init__(
@@ -62,6 +74,7 @@ class Run:
         seed: int,
         report: Callable[[Progress], None] | None = None,
         counts_generations: bool = False,
+        values: Callable[[Sequence[Array]], Sequence[Values]] | None = None,
     ) -> None:
         self.problem = problem
         self.budget = budget
@@ -72,6 +85,7 @@ class Run:
         self.evaluations = 0
         self.generations = budget.generations if counts_generations else None
         self._report = report
+        self._shared = values
         self._phase: tuple[str, float | None] = ("", None)
         self._start = time.monotonic()
         self._rows: list[Row] = []
@@ -123,11 +137,16 @@ class Run:
             raise BudgetSpent
         return f, g
 
-    def _values(self, x: Array) -> tuple[Array, Array]:
-        """Objectives and constraints by pymoo's `_evaluate`, which a problem may have wrapped."""
-        out: dict[str, Array] = {}
-        self.problem._evaluate(x, out)
-        return out["F"], out.get("G", np.empty((len(x), 0)))
+    def _values(self, x: Array) -> Values:
+        count = len(x) // self.problem.grain if self.problem.grain else 1
+        if count < 2:
+            return values_of(self.problem, x)
+        parts = np.array_split(x, count)
+        if self._shared is None:
+            found: Sequence[Values] = [values_of(self.problem, part) for part in parts]
+        else:
+            found = self._shared(parts)
+        return np.concatenate([f for f, _ in found]), np.concatenate([g for _, g in found])
 
     def _remember(self, x: Array, f: Array, violation: Array) -> None:
         found = self.archive.add(x, f, violation)

@@ -7,7 +7,7 @@ two generations and goes on to the same result.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..problems.tolerance_problem import ToleranceProblem
 from .drivers import Driver, Unsavable, driver
 from .exact.finish import finished
-from .run import BudgetSpent, Progress, Run, part
+from .run import BudgetSpent, Progress, Run, Values, part
 from .settings import AlgorithmSettings, Budget, Solver
 
 Array = NDArray[np.float64]
@@ -70,15 +70,17 @@ def search(
     report: Callable[[Progress], None] | None = None,
     engine: str = "pymoo",
     keeper: Keeper | None = None,
+    values: Callable[[Sequence[Array]], Sequence[Values]] | None = None,
 ) -> SearchResult:
     """Search until the budget is used; an interrupt ends it with what has been found.
 
     `seed` is any integer >= 0. The result depends on problem, settings, evaluation or generation
-    budget, seed and `engine` ("pymoo" or "array") alone, and not on breaks. A `Solver` starts from
-    its beginning after a break and takes no budget of generations.
+    budget, seed and `engine` ("pymoo" or "array") alone, and not on breaks, nor on who computes the
+    parts of a batch: `values`, where it is given. A `Solver` starts from its beginning after a
+    break and takes no budget of generations.
     """
     solver = isinstance(settings, Solver)
-    run = Run(problem, budget, seed, report, counts_generations=not solver)
+    run = Run(problem, budget, seed, report, counts_generations=not solver, values=values)
     interrupted = False
     try:
         drive(run, settings, seed, engine, keeper)

@@ -83,7 +83,7 @@ class Blocks:
     dask: Annotated[str, typer.Option(help="A Dask scheduler (tcp://host:port) instead.")] = ""
     block_rows: Annotated[
         int | None,
-        typer.Option(help="Rows of a block.", show_default="of 1000 blocks, or fewer"),
+        typer.Option(help="Rows of a block.", show_default="of 250 blocks, or fewer"),
     ] = None
     partitioned: Annotated[
         bool, typer.Option("--partitioned", help="OUT is a directory, a Parquet file per block.")

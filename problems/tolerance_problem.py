@@ -58,6 +58,10 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
     """Outputs whose upper limits a search may find to be out of reach (see `sampled`)."""
     default_algorithm: ClassVar[str] = ""
     """The best algorithm for the problem; empty: NSGA-II or, of one objective, the GA."""
+    grain: ClassVar[int] = 0
+    """Designs of a batch that a search computes at once, such that workers can share the batch; 0
+    where designs are so cheap that the whole batch is computed at once.
+    """
     drawn_again: ClassVar[frozenset[str]] = frozenset()
     """Cached attributes that a copy in another process draws or computes again, as they are large.
     """

@@ -78,6 +78,7 @@ class RvReducer(PromisingUnits, Machined):
     default_objectives = DEFAULT_OBJECTIVES
     default_model = "rv_batch"
     sampled = True
+    grain = 8
     performance = SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"}
     default_algorithm = "exact"
     drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed",

@@ -14,11 +14,15 @@ from typer.testing import CliRunner, Result
 
 from tolevo.algorithms.checkpoint import Checkpoint
 from tolevo.algorithms.nsga2 import NSGA2
+from tolevo.algorithms.search import search
 from tolevo.algorithms.settings import Budget
 from tolevo.cli import app
 from tolevo.errors import InputError
 from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.problems.rv_reducer import RvReducer
+from tolevo.problems.settings import Settings
 from tolevo.workflows.execution import Execution, dask_cluster, executor_of
+from tolevo.workflows.run.designs import Designs
 from tolevo.workflows.run.references import SideSearch
 from tolevo.workflows.run.sides import Sides
 
@@ -110,6 +114,18 @@ def test_side_searches_of_a_run(address: str, tmp_path: Path) -> None:
         for other in others:
             assert other is not None
             pd.testing.assert_frame_equal(first, other, check_exact=True)
+
+
+def test_the_designs_of_a_search(address: str) -> None:
+    problem = RvReducer(Settings(parameters={"search_units": 24, "search_positions": 7}))
+    found = []
+    for where in (Execution(1), Execution(dask=address)):
+        with Designs(problem, where, lambda: 0) as designs:
+            found.append(search(problem, NSGA2(population=32), Budget(generations=2), 3,
+                                values=designs.values))  # fmt: skip
+            assert designs.others == (2 if where.dask else 0)
+    for name in ("x", "f", "miss"):
+        np.testing.assert_array_equal(*(getattr(one, name) for one in found))
 
 
 def test_evaluate_and_simulate(address: str, tmp_path: Path) -> None:

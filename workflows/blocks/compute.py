@@ -21,7 +21,7 @@ from .rows import Rows
 from .store import About, BlockStore, InMemory
 from .target import Target, joined
 
-BLOCKS = 1000
+BLOCKS = 250
 """Blocks at most, where nothing else is asked for."""
 POLL_S = 0.5
 """Seconds between two looks at what other machines have done."""

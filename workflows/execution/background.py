@@ -38,6 +38,11 @@ class Background(Generic[TaskT, Result]):
         except BaseException as error:
             self._error = error
 
+    @property
+    def over(self) -> bool:
+        """Whether nothing runs any more."""
+        return not self._thread.is_alive()
+
     def taken(self) -> list[tuple[TaskT, Result | Lost]]:
         """What has ended since. Raises here what was raised in a task, or by the executor."""
         found, self._ended = self._ended, []

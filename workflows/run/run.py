@@ -22,12 +22,13 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import Axis, RunResult, mechanism_lines, model_lines
 from ..choice.decide import decide
 from ..choice.roughness import roughness_assumptions
-from ..execution import Execution
+from ..execution import Execution, pinned
 from . import effects, overlay
 from .alternatives import alternatives, sentences
 from .answers import answers
 from .assumptions import with_assumptions
 from .choices import with_choices
+from .designs import Designs
 from .front import inside, nearest_miss, reported_front, with_references
 from .kept import REDUCERS, keep
 from .plan import RunOutcome, RunPlan
@@ -74,7 +75,7 @@ def run(
         text = "every variable is fixed: there is nothing to optimise; use `tolevo evaluate`"
         raise refuse("problem", text)
     searchable(plan.problem)
-    with owned(out, "run", resume, overwrite) as place:
+    with owned(out, "run", resume, overwrite) as place, pinned():
         return _run(plan, place, workers, progress, resume)
 
 
@@ -164,7 +165,7 @@ def _searched(
     progress: Callable[[Progress], None] | None,
 ) -> tuple[SearchResult, Fronts]:
     """What the search found, and the fronts of those beside it."""
-    with beside as sides:
+    with beside as sides, Designs(plan.problem, sides.where, sides.free) as designs:
 
         def report(state: Progress) -> None:
             sides.collect()
@@ -172,8 +173,9 @@ def _searched(
                 progress(state)
 
         found = search(
-            plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint
-        )
+            plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint,
+            designs.values,
+        )  # fmt: skip
         if not found.interrupted:
             sides.finish()
         return found, sides.fronts()

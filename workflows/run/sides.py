@@ -52,12 +52,17 @@ class Sides:
             if side.key not in checkpoint.tables
         )
         self._beside: Background[SideTask, pd.DataFrame | None] | None = None
-        where = workers if isinstance(workers, Execution) else Execution(workers)
-        others = min((where.workers or 1) - 1, len(self._open))
-        if self._open and (where.dask or others):
+        self.where = workers if isinstance(workers, Execution) else Execution(workers)
+        self._others = min((self.where.workers or 1) - 1, len(self._open))
+        if self._open and (self.where.dask or self._others):
             # a single process is one beside this, not this one
-            executor = executor_of(where) if where.dask else Processes(others)
+            executor = executor_of(self.where) if self.where.dask else Processes(self._others)
             self._beside = Background(executor, front_of, self._next)
+
+    def free(self) -> int:
+        """Processes beside this one that are at work on no side search, nor will be."""
+        busy = self._beside is not None and not self._beside.over
+        return (self.where.workers or 1) - 1 - (self._others if busy else 0)
 
     def _next(self) -> SideTask | None:
         try:

@@ -1,0 +1,110 @@
+"""The designs of a search, computed by other processes as well: the same bytes, nothing lost."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from multiprocessing import active_children
+
+import numpy as np
+import pytest
+
+from tolevo.algorithms.nsga2 import NSGA2
+from tolevo.algorithms.run import Run, Values, values_of
+from tolevo.algorithms.search import SearchResult, search
+from tolevo.algorithms.settings import Budget
+from tolevo.problems.rv_backlash import RvBacklash
+from tolevo.problems.rv_reducer import RvReducer
+from tolevo.problems.settings import Settings
+from tolevo.workflows.execution import Execution
+from tolevo.workflows.run.designs import Array, Designs
+
+BUDGET = Budget(generations=3)
+
+
+@pytest.fixture(scope="module")
+def problem() -> RvReducer:
+    return RvReducer(Settings(parameters={"search_units": 24, "search_positions": 7}))
+
+
+@pytest.fixture
+def designs(problem: RvReducer) -> Iterator[Designs]:
+    with Designs(problem, Execution(3), lambda: 2) as found:
+        yield found
+
+
+def batch(problem: RvReducer, count: int) -> list[Array]:
+    share = np.random.default_rng(1).uniform(size=(count, problem.n_var))
+    return np.array_split(problem.xl + share * (problem.xu - problem.xl), count // problem.grain)
+
+
+def here(problem: RvReducer, parts: list[Array]) -> list[Values]:
+    return [values_of(problem, part) for part in parts]
+
+
+def same(one: list[Values], other: list[Values]) -> bool:
+    pairs = zip(one, other, strict=True)
+    return all(np.array_equal(a, b) for first, second in pairs
+               for a, b in zip(first, second, strict=True))  # fmt: skip
+
+
+def started(designs: Designs, parts: list[Array]) -> None:
+    """Ask until two other processes take part."""
+    until = time.monotonic() + 60.0
+    while designs.others < 2:
+        assert time.monotonic() < until
+        designs.values(parts)
+
+
+def searched(problem: RvReducer, designs: Designs | None) -> SearchResult:
+    values = None if designs is None else designs.values
+    return search(problem, NSGA2(population=32), BUDGET, 5, values=values)
+
+
+def test_a_search_is_the_same_whoever_computes_its_designs(
+    problem: RvReducer, designs: Designs
+) -> None:
+    started(designs, batch(problem, 16))
+    alone, shared = searched(problem, None), searched(problem, designs)
+    assert alone.evaluations == shared.evaluations == 96
+    for name in ("x", "f", "miss"):
+        np.testing.assert_array_equal(getattr(alone, name), getattr(shared, name))
+
+
+def test_what_a_killed_process_had_is_computed_again(problem: RvReducer, designs: Designs) -> None:
+    parts = batch(problem, 64)
+    expected = here(problem, parts)
+    started(designs, parts)
+    for number in (signal.SIGKILL, signal.SIGKILL, signal.SIGTERM):
+        for child in active_children():
+            os.kill(child.pid or 0, number)
+        assert same(designs.values(parts), expected)
+
+
+def test_processes_take_part_when_they_are_free(problem: RvReducer) -> None:
+    free, parts = [0], batch(problem, 16)
+    with Designs(problem, Execution(3), lambda: free[0]) as designs:
+        before = {*active_children()}
+        assert same(designs.values(parts), here(problem, parts))
+        assert {*active_children()} == before
+        free[0] = 2
+        started(designs, parts)
+        children = {*active_children()} - before
+        assert len(children) == 2
+        assert same(designs.values(parts), here(problem, parts))
+    assert not any(child.is_alive() for child in children)
+
+
+def test_a_batch_of_cheap_designs_is_computed_at_once() -> None:
+    """No grain: pymoo's batch is the problem's."""
+    cheap, seen = RvBacklash(), list[object]()
+
+    def never(parts: object) -> list[Values]:
+        seen.append(parts)
+        return []
+
+    run = Run(cheap, Budget(), 0, values=never)
+    f, _ = run.evaluate(np.tile(cheap.xu, (50, 1)))
+    assert (len(f), seen) == (50, [])

@@ -1,0 +1,143 @@
+"""The designs of the main search: by an executor as well, where there are workers for them."""
+
+from __future__ import annotations
+
+import pickle
+import secrets
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...algorithms.run import Values, values_of
+from ...problems.tolerance_problem import ToleranceProblem
+from ..execution import (
+    Background,
+    Execution,
+    Executor,
+    Lost,
+    Processes,
+    built,
+    check_version,
+    executor_of,
+    pinned,
+)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A task: search vectors (n, variables) of a batch, its part `at`, and the pickled problem."""
+
+    key: str
+    version: str
+    problem: bytes
+    at: int
+    x: Array
+
+
+def computed(task: Part) -> Values:
+    """Objectives and constraints of a part."""
+    check_version(task.version)
+    with pinned():
+        return values_of(built(task.problem), task.x)
+
+
+class Designs:
+    """Shares the parts of a batch with other processes; this one computes what none has begun.
+
+    `free` says how many processes there are beside this one; more are started when there are more,
+    and are made use of once they have computed something. On leaving the context they are ended.
+    """
+
+    def __init__(
+        self, problem: ToleranceProblem, where: Execution, free: Callable[[], int]
+    ) -> None:
+        self.problem, self._where, self._free = problem, where, free
+        self._name = secrets.token_hex(8)
+        self._content = b""
+        self._batches = 0
+        self._executor: Executor | None = None
+        self._starting: tuple[Processes, Background[Part, Values]] | None = None
+
+    def __enter__(self) -> Designs:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._starting is not None:
+            self._starting[1].close()
+        if self._executor is not None:
+            self._executor.close()
+
+    @property
+    def others(self) -> int:
+        """Processes, or workers of a scheduler, that take part beside this process."""
+        return 0 if self._executor is None else self._executor.workers
+
+    def values(self, parts: Sequence[Array]) -> list[Values]:
+        """Objectives and constraints of each part; of a lost worker's it is computed here."""
+        self._batches += 1
+        self._start(parts[0])
+        if self._executor is None:
+            return [values_of(self.problem, part) for part in parts]
+        left = deque(self._tasks(parts))
+        found: dict[int, Values] = {}
+        beside = Background(self._executor, computed, lambda: _last(left))
+        while (task := _first(left)) is not None:
+            found[task.at] = values_of(self.problem, task.x)
+        beside.wait()
+        while pairs := beside.taken():
+            for task, result in pairs:
+                mine = isinstance(result, Lost)
+                found[task.at] = values_of(self.problem, task.x) if mine else result
+        return [found[at] for at in range(len(parts))]
+
+    def _tasks(self, parts: Sequence[Array]) -> list[Part]:
+        if not self._content:
+            self._content = pickle.dumps(self.problem)
+        name = f"{self._name}-{self._batches}"
+        return [Part(f"{name}-{at}", version("tolevo"), self._content, at, x)
+                for at, x in enumerate(parts)]  # fmt: skip
+
+    def _start(self, part: Array) -> None:
+        """Start processes where some are free, and take those that have started."""
+        if self._where.dask:
+            self._executor = self._executor or executor_of(self._where)
+            return
+        if self._starting is not None and self._starting[1].over:
+            begun, first = self._starting
+            first.taken()
+            if self._executor is not None:
+                self._executor.close()
+            self._executor, self._starting = begun, None
+        if self._starting is None and self._free() > self.others:
+            others = Processes(self._free())
+            first_of_all = deque(self._tasks([part] * others.workers))
+            first = Background(others, computed, lambda: _last(first_of_all))
+            self._starting = others, first
+
+
+def _last(tasks: deque[Part]) -> Part | None:
+    """Taken from the end, None where nothing is left; another thread may take the last one."""
+    try:
+        return tasks.pop()
+    except IndexError:
+        return None
+
+
+def _first(tasks: deque[Part]) -> Part | None:
+    """The same from the beginning."""
+    try:
+        return tasks.popleft()
+    except IndexError:
+        return None
