@@ -179,12 +179,13 @@ class _Choice:
         t = self._kept(self.best(mu @ self.square)[0], room)
         cost, bound = self.cost(t), self.dual(mu, room)
         if cost - bound > 1e-9 * abs(cost):
-            better = self._ascended(mu, room, asked)
-            other = self._kept(self.best(better @ self.square)[0], room)
-            if self.dual(better, room) > bound:
-                mu, bound = better, self.dual(better, room)
-            if self.cost(other) < cost:
-                t, cost = other, self.cost(other)
+            ascended = self._ascended(room, asked)
+            for better in (ascended, self._newton(room, asked & (ascended > 0.0), ascended)):
+                other = self._kept(self.best(better @ self.square)[0], room)
+                if self.dual(better, room) > bound:
+                    mu, bound = better, self.dual(better, room)
+                if self.cost(other) < cost:
+                    t, cost = other, self.cost(other)
         return Leaf(self.chosen, t, cost, min(bound, cost), mu)
 
     def _newton(self, room: Array, asked: NDArray[np.bool_], first: Array | None) -> Array:
@@ -217,23 +218,24 @@ class _Choice:
                 active = active & ~(asked & (y < floor) & (missed < 0.0))
         return np.where(active, np.exp(np.maximum(y, floor)), 0.0)
 
-    def _ascended(self, mu: Array, room: Array, asked: NDArray[np.bool_]) -> Array:
-        """Better prices by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995), where Newton's method fails."""
+    def _ascended(self, room: Array, asked: NDArray[np.bool_]) -> Array:
+        """Prices by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995), where Newton's method fails: the dual
+        is concave in them, and has a slope also where a price is nothing.
+        """
         worth = self.cost(self.low) / np.where(asked, np.maximum(room, 1e-300), 1.0)
 
-        def negative(y: Array) -> tuple[float, Array]:
-            own = np.where(asked, np.exp(y), 0.0)
+        def negative(x: Array) -> tuple[float, Array]:
+            own = np.where(asked, x * worth, 0.0)
             t, _ = self.best(own @ self.square)
             slope = np.where(asked, self.square @ t**2 - np.where(asked, room, 0.0), 0.0)
-            return -self.dual(own, room), -slope * own
+            return -self.dual(own, room), -slope * worth
 
-        first = np.log(np.maximum(mu, 1e-9 * worth))
         minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
-        bounds = scipy.optimize.Bounds(np.log(LEAST * worth), np.log(1e6 * worth))
+        bounds = scipy.optimize.Bounds(np.zeros(len(room)), np.full(len(room), 1e6))
         options = {"ftol": 1e-16, "gtol": 1e-12, "maxiter": 500}
-        found = minimize(negative, first, jac=True, bounds=bounds, method="L-BFGS-B",
-                         options=options)  # fmt: skip
-        return np.where(asked, np.exp(found.x), 0.0)
+        found = minimize(negative, np.full(len(room), 1e-2), jac=True, bounds=bounds,
+                         method="L-BFGS-B", options=options)  # fmt: skip
+        return np.where(asked, found.x * worth, 0.0)
 
     def _kept(self, t: Array, room: Array) -> Array:
         """Tolerances just within the room: those that matter on the way to the tightest ones."""

@@ -11,7 +11,7 @@ import pytest
 
 from tolevo.configuration.gap import read_gap
 from tolevo.models.effects.shapes import Shape
-from tolevo.workflows.gap.blocks import Training
+from tolevo.workflows.gap.blocks import Trained, Training
 from tolevo.workflows.gap.generic import stacked
 from tolevo.workflows.gap.library import grid
 from tolevo.workflows.gap.linear import Groups, basis, beside
@@ -114,3 +114,15 @@ def test_rows_that_are_held_out_are_predicted_by_a_fit_of_the_others(tmp_path: P
         fit = np.linalg.lstsq(x[seen], search.fitter.y[seen], rcond=None)[0]
         np.testing.assert_allclose(tested.white[out], search.fitter.y[out] - x[out] @ fit)
         np.testing.assert_allclose(tested.fitted[out], raw[out] @ fit)
+
+
+def test_columns_that_are_there_twice_predict_as_they_do_once() -> None:
+    """As a gauge's offset and a free zero: against least squares on the other rows."""
+    rng = np.random.default_rng(2)
+    once, y = rng.normal(size=(90, 3)), rng.normal(size=90)
+    twice = np.column_stack([once, 5.0 * once[:, 0], once[:, 1] - once[:, 2]])
+    for out in (slice(0, 9), slice(40, 70), np.arange(1, 90, 7)):
+        seen = np.delete(np.arange(90), out)
+        expected = once[out] @ np.linalg.lstsq(once[seen], y[seen], rcond=None)[0]
+        found = twice[out] @ Trained.of(twice, y).without(out, y)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)

@@ -30,6 +30,9 @@ SURE = 2.7
 """Gain from which a nonlinear parameter is excluded: 90 % of one number (chi square)."""
 
 
+RANK = 1e-7
+"""Size of a direction of columns of unit length, relative to the largest, below which it is none.
+"""
 Rows = slice | NDArray[np.int64]
 
 
@@ -106,11 +109,15 @@ def _admissible(found: Array, members: Sequence[Member], x: Array, y: Array, out
 
 @dataclass(frozen=True)
 class Trained:
-    """Columns q r, of unit length but for `size`, and what they make of a record: q' y."""
+    """An orthonormal basis q (N, r) of columns (N, k), what turns its coefficients into theirs
+    (k, r), and what it makes of a record: q' y.
+
+    Columns may be there twice, as a gauge's offset and a free zero are: a basis of all k would have
+    directions of rounding, which fit whatever rows they are given.
+    """
 
     q: Array
-    r: Array
-    size: Array
+    back: Array
     product: Array
 
     @classmethod
@@ -118,14 +125,17 @@ class Trained:
         """Of columns (N, k) and a record (N,)."""
         size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
         q, r = np.linalg.qr(x / size)
-        return cls(q, r, size, q.T @ y)
+        left, values, right = np.linalg.svd(r)
+        kept = values > RANK * values.max(initial=0.0)
+        q = q @ left[:, kept]
+        return cls(q, right[kept].T / values[kept] / size[:, None], q.T @ y)
 
     def without(self, out: Rows, y: Array) -> Array:
         """Coefficients of a fit that never saw the rows `out`."""
         mine = self.q[out]
         gram = np.eye(len(self.product)) - mine.T @ mine
         turned = np.linalg.lstsq(gram, self.product - mine.T @ y[out], rcond=1e-12)[0]
-        return np.asarray(np.linalg.lstsq(self.r, turned, rcond=1e-7)[0] / self.size)
+        return np.asarray(self.back @ turned)
 
 
 @dataclass(frozen=True)
