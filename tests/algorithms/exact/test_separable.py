@@ -201,3 +201,23 @@ def test_prices_that_newton_did_not_find(
     assert bound == pytest.approx(max(map(bound_of, shares)), rel=1e-6)
     assert found.cost == pytest.approx(min(map(cost_of, shares)), rel=1e-6)
     assert found.t[0] <= 0.5
+
+
+@pytest.mark.parametrize("power", [1.0, 1.7])
+def test_cost_and_bound_meet_wherever_the_limits_are(power: float) -> None:
+    """Random choices whose limits leave from next to nothing to most of the ranges: some bind
+    alone, some hold with room, tolerances lie at the ends of their ranges.
+    """
+    rng = np.random.default_rng(7)
+    for _ in range(150):
+        parts, rows = int(rng.integers(2, 10)), int(rng.integers(2, 6))
+        form = form_of(int(rng.integers(1 << 30)), (1,) * parts, rows, power)
+        squares = Squares(form)
+        ends = [np.array([getattr(f.ways[0], end) for f in form.features])
+                for end in ("low", "high")]  # fmt: skip
+        weights = np.stack([own[0] for own in squares.squares], axis=1)
+        least, most = (weights @ end**2 for end in ends)
+        room = least + (most - least) * rng.uniform(5e-4, 0.9, rows) ** rng.uniform(0.5, 3.0)
+        leaf = squares.solve((0,) * parts, room, None)
+        assert leaf.cost - leaf.bound <= 1e-8 * leaf.cost
+        assert np.all(weights @ leaf.t**2 <= room * (1.0 + 1e-12))
