@@ -21,6 +21,8 @@ from ...problems.settings import Labels
 if TYPE_CHECKING:
     import pandas as pd
 
+    from .curves import Curves
+
 Level = float | int | str
 RESPONSES = (
     "hypervolume_ratio",
@@ -165,8 +167,9 @@ class StudySettings:
 class StudyData:
     """What was measured: `statistics.analyse` takes it.
 
-    `design` is the frame of `Design.points`, its row number is `point`. `curves` has one row per
-    checkpoint of a run: point, replicate, generation, evaluations, `value` and feasible_fraction.
+    `design` is the frame of `Design.points`, its row number is `point`. `curves` have, by setting,
+    one row per checkpoint of a run: point, replicate, generation, evaluations, cpu_s, `value` and
+    feasible_fraction.
     `value` is, of one objective, the least feasible value so far (NaN before the first one), else
     the hypervolume. `exact` has one row per point: point, `value` in the same terms, NaN where
     nothing is proven.
@@ -174,6 +177,6 @@ class StudyData:
 
     table: pd.DataFrame
     design: pd.DataFrame
-    curves: pd.DataFrame
+    curves: Curves
     exact: pd.DataFrame
     notes: tuple[str, ...] = ()

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
-from ...algorithms.course import CURVE
 from ...csv_text import csv_text
 from ...directory import KINDS, Ownership, owned
 from ...errors import Fault, RunError
 from ...files import write_bytes, write_text
 from ..execution import Executor
 from .analysed import analysed, known_lines
+from .curves import Curves, curves_of
 from .plan import StudyOutcome, StudyPlan
 from .racing import STOPPED
 from .records import StudyData
@@ -134,28 +134,27 @@ def gathered(
     plan: StudyPlan, database: Database, measures: Mapping[int, Yardstick], notes: tuple[str, ...]
 ) -> StudyData:
     """The tables of a study from its database."""
-    runs = database.runs(plan.total)
-    at = [run.point for run in runs]
-    keys = [factor.key for factor in plan.settings.factors]
-    columns = {"point": at} | {key: plan.design[key].to_numpy()[at] for key in keys}
-    columns |= {
-        name: [getattr(run, name) for run in runs]
-        for name in ("replicate", "seed", "status", "reason")
-    }
-    for name in plan.settings.responses:
-        columns[name] = np.array(
-            [response_of(name, run, measures[plan.points[run.point].problem]) for run in runs],
-            dtype=float,
-        )
-    lengths = [len(run.curve) for run in runs]
-    curves = pd.DataFrame({
-        "point": np.repeat(at, lengths),
-        "replicate": np.repeat([run.replicate for run in runs], lengths),
-    })  # fmt: skip
-    values = np.concatenate([np.empty((0, len(CURVE))), *(run.curve for run in runs)])
-    for place, name in enumerate(CURVE):
-        whole = name in ("generation", "evaluations")
-        curves[name] = values[:, place].astype(np.int64) if whole else values[:, place]
+    rows: list[tuple[Any, ...]] = []
+    responses: list[list[float]] = []
+
+    def parts() -> Iterator[tuple[int, pd.DataFrame]]:
+        for point in range(len(plan.points)):
+            runs = database.of_point(point, plan.total)
+            measure = measures[plan.points[point].problem]
+            for run in runs:
+                rows.append((point, run.replicate, run.seed, run.status, run.reason))
+                responses.append([response_of(name, run, measure)
+                                  for name in plan.settings.responses])  # fmt: skip
+            yield point, curves_of(runs)
+
+    curves = Curves(parts())
+    own = pd.DataFrame(rows, columns=["point", "replicate", "seed", "status", "reason"])
+    columns = {"point": own["point"].to_numpy()}
+    columns |= {factor.key: plan.design[factor.key].to_numpy()[own["point"]]
+                for factor in plan.settings.factors}  # fmt: skip
+    columns |= {name: own[name].to_numpy() for name in own if name != "point"}
+    values = np.array(responses, dtype=float).reshape(len(own), -1)
+    columns |= dict(zip(plan.settings.responses, values.T, strict=True))
     exact = [measures[point.problem].value for point in plan.points]
     frame = pd.DataFrame({"point": np.arange(len(exact)), "value": exact})
     return StudyData(pd.DataFrame(columns), plan.design, curves, frame, notes)
@@ -182,7 +181,7 @@ def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool)
             return StudyOutcome("done", out, (*lines, *known), data)
         place.begin(keep=KEPT)
     write_text(out / CONFIGURATION, plan.settings.configuration)
-    write_bytes(out / "curves.parquet", data.curves.to_parquet(index=False))
+    write_bytes(out / "curves.parquet", data.curves.copy())
     write_text(out / TABLE, table)
     if len(failed) == len(data.table):
         reason = failed["reason"].iloc[0]

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
+from tolevo.workflows.study.curves import Curves
 from tolevo.workflows.study.records import Design, Factor, Level, StudyData, StudySettings
 
 Array = NDArray[np.float64]
@@ -57,9 +58,7 @@ class Synthetic:
         return table
 
 
-CURVES = pd.DataFrame({
-    name: np.empty(0) for name in ("point", "replicate", "generation", "evaluations", "value")
-})  # fmt: skip
+CURVES = Curves(())
 
 
 def exact(points: int) -> pd.DataFrame:

@@ -104,7 +104,8 @@ def test_a_run_is_that_of_search(whole: tuple[Path, StudyOutcome]) -> None:
     optimum = run.problem.outputs_of(exact.designs[:1])["cost"][0]
     gap = 100.0 * (found.f.min() / optimum - 1.0)
     assert row["gap_percent"] == pytest.approx(gap, rel=1e-9)
-    curve = data.curves[(data.curves["point"] == 3) & (data.curves["replicate"] == 2)]
+    curves = data.curves.of(3)
+    curve = curves[curves["replicate"] == 2]
     assert curve["value"].iloc[-1] == found.f.min()
     assert curve["evaluations"].iloc[-1] == found.evaluations == 600
     np.testing.assert_array_equal(
@@ -138,9 +139,8 @@ def test_a_front_is_measured_as_search_does(tmp_path: Path) -> None:
         at = plan.points[row["point"]]
         engine = row["algorithm.engine"]
         found = search(problem, at.algorithm, at.budget, row["seed"], engine=engine)
-        own = data.curves[
-            (data.curves["point"] == row["point"]) & (data.curves["replicate"] == row["replicate"])
-        ]
+        curves = data.curves.of(row["point"])
+        own = curves[curves["replicate"] == row["replicate"]]
         course = np.array([state.hypervolume for state in found.history])
         np.testing.assert_allclose(own["value"], course[own["generation"] - 1], rtol=1e-12)
         assert row["hypervolume_ratio"] == pytest.approx(course[-1] / exact.hypervolume, rel=1e-12)

@@ -23,7 +23,7 @@ def courses(data: StudyData, found: list[Contrast], rng: np.random.Generator) ->
     """
     optimum = data.exact.set_index("point")["value"]
     parts = [
-        _course(data.curves, int(rows[0]), rng).assign(
+        _course(data.curves.of(int(rows[0])), rng).assign(
             key=contrast.key, level=level, optimum=optimum.get(int(rows[0]), np.nan)
         )
         for contrast in found
@@ -35,9 +35,8 @@ def courses(data: StudyData, found: list[Contrast], rng: np.random.Generator) ->
     return pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
 
 
-def _course(curves: pd.DataFrame, point: int, rng: np.random.Generator) -> pd.DataFrame:
-    """The course at one setting, over the generations that all of its runs have."""
-    own = curves[curves["point"] == point]
+def _course(own: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    """The course at one setting, by its curves, over the generations that all of its runs have."""
     wide = own.pivot_table(index="generation", columns="replicate", values="value", dropna=False)
     wide = wide.fillna(np.inf)  # no feasible design yet
     whole = own.groupby("generation")["replicate"].nunique()

@@ -87,6 +87,15 @@ class Database(Store):
         found = [record_of(row) for row in rows]
         return sorted(found, key=lambda run: (run.point, run.replicate))
 
+    def of_point(self, point: int, total: int) -> list[RunRecord]:
+        """The runs of one setting that have ended, by replicate."""
+        found = []
+        numbers = range(point, total, self.points)
+        for at in range(0, len(numbers), WINDOW):
+            text = ALL.where(RUNS.c.number.in_(list(numbers[at : at + WINDOW])))
+            found += self.read(lambda one, text=text: [tuple(row) for row in one.execute(text)])
+        return sorted(map(record_of, found), key=lambda run: run.replicate)
+
     def row(self, number: int) -> Row | None:
         """The row of a run as it is, None where there is none."""
         text = ALL.where(RUNS.c.number == number)

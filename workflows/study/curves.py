@@ -1,0 +1,67 @@
+"""The curves of a study in a Parquet file, a row group for each setting: never all in memory."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import weakref
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+from pyarrow import parquet
+
+from ...algorithms.course import CURVE
+from .trial import RunRecord
+
+WHOLE = ("point", "replicate", "generation", "evaluations")
+SCHEMA = pa.schema([
+    (name, pa.int64() if name in WHOLE else pa.float64())
+    for name in ("point", "replicate", *CURVE)
+])  # fmt: skip
+
+
+class Curves:
+    """One row per checkpoint of a run: point, replicate and `CURVE`.
+
+    `parts` are the frames of settings one after another, each written as it comes. The file is a
+    temporary one, which goes with this object; `copy` makes a lasting one.
+    """
+
+    def __init__(self, parts: Iterable[tuple[int, pd.DataFrame]]) -> None:
+        folder = tempfile.mkdtemp(prefix="tolevo-curves-")
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        self._path = Path(folder, "curves.parquet")
+        self._group: dict[int, int] = {}
+        with parquet.ParquetWriter(self._path, SCHEMA) as writer:
+            for point, frame in parts:
+                if len(frame):
+                    self._group[point] = len(self._group)
+                    table = pa.Table.from_pandas(frame, schema=SCHEMA, preserve_index=False)
+                    writer.write_table(table, row_group_size=len(frame))
+
+    def of(self, point: int) -> pd.DataFrame:
+        """The curves of the runs of one setting, empty where there are none."""
+        if point not in self._group:
+            return SCHEMA.empty_table().to_pandas()
+        with parquet.ParquetFile(self._path) as file:
+            return file.read_row_group(self._group[point]).to_pandas()
+
+    def copy(self) -> bytes:
+        """The whole file."""
+        return self._path.read_bytes()
+
+
+def curves_of(runs: Sequence[RunRecord]) -> pd.DataFrame:
+    """The frame of the curves of runs."""
+    lengths = [len(run.curve) for run in runs]
+    values = np.concatenate([np.empty((0, len(CURVE))), *(run.curve for run in runs)])
+    frame = pd.DataFrame({
+        "point": np.repeat([run.point for run in runs], lengths),
+        "replicate": np.repeat([run.replicate for run in runs], lengths),
+    })  # fmt: skip
+    for place, name in enumerate(CURVE):
+        frame[name] = values[:, place]
+    return frame.astype(dict.fromkeys(WHOLE, np.int64))
