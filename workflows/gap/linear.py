@@ -33,7 +33,7 @@ def beside(columns: Array, q: Array) -> Array:
 
 def unit(columns: Array) -> Array:
     """Columns (N, k) of unit length, but for those that are 0."""
-    return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
 
 
 def whitening(gram: Array) -> Array:

@@ -98,8 +98,10 @@ class Designs:
         beside.wait()
         while pairs := beside.taken():
             for task, result in pairs:
-                mine = isinstance(result, Lost)
-                found[task.at] = values_of(self.problem, task.x) if mine else result
+                if isinstance(result, Lost):
+                    found[task.at] = values_of(self.problem, task.x)
+                else:
+                    found[task.at] = result
         return [found[at] for at in range(len(parts))]
 
     def _tasks(self, parts: Sequence[Array]) -> list[Part]:

@@ -45,9 +45,10 @@ class Curves:
     def of(self, point: int) -> pd.DataFrame:
         """The curves of the runs of one setting, empty where there are none."""
         if point not in self._group:
-            return SCHEMA.empty_table().to_pandas()
+            return curves_of(())
         with parquet.ParquetFile(self._path) as file:
-            return file.read_row_group(self._group[point]).to_pandas()
+            found: pd.DataFrame = file.read_row_group(self._group[point]).to_pandas()
+        return found
 
     def copy(self) -> bytes:
         """The whole file."""

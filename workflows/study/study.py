@@ -152,7 +152,7 @@ def gathered(
     columns = {"point": own["point"].to_numpy()}
     columns |= {factor.key: plan.design[factor.key].to_numpy()[own["point"]]
                 for factor in plan.settings.factors}  # fmt: skip
-    columns |= {name: own[name].to_numpy() for name in own if name != "point"}
+    columns |= {name: own[name].to_numpy() for name in ("replicate", "seed", "status", "reason")}
     values = np.array(responses, dtype=float).reshape(len(own), -1)
     columns |= dict(zip(plan.settings.responses, values.T, strict=True))
     exact = [measures[point.problem].value for point in plan.points]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Any
 
-from sqlalchemy import Connection, delete, func, select
+from sqlalchemy import Connection, Select, delete, func, select
 
 from ....algorithms.course import Box
 from ....sealed import loads, sealed_record, unsealed_record
@@ -93,7 +93,11 @@ class Database(Store):
         numbers = range(point, total, self.points)
         for at in range(0, len(numbers), WINDOW):
             text = ALL.where(RUNS.c.number.in_(list(numbers[at : at + WINDOW])))
-            found += self.read(lambda one, text=text: [tuple(row) for row in one.execute(text)])
+
+            def rows(connection: Connection, text: Select[Any] = text) -> list[Row]:
+                return [tuple(row) for row in connection.execute(text)]
+
+            found += self.read(rows)
         return sorted(map(record_of, found), key=lambda run: run.replicate)
 
     def row(self, number: int) -> Row | None:
