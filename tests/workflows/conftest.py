@@ -13,7 +13,7 @@ from tolevo.algorithms.exact import between
 from tolevo.workflows.gap import write
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def few_points_are_solved() -> Iterator[None]:
     """The bounds of other points come from their neighbours' prices: as valid, but less tight."""
     with pytest.MonkeyPatch.context() as patch:
