@@ -182,10 +182,11 @@ class _Choice:
             ascended = self._ascended(room, asked)
             for better in (ascended, self._newton(room, asked & (ascended > 0.0), ascended)):
                 other = self._kept(self.best(better @ self.square)[0], room)
-                if self.dual(better, room) > bound:
-                    mu, bound = better, self.dual(better, room)
-                if self.cost(other) < cost:
-                    t, cost = other, self.cost(other)
+                own, least = self.cost(other), self.dual(better, room)
+                if least > bound:
+                    mu, bound = better, least
+                if own < cost:
+                    t, cost = other, own
         return Leaf(self.chosen, t, cost, min(bound, cost), mu)
 
     def _newton(self, room: Array, asked: NDArray[np.bool_], first: Array | None) -> Array:

@@ -15,15 +15,13 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import argparse
 import shlex
-import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from benchmarks.gap.answers import Asked, Key, as_text, kept, missing
+from benchmarks.gap.asked import asked, count
 from benchmarks.gap.generator.records import BENCH_GROUPS, GROUPS
 from benchmarks.gap.namers.baselines import BASELINES
 from benchmarks.gap.page import families, page, parts_of, written
@@ -41,27 +39,20 @@ FIRST = 10_000
 MINUTE = 60.0
 
 
-def _count(text: str) -> int:
-    """At least one; argparse says so where it is not."""
-    if int(text) < 1:
-        raise argparse.ArgumentTypeError("at least 1")
-    return int(text)
-
-
 def _size(text: str) -> tuple[str, int]:
     """`GROUP=COUNT` as both."""
-    group, _, count = text.partition("=")
+    group, _, number = text.partition("=")
     if group not in GROUPS:
         raise argparse.ArgumentTypeError(f"no group {group!r}")
-    return group, _count(count)
+    return group, count(number)
 
 
 def arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--records", type=_count, help="of each group; otherwise as many as the page"
+        "--records", type=count, help="of each group; otherwise as many as the page"
     )
-    parser.add_argument("--at-most", type=_count, help="of each group, fewer than the page has")
+    parser.add_argument("--at-most", type=count, help="of each group, fewer than the page has")
     parser.add_argument("--of", nargs="*", default=[], metavar="GROUP=COUNT", type=_size,
                         help="records of a group, whatever the other options say")  # fmt: skip
     parser.add_argument("--first", type=int, default=FIRST, help="number of the first one")
@@ -94,23 +85,6 @@ def wanted(given: argparse.Namespace) -> list[Key]:
     ]  # fmt: skip
 
 
-def asked(todo: Sequence[Asked], workers: int) -> Iterator[list[dict[str, Any]]]:
-    """The answers to each record as they come; what is not begun when it stops is left."""
-    if workers == 1:
-        yield from (lines(*one) for one in todo)
-        return
-    ignored = (signal.SIGINT, signal.SIG_IGN)
-    with ProcessPoolExecutor(workers, initializer=signal.signal, initargs=ignored) as pool:
-        futures = {pool.submit(lines, *one): one for one in todo}
-        try:
-            for done in as_completed(futures):
-                if error := done.exception():
-                    error.add_note(f"in record {futures[done][1:]}")
-                yield done.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
 def ask(todo: Sequence[Asked], path: Path, workers: int) -> None:
     """Keeps each answer in the file, and says once a minute how far it is."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -118,13 +92,13 @@ def ask(todo: Sequence[Asked], path: Path, workers: int) -> None:
     start = said = time.monotonic()
     with path.open("a", encoding="utf-8", buffering=1) as file:
         file.write("" if whole else "\n")
-        for count, found in enumerate(asked(todo, workers), start=1):
+        for done, found in enumerate(asked(lines, todo, workers), start=1):
             file.write(as_text(found))
             now = time.monotonic()
             if now - said >= MINUTE:
                 said, passed = now, (now - start) / MINUTE
-                rest = passed * (len(todo) - count) / count
-                tell(f"{count} of {len(todo)} records, {passed:.0f} min; about {rest:.0f} more")
+                rest = passed * (len(todo) - done) / done
+                tell(f"{done} of {len(todo)} records, {passed:.0f} min; about {rest:.0f} more")
 
 
 def tell(text: str) -> None:

@@ -1,8 +1,8 @@
 """What holds of every answer, whatever hides: `python -m benchmarks.gap.invariants`.
 
-Asks the records of the benchmark of naming and prints the answers of which one of INVARIANTS does
-not hold. They are tested on the final answer, numbers from all rows, by the numbers that it was
-chosen with; what is kept in the file is not asked again by the same code.
+Asks the records of the benchmark of naming and prints the answers that break one of the four
+invariants below. They are tested on the final answer, numbers from all rows, by the numbers that it
+was chosen with; what is kept in the file is not asked again by the same code.
 """
 
 from __future__ import annotations
@@ -10,16 +10,17 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from scipy.stats import f as f_distribution
 from threadpoolctl import threadpool_limits
 
 from benchmarks.gap.answers import code_of
+from benchmarks.gap.asked import asked, count
 from benchmarks.gap.generator.records import GROUPS, record
 from benchmarks.gap.namers.workflow import SIMULATORS, read_as_files
 from benchmarks.gap.trial import WORKFLOW
@@ -32,7 +33,6 @@ RECALIBRATED = "held-out error above that of the model as recalibrated"
 STEP = "held-out error above that of an accepted step by more than its standard error"
 NOTHING = "an effect whose joint interval holds 0"
 BOUND = "a number at its bound that is not said"
-INVARIANTS = (RECALIBRATED, STEP, NOTHING, BOUND)
 
 
 def broken(group: str, number: int) -> list[str]:
@@ -110,13 +110,13 @@ def _silent_bounds(end: Ending, said: str) -> Iterator[str]:
                 yield f"{BOUND}: {one.name} of {member.name} is {value:.6g}"
 
 
-def _asked(group: str, number: int) -> Mapping[str, object]:
+def _answer(group: str, number: int) -> dict[str, Any]:
     return {"group": group, "number": number, "broken": broken(group, number)}
 
 
 def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--records", type=int, default=20, help="of each group")
+    parser.add_argument("--records", type=count, default=20, help="of each group")
     parser.add_argument("--first", type=int, default=10_000, help="number of the first one")
     parser.add_argument("--groups", nargs="*", default=list(GROUPS), choices=list(GROUPS))
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
@@ -127,12 +127,10 @@ def main(argv: Sequence[str]) -> int:
     there = {(one["group"], one["number"]): one["broken"] for one in kept(given.out)
              if one["code"] == code}  # fmt: skip
     given.out.parent.mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor(given.workers) as pool:
-        todo = [pool.submit(_asked, *one) for one in wanted if one not in there]
-        for done in as_completed(todo):
-            one = done.result()
-            keep(given.out, {**one, "code": code})
-            there[one["group"], one["number"]] = one["broken"]
+    todo = [one for one in wanted if one not in there]
+    for answer in asked(_answer, todo, given.workers):
+        keep(given.out, {**answer, "code": code})
+        there[answer["group"], answer["number"]] = answer["broken"]
     bad = {one: there[one] for one in wanted if there[one]}
     for (group, number), reasons in bad.items():
         sys.stdout.write(f"{group} {number}: {'; '.join(reasons)}\n")

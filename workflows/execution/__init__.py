@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ...errors import Fault, InputError
-from .background import Background
-from .executor import Executor, Lost, Task
+from .background import Background, next_of
+from .executor import Closing, Executor, Lost, Task
 from .in_process import InProcess
 from .processes import Processes
 from .settings import Execution
@@ -13,6 +13,7 @@ from .threads import pinned
 
 __all__ = [
     "Background",
+    "Closing",
     "Execution",
     "Executor",
     "InProcess",
@@ -22,6 +23,7 @@ __all__ = [
     "built",
     "check_version",
     "executor_of",
+    "next_of",
     "pinned",
     "unreachable",
 ]

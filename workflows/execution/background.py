@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Generic
 
 from .executor import Executor, Lost, Result, TaskT
+
+
+def next_of(tasks: deque[TaskT]) -> TaskT | None:
+    """The first task taken out, None where nothing is left: another thread may take the last."""
+    try:
+        return tasks.popleft()
+    except IndexError:
+        return None
 
 
 class Background(Generic[TaskT, Result]):

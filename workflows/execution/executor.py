@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Protocol, Self, TypeVar
 
 ATTEMPTS = 3
@@ -32,7 +31,20 @@ TaskT = TypeVar("TaskT", bound=Task)
 Result = TypeVar("Result")
 
 
-class Executor(ABC):
+class Closing:
+    """A context that leaving closes."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End what still runs."""
+
+
+class Executor(Closing, ABC):
     """Runs pure functions of tasks. A context: leaving it ends what still runs."""
 
     workers: int
@@ -48,17 +60,3 @@ class Executor(ABC):
         after each result. It ends when nothing runs and there is no task. A lost worker's task is
         run again; what `function` raises is raised here.
         """
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def close(self) -> None:  # noqa: B027 - nothing is to be done where nothing was begun
-        """End what still runs."""

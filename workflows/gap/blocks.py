@@ -13,7 +13,7 @@ from scipy import optimize
 from ...models.inputs.distribution import Array
 from .data import GapData
 from .fit import Fitter, Member
-from .linear import Groups, unit, whitening
+from .linear import Beside, Groups, unit
 from .scan import ALIKE, Dictionary
 
 
@@ -28,8 +28,6 @@ def block_labels(data: GapData) -> NDArray[np.int64]:
 
 SURE = 2.7
 """Gain from which a nonlinear parameter is excluded: 90 % of one number (chi square)."""
-
-
 RANK = 1e-7
 """Size of a direction of columns of unit length, relative to the largest, below which it is none.
 """
@@ -142,12 +140,12 @@ class Trained:
 class Grid:
     """The grid points of a name, or one point: groups of columns (N, C), and for each block the
     products in all other rows: of each group's columns (B, g, m, m) by size, and with the record
-    (B, C, 1).
+    (B, C).
     """
 
     groups: Groups
     grams: tuple[Array, ...]
-    products: Array
+    with_record: Array
 
 
 class Training:
@@ -199,21 +197,18 @@ class Training:
         fitter, one = self.fitter, members[at]
         others = [other for k, other in enumerate(members) if k != at]
         z = np.hstack([fitter.q, *(unit(fitter.white(other)) for other in others)])
-        turned = whitening(self.products(z, z)[blocks])
-        record = turned @ self.products(z, fitter.y[:, None])[blocks]
+        beside = Beside.of(self.products(z, z)[blocks], self._with_record(z)[blocks])
         white = fitter.white(one)
         start, sided = np.zeros(1, dtype=np.int64), np.array([one.candidate.one_sided])
         whole, own = self._grid(one.name), self._as_grid(Groups(white, start, sided))
         parts = [self._with_grid((), fitter.q, one.name)]
         parts += [self._with_grid(each.key, fitter.white(each), one.name) for each in others]
-        found = []
-        for grid, with_z in ((whole, np.concatenate(parts, axis=1)),
-                             (own, self.products(z, white))):  # fmt: skip
-            projected = turned @ with_z[blocks]
-            left = grid.products[blocks] - np.swapaxes(projected, 1, 2) @ record
+
+        def gains(grid: Grid, with_z: Array) -> Array:
             grams = [gram[blocks] for gram in grid.grams]
-            found.append(grid.groups.gains_beside(projected, left[..., 0], grams))
-        return found[0], found[1]
+            return beside.gains(grid.groups, with_z[blocks], grid.with_record[blocks], grams)
+
+        return gains(whole, np.concatenate(parts, axis=1)), gains(own, self.products(z, white))
 
     def _grid(self, name: str) -> Grid:
         if name not in self._grids:
@@ -224,7 +219,11 @@ class Training:
         parts = [groups.grams(rows) for rows in self.rows]
         grams = tuple(whole - np.stack(each) for whole, *each in
                       zip(groups.grams(), *parts, strict=True))  # fmt: skip
-        return Grid(groups, grams, self.products(groups.columns, self.fitter.y[:, None]))
+        return Grid(groups, grams, self._with_record(groups.columns))
+
+    def _with_record(self, columns: Array) -> Array:
+        """Products (B, k) of columns (N, k) with the record."""
+        return self.products(columns, self.fitter.y[:, None])[..., 0]
 
     def _with_grid(self, key: tuple[object, ...], columns: Array, name: str) -> Array:
         """Products (B, k, C) of the columns (N, k) of a key, of unit length, with a grid."""

@@ -12,8 +12,11 @@ from scipy import optimize
 from ...models.effects import EffectParameter
 from ...models.inputs.distribution import Array
 from .library import Candidate, Columns
-from .linear import Groups, basis, beside, unit, whitening
+from .linear import Beside, Groups, basis, beside, unit
 from .space import Space
+
+REMEMBERED = 400
+"""Members whose columns, or products with groups, are kept at most."""
 
 
 @dataclass(frozen=True)
@@ -111,17 +114,14 @@ class Fitter:
         with_groups = np.vstack([self._product(groups, *pair)
                                  for pair in zip(keys, parts, strict=True)])  # fmt: skip
         z = np.hstack(parts)
-        turned = whitening(z.T @ z)
-        projected = turned @ with_groups
-        record = turned @ (z.T @ self.y)
-        of_record = self._product(groups, ("record",), self.y[:, None])[0]
-        return groups.gains_beside(projected, of_record - record @ projected)
+        with_y = self._product(groups, ("record",), self.y[:, None])[0]
+        return Beside.of(z.T @ z, z.T @ self.y).gains(groups, with_groups, with_y)
 
     def _product(self, groups: Groups, key: tuple[object, ...], columns: Array) -> Array:
         """Products (k, C) of the columns (N, k) of a key with those of groups."""
         _, known = self._with.setdefault(id(groups), (groups, {}))
         if key not in known:
-            if len(known) > 400:
+            if len(known) > REMEMBERED:
                 known.clear()
             known[key] = columns.T @ groups.columns
         return known[key]
@@ -129,7 +129,7 @@ class Fitter:
     def white(self, member: Member) -> Array:
         """Whitened columns (N, m) of a member."""
         if member.key not in self._kept:
-            if len(self._kept) > 400:
+            if len(self._kept) > REMEMBERED:
                 self._kept.clear()
             columns = self.columns.of(member.candidate, member.shape)
             self._kept[member.key] = self.space.whiten(columns)

@@ -153,6 +153,30 @@ class Groups:
         return np.asarray(np.add.reduceat(z * z, self.starts, axis=0))
 
 
+@dataclass(frozen=True)
+class Beside:
+    """What groups are beside columns Z of unit length, by products alone: `turned` (..., k, k)
+    makes Z orthonormal, `record` (..., k) are then its products with a record.
+    """
+
+    turned: Array
+    record: Array
+
+    @classmethod
+    def of(cls, gram: Array, record: Array) -> Beside:
+        """Of Z' Z (..., k, k) and Z' y (..., k)."""
+        turned = whitening(gram)
+        return cls(turned, np.einsum("...jk,...k->...j", turned, record))
+
+    def gains(
+        self, groups: Groups, with_z: Array, with_y: Array, grams: Sequence[Array] | None = None
+    ) -> Array:
+        """Gain (..., g) of groups X for the record, with Z' X (..., k, C) and X' y (..., C)."""
+        projected = self.turned @ with_z
+        left = with_y - np.einsum("...k,...kc->...c", self.record, projected)
+        return groups.gains_beside(projected, left, grams)
+
+
 def _each_orthonormal(left: Array, before: Array, at: NDArray[np.int64]) -> Array:
     """Columns (N, g m) of the groups `at` (g, m), each group orthonormal."""
     count, size = at.shape

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import linalg, special
 
 from ...models.inputs.distribution import Array
-from .linear import GONE, basis, beside
+from .linear import basis, beside, whitening
 
 GRID = np.concatenate([np.arange(0.0, 0.9, 0.05), [0.9, 0.93, 0.96, 0.98, 0.99]])
 """Autocorrelations that are tried."""
@@ -134,14 +134,12 @@ def _restricted(residual: Array, columns: Array, noise: Noise) -> Array:
     gram = np.outer(z[0], z[0]) + inside / (1.0 - rho**2)
     x, xy, yy = gram[:, :-1, :-1], gram[:, :-1, -1], gram[:, -1, -1]
     scale = np.sqrt(np.maximum(np.diagonal(x, axis1=1, axis2=2), 1e-300))
-    values, vectors = np.linalg.eigh(x / scale[:, :, None] / scale[:, None, :])
-    kept = values > GONE
-    along = np.einsum("gji,gj->gi", vectors, xy / scale)
-    left = yy - np.sum(np.where(kept, along**2 / np.where(kept, values, 1.0), 0.0), axis=1)
+    turned = whitening(x / scale[:, :, None] / scale[:, None, :])
+    left = yy - np.sum(np.einsum("gjk,gk->gj", turned, xy / scale) ** 2, axis=1)
     whole = x * np.outer(size[:-1], size[:-1])
     ridge = 1e-9 * np.trace(whole, axis1=1, axis2=2)[:, None, None] * np.eye(x.shape[1])
     _, spread = np.linalg.slogdet(whole + ridge)
-    count = len(z) - kept.sum(axis=1)
+    count = len(z) - turned.any(axis=2).sum(axis=1)
     rss = np.log(np.maximum(left, 1e-14) * size[-1] ** 2)
     jacobian = -0.5 * (len(z) - 1) * np.log(1.0 - rho[:, 0, 0] ** 2)
     return np.asarray(jacobian - 0.5 * spread - 0.5 * count * rss)

@@ -7,8 +7,8 @@ import secrets
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from ...algorithms.run import Values, values_of
 from ...problems.tolerance_problem import ToleranceProblem
 from ..execution import (
     Background,
+    Closing,
     Execution,
     Executor,
     Lost,
@@ -24,6 +25,7 @@ from ..execution import (
     built,
     check_version,
     executor_of,
+    next_of,
     pinned,
 )
 
@@ -48,7 +50,7 @@ def computed(task: Part) -> Values:
         return values_of(built(task.problem), task.x)
 
 
-class Designs:
+class Designs(Closing):
     """Shares the parts of a batch with other processes; this one computes what none has begun.
 
     `free` says how many processes there are beside this one; more are started when there are more,
@@ -65,15 +67,8 @@ class Designs:
         self._executor: Executor | None = None
         self._starting: tuple[Processes, Background[Part, Values]] | None = None
 
-    def __enter__(self) -> Designs:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """End all other processes."""
         if self._starting is not None:
             self._starting[1].close()
         if self._executor is not None:
@@ -92,8 +87,8 @@ class Designs:
             return [values_of(self.problem, part) for part in parts]
         left = deque(self._tasks(parts))
         found: dict[int, Values] = {}
-        beside = Background(self._executor, computed, lambda: _last(left))
-        while (task := _first(left)) is not None:
+        beside = Background(self._executor, computed, partial(next_of, left))
+        while (task := next_of(left)) is not None:
             found[task.at] = values_of(self.problem, task.x)
         beside.wait()
         while pairs := beside.taken():
@@ -122,24 +117,6 @@ class Designs:
             if self._executor is not None:
                 self._executor.close()
             self._executor, self._starting = begun, None
-        if self._starting is None and self._free() > self.others:
-            others = Processes(self._free())
-            first_of_all = deque(self._tasks([part] * others.workers))
-            first = Background(others, computed, lambda: _last(first_of_all))
-            self._starting = others, first
-
-
-def _last(tasks: deque[Part]) -> Part | None:
-    """Taken from the end, None where nothing is left; another thread may take the last one."""
-    try:
-        return tasks.pop()
-    except IndexError:
-        return None
-
-
-def _first(tasks: deque[Part]) -> Part | None:
-    """The same from the beginning."""
-    try:
-        return tasks.popleft()
-    except IndexError:
-        return None
+        if self._starting is None and (free := self._free()) > self.others:
+            others, tasks = Processes(free), deque(self._tasks([part] * free))
+            self._starting = others, Background(others, computed, partial(next_of, tasks))

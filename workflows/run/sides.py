@@ -5,12 +5,12 @@ from __future__ import annotations
 import secrets
 from collections import deque
 from dataclasses import dataclass
-from types import TracebackType
+from functools import partial
 
 import pandas as pd
 
 from ...algorithms.checkpoint import Checkpoint
-from ..execution import Background, Execution, Lost, Processes, executor_of
+from ..execution import Background, Closing, Execution, Lost, Processes, executor_of, next_of
 from .references import SideSearch
 
 Fronts = dict[SideSearch, pd.DataFrame | None]
@@ -29,7 +29,7 @@ def front_of(task: SideTask) -> pd.DataFrame | None:
     return task.side.front()
 
 
-class Sides:
+class Sides(Closing):
     """Runs side searches beside the main one; each finished front is kept in the checkpoint.
 
     One of the `workers` is the process of the main search, which does what no other has begun when
@@ -57,28 +57,15 @@ class Sides:
         if self._open and (self.where.dask or self._others):
             # a single process is one beside this, not this one
             executor = executor_of(self.where) if self.where.dask else Processes(self._others)
-            self._beside = Background(executor, front_of, self._next)
+            self._beside = Background(executor, front_of, partial(next_of, self._open))
 
     def free(self) -> int:
         """Processes beside this one that are at work on no side search, nor will be."""
         busy = self._beside is not None and not self._beside.over
         return (self.where.workers or 1) - 1 - (self._others if busy else 0)
 
-    def _next(self) -> SideTask | None:
-        try:
-            return self._open.popleft()
-        except IndexError:
-            return None
-
-    def __enter__(self) -> Sides:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """End what still runs at once."""
         if self._beside is not None:
             self._beside.close()
 

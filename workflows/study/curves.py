@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from ...algorithms.course import CURVE
+from ..execution import Closing
 from .trial import RunRecord
 
 WHOLE = ("point", "replicate", "generation", "evaluations")
@@ -23,24 +24,30 @@ SCHEMA = pa.schema([
 ])  # fmt: skip
 
 
-class Curves:
+class Curves(Closing):
     """One row per checkpoint of a run: point, replicate and `CURVE`.
 
-    `parts` are the frames of settings one after another, each written as it comes. The file is a
-    temporary one, which goes with this object; `copy` makes a lasting one.
+    The file is a temporary one, which goes with this object; `copy_to` makes a lasting one. It can
+    be read once it is closed: leave it as a context.
     """
 
-    def __init__(self, parts: Iterable[tuple[int, pd.DataFrame]]) -> None:
+    def __init__(self) -> None:
         folder = tempfile.mkdtemp(prefix="tolevo-curves-")
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         self._path = Path(folder, "curves.parquet")
         self._group: dict[int, int] = {}
-        with parquet.ParquetWriter(self._path, SCHEMA) as writer:
-            for point, frame in parts:
-                if len(frame):
-                    self._group[point] = len(self._group)
-                    table = pa.Table.from_pandas(frame, schema=SCHEMA, preserve_index=False)
-                    writer.write_table(table, row_group_size=len(frame))
+        self._writer = parquet.ParquetWriter(self._path, SCHEMA)
+
+    def close(self) -> None:
+        """Nothing more is to be added."""
+        self._writer.close()
+
+    def add(self, point: int, runs: Sequence[RunRecord]) -> None:
+        """The curves of the runs of one setting."""
+        if len(frame := curves_of(runs)):
+            self._group[point] = len(self._group)
+            table = pa.Table.from_pandas(frame, schema=SCHEMA, preserve_index=False)
+            self._writer.write_table(table, row_group_size=len(frame))
 
     def of(self, point: int) -> pd.DataFrame:
         """The curves of the runs of one setting, empty where there are none."""
@@ -50,9 +57,9 @@ class Curves:
             found: pd.DataFrame = file.read_row_group(self._group[point]).to_pandas()
         return found
 
-    def copy(self) -> bytes:
-        """The whole file."""
-        return self._path.read_bytes()
+    def copy_to(self, path: Path) -> None:
+        """Write the whole file."""
+        shutil.copyfile(self._path, path)
 
 
 def curves_of(runs: Sequence[RunRecord]) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +12,10 @@ import pandas as pd
 from ...csv_text import csv_text
 from ...directory import KINDS, Ownership, owned
 from ...errors import Fault, RunError
-from ...files import write_bytes, write_text
+from ...files import write_text, write_with
 from ..execution import Executor
 from .analysed import analysed, known_lines
-from .curves import Curves, curves_of
+from .curves import Curves
 from .plan import StudyOutcome, StudyPlan
 from .racing import STOPPED
 from .records import StudyData
@@ -136,18 +136,13 @@ def gathered(
     """The tables of a study from its database."""
     rows: list[tuple[Any, ...]] = []
     responses: list[list[float]] = []
-
-    def parts() -> Iterator[tuple[int, pd.DataFrame]]:
-        for point in range(len(plan.points)):
-            runs = database.of_point(point, plan.total)
-            measure = measures[plan.points[point].problem]
-            for run in runs:
-                rows.append((point, run.replicate, run.seed, run.status, run.reason))
-                responses.append([response_of(name, run, measure)
-                                  for name in plan.settings.responses])  # fmt: skip
-            yield point, curves_of(runs)
-
-    curves = Curves(parts())
+    with Curves() as curves:
+        for point, setting in enumerate(plan.points):
+            runs, measure = database.of_point(point, plan.total), measures[setting.problem]
+            curves.add(point, runs)
+            rows += [(point, run.replicate, run.seed, run.status, run.reason) for run in runs]
+            responses += [[response_of(name, run, measure) for name in plan.settings.responses]
+                          for run in runs]  # fmt: skip
     own = pd.DataFrame(rows, columns=["point", "replicate", "seed", "status", "reason"])
     columns = {"point": own["point"].to_numpy()}
     columns |= {factor.key: plan.design[factor.key].to_numpy()[own["point"]]
@@ -181,7 +176,7 @@ def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool)
             return StudyOutcome("done", out, (*lines, *known), data)
         place.begin(keep=KEPT)
     write_text(out / CONFIGURATION, plan.settings.configuration)
-    write_bytes(out / "curves.parquet", data.curves.copy())
+    write_with(out / "curves.parquet", data.curves.copy_to)
     write_text(out / TABLE, table)
     if len(failed) == len(data.table):
         reason = failed["reason"].iloc[0]

@@ -58,7 +58,7 @@ class Synthetic:
         return table
 
 
-CURVES = Curves(())
+CURVES = Curves()
 
 
 def exact(points: int) -> pd.DataFrame:

@@ -82,23 +82,22 @@ class Database(Store):
 
     def runs(self, total: int) -> list[RunRecord]:
         """The runs that have ended, by point and replicate."""
-        text = ALL.where(RUNS.c.number < total)
-        rows = self.read(lambda one: [tuple(row) for row in one.execute(text)])
-        found = [record_of(row) for row in rows]
-        return sorted(found, key=lambda run: (run.point, run.replicate))
+        return sorted(
+            self._records(ALL.where(RUNS.c.number < total)),
+            key=lambda run: (run.point, run.replicate),
+        )
 
     def of_point(self, point: int, total: int) -> list[RunRecord]:
         """The runs of one setting that have ended, by replicate."""
-        found = []
-        numbers = range(point, total, self.points)
+        numbers, found = range(point, total, self.points), list[RunRecord]()
         for at in range(0, len(numbers), WINDOW):
-            text = ALL.where(RUNS.c.number.in_(list(numbers[at : at + WINDOW])))
+            some = RUNS.c.number.in_(list(numbers[at : at + WINDOW]))
+            found += self._records(ALL.where(some))
+        return sorted(found, key=lambda run: run.replicate)
 
-            def rows(connection: Connection, text: Select[Any] = text) -> list[Row]:
-                return [tuple(row) for row in connection.execute(text)]
-
-            found += self.read(rows)
-        return sorted(map(record_of, found), key=lambda run: run.replicate)
+    def _records(self, text: Select[Any]) -> list[RunRecord]:
+        rows = self.read(lambda one: [tuple(row) for row in one.execute(text)])
+        return [record_of(row) for row in rows]
 
     def row(self, number: int) -> Row | None:
         """The row of a run as it is, None where there is none."""
