@@ -97,30 +97,34 @@ class Master:
                 break
             entered += 1
             bound, weight = self._node(allowed, bound)
-            if weight is None or self._closed(bound):
+            if weight is None:
                 proven = min(proven, bound)
                 continue
             self._round(weight, allowed, self._mean)
-            mixed = np.array([1.0 - one.max() for one in weight])
-            if self._closed(bound) or mixed.max() < 1e-9:
+            mixed = np.array([1.0 - one.max() if len(ways) > 1 else 0.0
+                              for one, ways in zip(weight, allowed, strict=True)])  # fmt: skip
+            if mixed.max() < 1e-9:
                 proven = min(proven, bound)
                 continue
             at = int(np.argmax(mixed))
-            first = int(np.argmax(weight[at]))
+            first = _heaviest(weight[at], allowed[at])
             others = tuple(way for way in allowed[at] if way != first)
             for side, ways in enumerate(((first,), others)):
                 child = (*allowed[:at], ways, *allowed[at + 1 :])
                 heapq.heappush(heap, (bound, 2 * entered + side, child))
-        self.proven = np.inf if proven > self.ceiling * (1.0 + GAP) else float(proven)
+        self.proven = np.inf if self._impossible(proven) else float(proven)
         if self.best is None:
             return None
         done = self.best
-        bound = min(done.cost, proven)
-        return Solution(done.chosen, done.t, done.cost, max(bound, self.floor), done.multiplier)
+        return Solution(done.chosen, done.t, done.cost, min(done.cost, proven), done.multiplier)
+
+    def _impossible(self, bound: float) -> bool:
+        """No allocation costs more than the ceiling: none keeps the limits."""
+        return bound > self.ceiling + GAP * abs(self.ceiling)
 
     def _closed(self, bound: float) -> bool:
-        if bound > self.ceiling * (1.0 + GAP):
-            return True  # no allocation costs more: none keeps the limits
+        if self._impossible(bound):
+            return True
         return self.best is not None and bound >= self.best.cost - GAP * abs(self.best.cost)
 
     # ---------------------------------------------------------------- a node
@@ -240,7 +244,7 @@ class Master:
         added = False
         for row in self._asked.tolist():
             excess = found.value[0, row] - room[row]
-            broken = excess > BROKEN * max(abs(self.limit[row]), 1e-300)
+            broken = excess > BROKEN * abs(self.limit[row])
             if broken and np.isfinite(found.intercept[0, row]):
                 self._cuts.append((row, found.direction[0, row], float(found.intercept[0, row])))
                 added = True
@@ -248,9 +252,9 @@ class Master:
 
     def _round(self, weight: list[Array], allowed: Allowed, start: Array) -> None:
         """Solve the ways of most weight, and the tightest of those that are mixed."""
-        heavy = tuple(int(np.argmax(one)) for one in weight)
+        heavy = tuple(map(_heaviest, weight, allowed))
         tight = tuple(
-            min((way for way in allowed[at] if one[way] > 1e-6),
+            min((way for way in allowed[at] if one[way] > 1e-6), default=heavy[at],
                 key=lambda way, at=at: self.form.features[at].ways[way].low)  # type: ignore[misc]
             for at, one in enumerate(weight)
         )  # fmt: skip
@@ -272,3 +276,8 @@ class Master:
         if self.best is None or cost < self.best.cost:
             nothing = np.zeros(len(self.limit))
             self.best = Solution(chosen, t, cost, -np.inf, nothing)
+
+
+def _heaviest(weight: Array, ways: tuple[int, ...]) -> int:
+    """The way of most weight among some: where a linear programme failed, none has any."""
+    return max(ways, key=weight.tolist().__getitem__)
