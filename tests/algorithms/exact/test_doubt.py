@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tolevo.algorithms.exact import doubt
 from tolevo.algorithms.exact.choices import least_cost
 from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.programme import Programme
+from tolevo.algorithms.exact.separable import Leaf, least_leaf
 from tolevo.models.capability import Surplus
 from tolevo.models.costs import Reciprocal
 from tolevo.problems.forms import Feature, Form, Way
@@ -175,6 +177,57 @@ def test_limits_out_of_reach_and_without_effect() -> None:
     assert np.isinf(found.cost[0])
     assert np.isinf(found.bound[0])
     np.testing.assert_allclose(found.t[1], 50.0)
+
+
+def test_a_requirement_without_doubt_beside_one_with() -> None:
+    """Two machines for each of three parts: under its own root the second value has no surplus."""
+    rng, own = np.random.default_rng(4), 0.7
+    std, price = np.sort([rng.uniform(0.5, 1.5, (3, 2)), rng.uniform(1.0, 3.0, (3, 2))])
+    price = price[:, ::-1]
+    features = tuple(
+        Feature(f"t{at}", tuple(
+            Way(Reciprocal(price[at, way], 0.0), std[at, way], std[at, way], (0.0, 0.0), (1.0, 2.0))
+            for way in (0, 1)), f"p{at}")
+        for at in range(3)
+    )  # fmt: skip
+    form = Form(("v", "w"), features, np.zeros(2), np.zeros(2), "",
+                surpluses=(Surplus(np.full(3, own), np.zeros(3)), None))  # fmt: skip
+    every = [(np.arange(3), list(ways)) for ways in product((0, 1), repeat=3)]
+    cost, v = np.array([price[one].sum() for one in every]), [std[one] ** 2 for one in every]
+    first = np.array([np.sqrt(one.sum() + own * np.linalg.norm(one)) for one in v])
+    second = np.array([2.0 * np.sqrt(one.sum()) for one in v])
+    limits = np.array(list(product(first, second))) * (1.0 + 1e-12)
+    expected = [np.min(cost[(first <= one) & (second <= other)], initial=np.inf)
+                for one, other in limits]  # fmt: skip
+    assert len(set(expected)) > 2
+    np.testing.assert_allclose(least_cost(form, limits).cost, expected)
+
+
+def test_a_bound_is_cut_at_the_cost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where rounding, here of 1e-9, puts a relaxation above the allocation that it comes from."""
+
+    def above(*given: Any) -> tuple[Leaf, float]:
+        leaf, bound = least_leaf(*given)
+        return leaf, bound * (1.0 + 1e-9)
+
+    monkeypatch.setattr(doubt, "least_leaf", above)
+    found = least_cost(drawn(5, 5, 0.3), np.array([[6.0]]))
+    assert np.isfinite(found.cost[0])
+    assert found.bound[0] == found.cost[0]
+
+
+@pytest.mark.parametrize("steps", [1, 2])
+def test_an_allocation_is_kept_where_the_steps_end_early(
+    monkeypatch: pytest.MonkeyPatch, steps: int
+) -> None:
+    """The last one, drawn back within the limit; the optimum lies between its bound and its cost"""
+    form, limit = drawn(5, 5, 0.3), 6.0
+    best = least_cost(form, np.array([[limit]])).cost[0]
+    monkeypatch.setattr(doubt, "STEPS", steps)
+    found = least_cost(form, np.array([[limit]]))
+    assert found.bound[0] <= best * (1.0 + 1e-9)
+    assert best * (1.0 - 1e-9) <= found.cost[0] <= 1.1 * best
+    assert Combination(form, (0,) * 5).values(found.t)[0, 0] <= limit
 
 
 def test_assurance_costs_little_time() -> None:
