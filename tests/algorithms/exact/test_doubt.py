@@ -230,6 +230,7 @@ def test_an_allocation_is_kept_where_the_steps_end_early(
     assert Combination(form, (0,) * 5).values(found.t)[0, 0] <= limit
 
 
+@pytest.mark.timed
 def test_assurance_costs_little_time() -> None:
     """At most three times the CPU of the plug-in's optimum; the least of several runs of each."""
     form, limit = drawn(1, 9), np.array([[5.0]])
