@@ -43,10 +43,10 @@ TIMES, SPARE = 5, 20
 """A mutant may take so many times the CPU time of its tests, and so many seconds more."""
 OURS = ("tolevo", "tests", "tools", "conftest")
 OPTIONS = ("-q", "-x", "-p", "no:xdist", "-p", "no:cacheprovider", "-p", "no:randomly",
-           "-m", "not slow", "-o", "timeout=300", "--hypothesis-seed=0",
+           "-m", "not slow and not timed", "-o", "timeout=300", "--hypothesis-seed=0",
            "-W", "ignore::pytest.PytestAssertRewriteWarning")  # fmt: skip
 NOTHING = 5
-"""Status of pytest where a file has no test that is not slow."""
+"""Status of pytest where a file has no test that is asked."""
 Place = tuple[str, Mutation]
 
 

@@ -98,6 +98,7 @@ def refused(config: Path, out: Path, *overrides: str) -> str:
     return str(caught.value)
 
 
+@pytest.mark.timed
 def test_a_finished_study_reopens_in_a_second(config: Path, out: Path) -> None:
     before = (out / "study.csv").read_bytes()
     plan = read_study(config)
