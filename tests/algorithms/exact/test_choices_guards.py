@@ -1,0 +1,210 @@
+"""Guards of the search over alternative ways: who answers, what is solved, what is left out."""
+
+from __future__ import annotations
+
+import itertools
+from math import comb
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.algorithms.exact.parts_by_hand import (
+    INF,
+    Array,
+    Priced,
+    by_hand,
+    form,
+    rough_or_fine,
+    unused,
+    way,
+)
+from tolevo.algorithms.exact import choices
+from tolevo.algorithms.exact.choices import compensating, least_cost, tightest_ways
+from tolevo.algorithms.exact.combination import Combination
+from tolevo.algorithms.exact.separable import Leaf, Squares, least_leaf
+from tolevo.models.capability import Surplus
+from tolevo.problems.forms import Form
+
+
+@pytest.fixture
+def solved(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, ...]]:
+    """The choices that are solved, in their order."""
+    chosen: list[tuple[int, ...]] = []
+
+    def noted(own: Form, ways: tuple[int, ...]) -> Combination:
+        chosen.append(tuple(ways))
+        return Combination(own, ways)
+
+    monkeypatch.setattr(choices, "Combination", noted)
+    return chosen
+
+
+# -------------------------------------------------------------------- who answers
+
+
+def test_points_under_doubt_are_proven_without_any_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """S^2 = sum of squares + a tenth of it, over all 27 choices."""
+    monkeypatch.setattr(choices, "LEAVES", 0)
+    table = ((0.5, 1.0), (0.2, 1.6), (0.1, 3.0))
+    ways = [way(cost, 0.0, t, t, (0.0,), (1.0,)) for t, cost in table]
+    own = form(ways, ways, ways, surpluses=(Surplus(np.zeros(3), np.full(3, 0.1)),))
+    for limit in (0.2, 0.4, 0.6, 0.95):
+        kept = [sum(cost for _, cost in chosen)
+                for chosen in itertools.product(table, repeat=3)
+                if np.sqrt(1.1 * sum(t * t for t, _ in chosen)) <= limit]  # fmt: skip
+        found = least_cost(own, np.array([[limit]]))
+        assert found.cost[0] == found.bound[0] == pytest.approx(min(kept), rel=1e-12)
+
+
+def test_choices_under_doubt_are_proven_by_prices_of_squares(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """b/t with 1.21 t^2 <= L^2 in two ways: nothing is left to the search of choices."""
+    monkeypatch.setattr(choices, "_Search", unused)
+    ways = [way(0.0, 1.0, 0.3, 1.0, (0.0,), (1.0,)), way(0.4, 0.5, 0.1, 0.7, (0.0,), (1.0,))]
+    own = form(ways, ways, surpluses=(Surplus(np.zeros(2), np.full(2, 0.21)),))
+    for limit in (0.25, 0.5, 0.8):
+        found = least_cost(own, np.array([[limit]]))
+        least = INF
+        for one, other in itertools.product(ways, repeat=2):
+            t = np.linspace(one.low, one.high, 20_001)
+            left = np.sqrt(np.maximum(limit**2 / 1.21 - t**2, 0.0))
+            u = np.minimum(left, other.high)
+            cost = one.curve.cost(t) + other.curve.cost(np.maximum(u, other.low))
+            least = min(least, float(np.min(cost[u >= other.low], initial=INF)))
+        assert found.cost[0] == pytest.approx(least, rel=1e-6)
+        assert found.bound[0] == pytest.approx(found.cost[0], rel=1e-9)
+
+
+def test_prices_of_squares_are_not_asked_for_sums_with_a_mean(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """1/t under 0.5 t + t <= 0.6: its square alone would allow t = 0.6."""
+    monkeypatch.setattr(choices, "MANY", 1)
+    ways = [way(a, 1.0, 0.1, high, (0.5,), (1.0,), Priced) for a, high in ((0.3, 2.0), (0.2, 0.35))]
+    found = least_cost(form(ways), np.array([[0.6]]))
+    assert found.cost[0] == pytest.approx(0.3 + 1.0 / 0.4, rel=1e-9)
+    assert found.bound[0] == pytest.approx(found.cost[0], rel=1e-9)
+
+
+# -------------------------------------------------------------------- many limits
+
+
+def test_one_combination_is_solved_at_all_limits_at_once(
+    monkeypatch: pytest.MonkeyPatch, solved: list[tuple[int, ...]]
+) -> None:
+    """Without prices: 1/t1 + 1/t2 under t1 + t2 <= L and twice it <= 3 L, so that t = L/2."""
+    monkeypatch.setattr(choices, "Prices", unused)
+    part = way(0.0, 1.0, 0.01, 9.0, (1.0, 2.0), (0.0, 0.0))
+    limits = np.array([0.5, 1.0, 2.0, 4.0])
+    found = least_cost(form([part], [part]), np.stack([limits, 3.0 * limits], axis=1))
+    np.testing.assert_allclose(found.cost, 4.0 / limits, rtol=1e-9)
+    assert solved == [(0, 0)]
+
+
+def test_every_set_of_limits_has_its_own_number_of_allocations(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    own = rough_or_fine(3)
+    limits = np.linspace(0.3, 2.0, 8)[:, None] * np.array([1.0, 1.1])
+    monkeypatch.setattr(choices, "LEAVES", 8)
+    found = least_cost(own, limits)
+    np.testing.assert_allclose(found.cost, [by_hand(own, one) for one in limits], rtol=1e-7)
+    np.testing.assert_allclose(found.bound, found.cost, rtol=1e-8)
+
+
+def test_the_ways_of_the_limits_before_stand_for_the_tightest(
+    solved: list[tuple[int, ...]],
+) -> None:
+    own = rough_or_fine(3)
+    limit = np.array([1.0, 1.1])
+    tightest = tightest_ways(own)
+    alone = least_cost(own, limit[None, :])
+    first, best = list(solved), tuple(alone.chosen[0].tolist())
+    assert best not in ((0, 0, 0), tightest)
+    assert first[:2] == [(0, 0, 0), tightest]
+    solved.clear()
+    both = least_cost(own, np.stack([limit, 1.001 * limit]))
+    assert solved[: len(first)] == first
+    assert solved[len(first)] == best
+    assert tightest not in solved[len(first) :]
+    assert both.cost[0] == alone.cost[0] > both.cost[1]
+
+
+def test_neighbours_of_prices_are_those_whose_limits_can_be_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given: list[Leaf | None] = []
+
+    def noted(squares: Squares, limit: Array, known: Leaf | None) -> Any:
+        given.append(known)
+        return least_leaf(squares, limit, known)
+
+    monkeypatch.setattr(choices, "MANY", 1)
+    monkeypatch.setattr(choices, "least_leaf", noted)
+    ways = [way(a, b, 0.1, 2.0, (0.0,), (1.0,), Priced) for a, b in ((0.3, 1.0), (1.0, 0.5))]
+    found = least_cost(form(ways, ways), np.array([[0.9], [0.01], [0.8], [0.7]]))
+    assert np.isfinite(found.cost).tolist() == [True, False, True, True]
+    assert [None if one is None else one.cost for one in given] == [None, *found.cost[[0, 0, 2]]]
+
+
+# -------------------------------------------------------------------- what is left out
+
+
+@pytest.mark.parametrize("correlation", [-0.9, 0.9])
+def test_what_deviations_make_up_for_is_not_left_out(
+    monkeypatch: pytest.MonkeyPatch, correlation: float
+) -> None:
+    """Three points each: S^2 = s1^2 + s2^2 + 2 c s1 s2 by hand, over the nine choices."""
+    monkeypatch.setattr(choices._Search, "_pick", lambda self, at: False)
+    points = ((0.4, 1.7), (0.5, 1.0), (0.3, 3.0))
+    ways = [way(cost, 0.0, t, t, (0.0,), (1.0,)) for t, cost in points]
+    own = form(ways, ways, correlation=correlation)
+    costs = {}
+    for (t, cost), (u, other) in itertools.product(points, repeat=2):
+        costs[float(np.sqrt(t * t + u * u + 2.0 * correlation * t * u))] = cost + other
+    assert compensating(own) == (correlation < 0.0)
+    for limit in sorted(costs):
+        least = min(cost for value, cost in costs.items() if value <= limit)
+        found = least_cost(own, np.array([[limit * (1.0 + 1e-9)]]))
+        assert found.cost[0] == pytest.approx(least, rel=1e-6)
+        assert found.bound[0] <= least
+    below = least_cost(own, np.array([[min(costs) * 0.99]]))
+    assert np.isinf(below.cost[0])
+
+
+def test_alike_parts_are_solved_once_in_each_order_of_their_ways(
+    monkeypatch: pytest.MonkeyPatch, solved: list[tuple[int, ...]]
+) -> None:
+    """Where no bound leaves anything out: choices of 3 ways for 4 parts are C(6, 4) = 15."""
+    monkeypatch.setattr(choices._Search, "_bounds", lambda self, total: np.full(1, -INF))
+    ways = [way(0.3 * at, 0.5**at, 0.1, 1.0, (0.5,), (1.0,)) for at in range(3)]
+    least_cost(form(*[ways] * 4), np.array([[3.0]]))
+    assert sorted(tuple(sorted(one)) for one in solved) == list(
+        itertools.combinations_with_replacement(range(3), 4)
+    )
+    assert len(solved) == comb(6, 4)
+
+
+def test_what_cannot_be_cheaper_is_not_solved(solved: list[tuple[int, ...]]) -> None:
+    """Of 243 choices; the bounds of one sum in the worst case leave few of them."""
+    own = rough_or_fine(5)
+    found = least_cost(own, np.array([[3.0, 3.5]]))
+    assert found.bound[0] == pytest.approx(found.cost[0], rel=1e-8)
+    assert len(solved) == len(set(solved)) <= 24
+
+
+def test_a_bound_of_useless_prices_is_the_cost_without_limits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """At a thousand times the prices limits are worth more than everything costs."""
+    own = rough_or_fine(3)
+    floor = sum(min(w.curve.cost(np.array([w.high]))[0] for w in f.ways) for f in own.features)
+    monkeypatch.setattr(choices, "LEAVES", 0)
+    monkeypatch.setattr(choices, "PASSES", 0)
+    monkeypatch.setattr(choices, "ROUNDS", 0)
+    monkeypatch.setattr(choices, "GRID", np.array([1e3, 2e3]))
+    found = least_cost(own, np.array([[1.0, 1.1]]))
+    assert found.cost[0] > 1.1 * floor
+    assert found.bound[0] == pytest.approx(floor, rel=1e-12)
