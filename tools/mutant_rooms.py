@@ -35,8 +35,9 @@ ROOMS: Mapping[str, Room] = {
     "proofs": Room(
         tuple(f"algorithms/exact/{name}.py" for name in PROVE),
         tuple(f"tests/algorithms/exact/test_{name}.py" for name in (
-            "between", "bounds", "choices", "doubt", "duals", "master", "oracle", "path",
-            "programme", "programme_by_hand", "separable", "ascent")),
+            "between", "bounds", "choices", "choices_guards", "choices_prices", "doubt", "duals",
+            "master", "oracle", "path", "programme", "programme_by_hand", "separable",
+            "ascent")),
         guards=True,
     ),
     "exact": Room(
