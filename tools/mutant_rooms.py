@@ -31,6 +31,8 @@ class Room:
 PROVE = ("bounds", "path", "prices", "between", "pieces", "points", "combination", "choices",
          "separable", "doubt", "master", "programme", "ascent")  # fmt: skip
 """Modules of algorithms/exact/ that a bound comes from; the others propose points."""
+TIMED = ("tests/algorithms/exact/test_doubt.py::test_assurance_costs_little_time",)
+"""Tests of seconds: on a machine with other work they fail whatever the mutant is."""
 ROOMS: Mapping[str, Room] = {
     "proofs": Room(
         tuple(f"algorithms/exact/{name}.py" for name in PROVE),

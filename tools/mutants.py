@@ -32,7 +32,7 @@ from types import ModuleType
 import coverage
 import pytest
 
-from tools.mutant_rooms import ROOMS, ROOT, Room
+from tools.mutant_rooms import ROOMS, ROOT, TIMED, Room
 from tools.mutations import Mutation, mutations
 
 ANSWERS = ROOT / "runs" / "mutants.jsonl"
@@ -44,7 +44,8 @@ TIMES, SPARE = 5, 20
 OURS = ("tolevo", "tests", "tools", "conftest")
 OPTIONS = ("-q", "-x", "-p", "no:xdist", "-p", "no:cacheprovider", "-p", "no:randomly",
            "-m", "not slow", "-o", "timeout=300", "--hypothesis-seed=0",
-           "-W", "ignore::pytest.PytestAssertRewriteWarning")  # fmt: skip
+           "-W", "ignore::pytest.PytestAssertRewriteWarning",
+           *(f"--deselect={test}" for test in TIMED))  # fmt: skip
 NOTHING = 5
 """Status of pytest where a file has no test that is not slow."""
 Place = tuple[str, Mutation]
