@@ -24,7 +24,8 @@ from tolevo.algorithms.exact.choices import compensating, least_cost, tightest_w
 from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.separable import Leaf, Squares, least_leaf
 from tolevo.models.capability import Surplus
-from tolevo.problems.forms import Form
+from tolevo.models.propagation.even import EvenPlateau
+from tolevo.problems.forms import Form, Piece, Quantile, Way
 
 
 @pytest.fixture
@@ -60,16 +61,19 @@ def test_points_under_doubt_are_proven_without_any_search(monkeypatch: pytest.Mo
 def test_choices_under_doubt_are_proven_by_prices_of_squares(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """b/t with 1.21 t^2 <= L^2 in two ways: nothing is left to the search of choices."""
+    """b/t with 1.21 (0.1^2 + t1^2 + t2^2) <= L^2 in two ways each: what is made in one way to one
+    tolerance is no choice, and nothing is left to the search of them.
+    """
     monkeypatch.setattr(choices, "_Search", unused)
     ways = [way(0.0, 1.0, 0.3, 1.0, (0.0,), (1.0,)), way(0.4, 0.5, 0.1, 0.7, (0.0,), (1.0,))]
-    own = form(ways, ways, surpluses=(Surplus(np.zeros(2), np.full(2, 0.21)),))
+    fixed = [way(0.0, 0.0, 0.1, 0.1, (0.0,), (1.0,))]
+    own = form(ways, ways, fixed, surpluses=(Surplus(np.zeros(3), np.full(3, 0.21)),))
     for limit in (0.25, 0.5, 0.8):
         found = least_cost(own, np.array([[limit]]))
         least = INF
         for one, other in itertools.product(ways, repeat=2):
             t = np.linspace(one.low, one.high, 20_001)
-            left = np.sqrt(np.maximum(limit**2 / 1.21 - t**2, 0.0))
+            left = np.sqrt(np.maximum(limit**2 / 1.21 - 0.01 - t**2, 0.0))
             u = np.minimum(left, other.high)
             cost = one.curve.cost(t) + other.curve.cost(np.maximum(u, other.low))
             least = min(least, float(np.min(cost[u >= other.low], initial=INF)))
@@ -88,6 +92,65 @@ def test_prices_of_squares_are_not_asked_for_sums_with_a_mean(
     assert found.bound[0] == pytest.approx(found.cost[0], rel=1e-9)
 
 
+POINTS = ((0.5, 1.0), (0.3, 1.7), (0.1, 3.5))
+"""Tolerances that ways have, with what they cost."""
+
+
+def at_points(*table: tuple[float, float]) -> list[Way]:
+    return [way(cost, 0.0, t, t, (0.0,), (1.0,)) for t, cost in table]
+
+
+def test_points_beside_a_range_are_searched_under_doubt(monkeypatch: pytest.MonkeyPatch) -> None:
+    """1/u with 1.21 (t^2 + u^2) <= L^2: u is what a point t leaves of the limit."""
+    monkeypatch.setattr(choices, "least_under_doubt", unused)
+    other = way(0.0, 1.0, 0.05, 2.0, (0.0,), (1.0,))
+    own = form(at_points(*POINTS), [other], surpluses=(Surplus(np.zeros(2), np.full(2, 0.21)),))
+    for limit in (0.45, 0.55, 0.8):
+        least = min(cost + 1.0 / np.sqrt(limit**2 / 1.21 - t * t)
+                    for t, cost in POINTS if limit**2 / 1.21 > t * t + 0.05**2)  # fmt: skip
+        found = least_cost(own, np.array([[limit]]))
+        assert found.cost[0] == pytest.approx(least, rel=1e-8)
+        assert found.bound[0] == pytest.approx(least, rel=1e-7)
+
+
+def test_points_without_doubt_are_not_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(choices, "least_of_points", unused)
+    own = form(at_points(*POINTS), at_points(*POINTS))
+    for limit in (0.15, 0.45, 0.55, 0.8):
+        least = min(cost + other for (t, cost), (u, other) in itertools.product(POINTS, repeat=2)
+                    if np.hypot(t, u) <= limit)  # fmt: skip
+        found = least_cost(own, np.array([[limit]]))
+        assert found.cost[0] == pytest.approx(least, rel=1e-12)
+        assert found.bound[0] == pytest.approx(least, rel=1e-9)
+
+
+def test_what_is_made_in_one_way_is_no_choice_of_a_master_problem(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Six parts, one of them in two ways: all at their widest cost 6, the second way 0.5 less."""
+    monkeypatch.setattr(choices, "Master", unused)
+    one, other = (way(a, 1.0, 0.1, 1.0, (0.0,), (1.0,)) for a in (0.0, -0.5))
+    quantile = Quantile(0.9, ((Piece(1.0, EvenPlateau()),),) * 6)
+    own = form([one, other], *[[one]] * 5, quantiles=(quantile,))
+    found = least_cost(own, np.array([[9.0]]))
+    assert found.cost[0] == pytest.approx(5.5) and found.bound[0] <= 5.5
+
+
+@pytest.mark.parametrize("roots", [1, 2])
+def test_priced_curves_are_searched_by_squares_where_prices_of_one_root_do_not_do(
+    monkeypatch: pytest.MonkeyPatch, roots: int
+) -> None:
+    """1/t or 1 + 0.5/t under t <= 0.4, and 2 t <= 0.9 beside it: 2.25 against 2.5."""
+    monkeypatch.setattr(choices, "least_leaf" if roots == 1 else "_Search", unused)
+    spread = (1.0, 2.0)[:roots]
+    ways = [
+        way(a, b, 0.1, 2.0, (0.0,) * roots, spread, Priced) for a, b in ((0.0, 1.0), (1.0, 0.5))
+    ]
+    found = least_cost(form(ways), np.array([[0.4, 0.9][:roots]]))
+    assert found.cost[0] == pytest.approx(2.25, rel=1e-8)
+    assert found.bound[0] == pytest.approx(2.25, rel=1e-8)
+
+
 # -------------------------------------------------------------------- many limits
 
 
@@ -101,6 +164,23 @@ def test_one_combination_is_solved_at_all_limits_at_once(
     found = least_cost(form([part], [part]), np.stack([limits, 3.0 * limits], axis=1))
     np.testing.assert_allclose(found.cost, 4.0 / limits, rtol=1e-9)
     assert solved == [(0, 0)]
+
+
+def test_no_limits_are_no_allocations_of_several_requirements() -> None:
+    found = least_cost(rough_or_fine(2), np.empty((0, 2)))
+    assert found.cost.shape == found.bound.shape == (0,) and found.t.shape == (0, 2)
+
+
+def test_choices_under_one_requirement_are_solved_at_all_limits_at_once(
+    solved: list[tuple[int, ...]],
+) -> None:
+    """1/t or 1 + 0.5/t, two parts under t1 + t2 <= L: the second way pays below t = 0.5."""
+    ways = [way(0.0, 1.0, 0.01, 9.0, (1.0,), (0.0,)), way(1.0, 0.5, 0.01, 9.0, (1.0,), (0.0,))]
+    limits = np.array([0.4, 0.8, 2.0, 4.0])
+    found = least_cost(form(ways, ways), limits[:, None])
+    costs = [4.0 / limits, 1.0 + (1.0 + np.sqrt(0.5)) ** 2 / limits, 2.0 + 2.0 / limits]
+    np.testing.assert_allclose(found.cost, np.min(costs, axis=0), rtol=1e-9)
+    assert len(solved) == len(set(solved)) <= 4
 
 
 def test_every_set_of_limits_has_its_own_number_of_allocations(
@@ -208,3 +288,12 @@ def test_a_bound_of_useless_prices_is_the_cost_without_limits(
     found = least_cost(own, np.array([[1.0, 1.1]]))
     assert found.cost[0] > 1.1 * floor
     assert found.bound[0] == pytest.approx(floor, rel=1e-12)
+
+
+def test_tangents_of_quantiles_allow_for_the_largest_parts_of_any_way() -> None:
+    """Errors of their gradients count as often as a part may be large: 3 times 0.5 or 1 times 2."""
+    quantile = Quantile(0.9, ((Piece(1.0, EvenPlateau()),),))
+    ways = [way(0.0, 1.0, 0.1, 0.5, (0.0,), (3.0,)), way(0.0, 1.0, 0.1, 2.0, (0.0,), (-1.0,))]
+    search = choices._Search(form(ways, quantiles=(quantile,)), np.array([[1.0]]))
+    assert search.most is not None
+    np.testing.assert_allclose(search.most, [[2.0]])
