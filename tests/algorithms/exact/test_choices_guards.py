@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from math import comb
 from typing import Any
 
@@ -20,12 +21,12 @@ from tests.algorithms.exact.parts_by_hand import (
     way,
 )
 from tolevo.algorithms.exact import choices
-from tolevo.algorithms.exact.choices import compensating, least_cost, tightest_ways
+from tolevo.algorithms.exact.choices import compensating, contributions, least_cost, tightest_ways
 from tolevo.algorithms.exact.combination import Combination
 from tolevo.algorithms.exact.separable import Leaf, Squares, least_leaf
 from tolevo.models.capability import Surplus
 from tolevo.models.propagation.even import EvenPlateau
-from tolevo.problems.forms import Form, Piece, Quantile, Way
+from tolevo.problems.forms import Feature, Form, Piece, Quantile, Way
 
 
 @pytest.fixture
@@ -265,6 +266,46 @@ def test_alike_parts_are_solved_once_in_each_order_of_their_ways(
         itertools.combinations_with_replacement(range(3), 4)
     )
     assert len(solved) == comb(6, 4)
+
+
+def test_alike_parts_do_not_change_places_where_they_are_correlated(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of 0.5 for 1 or 0.2 for 2: one of the two that are correlated by 0.9 is the tight one, with
+    S^2 = 0.72; the third would leave 0.99.
+    """
+    monkeypatch.setattr(choices._Search, "_pick", lambda self, at: False)
+    own = form(*[at_points((0.5, 1.0), (0.2, 2.0))] * 3, correlation=0.9)
+    found = least_cost(own, np.array([[0.9]]))
+    assert found.cost[0] == pytest.approx(4.0, rel=1e-12) and found.bound[0] <= 4.0
+    assert found.chosen[0].tolist() in ([0, 1, 0], [1, 0, 0])
+
+
+def test_alike_are_parts_of_the_same_ways_and_as_many_of_them() -> None:
+    one, other = at_points(*POINTS), at_points(*POINTS[:2])
+    own = form(one, one, other, other, other)
+    fewer = replace(own.features[4], count=2)
+    own = replace(own, features=(*own.features[:4], fewer))
+    assert choices._alike(own) == [False, True, False, True, False]
+
+
+def test_least_contributions_by_hand() -> None:
+    """A value that falls with a tolerance is least at its largest, with the way's own offset."""
+    falling = replace(way(0.0, 1.0, 0.1, 2.0, (-3.0, 5.0), (1.0, 0.0)), offset=(0.5, -0.25))
+    linear, square = contributions(
+        Feature("t", (falling, way(0.0, 1.0, 0.2, 1.0, (1.0, -1.0), (2.0, 3.0))))
+    )
+    np.testing.assert_allclose(linear, [[-5.5, 0.25], [0.2, -1.0]])
+    np.testing.assert_allclose(square, [[0.01, 0.0], [0.16, 0.36]])
+
+
+def test_squares_add_up_under_roots_alone() -> None:
+    """A uniform deviation of 0.5 at least: its 90 % quantile is 0.4, a root would be 0.5."""
+    quantile = Quantile(0.9, ((Piece(1.0, EvenPlateau()),),))
+    ways, limits = [way(0.0, 1.0, 0.5, 1.0, (0.0,), (1.0,))], np.array([[0.45], [0.55]])
+    for rows, kept in (((quantile,), [True, True]), ((), [False, True])):
+        least = choices._Least.of(form(ways, quantiles=rows))
+        assert least.keeps((0,), limits).tolist() == kept
 
 
 def test_what_cannot_be_cheaper_is_not_solved(solved: list[tuple[int, ...]]) -> None:
