@@ -164,6 +164,23 @@ def test_what_is_separable_but_for_doubt() -> None:
     assert not separable_but_for_doubt(replace(form, surpluses=(at_one_limit,)))
 
 
+def test_doubt_of_one_requirement_and_a_mean_beside_it() -> None:
+    form, convex = form_of(0, (2, 2), 2), Surplus(np.ones(2), np.zeros(2))
+    doubted = replace(form, surpluses=(None, convex))
+    assert separable_but_for_doubt(doubted)
+    shifted = replace(form.features[0].ways[0], linear=(0.0, 1.0))
+    first = replace(form.features[0], ways=(shifted,))
+    assert not separable_but_for_doubt(replace(doubted, features=(first, form.features[1])))
+
+
+def test_a_limit_below_the_offset_leaves_no_room() -> None:
+    """0.01 stands beside the root of 1e-4 and squares: -0.5 is no room of 0.51 squared."""
+    form, limit = form_of(0, (2, 2), 1), np.array([-0.5])
+    np.testing.assert_allclose(Squares(form).room(limit), [-1e-4])
+    found, bound = least_leaf(Squares(form), limit, None)
+    assert np.isinf(found.cost) and np.isinf(bound) and bound > 0.0
+
+
 def test_what_is_separable() -> None:
     form = form_of(0, (2, 2), 2)
     assert separable.separable(form)
