@@ -57,7 +57,7 @@ def least_cost(form: Form, limits: Array) -> Optimum:
         return least_of_points(form, limits)
     if separable_but_for_doubt(form) and not _pointed(form):
         return least_under_doubt(form, limits, cost_range(form)[0])
-    several = not form.separable and len(form.outputs) > 1
+    several = len(form.outputs) > 1
     if (several or form.combinations > MANY) and _priced(form):
         return _by_squares(form, limits)
     if form.combinations == 1 or form.separable or len(limits) < 2:

@@ -163,6 +163,27 @@ def test_no_bound_is_below_one_of_wider_limits_that_were_solved(
         assert bound >= np.max(wider, initial=0.0) * (1.0 - 1e-9)
 
 
+def by_tens(form: Form, limits: np.ndarray) -> Optimum:
+    """100 less ten times the limit, as if proven."""
+    nothing, cost = np.zeros((len(limits), 1)), 100.0 - 10.0 * limits[:, 0]
+    return Optimum(nothing.astype(np.int64), nothing, cost, cost, nothing)
+
+
+@pytest.mark.parametrize("by_prices", [(-np.inf, -np.inf), (95.0, -np.inf), (-np.inf, 95.0)])
+def test_the_best_of_all_bounds_is_kept(
+    monkeypatch: pytest.MonkeyPatch, by_prices: tuple[float, float]
+) -> None:
+    """By prices of the neighbour below, of that above, and by the next wider limit of 5 and 9."""
+    left = list(by_prices)
+    monkeypatch.setattr(between, "least_cost", by_tens)
+    monkeypatch.setattr(between, "_by", lambda *given: np.full(len(given[2]), left.pop(0)))
+    course = between._Course(smooth(), np.arange(10.0)[:, None])
+    course.solve(np.array([0, 5, 9]))
+    wider = np.array([50.0] * 4 + [10.0] * 3)
+    expected = np.maximum(wider, max(by_prices))
+    np.testing.assert_array_equal(course.bound[[1, 2, 3, 4, 6, 7, 8]], expected)
+
+
 def test_limits_that_move_alone_are_an_axis() -> None:
     """Chords of the cost hold along one limit only."""
     moving, fixed = np.linspace(0.1, 0.9, 20), np.full(20, 0.5)

@@ -164,6 +164,23 @@ def test_what_is_separable_but_for_doubt() -> None:
     assert not separable_but_for_doubt(replace(form, surpluses=(at_one_limit,)))
 
 
+def test_doubt_of_one_requirement_and_a_mean_beside_it() -> None:
+    form, convex = form_of(0, (2, 2), 2), Surplus(np.ones(2), np.zeros(2))
+    doubted = replace(form, surpluses=(None, convex))
+    assert separable_but_for_doubt(doubted)
+    shifted = replace(form.features[0].ways[0], linear=(0.0, 1.0))
+    first = replace(form.features[0], ways=(shifted,))
+    assert not separable_but_for_doubt(replace(doubted, features=(first, form.features[1])))
+
+
+def test_a_limit_below_the_offset_leaves_no_room() -> None:
+    """0.01 stands beside the root of 1e-4 and squares: -0.5 is no room of 0.51 squared."""
+    form, limit = form_of(0, (2, 2), 1), np.array([-0.5])
+    np.testing.assert_allclose(Squares(form).room(limit), [-1e-4])
+    found, bound = least_leaf(Squares(form), limit, None)
+    assert np.isinf(found.cost) and np.isinf(bound) and bound > 0.0
+
+
 def test_what_is_separable() -> None:
     form = form_of(0, (2, 2), 2)
     assert separable.separable(form)
@@ -221,3 +238,79 @@ def test_cost_and_bound_meet_wherever_the_limits_are(power: float) -> None:
         leaf = squares.solve((0,) * parts, room, None)
         assert leaf.cost - leaf.bound <= 1e-8 * leaf.cost
         assert np.all(weights @ leaf.t**2 <= room * (1.0 + 1e-12))
+
+
+def two(constant: float = 0.0) -> Form:
+    """One part 1/t under two requirements, each t and a constant under the root."""
+    way = Way(Reciprocal(0.0, 1.0), 0.01, 5.0, (0.0, 0.0), (1.0, 0.0 if constant else 1.0))
+    return Form(("v", "w"), (Feature("t", (way,)),), np.zeros(2), np.array([0.0, constant]), "")
+
+
+@pytest.mark.parametrize("first", [(1e9, 0.0), (0.0, 1e9), (1e9, 1e9), (1e-9, 1e-9), (1e3, 0.0)])
+def test_newton_finds_prices_from_any_others(
+    monkeypatch: pytest.MonkeyPatch, first: tuple[float, float]
+) -> None:
+    """t <= 0.6 and t <= 0.5: the first has no price in the end, the second one gets its own again
+    where it was given up; where t stands at an end of its range prices move none the less.
+    """
+    monkeypatch.setattr(separable._Choice, "_ascended", lambda *_: pytest.fail("Newton suffices"))
+    leaf = Squares(two()).solve((0,), np.array([0.36, 0.25]), np.array(first))
+    assert leaf.cost == pytest.approx(2.0, rel=1e-12)
+    assert leaf.bound == pytest.approx(2.0, rel=1e-12)
+    np.testing.assert_allclose(leaf.mu, [0.0, 4.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("rough", [0.8, 1.2])
+def test_newton_ends_what_another_search_has_begun(
+    monkeypatch: pytest.MonkeyPatch, rough: float
+) -> None:
+    """The price of t <= 0.5 is 4, that of t <= 0.6 nothing."""
+    newton, asked = separable._Choice._newton, []
+
+    def second(self: Any, *given: Any) -> Array:
+        asked.append(given[2])
+        return newton(self, *given) if len(asked) > 1 else np.array([0.0, 1e-3])
+
+    monkeypatch.setattr(separable._Choice, "_newton", second)
+    monkeypatch.setattr(separable._Choice, "_ascended", lambda *_: np.array([0.0, 4.0 * rough]))
+    leaf = Squares(two()).solve((0,), np.array([0.36, 0.25]), None)
+    assert leaf.bound == pytest.approx(2.0, rel=1e-12)
+    assert leaf.cost == pytest.approx(2.0, rel=1e-12)
+
+
+def test_a_room_of_nothing_asks_nothing_of_what_it_does_not_hold(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The second requirement is its constant alone, and its limit just that."""
+    form, limit = two(0.09), np.array([0.5, 0.3])
+    squares = Squares(form, constant=np.array([0.0, 0.3**2]))
+    assert squares.room(limit)[1] == 0.0
+    monkeypatch.setattr(separable._Choice, "_newton", lambda *_: np.array([1e-3, 0.0]))
+    leaf = squares.solve((0,), squares.room(limit), None)
+    assert leaf.cost == pytest.approx(2.0, rel=1e-6)
+    assert leaf.bound == pytest.approx(2.0, rel=1e-6)
+
+
+def test_newton_gives_a_price_only_to_what_has_one_from_the_other_search() -> None:
+    """A choice of four parts under three limits: with a price for each of them the gap was 2e-9."""
+    form = form_of(807668444, (1,) * 4, 3, 1.7)
+    share = (0.06688973737475645, 0.14058416898755802, 0.024999163348454503)
+    squares = Squares(form)
+    ends = [np.array([getattr(f.ways[0], end) for f in form.features]) for end in ("low", "high")]
+    weights = np.stack([own[0] for own in squares.squares], axis=1)
+    least, most = (weights @ end**2 for end in ends)
+    leaf = squares.solve((0,) * 4, least + (most - least) * np.array(share), None)
+    assert leaf.cost - leaf.bound <= 1e-11 * leaf.cost
+
+
+def test_every_choice_is_listed_once_the_least_excess_first() -> None:
+    """All 18 of parts with 3, 1, 2 and 3 ways."""
+    form = form_of(3, (3, 1, 2, 3), 1)
+    excess = [np.array(one) for one in ([0.0, 2.0, 0.7], [0.0], [-0.5, 0.0], [1.0, 0.0, 0.3])]
+    anchor = Leaf((0, 0, 1, 1), np.ones(4), 1.0, 1.0, np.ones(1))
+    listed = list(separable._cheaper(Squares(form), excess, anchor))
+    every = list(itertools.product(range(3), range(1), range(2), range(3)))
+    assert sorted(ways for _, ways in listed) == every
+    totals = [sum(e[w] for e, w in zip(excess, ways, strict=True)) for _, ways in listed]
+    assert totals == pytest.approx([total for total, _ in listed])
+    assert totals == sorted(totals)
