@@ -194,6 +194,12 @@ def test_no_trouble(text: str, low: float, high: float) -> None:
     assert Formula(text).trouble({"a": np.array([low, high])}) == ""
 
 
+def test_one_sample_on_the_cut_is_trouble_and_beside_it_none() -> None:
+    formula = Formula("atan2(a, -1)")
+    assert "jumps" in formula.trouble({"a": np.zeros(1)})
+    assert formula.trouble({"a": np.array([1e-9])}) == ""
+
+
 def test_trouble_names_one_value_or_a_span() -> None:
     formula = Formula("1/a")
     assert formula.trouble({"a": np.array([0.0, 0.0])}).endswith("the divisor is 0")

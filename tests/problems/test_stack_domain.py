@@ -151,6 +151,7 @@ def test_refused_where_no_design_is_inside(tmp_path: Path) -> None:
         ("atan2(a, 1)", -3.0, np.sqrt(10.0 / 17.0)), ("atan2(a, 2 - a)", 1.0, np.sqrt(2.0) / 4.0),
         ("atan2(a, 2 - a)", 3.0, 0.75), ("atan2(a, a - 3)", 2.0, 2.0 / np.sqrt(17.0)),
         ("atan2(2 - a, 3 - a)", 3.5, 0.75), ("atan2(6 - a, -1)", 7.0, -0.5),
+        ("atan2(-a, a - 3)", 2.0, 2.0 / np.sqrt(17.0)),
     ],
 )  # fmt: skip
 def test_margins_of_functions(text: str, x: float, margin: float) -> None:
