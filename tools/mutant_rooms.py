@@ -41,7 +41,8 @@ ROOMS: Mapping[str, Room] = {
     ),
     "exact": Room(
         ("algorithms/exact/*.py",),
-        ("tests/algorithms/exact/test_*.py", "tests/problems/test_stack_*.py"),
+        ("tests/algorithms/exact/test_*.py", "tests/problems/test_stack_*.py",
+         "tests/problems/test_rv_backlash_quantile.py"),
     ),
     "propagation": Room(
         ("models/propagation/*.py",),

@@ -129,6 +129,20 @@ def test_a_limit_on_the_margin_is_kept(tmp_path: Path) -> None:
     assert 24.462426 < found["cost"][best] < 26.0
 
 
+def test_a_front_inside_its_domain_is_not_searched_again(tmp_path: Path) -> None:
+    """At a variation of 0.02 the worst corner of every optimum lies inside: the points of the
+    closed form are all that is evaluated.
+    """
+    problem = clutch(tmp_path, 'objectives.minimise=["cost", "variation"]', "limits.variation=0.02",
+                     "limits.domain_margin=0.0")  # fmt: skip
+    form = problem.form()
+    assert form is not None and form.tested == ("domain_margin",)
+    found = search(problem, Exact(points=12), Budget(), seed=1)
+    assert found.evaluations == len(found.x) <= 12
+    out = problem.outputs_of(problem.complete(found.x))
+    assert np.all(out["domain_margin"] >= 0.0) and np.all(out["variation"] <= 0.02)
+
+
 def test_refused_where_no_design_is_inside(tmp_path: Path) -> None:
     """A hub so large that the tightest tolerances reach the edge."""
     clutch(tmp_path)

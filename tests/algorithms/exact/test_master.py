@@ -94,6 +94,41 @@ def test_every_set_of_ways(form: Form, shares: Sequence[float]) -> None:
         assert cost - bound <= 0.003 * cost  # a node may end with ways mixed a little
 
 
+def uneven(form: Form) -> Form:
+    """The form with the first way alone of its first part."""
+    first = replace(form.features[0], ways=form.features[0].ways[:1])
+    return replace(form, features=(first, *form.features[1:]))
+
+
+def test_parts_with_different_numbers_of_ways() -> None:
+    form = uneven(drawn(0))
+    least, most = span(form)
+    limit = least + 0.8 * (most - least)
+    each = [least_cost(alone(form, one), limit[None, :]) for one in sets_of_ways(form)]
+    cost, bound = solved(form, limit)
+    assert len(each) == 2
+    assert cost == pytest.approx(min(float(one.cost[0]) for one in each), rel=2.0 * GAP)
+    assert bound <= cost <= bound * 1.003
+
+
+def test_the_tightest_ways_are_solved_too_as_long_as_nothing_is_known() -> None:
+    """The heaviest ways keep no limit that is below their least values; the others do."""
+    form = drawn(2)
+    lows = [[way.low for way in feature.ways] for feature in form.features]
+    tight = tuple(int(np.argmin(one)) for one in lows)
+    heavy = tuple(1 - way for way in tight)
+    ends = [Combination(form, chosen) for chosen in (tight, heavy)]
+    least = [float(one.values(one.low[None, :])[0, 0]) for one in ends]
+    assert least[0] < least[1]
+    limit = np.array([0.5 * sum(least)])
+    problem = Master(form, limit, *cost_range(form))
+    weight = [np.where(np.arange(2) == way, 0.7, 0.3) for way in heavy]
+    problem._round(weight, ((0, 1), (0, 1)), np.zeros(2))
+    assert problem.best is not None and problem.best.chosen == tight
+    by_hand = float(least_cost(alone(form, tight), limit[None, :]).cost[0])
+    assert problem.best.cost == pytest.approx(by_hand, rel=1e-6)
+
+
 @pytest.mark.parametrize(("nodes", "rounds"), [(1, 1), (2, 60), (60, 1)])
 def test_nothing_is_below_a_bound_that_was_cut_short(
     monkeypatch: pytest.MonkeyPatch, nodes: int, rounds: int

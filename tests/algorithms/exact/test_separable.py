@@ -203,6 +203,26 @@ def test_prices_that_newton_did_not_find(
     assert found.t[0] <= 0.5
 
 
+def test_prices_are_found_beside_a_requirement_without_a_limit(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Sums of b/t under sum t^2 <= 0.5, by Lagrange: t^3 = b / (2 m), and so the cost
+    (sum b^(2/3))^1.5 / 0.5^0.5; the second requirement has no limit, and so no slope.
+    """
+    b = np.array([1.0, 2.0, 0.5])
+    features = tuple(
+        Feature(f"t{at}", (Way(Reciprocal(0.0, each), 0.01, 5.0, (0.0, 0.0), (1.0, 3.0), (), 0.0),),
+                "p")
+        for at, each in enumerate(b.tolist())
+    )  # fmt: skip
+    form = Form(("v", "w"), features, np.zeros(2), np.zeros(2), "")
+    monkeypatch.setattr(separable._Choice, "_newton", lambda *_: np.array([1e-3, 0.0]))
+    found, bound = least_leaf(Squares(form), np.array([np.sqrt(0.5), INF]), None)
+    by_hand = float(np.sum(b ** (2.0 / 3.0)) ** 1.5 / np.sqrt(0.5))
+    assert bound == pytest.approx(by_hand, rel=1e-6) and bound <= by_hand
+    assert found.cost == pytest.approx(by_hand, rel=1e-6)
+
+
 @pytest.mark.parametrize("power", [1.0, 1.7])
 def test_cost_and_bound_meet_wherever_the_limits_are(power: float) -> None:
     """Random choices whose limits leave from next to nothing to most of the ranges: some bind
