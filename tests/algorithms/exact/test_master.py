@@ -100,15 +100,25 @@ def uneven(form: Form) -> Form:
     return replace(form, features=(first, *form.features[1:]))
 
 
-def test_parts_with_different_numbers_of_ways() -> None:
-    form = uneven(drawn(0))
-    least, most = span(form)
-    limit = least + 0.8 * (most - least)
-    each = [least_cost(alone(form, one), limit[None, :]) for one in sets_of_ways(form)]
-    cost, bound = solved(form, limit)
-    assert len(each) == 2
-    assert cost == pytest.approx(min(float(one.cost[0]) for one in each), rel=2.0 * GAP)
-    assert bound <= cost <= bound * 1.003
+def test_cuts_lie_below_every_allocation_of_parts_with_different_numbers_of_ways() -> None:
+    """What the parts' spread does to a value is above all tangents, and near one of them."""
+    form, rng = uneven(drawn(0, rows=2, ways=3)), np.random.default_rng(1)
+    problem = Master(form, np.full(2, 1.0), *cost_range(form))
+    assert [len(feature.ways) for feature in form.features] == [1, 3]
+    nearest = np.full(2, np.inf)
+    for chosen in sets_of_ways(form):
+        one = Combination(form, chosen)
+        t = rng.uniform(one.low, one.high, (2, 2))
+        ways = [f.ways[way] for f, way in zip(form.features, chosen, strict=True)]
+        moved = form.offset + sum(np.array(way.offset) for way in ways)
+        moved = moved + t @ np.array([way.linear for way in ways])
+        spread = one.values(t) - moved
+        for row, direction, intercept in problem._cuts:
+            s = t * np.array([way.spread[row] for way in ways])
+            above = spread[:, row] - s @ direction - intercept
+            assert np.all(above >= -1e-9)
+            nearest[row] = min(nearest[row], float(np.min(above / spread[:, row])))
+    assert np.all(nearest < 0.1)
 
 
 def test_the_tightest_ways_are_solved_too_as_long_as_nothing_is_known() -> None:
