@@ -200,7 +200,7 @@ def test_columns_of_the_model_are_lines_and_curves_in_the_units_of_the_factor() 
     columns = model(design, factors)
     assert columns.shape == (40, 1 + 2 + 2 + 2)
 
-    def left(values: Array) -> float:
+    def left(values: Any) -> float:
         return float(np.abs(values - columns @ np.linalg.lstsq(columns, values)[0]).max())
 
     x, y = design["x"].to_numpy(), np.log(design["y"].to_numpy())
