@@ -42,7 +42,8 @@ ROOMS: Mapping[str, Room] = {
     ),
     "exact": Room(
         ("algorithms/exact/*.py",),
-        ("tests/algorithms/exact/test_*.py", "tests/problems/test_stack_*.py"),
+        ("tests/algorithms/exact/test_*.py", "tests/problems/test_stack_*.py",
+         "tests/problems/test_rv_backlash_quantile.py"),
     ),
     "propagation": Room(
         ("models/propagation/*.py",),
@@ -65,12 +66,15 @@ ROOMS: Mapping[str, Room] = {
         ("tests/models/test_expressions.py", "tests/problems/test_stack_domain.py"),
     ),
     "study statistics": Room(
-        ("workflows/study/statistics/*.py",), ("tests/workflows/study/test_*.py",)
+        ("workflows/study/statistics/*.py",),
+        tuple(f"tests/workflows/study/test_{name}.py" for name in (
+            "analysis", "comparisons", "sensitivity", "statistics_by_hand")),
     ),
     "gap selection": Room(
         ("workflows/gap/select.py", "workflows/gap/settle.py", "workflows/gap/scan.py",
          "workflows/gap/ambiguity.py"),
         tuple(f"tests/workflows/test_gap_{name}.py" for name in (
-            "statistics", "settled", "terms", "noise", "bounds", "arts", "counterparts")),
+            "statistics", "settled", "terms", "noise", "bounds", "arts", "counterparts",
+            "selection_by_hand", "settling_by_hand")),
     ),
 }  # fmt: skip

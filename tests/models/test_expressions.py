@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tolevo.models.expressions import FUNCTIONS, Formula, FormulaError
+from tolevo.models.expressions.parser import DEEPEST
 
 POINT = {"a": 0.31, "b": 0.47, "c": 1.9}
 SMOOTH = [
@@ -186,10 +187,46 @@ def test_trouble_within_a_range(text: str, low: float, high: float, words: str) 
 @pytest.mark.parametrize(
     ("text", "low", "high"),
     [("1/a", 0.1, 0.3), ("a**3", -1.0, 1.0), ("a**-2", -2.0, -1.0), ("tan(a)", 1.6, 1.7),
-     ("atan2(a, 1)", -0.1, 0.1), ("acos(a)", -1.0, 1.0), ("0*a", -1.0, 1.0)],
+     ("atan2(a, 1)", -0.1, 0.1), ("acos(a)", -1.0, 1.0), ("0*a", -1.0, 1.0),
+     ("log(a)", 0.1, 2.0), ("sqrt(a)", 0.0, 2.0), ("a**0.5", 0.0, 2.0), ("1/a", -0.3, -0.1)],
 )  # fmt: skip
 def test_no_trouble(text: str, low: float, high: float) -> None:
     assert Formula(text).trouble({"a": np.array([low, high])}) == ""
+
+
+def test_one_sample_on_the_cut_is_trouble_and_beside_it_none() -> None:
+    formula = Formula("atan2(a, -1)")
+    assert "jumps" in formula.trouble({"a": np.zeros(1)})
+    assert formula.trouble({"a": np.array([1e-9])}) == ""
+
+
+def test_trouble_names_one_value_or_a_span() -> None:
+    formula = Formula("1/a")
+    assert formula.trouble({"a": np.array([0.0, 0.0])}).endswith("the divisor is 0")
+    assert formula.trouble({"a": np.array([-1.5, 2.0])}).endswith("the divisor is -1.5 to 2")
+
+
+@pytest.mark.parametrize(
+    ("text", "linear"),
+    [("a", True), ("3", True), ("-a/4 + 2*b - pi", True), ("sqrt(2)*a", True), ("a*2**3", True),
+     ("(a - b)/cos(1)", True), ("a*b", False), ("a/b", False), ("1/a", False), ("sin(a)", False),
+     ("a**2", False), ("2**a", False), ("abs(a)", False)],
+)  # fmt: skip
+def test_linear_by_second_differences(text: str, linear: bool) -> None:
+    """A linear formula has no second difference along any line, the others here have one."""
+    formula, t = Formula(text), np.linspace(-1.0, 1.0, 9)
+    values = formula.value({"a": 0.3 + t, "b": 1.7 - 0.4 * t}) + np.zeros(9)
+    assert np.allclose(np.diff(values, n=2), 0.0, atol=1e-12) == linear
+    assert formula.linear == linear
+
+
+def test_a_sum_of_exactly_the_most_terms() -> None:
+    """`DEEPEST` is the number of terms that a sum or a product may have."""
+    for sign, value in (("+", 200.0), ("*", 1.0)):
+        text = f" {sign} ".join(["a"] * DEEPEST)
+        assert Formula(text).value({"a": np.asarray(1.0)}) == value
+        with pytest.raises(FormulaError, match="in a row"):
+            Formula(f"{text} {sign} a")
 
 
 def test_every_function_is_tried_here() -> None:

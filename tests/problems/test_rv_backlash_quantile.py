@@ -110,6 +110,7 @@ def test_box_holds_the_ends_of_the_front() -> None:
     assert np.all(ends.min(axis=1) >= ideal)
     assert_allclose(ends.min(axis=1), ideal, rtol=0.025)
     assert ends[0].max() == pytest.approx(nadir[0], rel=0.025)
+    assert all(one.share is not None and 0.0 <= one.share <= 1.0 for one in found.history)
 
 
 def test_yield_instead_of_the_quantile_gives_the_same_bound() -> None:

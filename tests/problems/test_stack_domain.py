@@ -129,6 +129,20 @@ def test_a_limit_on_the_margin_is_kept(tmp_path: Path) -> None:
     assert 24.462426 < found["cost"][best] < 26.0
 
 
+def test_a_front_inside_its_domain_is_not_searched_again(tmp_path: Path) -> None:
+    """At a variation of 0.02 the worst corner of every optimum lies inside: the points of the
+    closed form are all that is evaluated.
+    """
+    problem = clutch(tmp_path, 'objectives.minimise=["cost", "variation"]', "limits.variation=0.02",
+                     "limits.domain_margin=0.0")  # fmt: skip
+    form = problem.form()
+    assert form is not None and form.tested == ("domain_margin",)
+    found = search(problem, Exact(points=12), Budget(), seed=1)
+    assert found.evaluations == len(found.x) <= 12
+    out = problem.outputs_of(problem.complete(found.x))
+    assert np.all(out["domain_margin"] >= 0.0) and np.all(out["variation"] <= 0.02)
+
+
 def test_refused_where_no_design_is_inside(tmp_path: Path) -> None:
     """A hub so large that the tightest tolerances reach the edge."""
     clutch(tmp_path)
@@ -144,14 +158,17 @@ def test_refused_where_no_design_is_inside(tmp_path: Path) -> None:
         ("sqrt(a)", 1.0, 0.25), ("sqrt(a)", -4.0, -1.0), ("log(a) + sqrt(8 - a)", 6.0, 0.5),
         ("1/(a - 2)", 3.0, 0.5), ("1/(a - 2)", 1.0, -0.5), ("(a - 6)**-1", 5.0, 0.5),
         ("a**1.5", 2.0, 0.5), ("a**2", -9.0, np.inf), ("tan(a - 4)", 4.0 + 0.25 * np.pi, 0.5),
-        ("asin(a - 4)", 4.5, 0.5), ("atan2(a, 1)", -3.0, 0.0),
+        ("asin(a - 4)", 4.5, 0.5), ("(a + 1)**-1", 1.5, 0.5), ("(a - 6)**-2", 5.0, 0.5),
+        ("tan(a)", 4.5, (1.5 * np.pi - 4.5) / (1.5 * np.pi - 4.0)),  # poles at 1.5 pi, pi / 2
+        ("tan(a)", 3.0, (3.0 - 0.5 * np.pi) / (1.5 * np.pi - 4.0)),
+        # from (z, y) to the half line y = 0, z <= 0: |y| beside it, the origin is nearest before it
+        ("atan2(a, 1)", -3.0, np.sqrt(10.0 / 17.0)), ("atan2(a, 2 - a)", 1.0, np.sqrt(2.0) / 4.0),
+        ("atan2(a, 2 - a)", 3.0, 0.75), ("atan2(a, a - 3)", 2.0, 2.0 / np.sqrt(17.0)),
+        ("atan2(2 - a, 3 - a)", 3.5, 0.75), ("atan2(6 - a, -1)", 7.0, -0.5),
+        ("atan2(-a, a - 3)", 2.0, 2.0 / np.sqrt(17.0)),
     ],
 )  # fmt: skip
 def test_margins_of_functions(text: str, x: float, margin: float) -> None:
     """Distance of the argument from the edge over that at the middle, a = 4."""
-    formula = Formula(text)
-    found = domain_margin(formula, {"a": np.array([x])}, {"a": np.asarray(4.0)})
-    if text.startswith("atan2"):
-        assert np.all(found > 0.0)
-    else:
-        np.testing.assert_allclose(np.broadcast_to(found, 1), margin, rtol=1e-12)
+    found = domain_margin(Formula(text), {"a": np.array([x])}, {"a": np.asarray(4.0)})
+    np.testing.assert_allclose(np.broadcast_to(found, 1), margin, rtol=1e-12)

@@ -94,6 +94,51 @@ def test_every_set_of_ways(form: Form, shares: Sequence[float]) -> None:
         assert cost - bound <= 0.003 * cost  # a node may end with ways mixed a little
 
 
+def uneven(form: Form) -> Form:
+    """The form with the first way alone of its first part."""
+    first = replace(form.features[0], ways=form.features[0].ways[:1])
+    return replace(form, features=(first, *form.features[1:]))
+
+
+def test_cuts_lie_below_every_allocation_of_parts_with_different_numbers_of_ways() -> None:
+    """What the parts' spread does to a value is above all tangents, and near one of them."""
+    form, rng = uneven(drawn(0, rows=2, ways=3)), np.random.default_rng(1)
+    problem = Master(form, np.full(2, 1.0), *cost_range(form))
+    assert [len(feature.ways) for feature in form.features] == [1, 3]
+    nearest = np.full(2, np.inf)
+    for chosen in sets_of_ways(form):
+        one = Combination(form, chosen)
+        t = rng.uniform(one.low, one.high, (2, 2))
+        ways = [f.ways[way] for f, way in zip(form.features, chosen, strict=True)]
+        moved = form.offset + sum(np.array(way.offset) for way in ways)
+        moved = moved + t @ np.array([way.linear for way in ways])
+        spread = one.values(t) - moved
+        for row, direction, intercept in problem._cuts:
+            s = t * np.array([way.spread[row] for way in ways])
+            above = spread[:, row] - s @ direction - intercept
+            assert np.all(above >= -1e-9)
+            nearest[row] = min(nearest[row], float(np.min(above / spread[:, row])))
+    assert np.all(nearest < 0.1)
+
+
+def test_the_tightest_ways_are_solved_too_as_long_as_nothing_is_known() -> None:
+    """The heaviest ways keep no limit that is below their least values; the others do."""
+    form = drawn(2)
+    lows = [[way.low for way in feature.ways] for feature in form.features]
+    tight = tuple(int(np.argmin(one)) for one in lows)
+    heavy = tuple(1 - way for way in tight)
+    ends = [Combination(form, chosen) for chosen in (tight, heavy)]
+    least = [float(one.values(one.low[None, :])[0, 0]) for one in ends]
+    assert least[0] < least[1]
+    limit = np.array([0.5 * sum(least)])
+    problem = Master(form, limit, *cost_range(form))
+    weight = [np.where(np.arange(2) == way, 0.7, 0.3) for way in heavy]
+    problem._round(weight, ((0, 1), (0, 1)), np.zeros(2))
+    assert problem.best is not None and problem.best.chosen == tight
+    by_hand = float(least_cost(alone(form, tight), limit[None, :]).cost[0])
+    assert problem.best.cost == pytest.approx(by_hand, rel=1e-6)
+
+
 @pytest.mark.parametrize(("nodes", "rounds"), [(1, 1), (2, 60), (60, 1)])
 def test_nothing_is_below_a_bound_that_was_cut_short(
     monkeypatch: pytest.MonkeyPatch, nodes: int, rounds: int

@@ -220,6 +220,29 @@ def test_prices_that_newton_did_not_find(
     assert found.t[0] <= 0.5
 
 
+@pytest.mark.parametrize("seed", [4, 6, 16])
+def test_prices_are_found_beside_a_requirement_without_a_limit(
+    monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    """Its price is nothing, and has no slope: without Newton's method the optimum is that of
+    another solver, which does not know the requirement.
+    """
+    form = form_of(seed, (1, 1, 1, 1), 3)
+    ways = [feature.ways[0] for feature in form.features]
+    ends = [np.array([getattr(way, end) for way in ways]) for end in ("low", "high")]
+    weights = np.array([way.spread for way in ways]).T ** 2
+    least, most = (weights @ end**2 for end in ends)
+    limits = 0.01 + np.sqrt(1e-4 + least + np.array([0.3, 0.4, 0.0]) * (most - least))
+    limits[2] = INF
+    monkeypatch.setattr(
+        separable._Choice, "_newton", lambda _, room, asked, first: np.where(asked, 1e-3, 0.0)
+    )
+    found, bound = least_leaf(Squares(form), limits, None)
+    by_hand = costs_of_choices(form, limits)[(0, 0, 0, 0)]
+    assert bound == pytest.approx(by_hand, rel=1e-6)
+    assert found.cost == pytest.approx(by_hand, rel=1e-6)
+
+
 @pytest.mark.parametrize("power", [1.0, 1.7])
 def test_cost_and_bound_meet_wherever_the_limits_are(power: float) -> None:
     """Random choices whose limits leave from next to nothing to most of the ranges: some bind

@@ -91,8 +91,9 @@ def _friedman(values: Array) -> dict[str, Any]:
     whole = values[~np.isnan(values).any(axis=1)]
     seeds, levels = whole.shape
     ranks = rankdata(whole, axis=1) if seeds else whole
-    flat = seeds < 2 or bool(np.all(ranks == ranks[:, :1]))
-    out = {"n": seeds, "differ": 0 if flat else seeds, "statistic": np.nan, "p": 1.0, "effect": 0.0,
+    same = bool(np.all(ranks == ranks[:, :1]))
+    flat = seeds < 2 or same
+    out = {"n": seeds, "differ": 0 if same else seeds, "statistic": np.nan, "p": 1.0, "effect": 0.0,
            "seeds": seeds, "least": min(1.0, float(factorial(levels)) ** (1 - seeds))}  # fmt: skip
     if not flat:
         test = friedmanchisquare(*ranks.T)
