@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tolevo.models.rv_reducer.contact.contact import LoadedContact
+from tolevo.models.rv_reducer.contact.declared import PARAMETERS
 from tolevo.models.rv_reducer.contact.errors import PartErrors
 from tolevo.models.rv_reducer.contact.faults import faults
 from tolevo.models.rv_reducer.contact.gaps import gaps
@@ -105,3 +106,34 @@ def test_exact_contact_has_the_gaps_of_the_nearest_points() -> None:
 def test_pins_must_be_one_more_than_the_teeth() -> None:
     wrong = replace(GEOMETRY, nominal=replace(GEOMETRY.nominal, cycloid_teeth=38))
     assert "parameters.pins" in [one.place for one in faults(wrong)]
+
+
+@pytest.mark.parametrize("rotation", [-0.02, -1e-4, 1e-4, 0.02])
+def test_torque_of_rigid_discs_is_the_sum_over_the_pins(rotation: float) -> None:
+    """k l (l x - g) of every pin that is closed, also where all of a flank bear."""
+    errors = PartErrors(pin_radius=1e-6 * np.random.default_rng(5).standard_normal((1, 2, 40)))
+    mesh = replace(LoadedContact(), series_stiffness=np.inf).mesh(errors, ANGLES)
+    arm, ratio = mesh.gaps.lever, GEOMETRY.output_ratio
+    closed = np.maximum(arm * rotation * ratio - mesh.gaps.gap[0], 0.0)
+    torque = ratio * np.sum(2e8 * arm * closed, axis=(1, 2))
+    stiffness = ratio**2 * np.sum(2e8 * arm**2 * (closed > 0.0), axis=(1, 2))
+    found = mesh.torque(np.full((1, 3), rotation))
+    np.testing.assert_allclose(found[0][0], torque, rtol=1e-9)
+    np.testing.assert_allclose(found[1][0], stiffness, rtol=1e-9)
+
+
+def test_rotation_of_an_exact_contact_is_that_of_its_gaps() -> None:
+    """Whatever the engine: compiled code knows the series alone."""
+    errors = PartErrors(circle_offset=np.array([1e-4]))
+    exact = replace(LoadedContact(), exact=True)
+    found = exact.rotation(errors, ANGLES, 412.0)
+    turned = exact.reaction(errors, ANGLES, found)[0]
+    np.testing.assert_allclose(turned, 412.0, rtol=1e-9)
+
+
+def test_what_the_contact_refuses_is_out_of_its_declared_ranges() -> None:
+    """Stiffness and torque of zero are refused: a range with its end left out says the same."""
+    ranges = {one.name: (one.low, one.open_low) for one in PARAMETERS}
+    for name in ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin",
+                 "rated_torque_Nm", "momentary_torque_Nm"):  # fmt: skip
+        assert ranges[name] == (0.0, True)
