@@ -14,7 +14,7 @@ from tolevo.models.manipulator.nonlinear import _poses
 
 def test_both_ends_of_a_ring_are_named_where_both_are_wrong() -> None:
     ring = TaskRing()
-    wrong = replace(ring, r=ring.r[:1], z=ring.z[:1])
+    wrong = replace(ring, r=ring.r[:1], z=ring.z[:1])  # type: ignore[arg-type]
     places = [one.place for one in _of_ring(wrong, "parameters")]
     assert places == ["parameters.ring_r_mm", "parameters.ring_z_mm"]
 
