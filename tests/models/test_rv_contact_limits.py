@@ -137,3 +137,16 @@ def test_what_the_contact_refuses_is_out_of_its_declared_ranges() -> None:
     for name in ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin",
                  "rated_torque_Nm", "momentary_torque_Nm"):  # fmt: skip
         assert ranges[name] == (0.0, True)
+
+
+def test_foot_is_no_farther_than_points_a_milliradian_apart() -> None:
+    """Pins displaced by far more than any error, at bottoms of tooth spaces."""
+    rng = np.random.default_rng(1)
+    phi = rng.uniform(-0.5, 0.5, 4000)
+    moved = 60e-6 * (rng.uniform(-1.0, 1.0, 4000) + 1j * rng.uniform(-1.0, 1.0, 4000))
+    pin = nominal_pin(GEOMETRY, phi) + moved
+    found = np.abs(pin - curve(GEOMETRY, phi, foot(GEOMETRY, phi, pin)).point)
+    near = np.cos(phi) > 0.9
+    for v in 1e-3 * np.arange(-4, 5):
+        away = np.abs(pin - curve(GEOMETRY, phi, np.full(4000, v)).point)
+        assert np.all(found[near] <= away[near] + 1e-12)
