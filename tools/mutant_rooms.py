@@ -48,7 +48,8 @@ ROOMS: Mapping[str, Room] = {
     "propagation": Room(
         ("models/propagation/*.py",),
         tuple(f"tests/models/test_{name}.py" for name in (
-            "propagation", "power_sums", "symmetric_sum", "sums_of_every_input")),
+            "propagation", "propagation_series", "power_sums", "symmetric_sum",
+            "sums_of_every_input")),
     ),
     "rv_reducer": Room(
         ("models/rv_reducer/*.py",),

@@ -16,6 +16,7 @@ import importlib
 import json
 import os
 import random
+import re
 import resource
 import sys
 import tempfile
@@ -141,10 +142,15 @@ class Map:
     lines: dict[str, dict[int, list[str]]]
 
     def tests_of(self, place: Place) -> dict[str, float]:
-        """The tests of a mutation, up to `LONGEST` seconds; all of what an import executes."""
+        """The tests of a mutation, up to `LONGEST` seconds; all of what an import executes.
+
+        Nothing is seen of compiled functions: they are tried by all tests of what imports them.
+        """
         file, mutation = place
         own, first, last = self.lines.get(file, {}), *mutation.lines
         named = {test for line in range(first, last + 1) for test in own.get(line, ())}
+        if not named and "numba" in (ROOT / file).read_text():
+            named = self._callers(file)
         if "" in named or not named:
             named = set(self.seconds) if "" in named else named - {""}
         picked: dict[str, float] = {}
@@ -155,6 +161,12 @@ class Map:
                 break
             picked[test] = self.seconds.get(test, 0.0)
         return picked
+
+    def _callers(self, file: str) -> set[str]:
+        """The tests that execute anything but an import of the modules that import this one."""
+        name = re.compile(rf"^ *(from|import) .*\b{Path(file).stem}\b", re.MULTILINE)
+        by = [one for one in self.lines if one != file and name.search((ROOT / one).read_text())]
+        return {test for one in by for own in self.lines[one].values() for test in own} - {""}
 
 
 def mapped(room: Room, tests: Sequence[str]) -> Map:

@@ -137,10 +137,11 @@ def _levels(
 ) -> tuple[Array, Array]:
     """Quantile at `coverage` and probability up to `limit`, by linear interpolation."""
     below = np.cumsum(mass, axis=1) - 0.5 * mass
-    after = np.clip(np.argmax(below >= coverage, axis=1), 1, mass.shape[1] - 1)[:, None]
+    level = np.minimum(coverage, below[:, -1])  # rounding may leave all mass below the coverage
+    after = np.clip(np.argmax(below >= level[:, None], axis=1), 1, mass.shape[1] - 1)[:, None]
     low, high = (np.take_along_axis(below, at, axis=1)[:, 0] for at in (after - 1, after))
     rise = np.where(high > low, high - low, 1.0)
-    part = np.clip((coverage - low) / rise, 0.0, 1.0)
+    part = np.clip((level - low) / rise, 0.0, 1.0)
     quantile = np.take_along_axis(x, after - 1, axis=1)[:, 0] + part * step
     place = np.clip((limit - x[:, 0]) / step, 0.0, mass.shape[1] - 1.000001)
     left = place.astype(np.int64)[:, None]

@@ -14,6 +14,9 @@ from .method import Propagation
 from .result import Estimate, Propagated
 from .sums import ClippedSum, cumulants_of, total_cumulants
 
+TINY = 1e-75
+"""Stands for no spread: its fourth power, which divides a fourth cumulant, is still above 0."""
+
 
 @dataclass(frozen=True, slots=True)
 class Moments(Propagation):
@@ -75,13 +78,14 @@ def _doubt(clipped: Array, free: Array, coverage: float) -> tuple[Array, ...]:
     sigma, std = np.sqrt(clipped[1]), np.sqrt(np.maximum(effective[1], 0.0))
     stretch = 1.0 / float(density(np.asarray(ndtri(coverage))))
     tail = np.minimum(whole * stretch, 1.5) * std
-    return part * sigma, part * sigma, tail, whole + part, part
+    return part * sigma, part * sigma, tail, np.minimum(whole + part, 1.0), part
 
 
 def _series_size(cumulants: Array) -> Array:
-    sigma = np.maximum(np.sqrt(cumulants[1]), np.finfo(float).tiny)
-    skew, excess = np.abs(cumulants[2]) / sigma**3, np.abs(cumulants[3]) / sigma**4
-    return np.asarray(0.40 * skew / 6.0 + 0.55 * excess / 24.0 + 1.4 * skew**2 / 72.0)
+    sigma = np.sqrt(np.maximum(cumulants[1], TINY**2))
+    with np.errstate(over="ignore"):  # where the series gives no variance it may miss anything
+        skew, excess = np.abs(cumulants[2]) / sigma**3, np.abs(cumulants[3]) / sigma**4
+        return np.asarray(0.40 * skew / 6.0 + 0.55 * excess / 24.0 + 1.4 * skew**2 / 72.0)
 
 
 def _effective(
@@ -91,8 +95,9 @@ def _effective(
     upper = _upper_moments(clipped)
     cumulants = cumulants_of(upper[1:]) + free
     mean, std = cumulants[0], np.sqrt(np.maximum(cumulants[1], 0.0))
-    safe = np.maximum(std, np.finfo(float).tiny)
-    skew, excess = cumulants[2] / safe**3, cumulants[3] / safe**4
+    safe = np.maximum(std, TINY)
+    spread = np.where(std > 0.0, cumulants, 0.0)
+    skew, excess = spread[2] / safe**3, spread[3] / safe**4
     if gaussian:
         skew, excess = np.zeros_like(skew), np.zeros_like(excess)
     quantile = mean + std * _cornish_fisher(float(ndtri(coverage)), skew, excess)
@@ -103,7 +108,7 @@ def _effective(
 def _upper_moments(cumulants: Array) -> Array:
     """E[x^k; x > 0], k = 0..4, of the Gram-Charlier density, shape (5, n)."""
     mean = cumulants[0]
-    sigma = np.maximum(np.sqrt(cumulants[1]), 1e-12 * np.abs(mean) + np.finfo(float).tiny)
+    sigma = np.maximum(np.sqrt(cumulants[1]), 1e-12 * np.abs(mean) + TINY)
     skew, excess = cumulants[2] / sigma**3 / 6.0, cumulants[3] / sigma**4 / 24.0
     tail = _normal_tail_moments(-mean / sigma, 8)
     shaped = [
