@@ -14,12 +14,17 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+MILLION = 1_000_000
 
 BACKLASH = 'problem = "rv_backlash"\nreferences = "none"\n[parameters]\nreading = "printed"\n'
 SEARCH = '[algorithm]\nname = "nsga2"\nengine = "array"\n'
@@ -70,23 +75,38 @@ class Case:
     prepared: Callable[[Path, int], list[str]]
 
 
+def written(path: Path, rows: int, columns_of: Callable[[int, int], dict[str, Array]]) -> None:
+    """A Parquet file, written a million rows at a time by their start and count: the largest memory
+    of this process counts as that of a command which it begins.
+    """
+    parts = [(start, min(MILLION, rows - start)) for start in range(0, rows, MILLION)]
+    tables = (pa.table(columns_of(start, count)) for start, count in parts)
+    first = next(tables)
+    with pq.ParquetWriter(path, first.schema) as writer:
+        for table in chain([first], tables):
+            writer.write_table(table)
+
+
 def simulate(folder: Path, rows: int) -> list[str]:
-    """Rows of a Parquet file, a million at a time."""
-    rng, path = np.random.default_rng(0), folder / "points.parquet"
-    schema = pa.schema([("torque_Nm", pa.float64()), ("direction", pa.float64())])
-    with pq.ParquetWriter(path, schema) as writer:
-        for start in range(0, rows, 1_000_000):
-            count = min(1_000_000, rows - start)
-            torque = np.round(rng.uniform(-300.0, 300.0, count))
-            columns = {"torque_Nm": torque, "direction": np.sign(torque) + (torque == 0.0)}
-            writer.write_table(pa.table(columns, schema=schema))
+    """Rows of a Parquet file."""
+    rng = np.random.default_rng(0)
+
+    def columns_of(start: int, count: int) -> dict[str, Array]:
+        torque = np.round(rng.uniform(-300.0, 300.0, count))
+        return {"torque_Nm": torque, "direction": np.sign(torque) + (torque == 0.0)}
+
+    written(folder / "points.parquet", rows, columns_of)
     (folder / "c.toml").write_text('model = "rv_lost_motion"\n', encoding="utf-8")
     return ["simulate", "c.toml", "points.parquet", "--out", "o", "--partitioned"]
 
 
 def units(folder: Path, rows: int) -> list[str]:
     """Units of a batch."""
-    pd.DataFrame({"unit": np.arange(rows, dtype=float)}).to_parquet(folder / "u.parquet")
+
+    def columns_of(start: int, count: int) -> dict[str, Array]:
+        return {"unit": np.arange(start, start + count, dtype=float)}
+
+    written(folder / "u.parquet", rows, columns_of)
     (folder / "c.toml").write_text('model = "rv_batch"\n', encoding="utf-8")
     return ["simulate", "c.toml", "u.parquet", "--out", "o", "--partitioned"]
 
@@ -153,7 +173,13 @@ def gap(folder: Path, rows: int) -> list[str]:
 
 CASES = (
     Case("simulate", "rows", (10**5, 10**6, 10**7, 10**8), (10**5, 10**6, 10**7), simulate),
-    Case("simulate a batch", "units", (10**3, 10**5, 10**6, 10**7), (10**3, 10**5, 10**6), units),
+    Case(
+        "simulate a batch",
+        "units",
+        (10**3, 10**5, 10**6, 10**7, 10**8),
+        (10**3, 10**5, 10**6),
+        units,
+    ),
     Case("evaluate", "designs", (10**3, 10**4, 10**5), (10**3, 10**4), evaluate),
     Case("evaluate 20,000", "workers", (1, 2, 8), (1, 2), by_workers),
     Case("run", "population", (100, 1000, 10_000), (100, 1000), population),
