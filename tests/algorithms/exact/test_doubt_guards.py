@@ -118,7 +118,7 @@ def test_the_cheapest_allocation_is_kept() -> None:
 
 def test_steps_are_logarithms_where_both_squares_are_there() -> None:
     own = _Reweighted(drawn(4), np.array([6.0]), np.array([[1.0, 0.0, 2.0, 0.0]]))
-    step = own._step(np.array([[0.0, 3.0, 2.0 * np.e, 0.0]]))
+    step = own._step(np.array([[0.0, 3.0, 2.0 * np.exp(1.0), 0.0]]))
     np.testing.assert_allclose(step, [[0.0, 0.0, 1.0, 0.0]], atol=1e-15)
 
 
