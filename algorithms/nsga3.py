@@ -43,9 +43,11 @@ class NSGA3(AlgorithmSettings):
         count = comb(self.partitions + objectives - 1, self.partitions)
         if count <= self.population:
             return []
-        text = (f"{self.partitions} of {objectives} axes are {count} reference directions, more "
-                f"than the population of {self.population}: raise population to {count}, or give "
-                "fewer partitions (0: as many as the population holds)")  # fmt: skip
+        text = (
+            f"{self.partitions} of {objectives} axes are {count} reference directions, more "
+            f"than the population of {self.population}: raise population to {count}, or give "
+            "fewer partitions (0: as many as the population holds)"
+        )
         return [Fault("partitions", text)]
 
     def build(self, problem: ToleranceProblem) -> Any:

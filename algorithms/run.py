@@ -159,8 +159,18 @@ class Run:
     def _progress(self, at: int, value: float) -> Progress:
         """The state after the batch `at`, with its hypervolume."""
         evaluations, seconds, share, phase, done = self._rows[at]
-        return Progress(at + 1, self.generations, evaluations, self.budget.evaluations, seconds,
-                        self._remaining(at), value, share, phase, done)  # fmt: skip
+        return Progress(
+            at + 1,
+            self.generations,
+            evaluations,
+            self.budget.evaluations,
+            seconds,
+            self._remaining(at),
+            value,
+            share,
+            phase,
+            done,
+        )
 
     def choose(self, x: Array) -> None:
         """Add search vectors (n, variables) to those that the algorithm gives as its result."""
@@ -195,13 +205,15 @@ class Run:
             "counts": np.array([self.evaluations, self.seconds]),
         }
         parts = {"archive": self.archive.state(), "attained": self.attained.state()}
-        return own | {f"{part}.{key}": value for part, state in parts.items()
-                      for key, value in state.items()}  # fmt: skip
+        return own | {
+            f"{part}.{key}": value for part, state in parts.items() for key, value in state.items()
+        }
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on from a `state()`; the clock goes on from its seconds."""
-        self._rows = [(int(n), s, share, "", None)
-                      for _, n, s, _, share in state["history"].tolist()]  # fmt: skip
+        self._rows = [
+            (int(n), s, share, "", None) for _, n, s, _, share in state["history"].tolist()
+        ]
         evaluations, seconds = state["counts"].tolist()
         self.evaluations = int(evaluations)
         self._start = time.monotonic() - seconds

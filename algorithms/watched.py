@@ -22,9 +22,14 @@ class WatchedRun(Run):
     """
 
     def __init__(
-        self, problem: ToleranceProblem, budget: Budget, seed: int, course: Course,
-        solver: bool, limit_s: float | None,
-    ) -> None:  # fmt: skip
+        self,
+        problem: ToleranceProblem,
+        budget: Budget,
+        seed: int,
+        course: Course,
+        solver: bool,
+        limit_s: float | None,
+    ) -> None:
         super().__init__(problem, budget, seed, counts_generations=not solver)
         self.course = course
         self._archived = solver

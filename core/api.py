@@ -84,8 +84,14 @@ def check(source: Source, settings: Sequence[str] = ()) -> str:
 
     faults: list[Fault] = []
     executing(source, settings, None, "", faults, store="")
-    found = collected(lambda: describe(read(source, settings)) if isinstance(source, Configuration)
-                      else checked(raw(source), settings), faults)  # fmt: skip
+    found = collected(
+        lambda: (
+            describe(read(source, settings))
+            if isinstance(source, Configuration)
+            else checked(raw(source), settings)
+        ),
+        faults,
+    )
     raise_all(faults)
     return found
 

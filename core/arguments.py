@@ -109,8 +109,11 @@ def beside(folder: Path) -> Path:
 
 
 def _page_faults(folders: Sequence[Path], out: Path | None) -> list[Fault]:
-    faults = [Fault(str(one), "is not a directory" if one.exists() else "does not exist")
-              for one in folders if not one.is_dir()]  # fmt: skip
+    faults = [
+        Fault(str(one), "is not a directory" if one.exists() else "does not exist")
+        for one in folders
+        if not one.is_dir()
+    ]
     if len(folders) > 1 and len(faults) < len(folders):
         faults = []  # what is there is compared, and the rest is said
     if out is None and len(folders) == 1:

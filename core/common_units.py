@@ -28,10 +28,30 @@ _POWER: Powers = (("kilogram", 1), ("meter", 2), ("second", -3))
 
 _SIZES: Mapping[Powers, Mapping[str, Fraction | int | str]] = {
     (): {"%": "0.01", "percent": "0.01", "ppm": "1e-6"},
-    _LENGTH: {"nm": "1e-9", "um": "1e-6", "µm": "1e-6", "mm": "1e-3", "cm": "0.01", "dm": "0.1",
-              "m": 1, "km": 1000, "in": _INCH, "inch": _INCH, "ft": 12 * _INCH},
-    _ANGLE: {"rad": 1, "mrad": "1e-3", "urad": "1e-6", "µrad": "1e-6", "deg": PI / 180,
-             "degree": PI / 180, "arcmin": PI / 10800, "arcsec": PI / 648000, "turn": 2 * PI},
+    _LENGTH: {
+        "nm": "1e-9",
+        "um": "1e-6",
+        "µm": "1e-6",
+        "mm": "1e-3",
+        "cm": "0.01",
+        "dm": "0.1",
+        "m": 1,
+        "km": 1000,
+        "in": _INCH,
+        "inch": _INCH,
+        "ft": 12 * _INCH,
+    },
+    _ANGLE: {
+        "rad": 1,
+        "mrad": "1e-3",
+        "urad": "1e-6",
+        "µrad": "1e-6",
+        "deg": PI / 180,
+        "degree": PI / 180,
+        "arcmin": PI / 10800,
+        "arcsec": PI / 648000,
+        "turn": 2 * PI,
+    },
     _TIME: {"ms": "1e-3", "s": 1, "min": 60, "h": 3600},
     _MASS: {"g": "1e-3", "kg": 1, "lb": _POUND},
     _TEMPERATURE: {"K": 1, "mK": "1e-3", "degC": 1},
@@ -41,20 +61,35 @@ _SIZES: Mapping[Powers, Mapping[str, Fraction | int | str]] = {
     _PRESSURE: {"Pa": 1, "kPa": 1000, "MPa": 1_000_000, "GPa": 1_000_000_000, "bar": 100_000},
     _ENERGY: {"J": 1},
     _POWER: {"W": 1, "kW": 1000},
-}  # fmt: skip
+}
 
 COMMON: Mapping[str, tuple[Fraction, Powers]] = {
-    name: (Fraction(size), powers) for powers, sizes in _SIZES.items()
+    name: (Fraction(size), powers)
+    for powers, sizes in _SIZES.items()
     for name, size in sizes.items()
-}  # fmt: skip
+}
 """SI units in a unit, and the powers of what it is made of, by name."""
 ZEROS: Mapping[str, Fraction] = {"degC": Fraction("273.15")}
 """Where the zero of a unit lies in its SI unit, 0 for all others."""
-RATES = frozenset([
-    "beats_per_minute", "bits_per_pixel", "counts_per_second", "dots_per_inch", "foot_per_second",
-    "kilometer_per_hour", "kilometer_per_second", "kip_per_square_inch", "meter_per_second",
-    "meter_per_second_squared", "mile_per_hour", "pixels_per_centimeter", "pixels_per_inch",
-    "pound_force_per_square_inch", "revolutions_per_minute", "revolutions_per_second",
-    "standard_liter_per_minute",
-])  # fmt: skip
+RATES = frozenset(
+    [
+        "beats_per_minute",
+        "bits_per_pixel",
+        "counts_per_second",
+        "dots_per_inch",
+        "foot_per_second",
+        "kilometer_per_hour",
+        "kilometer_per_second",
+        "kip_per_square_inch",
+        "meter_per_second",
+        "meter_per_second_squared",
+        "mile_per_hour",
+        "pixels_per_centimeter",
+        "pixels_per_inch",
+        "pound_force_per_square_inch",
+        "revolutions_per_minute",
+        "revolutions_per_second",
+        "standard_liter_per_minute",
+    ]
+)
 """Names of pint's with a "_per_" of their own, the first one since 0.26."""

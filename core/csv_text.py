@@ -22,9 +22,10 @@ _ACTIVE = re.compile(r"'*[=+\-@\t\r]")
 """How a formula begins, or a text that has apostrophes in front of such a beginning already."""
 _MARKED = re.compile(r"'+[=+\-@\t\r]")
 EXACT: Mapping[str, Any] = (
-    {} if tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
+    {}
+    if tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     else {"float_precision": "round_trip"}
-)  # fmt: skip
+)
 """With this pandas reads every number as it was written, the last digit of some was lost before
 3.1."""
 

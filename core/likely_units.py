@@ -6,9 +6,30 @@ import math
 
 from .units import converted, fits
 
-COMMON = ("um", "mm", "in", "m", "arcsec", "arcmin", "mrad", "deg", "rad", "N mm", "N m", "N", "kN",
-          "N mm/arcmin", "N m/arcmin", "N m/rad", "N/um", "N/mm", "N/m", "rpm", "deg/s",
-          "rad/s")  # fmt: skip
+COMMON = (
+    "um",
+    "mm",
+    "in",
+    "m",
+    "arcsec",
+    "arcmin",
+    "mrad",
+    "deg",
+    "rad",
+    "N mm",
+    "N m",
+    "N",
+    "kN",
+    "N mm/arcmin",
+    "N m/arcmin",
+    "N m/rad",
+    "N/um",
+    "N/mm",
+    "N/m",
+    "rpm",
+    "deg/s",
+    "rad/s",
+)
 """Units that drawings, catalogues and measuring machines state, the small ones first."""
 
 
@@ -25,8 +46,11 @@ def likely_unit(value: float, unit: str, low: float, high: float) -> str:
     except ValueError:
         return ""
     middle = math.sqrt(low * high) if low > 0.0 else 0.1 * high
-    near = [(abs(math.log(value * scale / middle)), one) for one, scale in scales.items()
-            if scale != 1.0 and low <= value * scale <= high and value * scale > 0.0]  # fmt: skip
+    near = [
+        (abs(math.log(value * scale / middle)), one)
+        for one, scale in scales.items()
+        if scale != 1.0 and low <= value * scale <= high and value * scale > 0.0
+    ]
     return min(near)[1] if near else ""
 
 

@@ -49,8 +49,11 @@ def fraction(progress: Progress) -> float | None:
 
 def describe_study(progress: StudyProgress) -> str:
     """Runs done, running and failed, and the time left in one line."""
-    parts = [f"runs {progress.done}/{progress.total} done", f"{progress.running} running",
-             f"{progress.failed} failed"]  # fmt: skip
+    parts = [
+        f"runs {progress.done}/{progress.total} done",
+        f"{progress.running} running",
+        f"{progress.failed} failed",
+    ]
     if progress.remaining is not None:
         parts.append(f"{progress.remaining:.0f} s left")
     return ", ".join([*parts, progress.note] if progress.note else parts)

@@ -42,8 +42,18 @@ GROUPS = (
     "rules",
     "pages",
 )
-PLUGIN_FAULTS = (ArithmeticError, AttributeError, ImportError, LookupError, NameError, OSError,
-                 RuntimeError, SyntaxError, TypeError, ValueError)  # fmt: skip
+PLUGIN_FAULTS = (
+    ArithmeticError,
+    AttributeError,
+    ImportError,
+    LookupError,
+    NameError,
+    OSError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    ValueError,
+)
 """What importing a plugin that is broken may raise; it is the user's to mend, with a name."""
 
 

@@ -119,8 +119,13 @@ def simulate(
     configuration = collected(lambda: _read(source, settings), faults)
     raise_all(faults)
     given = configuration.settings
-    simulation = Simulation(build_model(configuration), configuration.seed,
-                            configuration.model_name, given.effects, dict(given.zero))  # fmt: skip
+    simulation = Simulation(
+        build_model(configuration),
+        configuration.seed,
+        configuration.model_name,
+        given.effects,
+        dict(given.zero),
+    )
     understood, notes, index = list[str](), list[str](), None
     rows: Any = None
     if not isinstance(inputs, pd.DataFrame):

@@ -72,13 +72,16 @@ def harmonic(teeth: Mapping[str, int]) -> Gear:
     teeth engage at both ends. Reference: Ghorbel, Gandhi and Alpeter, J. Mech. Des. 123, 2001.
     """
     once = teeth["flex_teeth"] / (teeth["circular_teeth"] - teeth["flex_teeth"])
-    return Gear("harmonic", {
-        "wave generator": once,
-        "wave generator, twice a turn": 2.0 * once,
-        "wave generator, four times a turn": 4.0 * once,
-        "wave generator on the flexspline": once + 1.0,
-        "wave generator on the flexspline, twice a turn": 2.0 * once + 2.0,
-    })  # fmt: skip
+    return Gear(
+        "harmonic",
+        {
+            "wave generator": once,
+            "wave generator, twice a turn": 2.0 * once,
+            "wave generator, four times a turn": 4.0 * once,
+            "wave generator on the flexspline": once + 1.0,
+            "wave generator on the flexspline, twice a turn": 2.0 * once + 2.0,
+        },
+    )
 
 
 def planetary(teeth: Mapping[str, int]) -> Gear:
@@ -88,14 +91,17 @@ def planetary(teeth: Mapping[str, int]) -> Gear:
     teeth pass in mesh. Reference: Inalpolat and Kahraman, J. Sound Vib. 323, 2009.
     """
     ring, over = teeth["ring_teeth"], teeth["ring_teeth"] / teeth["sun_teeth"]
-    return Gear("planetary", {
-        SUN_OVER_CARRIER: over,
-        SUN: over + 1.0,
-        "planet": ring / teeth["planet_teeth"],
-        "planet passing": float(teeth["planets"]),
-        "planets over the sun": teeth["planets"] * over,
-        "tooth mesh": float(ring),
-    })  # fmt: skip
+    return Gear(
+        "planetary",
+        {
+            SUN_OVER_CARRIER: over,
+            SUN: over + 1.0,
+            "planet": ring / teeth["planet_teeth"],
+            "planet passing": float(teeth["planets"]),
+            "planets over the sun": teeth["planets"] * over,
+            "tooth mesh": float(ring),
+        },
+    )
 
 
 TEETH: Mapping[str, tuple[str, ...]] = {
@@ -128,8 +134,11 @@ def of_ratio(pins: int, cycloid_teeth: int, ratio: float) -> Gear:
 def contradictions(kind: str, teeth: Mapping[str, int]) -> dict[str, str]:
     """What counts of a gear cannot be, by their name."""
     found: dict[str, str] = {}
-    smaller = {"rv": ("cycloid_teeth", "pins"), "cycloidal": ("cycloid_teeth", "pins"),
-               "harmonic": ("flex_teeth", "circular_teeth")}  # fmt: skip
+    smaller = {
+        "rv": ("cycloid_teeth", "pins"),
+        "cycloidal": ("cycloid_teeth", "pins"),
+        "harmonic": ("flex_teeth", "circular_teeth"),
+    }
     if kind in smaller:
         less, more = smaller[kind]
         if teeth[less] >= teeth[more]:

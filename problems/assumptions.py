@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 PRINTED = "printed"
 """The reading in which a parameter has the value that a document prints."""
 NOT_PRINTED = object()
-SAMPLED = ("later parts are normal, of the process that made the sample; what it leaves open of "
-           "mean and scatter is in the promise")  # fmt: skip
+SAMPLED = (
+    "later parts are normal, of the process that made the sample; what it leaves open of "
+    "mean and scatter is in the promise"
+)
 
 
 def told(promise: Promise | None) -> str:
@@ -75,9 +77,10 @@ def _measured(variable: Variable, sample: PartSample, promise: Promise | None) -
     """What is known of a variable by measured parts, and what they leave open."""
     place = f"variables.{variable.name}"
     known = sample.statement(variable.unit)
-    return [Assumption(f"{place}.measured", known, "", told(promise), "configuration"),
-            *(Assumption(f"{place}.{key}", "", "", why)
-              for key, why in sample.assumed.items())]  # fmt: skip
+    return [
+        Assumption(f"{place}.measured", known, "", told(promise), "configuration"),
+        *(Assumption(f"{place}.{key}", "", "", why) for key, why in sample.assumed.items()),
+    ]
 
 
 def _costs(problem: ToleranceProblem) -> list[Assumption]:
@@ -87,10 +90,14 @@ def _costs(problem: ToleranceProblem) -> list[Assumption]:
             f"; one assumed unit is worth {money.scale:g} {money.currency}" if money.scale else ""
         )
         return [
-            Assumption(f"costs.{name}", repr(problem.settings.costs[name]), money.currency,
-                       f"assumed curve; the documents print no cost data{worth}")
+            Assumption(
+                f"costs.{name}",
+                repr(problem.settings.costs[name]),
+                money.currency,
+                f"assumed curve; the documents print no cost data{worth}",
+            )
             for name in money.assumed
-        ]  # fmt: skip
+        ]
     return [
         Assumption(f"costs.{name}", repr(curve), "", reason, _set_by(name, problem.given.costs))
         for name, curve in problem.settings.costs.items()

@@ -67,8 +67,9 @@ class PromisedOutput:
         """The norm of the standard deviations (n, k) of these variables."""
         one = np.ones(len(self.processes))
         quantile = self.quantile(given) if len(given.sides) == 1 else None
-        return norm_of(list(self.processes.values()), one, one, self.promise.confidence,
-                       quantile=quantile)  # fmt: skip
+        return norm_of(
+            list(self.processes.values()), one, one, self.promise.confidence, quantile=quantile
+        )
 
     def quantile(self, given: Deviations) -> float:
         """Standard deviations that must fit between the mean and each limit."""
@@ -86,7 +87,8 @@ class PromisedOutput:
         """The promised yield [percent] (n,): assured by the norm, or expected over the draws."""
         if self.promise.statement != ASSURED:
             return 100.0 * np.concatenate(
-                [np.empty(0), *(one.mean(axis=1) for one in self._yields(given))])  # fmt: skip
+                [np.empty(0), *(one.mean(axis=1) for one in self._yields(given))]
+            )
         room = np.min([side * (end - given.mean) for side, end in given.sides], axis=0)
         z = room / self.spread(given)
         return np.asarray(100.0 * (2.0 * ndtr(z) - 1.0 if len(given.sides) == 2 else ndtr(z)))
@@ -106,13 +108,18 @@ class PromisedOutput:
     @cached_property
     def _drawn(self) -> Draws:
         """Draws of the processes, which all designs share."""
-        return Draws.of(list(self.processes.values()),
-                        [(self.seed, at) for at in range(len(self.processes))])  # fmt: skip
+        return Draws.of(
+            list(self.processes.values()), [(self.seed, at) for at in range(len(self.processes))]
+        )
 
     def _yields(self, given: Deviations) -> list[Array]:
         """Yields (k, draws) of the designs, some at a time."""
         own = given.stacked(self.names) if self.names else np.zeros((len(given.mean), 0))
         known, step = given.known(self.names), self._drawn.rows
         parts = [slice(first, first + step) for first in range(0, len(own), step)]
-        return [Sums(given.mean[rows], own[rows], own[rows], known[rows], given.lower,
-                     given.upper).yields(self._drawn) for rows in parts]  # fmt: skip
+        return [
+            Sums(
+                given.mean[rows], own[rows], own[rows], known[rows], given.lower, given.upper
+            ).yields(self._drawn)
+            for rows in parts
+        ]

@@ -34,9 +34,12 @@ class Draws:
         cls, known: Sequence[Knowledge | None], seeds: Sequence[Sequence[int]], count: int = DRAWS
     ) -> Draws:
         """Draws of processes, each by a seed of its own; None stands for one without doubt."""
-        pairs = [(np.ones(count), np.zeros(count)) if one is None
-                 else one.drawn(count, np.random.default_rng(list(seed)))
-                 for one, seed in zip(known, seeds, strict=True)]  # fmt: skip
+        pairs = [
+            (np.ones(count), np.zeros(count))
+            if one is None
+            else one.drawn(count, np.random.default_rng(list(seed)))
+            for one, seed in zip(known, seeds, strict=True)
+        ]
         if not pairs:
             return cls(np.ones((count, 0)), np.zeros((count, 0)))
         variance, error = zip(*pairs, strict=True)

@@ -114,8 +114,9 @@ class Judged(WithPromise):
     @cached_property
     def _posterior(self) -> Draws:
         """Draws of the processes, which all designs share."""
-        return Draws.of(list(self.known.values()),
-                        [(self.settings.seed, at) for at in range(len(self.known))])  # fmt: skip
+        return Draws.of(
+            list(self.known.values()), [(self.settings.seed, at) for at in range(len(self.known))]
+        )
 
     @cached_property
     def _verdicts(self) -> OrderedDict[bytes, Verdict]:
@@ -154,8 +155,12 @@ class Judged(WithPromise):
         kept, error = assured_percent(np.array([float(np.mean(values <= 0.0))]), drawn.count)
         doubt = np.hypot(response.rms, there.error)
         reach = 50.0 * float(np.mean(values <= doubt) - np.mean(values <= -doubt))
-        return Verdict(self.yield_at(design, scale, shift, False), float(kept[0]),
-                       float(np.hypot(error[0], reach)), values)  # fmt: skip
+        return Verdict(
+            self.yield_at(design, scale, shift, False),
+            float(kept[0]),
+            float(np.hypot(error[0], reach)),
+            values,
+        )
 
     _has_slopes = False
     """Whether `shortfall` gives slopes."""

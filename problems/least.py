@@ -59,8 +59,10 @@ def least_values(form: Form, rows: Sequence[int], limits: Array) -> list[Least |
     trading = _trading(form)
     kept = [list(range(len(feature.ways))) for feature in form.features]
     if form.combinations > MOST:
-        kept = [own if at in trading else _undominated(form.features[at], own)
-                for at, own in enumerate(kept)]  # fmt: skip
+        kept = [
+            own if at in trading else _undominated(form.features[at], own)
+            for at, own in enumerate(kept)
+        ]
     too_many = np.prod([float(len(own)) for own in kept]) > MOST
     if form.correlation is not None or too_many or len(trading) > 1:
         return [None] * len(rows)
@@ -97,11 +99,16 @@ def _undominated(feature: Feature, ways: list[int]) -> list[int]:
     What another way has no more of in any requirement, mean and scatter, it lowers none with.
     """
     rows = len(feature.ways[0].linear)
-    least = np.array([
-        [*np.minimum(np.multiply(way.linear, way.low), np.multiply(way.linear, way.high))
-         + np.array(way.offset or (0.0,) * rows), *np.abs(np.multiply(way.spread, way.low))]
-        for way in (feature.ways[at] for at in ways)
-    ])  # fmt: skip
+    least = np.array(
+        [
+            [
+                *np.minimum(np.multiply(way.linear, way.low), np.multiply(way.linear, way.high))
+                + np.array(way.offset or (0.0,) * rows),
+                *np.abs(np.multiply(way.spread, way.low)),
+            ]
+            for way in (feature.ways[at] for at in ways)
+        ]
+    )
     found: list[int] = []
     for at in np.argsort(least.sum(axis=1), kind="stable").tolist():
         if not any(np.all(least[other] <= least[at]) for other in found):
@@ -122,8 +129,13 @@ def _corner(form: Form, trading: list[int], kept: list[list[int]]) -> _Corner:
         return np.stack(each, axis=2)
 
     def ends(name: str) -> Array:
-        return np.stack([np.array([getattr(way, name) for way in feature.ways])[ways[:, at]]
-                         for at, feature in enumerate(form.features)], axis=1)  # fmt: skip
+        return np.stack(
+            [
+                np.array([getattr(way, name) for way in feature.ways])[ways[:, at]]
+                for at, feature in enumerate(form.features)
+            ],
+            axis=1,
+        )
 
     low, high, linear, spread = ends("low"), ends("high"), every("linear"), every("spread")
     found = spread_of(form, spread * low[:, None, :])

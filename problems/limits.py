@@ -81,13 +81,23 @@ def impossible(problem: ToleranceProblem) -> list[Fault]:
         corner = "loosest" if limit.name == "cost" else "tightest"
         place, unit = f"limits.{limit.name}", f" {limit.unit}".rstrip()
         if limit.high < low:
-            found.append(Fault(place, f"at most {limit.high:g}{unit} cannot be met: the best that "
-                               f"the {corner} corner allows is {low:.4g}{unit}, "
-                               f"{low - limit.high:.3g}{unit} too much; raise the limit or "
-                               "widen the ranges"))  # fmt: skip
+            found.append(
+                Fault(
+                    place,
+                    f"at most {limit.high:g}{unit} cannot be met: the best that "
+                    f"the {corner} corner allows is {low:.4g}{unit}, "
+                    f"{low - limit.high:.3g}{unit} too much; raise the limit or "
+                    "widen the ranges",
+                )
+            )
         if limit.low > high:
-            found.append(Fault(place, f"at least {limit.low:g}{unit} cannot be met: the best that "
-                               f"the {corner} corner allows is {high:.4g}{unit}, "
-                               f"{limit.low - high:.3g}{unit} too little; lower the limit or "
-                               "widen the ranges"))  # fmt: skip
+            found.append(
+                Fault(
+                    place,
+                    f"at least {limit.low:g}{unit} cannot be met: the best that "
+                    f"the {corner} corner allows is {high:.4g}{unit}, "
+                    f"{limit.low - high:.3g}{unit} too little; lower the limit or "
+                    "widen the ranges",
+                )
+            )
     return found

@@ -67,14 +67,22 @@ class Made:
 
     def spread_and_mean(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
         """Half-width of a normal input with the scatter of good parts, and their mean (n,)."""
-        return self.each(t, chosen, lambda way, t: (
-            SCALE * way.machine.good_parts(t).std, way.machine.good_parts(t).mean))  # fmt: skip
+        return self.each(
+            t,
+            chosen,
+            lambda way, t: (SCALE * way.machine.good_parts(t).std, way.machine.good_parts(t).mean),
+        )
 
     def slopes(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
         """Derivatives of the two by the limit (n,)."""
-        return self.each(t, chosen, lambda way, t: (
-            SCALE * way.machine.good_parts(t).std_slope, way.machine.good_parts(t).mean_slope,
-        ))  # fmt: skip
+        return self.each(
+            t,
+            chosen,
+            lambda way, t: (
+                SCALE * way.machine.good_parts(t).std_slope,
+                way.machine.good_parts(t).mean_slope,
+            ),
+        )
 
     def cost(self, t: Array, chosen: NDArray[np.int64]) -> tuple[Array, Array]:
         """Cost of a good part, and its derivative by the limit (n,)."""
@@ -133,9 +141,21 @@ def with_choices(
         one = Made(name, offers)
         labels = tuple(way.label for way in one.ways)
         last = float(len(labels) - 1)
-        more.append(Variable(one.choice, "", Kind.CHOICE, 0.0, last, f"machine for {name}",
-                             document=0.0, integer=True, valid_low=0.0, valid_high=last,
-                             labels=labels))  # fmt: skip
+        more.append(
+            Variable(
+                one.choice,
+                "",
+                Kind.CHOICE,
+                0.0,
+                last,
+                f"machine for {name}",
+                document=0.0,
+                integer=True,
+                valid_low=0.0,
+                valid_high=last,
+                labels=labels,
+            )
+        )
     return (*variables, *more)
 
 
@@ -158,21 +178,28 @@ class Machined(ToleranceProblem):
     @classmethod
     def configured(cls, top: Section) -> Any:
         section = top.section("variables")
-        stated = [name for name in (v.name for v in cls.variables) if name in section
-                  and "machine" in section.section(name)]  # fmt: skip
+        stated = [
+            name
+            for name in (v.name for v in cls.variables)
+            if name in section and "machine" in section.section(name)
+        ]
         declared = {v.name: v for v in cls.variables}
         machines = {}
         for name in stated:
             own = section.section(name)
             if name not in cls.machinable:
-                own.fault("machine", f"{name} has no machines here; these may have some: "
-                          f"{', '.join(sorted(cls.machinable))}")  # fmt: skip
+                own.fault(
+                    "machine",
+                    f"{name} has no machines here; these may have some: "
+                    f"{', '.join(sorted(cls.machinable))}",
+                )
                 continue
             offers = read_offers(own, _owner(own, declared[name], top.section("parameters")))
             cls._check(own)
             if name in top.section("costs"):
-                top.section("costs").fault(name, "is stated beside machines, which have prices: "
-                                           "leave it out")  # fmt: skip
+                top.section("costs").fault(
+                    name, "is stated beside machines, which have prices: leave it out"
+                )
             if offers is not None:
                 machines[name] = offers
         return MachinedKind(cls, machines, tuple(stated)) if stated else cls
@@ -186,8 +213,11 @@ class Machined(ToleranceProblem):
             own.fault("measured", "is stated beside machines: state it in each [[...machine]]")
         given = read_distribution(own) if "distribution" in own else Normal()
         if given != Normal():
-            own.fault("distribution", "must be left out beside machines, whose good parts count as "
-                      "normal with a mean and scatter of their own")  # fmt: skip
+            own.fault(
+                "distribution",
+                "must be left out beside machines, whose good parts count as "
+                "normal with a mean and scatter of their own",
+            )
 
     def _completed(self, given: Settings) -> Settings:
         variables = dict(given.variables)
@@ -210,18 +240,24 @@ class Machined(ToleranceProblem):
         return replace(found, costs=costs)
 
     def assumptions(self) -> tuple[Assumption, ...]:
-        return (*super().assumptions(), *(
-            assumed for one in self.made.values() for assumed in _assumptions(one)))  # fmt: skip
+        return (
+            *super().assumptions(),
+            *(assumed for one in self.made.values() for assumed in _assumptions(one)),
+        )
 
     def cautions(self) -> tuple[str, ...]:
         told = (departures(one.offers, name) for name, one in self.made.items())
         return (*super().cautions(), *(text for each in told for text in each))
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
-        return (*super().samples(), *(
-            (f"{one.name}, machine {machine}", split_unit(one.name)[1], sample)
-            for one in self.made.values()
-            for machine, sample in samples_of(one.offers)))  # fmt: skip
+        return (
+            *super().samples(),
+            *(
+                (f"{one.name}, machine {machine}", split_unit(one.name)[1], sample)
+                for one in self.made.values()
+                for machine, sample in samples_of(one.offers)
+            ),
+        )
 
     # ---------------------------------------------------------------- designs
 
@@ -243,7 +279,8 @@ class Machined(ToleranceProblem):
             for row in np.flatnonzero(np.abs(one.clipped(t, chosen) - t) > 1e-9 * t).tolist():
                 way = one.ways[chosen[row]]
                 found.setdefault(one.name, {})[row] = (
-                    f"{way.label} holds {way.low:g} to {way.high:g}, got {t[row]:g}")  # fmt: skip
+                    f"{way.label} holds {way.low:g} to {way.high:g}, got {t[row]:g}"
+                )
         return found
 
     def effective(self, designs: Array) -> Array:
@@ -348,7 +385,9 @@ def _assumptions(one: Made) -> list[Assumption]:
     """What is taken for granted of the machines of a tolerance."""
     place = f"variables.{one.name}.machine"
     unit = split_unit(one.name)[1]
-    found = [Assumption(f"{place}.{name}.measured", sample.statement(unit), "", PLUG_IN)
-             for name, sample in samples_of(one.offers)]  # fmt: skip
+    found = [
+        Assumption(f"{place}.{name}.measured", sample.statement(unit), "", PLUG_IN)
+        for name, sample in samples_of(one.offers)
+    ]
     open_ = "; ".join(offer.assumed for offer in one.offers if offer.assumed)
     return found + ([Assumption(place, "", "", open_)] if open_ else [])

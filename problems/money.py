@@ -37,5 +37,7 @@ def rising(name: str, curve: CostCurve | None) -> str:
     if not isinstance(curve, Table) or not curve.rising:
         return ""
     where = ", ".join(f"{t:g}" for t in curve.rising)
-    return (f"the prices of {name} do not fall with the tolerance (at t = {where}): the lower "
-            "price of a tighter one counts there")  # fmt: skip
+    return (
+        f"the prices of {name} do not fall with the tolerance (at t = {where}): the lower "
+        "price of a tighter one counts there"
+    )

@@ -66,8 +66,11 @@ class Promise:
     def table(self) -> dict[str, Any]:
         """The table that states it."""
         level = {} if self.level_percent is None else {"level_percent": self.level_percent}
-        return {"yield_percent": self.yield_percent, "statement": self.statement,
-                "confidence_percent": self.confidence_percent} | level  # fmt: skip
+        return {
+            "yield_percent": self.yield_percent,
+            "statement": self.statement,
+            "confidence_percent": self.confidence_percent,
+        } | level
 
     def words(self) -> str:
         """The promise in one phrase."""
@@ -75,8 +78,8 @@ class Promise:
             PLUG_IN: f"{self.yield_percent:g} % of the units conform if the estimates are true",
             PREDICTIVE: f"{self.yield_percent:g} % of the units are expected to conform",
             ASSURED: f"at least {self.yield_percent:g} % of the units conform, "
-                     f"with {self.confidence_percent:g} % confidence",
-        }[self.statement]  # fmt: skip
+            f"with {self.confidence_percent:g} % confidence",
+        }[self.statement]
 
 
 def read_promise(top: Section, of: str = YIELD) -> Promise | None:

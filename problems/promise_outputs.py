@@ -17,19 +17,38 @@ def outputs_of_promise(promise: Promise, prefix: str = "") -> tuple[Output, ...]
     assured = assurances(f"{prefix}{ASSURANCE}")
     if promise.statement == PLUG_IN:
         return assured
-    what = (f"with {promise.confidence_percent:g} % confidence, by the norm"
-            if promise.statement == ASSURED else "expected over the posterior")  # fmt: skip
-    return (Output(f"{prefix}{PROMISED}", "percent", f"conforming units {what}",
-                   larger_is_better=True, low=0.0, high=100.0), *assured)  # fmt: skip
+    what = (
+        f"with {promise.confidence_percent:g} % confidence, by the norm"
+        if promise.statement == ASSURED
+        else "expected over the posterior"
+    )
+    return (
+        Output(
+            f"{prefix}{PROMISED}",
+            "percent",
+            f"conforming units {what}",
+            larger_is_better=True,
+            low=0.0,
+            high=100.0,
+        ),
+        *assured,
+    )
 
 
 def assurances(name: str) -> tuple[Output, Output]:
     """An assurance and its standard error."""
     return (
-        Output(name, "percent", "probability, over what is not known of the processes, that the "
-               "promised share of units conforms", larger_is_better=True, low=0.0, high=100.0),
+        Output(
+            name,
+            "percent",
+            "probability, over what is not known of the processes, that the "
+            "promised share of units conforms",
+            larger_is_better=True,
+            low=0.0,
+            high=100.0,
+        ),
         Output(f"{name}_error", "percent", "standard error of the assurance", error_of=name),
-    )  # fmt: skip
+    )
 
 
 def means_promise(name: str, promise: Promise) -> bool:
@@ -40,14 +59,20 @@ def means_promise(name: str, promise: Promise) -> bool:
 def contradictions(promise: Promise, given: Mapping[str, Bound]) -> list[Fault]:
     """Limits that ask for another percentage than the promise."""
     return [
-        Fault(f"limits.{name}", f"asks for {_percent(bound)}, the promise is of "
-              f"{promise.yield_percent:g} %: leave the limit out, or make them the same")
+        Fault(
+            f"limits.{name}",
+            f"asks for {_percent(bound)}, the promise is of "
+            f"{promise.yield_percent:g} %: leave the limit out, or make them the same",
+        )
         for name, bound in given.items()
         if means_promise(name, promise) and bound != Bound(low=promise.yield_percent)
-    ]  # fmt: skip
+    ]
 
 
 def _percent(bound: Bound) -> str:
-    ends = [f"{end:g} % at {side}" for side, end in (("least", bound.low), ("most", bound.high))
-            if np.isfinite(end)]  # fmt: skip
+    ends = [
+        f"{end:g} % at {side}"
+        for side, end in (("least", bound.low), ("most", bound.high))
+        if np.isfinite(end)
+    ]
     return ", ".join(ends)

@@ -39,9 +39,13 @@ class Provable:
         Of a requirement with a limit of its own it is that limit plus what is missing to keep it.
         """
         nothing = np.full(len(designs), -np.inf)
-        return np.stack([nothing if np.isfinite(most) else self.values(designs, found, name)
-                         for name, most in zip(form.outputs, form.own_limits, strict=True)],
-                        axis=1)  # fmt: skip
+        return np.stack(
+            [
+                nothing if np.isfinite(most) else self.values(designs, found, name)
+                for name, most in zip(form.outputs, form.own_limits, strict=True)
+            ],
+            axis=1,
+        )
 
     def unproven(self) -> str:
         """Why an objective that might have a convex form has none here; empty where not known."""

@@ -383,12 +383,17 @@ class ToleranceProblem(Problem, Shown, Nesting, Priced, Provable, Drawing, Table
         slips = map(str, unit_slips(self))
         prices = price_notes(self.settings.costs)
         measured = (
-            text for v in self.variables if (own := self.settings.variables[v.name].sample)
+            text
+            for v in self.variables
+            if (own := self.settings.variables[v.name].sample)
             for text in own.departures(v.name)
-        )  # fmt: skip
+        )
         return (*self.settings.notes, *slips, *prices, *measured, *self.warnings())
 
     def samples(self) -> tuple[tuple[str, str, PartSample], ...]:
         """What was measured, by name, its unit, and what the sample tells."""
-        return tuple((v.name, v.unit, own) for v in self.variables
-                     if (own := self.settings.variables[v.name].sample))  # fmt: skip
+        return tuple(
+            (v.name, v.unit, own)
+            for v in self.variables
+            if (own := self.settings.variables[v.name].sample)
+        )

@@ -85,8 +85,9 @@ class WithPromise(ToleranceProblem):
         promise = given.promise
         if promise is None:
             return super()._completed(given)
-        limits = {name: one for name, one in given.limits.items()
-                  if not means_promise(name, promise)}  # fmt: skip
+        limits = {
+            name: one for name, one in given.limits.items() if not means_promise(name, promise)
+        }
         limits[promise.output] = Bound(low=promise.yield_percent)
         return super()._completed(replace(given, limits=limits))
 
@@ -95,19 +96,30 @@ class WithPromise(ToleranceProblem):
         if promise is None:
             return super().faults()
         found = contradictions(promise, self.given.limits)
-        sampled = [name for name, offers in self.settings.machines.items()
-                   if any(one.sample is not None for one in offers)]  # fmt: skip
+        sampled = [
+            name
+            for name, offers in self.settings.machines.items()
+            if any(one.sample is not None for one in offers)
+        ]
         if promise.statement != PLUG_IN:
-            found += [Fault(f"variables.{name}.machine", f"cannot be {promise.statement} where "
-                            "machines are known by samples: state sigma, or plug_in")
-                      for name in sampled]  # fmt: skip
+            found += [
+                Fault(
+                    f"variables.{name}.machine",
+                    f"cannot be {promise.statement} where "
+                    "machines are known by samples: state sigma, or plug_in",
+                )
+                for name in sampled
+            ]
         return found + super().faults()
 
     @property
     def known(self) -> Mapping[str, Knowledge]:
         """What samples tell of the processes of variables."""
-        return {name: own.sample.knowledge for name, own in self.settings.variables.items()
-                if own.sample is not None}  # fmt: skip
+        return {
+            name: own.sample.knowledge
+            for name, own in self.settings.variables.items()
+            if own.sample is not None
+        }
 
     def _further(self, designs: Array, searching: bool) -> dict[str, Array]:
         """Promised yield and assurance (n,); NaN where a search does not need them."""

@@ -29,9 +29,8 @@ def words(name: str) -> str:
 def units_of(result: RunResult) -> dict[str, str]:
     """Units by column, as far as they are known."""
     return {axis.name: axis.unit for axis in (*result.objectives, *result.variables)} | {
-        str(name): split_unit(str(name))[1] for name in result.front
-        if split_unit(str(name))[1]
-    }  # fmt: skip
+        str(name): split_unit(str(name))[1] for name in result.front if split_unit(str(name))[1]
+    }
 
 
 def informative(result: RunResult) -> bool:
@@ -42,14 +41,29 @@ def informative(result: RunResult) -> bool:
 def tolerance_records(result: RunResult) -> list[dict[str, Any]]:
     """The records of every variable, with their labels; those of an older run by its columns."""
     known = {str(one["name"]): dict(one) for one in result.tolerances}
-    plain = {"kind": "nominal", "free": False, "integer": False, "labels": [], "low": 0.0,
-             "high": 0.0, "nominal": None, "mid": None, "um": None, "rule": "", "orderable": [],
-             "grades": [], "process": "", "costs": []}  # fmt: skip
+    plain = {
+        "kind": "nominal",
+        "free": False,
+        "integer": False,
+        "labels": [],
+        "low": 0.0,
+        "high": 0.0,
+        "nominal": None,
+        "mid": None,
+        "um": None,
+        "rule": "",
+        "orderable": [],
+        "grades": [],
+        "process": "",
+        "costs": [],
+    }
     return [
-        plain | {"unit": axis.unit, "meaning": axis.meaning} | known.get(axis.name, {})
+        plain
+        | {"unit": axis.unit, "meaning": axis.meaning}
+        | known.get(axis.name, {})
         | {"name": axis.name, "label": words(axis.name).removeprefix("tolerance of ")}
         for axis in result.variables
-    ]  # fmt: skip
+    ]
 
 
 def limits_of(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
@@ -64,10 +78,18 @@ def limits_of(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
     for key, bound in table.items():
         name = str(key)
         if name in kept:
-            ends: dict[str, object] = dict(bound) if isinstance(bound, Mapping) else _end(
-                name, bound)  # fmt: skip
-            found.append({"name": name, "label": words(name), "low": ends.get("min"),
-                          "high": ends.get("max"), "values": kept[name].tolist()})  # fmt: skip
+            ends: dict[str, object] = (
+                dict(bound) if isinstance(bound, Mapping) else _end(name, bound)
+            )
+            found.append(
+                {
+                    "name": name,
+                    "label": words(name),
+                    "low": ends.get("min"),
+                    "high": ends.get("max"),
+                    "values": kept[name].tolist(),
+                }
+            )
     return found
 
 
@@ -79,11 +101,24 @@ def unit_columns(result: RunResult, kept: pd.DataFrame) -> list[dict[str, Any]]:
     """Yields, probabilities and distributions of the units of each point, as the model has them."""
     aims = {axis.name for axis in result.objectives}
     endings = ("yield_percent", "_probability", "_mean", "_std", "_mean_arcmin", "_std_arcmin")
-    names = [str(n) for n in kept if str(n).endswith(endings) and str(n) not in aims
-             and not str(n).startswith("margin_") and kept[n].notna().any()]  # fmt: skip
-    return [{"label": words(name) if not name.endswith("yield_percent") else
-             words(name.removesuffix("_percent")), "unit": "%" if name.endswith("percent") else
-             split_unit(name)[1], "values": kept[name].tolist()} for name in names]  # fmt: skip
+    names = [
+        str(n)
+        for n in kept
+        if str(n).endswith(endings)
+        and str(n) not in aims
+        and not str(n).startswith("margin_")
+        and kept[n].notna().any()
+    ]
+    return [
+        {
+            "label": words(name)
+            if not name.endswith("yield_percent")
+            else words(name.removesuffix("_percent")),
+            "unit": "%" if name.endswith("percent") else split_unit(name)[1],
+            "values": kept[name].tolist(),
+        }
+        for name in names
+    ]
 
 
 def law_of(result: RunResult, kept: pd.DataFrame) -> dict[str, Any] | None:
@@ -109,20 +144,32 @@ def _stack_law(result: RunResult, kept: pd.DataFrame) -> dict[str, Any] | None:
     if len(ends) < 2 and not isinstance(centre, int | float):
         return None
     mean = float(centre) if isinstance(centre, int | float) else sum(ends) / 2.0
-    return {"label": str(own[0].get("name") or "requirement"), "unit": str(own[0].get("unit", "")),
-            "low": low, "high": high, "mean": [mean] * len(kept),
-            "deviation": (kept["rss"] / NORMAL).tolist()}  # fmt: skip
+    return {
+        "label": str(own[0].get("name") or "requirement"),
+        "unit": str(own[0].get("unit", "")),
+        "low": low,
+        "high": high,
+        "mean": [mean] * len(kept),
+        "deviation": (kept["rss"] / NORMAL).tolist(),
+    }
 
 
 def _column_law(result: RunResult, kept: pd.DataFrame) -> dict[str, Any] | None:
     for axis in result.objectives:
         stem, unit = split_unit(axis.name)
-        for mean, deviation in ((f"{axis.name}_mean", f"{axis.name}_std"),
-                                (f"{stem}_mean_{unit}", f"{stem}_std_{unit}")):  # fmt: skip
+        for mean, deviation in (
+            (f"{axis.name}_mean", f"{axis.name}_std"),
+            (f"{stem}_mean_{unit}", f"{stem}_std_{unit}"),
+        ):
             if mean in kept and deviation in kept:
-                return {"label": words(axis.name), "unit": axis.unit, "low": None,
-                        "high": _upper(result), "mean": kept[mean].tolist(),
-                        "deviation": kept[deviation].tolist()}  # fmt: skip
+                return {
+                    "label": words(axis.name),
+                    "unit": axis.unit,
+                    "low": None,
+                    "high": _upper(result),
+                    "mean": kept[mean].tolist(),
+                    "deviation": kept[deviation].tolist(),
+                }
     return None
 
 

@@ -31,8 +31,15 @@ ROOM = 620_000
 """Letters that the points may take: a page stays below 1.5 MB."""
 SHARED = 250
 """Points with contributions and prices on a page at most: others take those of the nearest."""
-FILES = ("common.js", "chart.js", "parallel.js", "histogram.js", "model.js", "panel.js",
-         "explorer.js")  # fmt: skip
+FILES = (
+    "common.js",
+    "chart.js",
+    "parallel.js",
+    "histogram.js",
+    "model.js",
+    "panel.js",
+    "explorer.js",
+)
 SKELETON = """<section id="work" class="work" aria-label="Front and selected allocation" hidden>
 <div class="left">
 <form id="asks" class="asks"></form>
@@ -73,10 +80,14 @@ def explorer(result: RunResult) -> str:
         content = content_of(result, max(1, int(len(content["rows"]) * ROOM / len(text))))
         text = data(content)
     count, whole = len(content["rows"]), len(result.front)
-    rule = f"All {whole} points." if count == whole else (
-        f"{count} of {whole} points: every choice, and others evenly along the front "
-        f"(at most {MOST}, and what fits into {ROOM // 1000} kB); front.csv has all."
-    )  # fmt: skip
+    rule = (
+        f"All {whole} points."
+        if count == whole
+        else (
+            f"{count} of {whole} points: every choice, and others evenly along the front "
+            f"(at most {MOST}, and what fits into {ROOM // 1000} kB); front.csv has all."
+        )
+    )
     return SKELETON.format(rule=escape(rule)) + "\n" + text
 
 
@@ -129,8 +140,12 @@ def thinned(
 
 
 def _axis(axis: Axis) -> dict[str, str]:
-    return {"name": axis.name, "label": words(axis.name), "unit": axis.unit,
-            "meaning": axis.meaning}  # fmt: skip
+    return {
+        "name": axis.name,
+        "label": words(axis.name),
+        "unit": axis.unit,
+        "meaning": axis.meaning,
+    }
 
 
 def _unit(axis: Axis, result: RunResult) -> dict[str, str]:
@@ -209,11 +224,15 @@ def _prices(found: pd.DataFrame | None) -> list[dict[str, Any]]:
     if found is None or found.empty:
         return []
     return [
-        {"output": output, "rows": own["point"].tolist(), "price": own["price"].tolist(),
-         "source": own["source"].tolist()}
+        {
+            "output": output,
+            "rows": own["point"].tolist(),
+            "price": own["price"].tolist(),
+            "source": own["source"].tolist(),
+        }
         for output, every in found.groupby("output", sort=False)
         for own in (_some(every),)
-    ]  # fmt: skip
+    ]
 
 
 def _relaxed(result: RunResult) -> dict[str, pd.DataFrame]:

@@ -51,8 +51,15 @@ def _draw_plane(axes: Axes, result: RunResult) -> None:
         _draw_before(axes, result.before.sort_values([x.name, y.name]), x.name, y.name)
     exact = result.exact_front
     if exact is not None and len(result.objectives) == 2 and {x.name, y.name} <= set(exact):
-        axes.plot(exact[x.name], exact[y.name], linestyle="-.", linewidth=2.5, color="#999999",
-                  zorder=1.5, label="exact front")  # fmt: skip
+        axes.plot(
+            exact[x.name],
+            exact[y.name],
+            linestyle="-.",
+            linewidth=2.5,
+            color="#999999",
+            zorder=1.5,
+            label="exact front",
+        )
     _draw_overlays(axes, result, x.name, y.name)
     if not result.front.empty:
         _draw_front(axes, result, x.name, y.name)
@@ -63,19 +70,43 @@ def _draw_plane(axes: Axes, result: RunResult) -> None:
 def _draw_front(axes: Axes, result: RunResult, x: str, y: str) -> None:
     front = result.front.sort_values([x, y])
     style = "-" if len(result.objectives) == 2 else "none"
-    axes.plot(front[x], front[y], linestyle=style, linewidth=1.0, marker="o", markersize=3.0,
-              color=FRONT_COLOUR, label=f"front, {len(front)} points")  # fmt: skip
+    axes.plot(
+        front[x],
+        front[y],
+        linestyle=style,
+        linewidth=1.0,
+        marker="o",
+        markersize=3.0,
+        color=FRONT_COLOUR,
+        label=f"front, {len(front)} points",
+    )
     _draw_bound(axes, front, x, y)
     knee = front[flags(front, "knee")]
     if not knee.empty:
-        axes.plot(knee[x], knee[y], linestyle="none", marker="*", markersize=14,
-                  color=FRONT_COLOUR, markeredgecolor="white", label="knee")  # fmt: skip
+        axes.plot(
+            knee[x],
+            knee[y],
+            linestyle="none",
+            marker="*",
+            markersize=14,
+            color=FRONT_COLOUR,
+            markeredgecolor="white",
+            label="knee",
+        )
 
 
 def _draw_before(axes: Axes, before: pd.DataFrame, x: str, y: str) -> None:
     """The front of the model without its effects."""
-    axes.plot(before[x], before[y], linestyle=":", linewidth=1.0, marker="o", markersize=2.0,
-              color="#777777", label=f"without effects, {len(before)} points")  # fmt: skip
+    axes.plot(
+        before[x],
+        before[y],
+        linestyle=":",
+        linewidth=1.0,
+        marker="o",
+        markersize=2.0,
+        color="#777777",
+        label=f"without effects, {len(before)} points",
+    )
 
 
 def _draw_overlays(axes: Axes, result: RunResult, x: str, y: str) -> None:
@@ -85,9 +116,18 @@ def _draw_overlays(axes: Axes, result: RunResult, x: str, y: str) -> None:
             continue
         front = found.sort_values([x, y])
         style = OVERLAY_DASHES[at % len(OVERLAY_DASHES)] if len(result.objectives) == 2 else "none"
-        axes.plot(front[x], front[y], linestyle=style, linewidth=0.8, marker="o", markersize=3.0,
-                  markerfacecolor="none", color=OVERLAY_COLOUR, zorder=1.8,
-                  label=_legend_text(f"{label}, {len(front)} points", feasible=True))  # fmt: skip
+        axes.plot(
+            front[x],
+            front[y],
+            linestyle=style,
+            linewidth=0.8,
+            marker="o",
+            markersize=3.0,
+            markerfacecolor="none",
+            color=OVERLAY_COLOUR,
+            zorder=1.8,
+            label=_legend_text(f"{label}, {len(front)} points", feasible=True),
+        )
 
 
 def _draw_bound(axes: Axes, front: pd.DataFrame, x: str, y: str) -> None:
@@ -95,8 +135,15 @@ def _draw_bound(axes: Axes, front: pd.DataFrame, x: str, y: str) -> None:
     if "cost" not in (x, y) or "bound" not in front or not front["bound"].notna().any():
         return
     ends = {"cost": front["bound"], (y if x == "cost" else x): front[y if x == "cost" else x]}
-    axes.plot(ends[x], ends[y], linestyle="--", linewidth=1.0, color="black", zorder=3,
-              label="proven bound of the cost")  # fmt: skip
+    axes.plot(
+        ends[x],
+        ends[y],
+        linestyle="--",
+        linewidth=1.0,
+        color="black",
+        zorder=3,
+        label="proven bound of the cost",
+    )
 
 
 def _draw_line(axes: Axes, result: RunResult) -> None:
@@ -108,8 +155,15 @@ def _draw_line(axes: Axes, result: RunResult) -> None:
     axes.set_xlabel(axis_label(result.objectives[0]))
     axes.set_yticks([])
     if not result.front.empty:
-        axes.plot(result.front[name], [rows] * len(result.front), linestyle="none", marker="*",
-                  markersize=12, color=FRONT_COLOUR, label="best found")  # fmt: skip
+        axes.plot(
+            result.front[name],
+            [rows] * len(result.front),
+            linestyle="none",
+            marker="*",
+            markersize=12,
+            color=FRONT_COLOUR,
+            label="best found",
+        )
     for at, (_, row) in enumerate(result.references.iterrows()):
         _draw_reference(axes, row, at, float(row[name]), float(rows - 1 - at))
 
@@ -118,9 +172,16 @@ def _draw_reference(axes: Axes, row: pd.Series, at: int, x: float, y: float) -> 
     """Filled where it meets the limits of the run, hollow where it breaks one."""
     feasible = flags(row.to_frame().T, "feasible")[0]
     colour = COLOURS[at % len(COLOURS)]
-    axes.plot([x], [y], linestyle="none", marker=MARKERS[at % len(MARKERS)], markersize=8,
-              markerfacecolor=colour if feasible else "white", markeredgecolor=colour,
-              label=_legend_text(str(row["label"]), feasible))  # fmt: skip
+    axes.plot(
+        [x],
+        [y],
+        linestyle="none",
+        marker=MARKERS[at % len(MARKERS)],
+        markersize=8,
+        markerfacecolor=colour if feasible else "white",
+        markeredgecolor=colour,
+        label=_legend_text(str(row["label"]), feasible),
+    )
 
 
 def _legend_text(label: str, feasible: bool) -> str:

@@ -50,10 +50,13 @@ def anchor(term: str) -> str:
 
 def terms(body: str) -> str:
     """The explanations of the terms that a page links to, or names in its texts."""
-    used: Sequence[str] = [term for term in TERMS
-                           if f'"#{anchor(term)}"' in body or f" {term}" in body]  # fmt: skip
+    used: Sequence[str] = [
+        term for term in TERMS if f'"#{anchor(term)}"' in body or f" {term}" in body
+    ]
     if not used:
         return ""
-    rows = "\n".join(f'<dt id="{anchor(term)}">{escape(term)}</dt><dd>{escape(TERMS[term])}</dd>'
-                     for term in used)  # fmt: skip
+    rows = "\n".join(
+        f'<dt id="{anchor(term)}">{escape(term)}</dt><dd>{escape(TERMS[term])}</dd>'
+        for term in used
+    )
     return f'<section>\n<h2>Terms</h2>\n<dl class="terms">\n{rows}\n</dl>\n</section>'

@@ -28,9 +28,11 @@ def machine_sections(summary: Mapping[str, Any]) -> tuple[str, ...]:
     if not isinstance(stored, Mapping):
         return ()
     cost = float(stored["cost"])
-    caption = (f"The machine in the middle of its poses (dots), at cost {cost:.4g}: links and "
-               "joints by their share of the squared position error, from pale (none) to red (the "
-               "largest). The shares in words are below.")  # fmt: skip
+    caption = (
+        f"The machine in the middle of its poses (dots), at cost {cost:.4g}: links and "
+        "joints by their share of the squared position error, from pale (none) to red (the "
+        "largest). The shares in words are below."
+    )
     body = f"<figure>{_drawing(stored, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
     return (section("Where the error is made", body + _listed(stored["parts"])),)
 
@@ -44,12 +46,17 @@ def _drawing(stored: Mapping[str, Any], caption: str) -> str:
     scale = float(np.min((np.array([WIDTH, HEIGHT]) - 2.0 * EDGE) / np.maximum(high - low, 1e-9)))
     shift = 0.5 * (np.array([WIDTH, HEIGHT]) - scale * (low + high))
     most = max(float(one["share"]) for one in parts) or 1.0
-    dots = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.4" fill="#8a94a3"/>'
-                   for x, y in np.unique(np.round(scale * poses + shift, 1), axis=0))  # fmt: skip
-    shapes = [_shape(one, scale * line + shift, most)
-              for one, line in zip(parts, lines, strict=True)]  # fmt: skip
-    return (f'<svg role="img" aria-label="{escape(caption)}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" '
-            f'style="max-width:{WIDTH:g}px;width:100%">{dots}{"".join(shapes)}</svg>')  # fmt: skip
+    dots = "".join(
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.4" fill="#8a94a3"/>'
+        for x, y in np.unique(np.round(scale * poses + shift, 1), axis=0)
+    )
+    shapes = [
+        _shape(one, scale * line + shift, most) for one, line in zip(parts, lines, strict=True)
+    ]
+    return (
+        f'<svg role="img" aria-label="{escape(caption)}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" '
+        f'style="max-width:{WIDTH:g}px;width:100%">{dots}{"".join(shapes)}</svg>'
+    )
 
 
 def _seen(points: Sequence[Sequence[float]]) -> Array:
@@ -69,14 +76,18 @@ def _shape(part: Mapping[str, Any], points: Array, most: float) -> str:
         x, y = points[0]
         label = escape(str(part["name"]).rpartition(" ")[2])
         ink = "#fff" if share > READABLE * most else "#222"
-        return (f'<g>{title}<circle cx="{x:.1f}" cy="{y:.1f}" r="{JOINT:g}" fill="{colour}" '
-                f'stroke="#222" stroke-width="1.2"/><text x="{x:.1f}" y="{y + 5.5:.1f}" '
-                f'text-anchor="middle" font-size="16" fill="{ink}">{label}</text></g>')  # fmt: skip
+        return (
+            f'<g>{title}<circle cx="{x:.1f}" cy="{y:.1f}" r="{JOINT:g}" fill="{colour}" '
+            f'stroke="#222" stroke-width="1.2"/><text x="{x:.1f}" y="{y + 5.5:.1f}" '
+            f'text-anchor="middle" font-size="16" fill="{ink}">{label}</text></g>'
+        )
     width = TOOL if part["kind"] == "tool" else LINK
     stroke = "#222" if part["kind"] == "tool" else colour
     path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-    return (f'<g>{title}<polyline points="{path}" fill="none" stroke="{stroke}" stroke-width='
-            f'"{width:g}" stroke-linejoin="round" stroke-linecap="round"/></g>')  # fmt: skip
+    return (
+        f'<g>{title}<polyline points="{path}" fill="none" stroke="{stroke}" stroke-width='
+        f'"{width:g}" stroke-linejoin="round" stroke-linecap="round"/></g>'
+    )
 
 
 def _colour(share: float) -> str:
@@ -86,7 +97,8 @@ def _colour(share: float) -> str:
 
 def _listed(parts: Sequence[Mapping[str, Any]]) -> str:
     """The shares in words, the largest first: colours are not all there is to see."""
-    own = sorted((one for one in parts if float(one["share"]) >= 0.05),
-                 key=lambda one: -float(one["share"]))  # fmt: skip
+    own = sorted(
+        (one for one in parts if float(one["share"]) >= 0.05), key=lambda one: -float(one["share"])
+    )
     words = ", ".join(f"{escape(str(one['name']))} {float(one['share']):.3g} %" for one in own)
     return f"<p>{words}.</p>"

@@ -9,15 +9,26 @@ import pandas as pd
 from ..records import RunResult
 
 COLUMNS = {
-    "variable": "tolerance", "meaning": "meaning", "notation": "on the drawing",
-    "nominal": "nominal", "upper_deviation": "upper deviation",
-    "lower_deviation": "lower deviation", "upper_limit": "upper limit",
-    "lower_limit": "lower limit", "unit": "unit", "grade": "grade, class", "symbol": "symbol",
-    "process": "process", "roughness_Ra_um": "Ra [um]",
-    "cpk_wanted": "Cpk wanted", "inspection": "inspection",
-    "unrounded": "before rounding", "rounded": "value", "drawing": "drawing",
+    "variable": "tolerance",
+    "meaning": "meaning",
+    "notation": "on the drawing",
+    "nominal": "nominal",
+    "upper_deviation": "upper deviation",
+    "lower_deviation": "lower deviation",
+    "upper_limit": "upper limit",
+    "lower_limit": "lower limit",
+    "unit": "unit",
+    "grade": "grade, class",
+    "symbol": "symbol",
+    "process": "process",
+    "roughness_Ra_um": "Ra [um]",
+    "cpk_wanted": "Cpk wanted",
+    "inspection": "inspection",
+    "unrounded": "before rounding",
+    "rounded": "value",
+    "drawing": "drawing",
     "characteristic": "characteristic",
-}  # fmt: skip
+}
 """Columns of an order by those of `allocation.csv`."""
 
 
@@ -37,8 +48,11 @@ class Order:
         """The first rule in words, and how many more."""
         first = self.rules[0].replace("_", " ")
         more = len(self.rules) - 1
-        return f"{first} and {more} more rules" if more > 1 else ", ".join(self.rules).replace(
-            "_", " ")  # fmt: skip
+        return (
+            f"{first} and {more} more rules"
+            if more > 1
+            else ", ".join(self.rules).replace("_", " ")
+        )
 
     @property
     def note(self) -> str:
@@ -47,8 +61,10 @@ class Order:
         if len(self.points) == 1:
             return f"Chosen by: {rules} (point {self.points[0]} of front.csv)."
         points = ", ".join(map(str, self.points))
-        return (f"Chosen by: {rules}; points {points} of front.csv round to the same allocation, "
-                "which is listed once.")  # fmt: skip
+        return (
+            f"Chosen by: {rules}; points {points} of front.csv round to the same allocation, "
+            "which is listed once."
+        )
 
 
 def orders(result: RunResult) -> list[Order]:
@@ -81,9 +97,11 @@ def comparison(result: RunResult, found: list[Order]) -> pd.DataFrame:
     """The orders side by side: what each comes to, before and after rounding."""
     rows = []
     for at, order in enumerate(found, start=1):
-        row: dict[str, object] = {"sheet": f"{at} {order.title}"[:31], "chosen by":
-                                  ", ".join(order.rules), "points":
-                                  ", ".join(map(str, order.points))}  # fmt: skip
+        row: dict[str, object] = {
+            "sheet": f"{at} {order.title}"[:31],
+            "chosen by": ", ".join(order.rules),
+            "points": ", ".join(map(str, order.points)),
+        }
         for axis in result.objectives:
             row[f"{axis.name} before"] = order.outcome.get(axis.name)
             row[f"{axis.name} rounded"] = order.outcome.get(f"rounded_{axis.name}")

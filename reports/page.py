@@ -89,8 +89,11 @@ def _head(result: RunResult) -> str:
     found = result.answers
     asked = f'<p class="asked">{escape(str(found["asked"]))}</p>\n' if "asked" in found else ""
     lines = "".join(f"<p>{escape(line)}</p>\n" for line in mechanism_lines(result.summary))
-    told = "".join(f'<li id="answer-{escape(name)}">{escape(str(text))}</li>'
-                   for name, text in found.items() if name != "asked")  # fmt: skip
+    told = "".join(
+        f'<li id="answer-{escape(name)}">{escape(str(text))}</li>'
+        for name, text in found.items()
+        if name != "asked"
+    )
     return f'{lines}{asked}<ul class="answers">{told}</ul>' if told else f"{lines}{asked}"
 
 

@@ -66,8 +66,9 @@ def _known(result: RunResult) -> list[str]:
     charts = measured_parts(result.configuration)
     if charts:
         more = f" The first {CHARTS} of {len(charts)}." if len(charts) > CHARTS else ""
-        parts.append(folded("Control charts", picture("control", control_figure(charts),
-                                                      CHARTED + more)))  # fmt: skip
+        parts.append(
+            folded("Control charts", picture("control", control_figure(charts), CHARTED + more))
+        )
     return parts
 
 
@@ -78,12 +79,16 @@ def measured_parts(configuration: str) -> list[tuple[str, str, list[float]]]:
     except tomllib.TOMLDecodeError:
         return []
     parts = found.get("part")
-    owners = [(str(one.get("name", "")), one.get("unit"), one)
-              for one in (parts if isinstance(parts, list) else ())]  # fmt: skip
+    owners = [
+        (str(one.get("name", "")), one.get("unit"), one)
+        for one in (parts if isinstance(parts, list) else ())
+    ]
     variables = found.get("variables")
-    owners += [(name, split_unit(name)[1], one)
-               for name, one in (variables if isinstance(variables, dict) else {}).items()
-               if isinstance(one, dict)]  # fmt: skip
+    owners += [
+        (name, split_unit(name)[1], one)
+        for name, one in (variables if isinstance(variables, dict) else {}).items()
+        if isinstance(one, dict)
+    ]
     return [
         (name, str(own.get("unit") or unit or ""), own["values"])
         for name, unit, owner in owners

@@ -9,8 +9,20 @@ from .document import document
 from .orders import Order, orders
 from .tables import chosen, shown, table
 
-COLUMNS = ("tolerance", "on the drawing", "upper deviation", "lower deviation", "nominal", "unit",
-           "grade, class", "symbol", "process", "Ra [um]", "Cpk wanted", "inspection")  # fmt: skip
+COLUMNS = (
+    "tolerance",
+    "on the drawing",
+    "upper deviation",
+    "lower deviation",
+    "nominal",
+    "unit",
+    "grade, class",
+    "symbol",
+    "process",
+    "Ra [um]",
+    "Cpk wanted",
+    "inspection",
+)
 
 
 def drawing_page(result: RunResult) -> str | None:
@@ -27,8 +39,9 @@ def _sheet(result: RunResult, order: Order) -> str:
     cost = unit_of_cost(result.summary)
     values = ", ".join(
         f"{axis.name.replace('_', ' ')} {shown(order.outcome.get(f'rounded_{axis.name}'))} "
-        f"{cost if axis.name == 'cost' else ''}".strip() for axis in result.objectives
-    )  # fmt: skip
+        f"{cost if axis.name == 'cost' else ''}".strip()
+        for axis in result.objectives
+    )
     kept = order.outcome.get("rounded_feasible")
     broken = shown(order.outcome.get("rounded_violated_limits"))
     verdict = "keeps all limits" if kept else f"breaks {broken}" if broken else ""
@@ -36,5 +49,7 @@ def _sheet(result: RunResult, order: Order) -> str:
     parts = order.table[~order.table["tolerance"].astype(str).str.endswith("_process")]
     words = parts["tolerance"].map(lambda name: str(name).removesuffix("_t").replace("_", " "))
     shown_table = table(chosen(parts.assign(tolerance=words), COLUMNS))
-    return (f'<section class="sheet">\n<h2>{escape(order.title)}</h2>\n<p>{escape(order.note)}</p>'
-            f"\n<p>{escape(told)}</p>\n{shown_table}\n</section>")  # fmt: skip
+    return (
+        f'<section class="sheet">\n<h2>{escape(order.title)}</h2>\n<p>{escape(order.note)}</p>'
+        f"\n<p>{escape(told)}</p>\n{shown_table}\n</section>"
+    )

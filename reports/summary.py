@@ -9,8 +9,21 @@ import pandas as pd
 
 from .tables import shown, table
 
-ELSEWHERE = frozenset({"assumptions", "notes", "choices", "rounding", "axes", "bars", "files",
-                       "units", "validity", "assumptions_at", "mechanism"})  # fmt: skip
+ELSEWHERE = frozenset(
+    {
+        "assumptions",
+        "notes",
+        "choices",
+        "rounding",
+        "axes",
+        "bars",
+        "files",
+        "units",
+        "validity",
+        "assumptions_at",
+        "mechanism",
+    }
+)
 """What the page shows in other places, or needs for itself."""
 
 

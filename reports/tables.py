@@ -45,8 +45,10 @@ def table(frame: pd.DataFrame, marked: Sequence[bool] = (), caption: str = "") -
     if frame.empty:
         return "<p>None.</p>"
     marks = marked or [False] * len(frame)
-    head = "".join(f'<th scope="col" title="{escape(str(name))}">{heading(str(name))}</th>'
-                   for name in frame.columns)  # fmt: skip
+    head = "".join(
+        f'<th scope="col" title="{escape(str(name))}">{heading(str(name))}</th>'
+        for name in frame.columns
+    )
     heads = _heads(frame)
     columns = [frame[name].tolist() for name in frame.columns]
     body = "\n".join(

@@ -43,8 +43,11 @@ def tolerances_figure(result: RunResult) -> Figure | None:
     if point is None or point >= len(result.front):
         return None
     row, other = result.front.iloc[point], _reference(result)
-    kept = [axis for axis in result.variables if _positive(row, axis.name)
-            and (other is None or _positive(other, axis.name))]  # fmt: skip
+    kept = [
+        axis
+        for axis in result.variables
+        if _positive(row, axis.name) and (other is None or _positive(other, axis.name))
+    ]
     if not kept:
         return None
     own = [float(row[axis.name]) for axis in kept]
@@ -59,10 +62,18 @@ def tolerances_figure(result: RunResult) -> Figure | None:
         shares = [value / float(other[axis.name]) for value, axis in zip(own, kept, strict=True)]
         axes.barh(range(len(kept)), shares, color=COLOURS[0], height=0.7)
         axes.axvline(1.0, color="black", linestyle="--", linewidth=1.0)
-        axes.set_xlabel(f"{result.choices['choice'].iloc[0]} / {other['label']}"
-                        if result.choices is not None else "")  # fmt: skip
-        bar_places(axes, [f"{words(axis.name)}, {value:.3g} {axis.unit}".rstrip()
-                          for value, axis in zip(own, kept, strict=True)])  # fmt: skip
+        axes.set_xlabel(
+            f"{result.choices['choice'].iloc[0]} / {other['label']}"
+            if result.choices is not None
+            else ""
+        )
+        bar_places(
+            axes,
+            [
+                f"{words(axis.name)}, {value:.3g} {axis.unit}".rstrip()
+                for value, axis in zip(own, kept, strict=True)
+            ],
+        )
     plain(axes)
     return figure
 

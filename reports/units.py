@@ -40,19 +40,31 @@ def unit_sections(result: RunResult) -> tuple[str, ...]:
 
 def _meaning(result: RunResult, units: dict[str, Any]) -> str:
     words = bullets([str(one) for one in units.get("words") or ()])
-    values = ", ".join(f"{name.replace('_', ' ')} {shown(units[name])}"
-                       for name in ("cost", "yield_percent", "interference_probability")
-                       if name in units)  # fmt: skip
-    point = f"Shown for {units.get('chosen', 'one point')} (point {shown(units.get('point'))} of " \
-            f"front.csv): {values}."  # fmt: skip
+    values = ", ".join(
+        f"{name.replace('_', ' ')} {shown(units[name])}"
+        for name in ("cost", "yield_percent", "interference_probability")
+        if name in units
+    )
+    point = (
+        f"Shown for {units.get('chosen', 'one point')} (point {shown(units.get('point'))} of "
+        f"front.csv): {values}."
+    )
     drawn = [
-        picture("unit", turn_figure(result), "One unit of this allocation over one turn of the "
-                "output: the unit whose largest backlash is the median of the population. "
-                "unit_turn.csv has the values."),
-        picture("population", population_figure(result), "The population of units of this "
-                "allocation by their largest backlash, with the quantile that the run reports and "
-                "the limit. population.csv has the values."),
-    ]  # fmt: skip
+        picture(
+            "unit",
+            turn_figure(result),
+            "One unit of this allocation over one turn of the "
+            "output: the unit whose largest backlash is the median of the population. "
+            "unit_turn.csv has the values.",
+        ),
+        picture(
+            "population",
+            population_figure(result),
+            "The population of units of this "
+            "allocation by their largest backlash, with the quantile that the run reports and "
+            "the limit. population.csv has the values.",
+        ),
+    ]
     return "\n".join([words, f"<p>{escape(point)}</p>", *drawn])
 
 
@@ -63,14 +75,31 @@ def turn_figure(result: RunResult) -> Figure:
     figure = new_figure(HEIGHT)
     axes = figure.add_subplot()
     counts = pd.Series(flags(found, "measured"), index=found.index)
-    axes.plot(found["turn_deg"], found["backlash_arcmin"], linewidth=0.7, color=COLOURS[0],
-              label="backlash of the unit")  # fmt: skip
+    axes.plot(
+        found["turn_deg"],
+        found["backlash_arcmin"],
+        linewidth=0.7,
+        color=COLOURS[0],
+        label="backlash of the unit",
+    )
     own = found[counts]
-    axes.plot(own["turn_deg"], own["backlash_arcmin"], linestyle="none", marker="o", markersize=3.0,
-              color=COLOURS[1], label=f"{len(own)} positions")  # fmt: skip
+    axes.plot(
+        own["turn_deg"],
+        own["backlash_arcmin"],
+        linestyle="none",
+        marker="o",
+        markersize=3.0,
+        color=COLOURS[1],
+        label=f"{len(own)} positions",
+    )
     if len(own):
-        axes.axhline(float(own["backlash_arcmin"].max()), color=COLOURS[1], linestyle="--",
-                     linewidth=1.0, label="largest of them")  # fmt: skip
+        axes.axhline(
+            float(own["backlash_arcmin"].max()),
+            color=COLOURS[1],
+            linestyle="--",
+            linewidth=1.0,
+            label="largest of them",
+        )
     axes.set_xlim(0.0, 360.0)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("turn of the output [deg]")
@@ -86,25 +115,44 @@ def population_figure(result: RunResult) -> Figure:
     assert found is not None
     figure = new_figure(HEIGHT)
     axes = figure.add_subplot()
-    axes.stairs(found["share_percent"].iloc[1:], found["backlash_max_arcmin"], fill=True,
-                color=COLOURS[0], alpha=0.45, label="units per step")  # fmt: skip
+    axes.stairs(
+        found["share_percent"].iloc[1:],
+        found["backlash_max_arcmin"],
+        fill=True,
+        color=COLOURS[0],
+        alpha=0.45,
+        label="units per step",
+    )
     axes.set_xlabel("largest backlash of a unit over the turn [arcmin]")
     axes.set_ylabel("units per step [%]")
     both = axes.twinx()
-    both.plot(found["backlash_max_arcmin"], found["share_within_percent"], color=COLOURS[0],
-              linewidth=1.5, label="units within")  # fmt: skip
+    both.plot(
+        found["backlash_max_arcmin"],
+        found["share_within_percent"],
+        color=COLOURS[0],
+        linewidth=1.5,
+        label="units within",
+    )
     both.set_ylim(0.0, 104.0)
     both.set_ylabel("units within [%]")
-    marks = (("quantile", f"{shown(units.get('coverage_percent'))} % of the units", "--", 1),
-             ("limit", "limit", ":", 2))  # fmt: skip
+    marks = (
+        ("quantile", f"{shown(units.get('coverage_percent'))} % of the units", "--", 1),
+        ("limit", "limit", ":", 2),
+    )
     for name, words, style, colour in marks:
         if isinstance(units.get(name), int | float):
-            both.axvline(float(units[name]), linestyle=style, color=COLOURS[colour], linewidth=1.4,
-                         label=f"{words}: {shown(units[name])} arcmin")  # fmt: skip
+            both.axvline(
+                float(units[name]),
+                linestyle=style,
+                color=COLOURS[colour],
+                linewidth=1.4,
+                label=f"{words}: {shown(units[name])} arcmin",
+            )
     lines = [one.get_legend_handles_labels() for one in (axes, both)]
     handles, labels = lines[0][0] + lines[1][0], lines[0][1] + lines[1][1]
-    figure.legend(handles, labels, frameon=False, fontsize="small", ncols=2,
-                  loc="outside lower center")  # fmt: skip
+    figure.legend(
+        handles, labels, frameon=False, fontsize="small", ncols=2, loc="outside lower center"
+    )
     plain(axes)
     both.spines[["top"]].set_visible(False)
     return figure
@@ -112,8 +160,11 @@ def population_figure(result: RunResult) -> Figure:
 
 def _cost(found: pd.DataFrame, level: object) -> str:
     """The table, the problem as it is marked; a cell without a value stays empty."""
-    words = {name: [shown(cell) for cell in found[name]]
-             for name in ("assumption", "value", "remark") if name in found}  # fmt: skip
+    words = {
+        name: [shown(cell) for cell in found[name]]
+        for name in ("assumption", "value", "remark")
+        if name in found
+    }
     names = ("assumption", "value", "cost", "change_percent", "remark")
     marked = [True] + [False] * (len(found) - 1)
     held = level if isinstance(level, dict) else {}

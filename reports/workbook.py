@@ -129,11 +129,13 @@ def _sheet(table: pd.DataFrame) -> str:
     )
     body = "".join(
         f'<row r="{at}">'
-        + "".join(_cell(f"{letter}{at}", value, at == 1)
-                  for letter, value in zip(letters, row, strict=True))
+        + "".join(
+            _cell(f"{letter}{at}", value, at == 1)
+            for letter, value in zip(letters, row, strict=True)
+        )
         + "</row>"
         for at, row in enumerate(rows, start=1)
-    )  # fmt: skip
+    )
     return (
         f'{_HEAD}<worksheet xmlns="{_MAIN}"><sheetViews><sheetView workbookViewId="0">'
         '<pane ySplit="1" topLeftCell="A2" activePane="bottomLeft" state="frozen"/>'

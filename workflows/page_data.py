@@ -91,9 +91,12 @@ def _table(frame: pd.DataFrame) -> dict[str, Any]:
 def _frame(table: Mapping[str, Any]) -> pd.DataFrame:
     columns = zip(table["columns"], table["values"], table["types"], strict=True)
     return pd.DataFrame(
-        {name: pd.Series(values, index=table["index"], dtype=kind)
-         for name, values, kind in columns}, index=table["index"],
-    )  # fmt: skip
+        {
+            name: pd.Series(values, index=table["index"], dtype=kind)
+            for name, values, kind in columns
+        },
+        index=table["index"],
+    )
 
 
 def _empty(hint: Any) -> Any:

@@ -95,8 +95,10 @@ def remarks(
     measured = ", ".join(o.name for o in model.outputs if o.name in given)
     if measured or isinstance(model, MeasuredTable):
         named = measured or ", ".join(o.name for o in model.outputs)
-        found.append(f"{place}: {named} as written are predictions with the effects in them, not "
-                     "the measurements")  # fmt: skip
+        found.append(
+            f"{place}: {named} as written are predictions with the effects in them, not "
+            "the measurements"
+        )
     return found
 
 

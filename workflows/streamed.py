@@ -84,8 +84,9 @@ def _hindered(
         return "effects see a table as a whole"
     if not simulation.model.row_by_row(schemas[0].names):
         return "several rows are about one unit"
-    missing = [c.name for c in simulation.model.columns if c.needed and c.name not in
-               schemas[0].names]  # fmt: skip
+    missing = [
+        c.name for c in simulation.model.columns if c.needed and c.name not in schemas[0].names
+    ]
     if missing:
         return f"it has no column {', '.join(missing)}"
     labels = {c.name for c in simulation.model.columns if c.text} | {"session"}

@@ -78,8 +78,10 @@ def _csv(frame: pd.DataFrame) -> str:
 def _designs(problem: ToleranceProblem) -> pd.DataFrame:
     """The document's allocation, and the middle of the search ranges."""
     middle = {one.name: _middle(one.low, one.high) for one in problem.variables}
-    document = {one.name: middle[one.name] if one.document is None else one.document
-                for one in problem.variables}  # fmt: skip
+    document = {
+        one.name: middle[one.name] if one.document is None else one.document
+        for one in problem.variables
+    }
     frame = pd.DataFrame([document, middle | dict(problem.fixed)])
     for one in problem.variables:
         if one.integer and not one.labels:
@@ -95,8 +97,9 @@ def _middle(low: float, high: float) -> float:
 
 def _units(model: MeasurableModel) -> pd.DataFrame:
     """Units of a batch, drawn by the model with a fixed seed."""
-    table = {one.name: _inputs(one) for one in model.columns
-             if one.text or one.role is Role.TEMPERATURE}  # fmt: skip
+    table = {
+        one.name: _inputs(one) for one in model.columns if one.text or one.role is Role.TEMPERATURE
+    }
     outputs = model.predict(table, np.random.default_rng(0))
     return pd.DataFrame(table | {name: values.round(4) for name, values in outputs.items()})
 

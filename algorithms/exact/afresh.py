@@ -75,8 +75,7 @@ def _pushed(run: Run, branch: Branch, y: Array) -> Array:
         if not np.any(excess > 0.0):
             break
         own = branch.smooth.values(y)[1]
-        slack = np.where(excess > 0.0, np.maximum(slack, -own) + BEYOND * excess + farther,
-                         slack)  # fmt: skip
+        slack = np.where(excess > 0.0, np.maximum(slack, -own) + BEYOND * excess + farther, slack)
         y = branch.restored(y, slack, FAR)
     return branch.smooth.vectors(y[None, :])
 

@@ -43,8 +43,14 @@ class Ascent:
 
         minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
         bounds = scipy.optimize.Bounds(np.zeros(len(unit)), np.where(asked, np.inf, 0.0))
-        found = minimize(negative, np.where(asked, first / unit, 0.0), jac=True, bounds=bounds,
-                         method="L-BFGS-B", options={"maxfun": STEPS})  # fmt: skip
+        found = minimize(
+            negative,
+            np.where(asked, first / unit, 0.0),
+            jac=True,
+            bounds=bounds,
+            method="L-BFGS-B",
+            options={"maxfun": STEPS},
+        )
         better = np.maximum(np.asarray(found.x, dtype=float), 0.0) * unit
         return better if self.value(better)[0] >= self.value(first)[0] else first
 

@@ -83,8 +83,7 @@ class _Course:
         lost[real] = above[real] - bound[real] - LOST * np.abs(above[real])
         lost[bound == np.inf] = -np.inf  # proven impossible: there is nothing to gain
         gap = np.searchsorted(every, rest)
-        each = [rest[gap == one][np.argmax(lost[gap == one])]
-                for one in np.unique(gap[lost > 0.0])]  # fmt: skip
+        each = [rest[gap == one][np.argmax(lost[gap == one])] for one in np.unique(gap[lost > 0.0])]
         return np.array(each[: SOLVED - len(every)], dtype=np.intp)
 
     def _most(self, every: NDArray[np.intp], rest: NDArray[np.intp]) -> Array:
@@ -100,8 +99,12 @@ def _by(form: Form, near: Optimum, limits: Array) -> Array:
     """Lagrangian bounds (n,) at limits (n, r) by the tangents and multiples of prices of `near`."""
     n, shape = len(limits), (len(GRID), len(limits))
     spread = np.stack(
-        [np.array([way.spread for way in feature.ways])[near.chosen[:, at]]
-         for at, feature in enumerate(form.features)], axis=2)  # fmt: skip
+        [
+            np.array([way.spread for way in feature.ways])[near.chosen[:, at]]
+            for at, feature in enumerate(form.features)
+        ],
+        axis=2,
+    )
     once = spread_of(form, near.t[:, None, :] * spread, largest_parts(form))
     every, grid = np.tile(np.arange(n), len(GRID)), np.repeat(GRID, n)[:, None]
     tangent = Spread(once.value[every], once.direction[every], once.intercept[every])

@@ -69,8 +69,10 @@ def proof(problem: ToleranceProblem, values: Mapping[str, Array], points: int) -
     excess = np.subtract(bound, cost, out=np.full(len(cost), -np.inf), where=np.isfinite(cost))
     if np.any(excess > 1e-9 * np.maximum(np.abs(cost), min(abs(least), abs(most)))):
         at = int(np.argmax(excess))
-        raise ModelError(f"the proven bound {bound[at]} lies above a cost of {cost[at]}: the form "
-                         f"of {type(problem).__name__} does not bound it")  # fmt: skip
+        raise ModelError(
+            f"the proven bound {bound[at]} lies above a cost of {cost[at]}: the form "
+            f"of {type(problem).__name__} does not bound it"
+        )
     return Proof(np.minimum(bound, cost), form.statement, form.relaxed)
 
 
@@ -82,8 +84,9 @@ def _least_bound(form: Form, limits: Array) -> Array:
     found = _bound(form, limits)
     for other in form.also:
         wide = np.full(len(other.outputs), np.inf)
-        shared = [other.outputs.index(name) if name in other.outputs else -1
-                  for name in form.outputs]  # fmt: skip
+        shared = [
+            other.outputs.index(name) if name in other.outputs else -1 for name in form.outputs
+        ]
         own = np.tile(np.minimum(wide, other.own_limits), (len(limits), 1))
         for at, row in enumerate(shared):
             if row >= 0:
@@ -126,8 +129,10 @@ def reason(problem: ToleranceProblem, form: Form | None) -> str:
     if others:
         known = ", ".join(form.outputs)
         why = problem.unproven()
-        return (f"nothing is proven: no convex form of {', '.join(others)} (there is one of "
-                f"{known}){f': {why}' if why else ''}")  # fmt: skip
+        return (
+            f"nothing is proven: no convex form of {', '.join(others)} (there is one of "
+            f"{known}){f': {why}' if why else ''}"
+        )
     return ""
 
 

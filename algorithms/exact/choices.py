@@ -66,14 +66,22 @@ def least_cost(form: Form, limits: Array) -> Optimum:
     for limit in limits:  # multipliers of several requirements are improved for each alone
         known = found[-1:]
         found.append(_least_cost(form, limit[None, :], known[0] if known else None))
-    return Optimum(*(np.concatenate([getattr(one, name) for one in found])
-                     for name in Optimum.__dataclass_fields__))  # fmt: skip
+    return Optimum(
+        *(
+            np.concatenate([getattr(one, name) for one in found])
+            for name in Optimum.__dataclass_fields__
+        )
+    )
 
 
 def _pointed(form: Form) -> bool:
     """Whether some feature has alternatives that are points: no tangent is near all of them."""
-    return any(way.low == way.high for feature in form.features if len(feature.ways) > 1
-               for way in feature.ways)  # fmt: skip
+    return any(
+        way.low == way.high
+        for feature in form.features
+        if len(feature.ways) > 1
+        for way in feature.ways
+    )
 
 
 def _least_cost(form: Form, limits: Array, near: Optimum | None) -> Optimum:
@@ -105,8 +113,9 @@ def _by_squares(form: Form, limits: Array) -> Optimum:
         if np.isfinite(best.cost):
             known = best
         found.append((best, bound))
-    lam = np.array([leaf.mu * squares.worth(limit)
-                    for (leaf, _), limit in zip(found, limits, strict=True)])  # fmt: skip
+    lam = np.array(
+        [leaf.mu * squares.worth(limit) for (leaf, _), limit in zip(found, limits, strict=True)]
+    )
     bounds = [max(bound, cost_range(form)[0]) for _, bound in found]
     return Optimum(
         np.array([leaf.ways for leaf, _ in found], dtype=np.int64).reshape(len(found), -1),
@@ -120,8 +129,13 @@ def _by_squares(form: Form, limits: Array) -> Optimum:
 def _by_master(form: Form, limits: Array) -> Optimum:
     """The same by a linear master problem, one set of limits after the other."""
     n, features = len(limits), len(form.features)
-    found = Optimum(np.zeros((n, features), dtype=np.int64), np.full((n, features), np.nan),
-                    np.full(n, np.inf), np.full(n, np.inf), np.zeros_like(limits))  # fmt: skip
+    found = Optimum(
+        np.zeros((n, features), dtype=np.int64),
+        np.full((n, features), np.nan),
+        np.full(n, np.inf),
+        np.full(n, np.inf),
+        np.zeros_like(limits),
+    )
     for row, limit in enumerate(limits):
         master = Master(form, limit, *cost_range(form))
         best = master.run()
@@ -325,8 +339,10 @@ class _Least:
 def _alike(form: Form) -> list[bool]:
     """Which features could change places with the one before: their ways are tried in one order."""
     pairs = pairwise(form.features)
-    same = [form.correlation is None and one.ways == other.ways and one.count == other.count
-            for one, other in pairs]  # fmt: skip
+    same = [
+        form.correlation is None and one.ways == other.ways and one.count == other.count
+        for one, other in pairs
+    ]
     return [False, *same]
 
 

@@ -43,8 +43,13 @@ class Optimum:
 
     def at(self, rows: NDArray[np.intp]) -> Optimum:
         """Those of some limits."""
-        return Optimum(self.chosen[rows], self.t[rows], self.cost[rows], self.bound[rows],
-                       self.multiplier[rows])  # fmt: skip
+        return Optimum(
+            self.chosen[rows],
+            self.t[rows],
+            self.cost[rows],
+            self.bound[rows],
+            self.multiplier[rows],
+        )
 
 
 @dataclass(frozen=True, eq=False)

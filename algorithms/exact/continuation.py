@@ -51,10 +51,12 @@ def _between(run: Run, branches: list[Branch], points: int) -> Levels:
         below, above = _widest(levels, branches[0].unit)
         level = 0.5 * (below + above)
         tried = _promising(levels[below]) | _promising(levels[above])
-        levels[level] = np.array([
-            _solved(branch, level) if own else np.inf
-            for branch, own in zip(branches, tried, strict=True)
-        ])  # fmt: skip
+        levels[level] = np.array(
+            [
+                _solved(branch, level) if own else np.inf
+                for branch, own in zip(branches, tried, strict=True)
+            ]
+        )
     for sweep in range(SWEEPS):
         run.phase("points from their neighbours", 0.8 + 0.1 * sweep / SWEEPS)
         if not _mended(branches, levels):

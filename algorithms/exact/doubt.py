@@ -37,8 +37,13 @@ def least_under_doubt(form: Form, limits: Array, floor: float) -> Optimum:
     Cost and bound are inf where no allocation can keep them; where none was found the cost alone.
     """
     n, shape = len(limits), (len(limits), len(form.features))
-    found = Optimum(np.zeros(shape, dtype=np.int64), np.full(shape, np.nan), np.full(n, np.inf),
-                    np.full(n, floor), np.zeros_like(limits))  # fmt: skip
+    found = Optimum(
+        np.zeros(shape, dtype=np.int64),
+        np.full(shape, np.nan),
+        np.full(n, np.inf),
+        np.full(n, floor),
+        np.zeros_like(limits),
+    )
     reference: Array | None = None
     for row, limit in enumerate(limits):
         one = _Reweighted(form, limit, reference)

@@ -85,8 +85,10 @@ def integer_sets(problem: ToleranceProblem) -> list[Array]:
     ]
     count = int(np.prod([float(len(choice)) for choice in choices]))
     if count > SETS:
-        text = (f"exact enumerates at most {SETS} sets of integers where it has no closed form, "
-                f"here are {count}: use hybrid, or fix some of them")  # fmt: skip
+        text = (
+            f"exact enumerates at most {SETS} sets of integers where it has no closed form, "
+            f"here are {count}: use hybrid, or fix some of them"
+        )
         raise refuse("algorithm.name", text)
     return [np.array(one) for one in itertools.product(*choices)]
 

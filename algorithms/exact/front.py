@@ -137,10 +137,18 @@ def _least_correlated(form: Form) -> Array:
     The coefficients are those of the first way: of correlated features all ways have the same.
     """
     features = tuple(
-        replace(f, ways=(replace(f.ways[0], low=min(way.low for way in f.ways),
-                                 high=max(way.high for way in f.ways)),))
+        replace(
+            f,
+            ways=(
+                replace(
+                    f.ways[0],
+                    low=min(way.low for way in f.ways),
+                    high=max(way.high for way in f.ways),
+                ),
+            ),
+        )
         for f in form.features
-    )  # fmt: skip
+    )
     combination = Combination(replace(form, features=features), (0,) * len(features))
     least = combination.values(combination.low[None, :])[0]
     for at in range(len(least)):

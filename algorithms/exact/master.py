@@ -67,8 +67,11 @@ class Master:
         self._most = largest_parts(self.form)
         self._mean = np.zeros(len(self.form.features))
         self._asked = np.flatnonzero(np.isfinite(self.limit))
-        ways = [(at, way, one) for at, feature in enumerate(self.form.features)
-                for way, one in enumerate(feature.ways)]  # fmt: skip
+        ways = [
+            (at, way, one)
+            for at, feature in enumerate(self.form.features)
+            for way, one in enumerate(feature.ways)
+        ]
         self._owner = np.array([at for at, _, _ in ways])
         self._way = np.array([way for _, way, _ in ways])
         self._ways = [one for _, _, one in ways]
@@ -79,8 +82,10 @@ class Master:
         for at, way, one in ways:
             for t in (one.low, one.high):
                 self._add_column(at, way, t)
-        middle = np.stack([self._spread[self._owner == at].mean(axis=0)
-                           for at in range(len(self.form.features))], axis=1)  # fmt: skip
+        middle = np.stack(
+            [self._spread[self._owner == at].mean(axis=0) for at in range(len(self.form.features))],
+            axis=1,
+        )
         for share in (0.1, 0.5, 1.0):
             wide = np.array([max(w.high for w in f.ways) for f in self.form.features])
             self._add_cuts(middle * wide * share, np.full(len(self.limit), -np.inf))
@@ -101,8 +106,12 @@ class Master:
                 proven = min(proven, bound)
                 continue
             self._round(weight, allowed, self._mean)
-            mixed = np.array([1.0 - one.max() if len(ways) > 1 else 0.0
-                              for one, ways in zip(weight, allowed, strict=True)])  # fmt: skip
+            mixed = np.array(
+                [
+                    1.0 - one.max() if len(ways) > 1 else 0.0
+                    for one, ways in zip(weight, allowed, strict=True)
+                ]
+            )
             if mixed.max() < 1e-9:
                 proven = min(proven, bound)
                 continue
@@ -131,8 +140,9 @@ class Master:
 
     def _node(self, allowed: Allowed, bound: float) -> tuple[float, list[Array] | None]:
         """The bound of a node, and weights of each feature's ways; None where it is closed."""
-        open_ = np.array([way in allowed[at] for at, way in zip(self._owner, self._way,
-                                                                strict=True)])  # fmt: skip
+        open_ = np.array(
+            [way in allowed[at] for at, way in zip(self._owner, self._way, strict=True)]
+        )
         weight: list[Array] | None = None
         for _ in range(ROUNDS):
             used, x, prices = self._programme(open_)
@@ -153,8 +163,10 @@ class Master:
                 mean[:, at] += share * self._spread[row] * size
                 value += share * (self._offset[row] + self._linear[row] * size)
                 total += share * cost
-            fresh = sum(self._add_column(int(at), int(way), float(one)) for at, way, one in
-                        zip(self._owner[open_], self._way[open_], t, strict=True))  # fmt: skip
+            fresh = sum(
+                self._add_column(int(at), int(way), float(one))
+                for at, way, one in zip(self._owner[open_], self._way[open_], t, strict=True)
+            )
             cut = self._add_cuts(mean, self.limit - value)
             if (not fresh and not cut) or (not cut and total - bound <= 0.1 * GAP * abs(total)):
                 break
@@ -165,8 +177,7 @@ class Master:
 
     def _programme(self, open_: NDArray[np.bool_]) -> tuple[list[int], Array, Array]:
         """Columns, their weights, and the prices (cuts,) of the linear programme of a node."""
-        used = [i for i, (at, way, _, _) in enumerate(self._columns)
-                if open_[self._index(at, way)]]  # fmt: skip
+        used = [i for i, (at, way, _, _) in enumerate(self._columns) if open_[self._index(at, way)]]
         owner = np.array([self._columns[i][0] for i in used])
         rows = np.array([self._index(*self._columns[i][:2]) for i in used])
         size = np.array([self._columns[i][2] for i in used])
@@ -184,9 +195,13 @@ class Master:
         )
         linprog: Any = scipy.optimize.linprog  # its stubs know arrays of one dimension only
         found = linprog(
-            np.concatenate([cost, np.full(len(which), price)]), A_ub=whole, b_ub=room / scale,
-            A_eq=one, b_eq=np.ones(len(self.form.features)), method="highs",
-        )  # fmt: skip
+            np.concatenate([cost, np.full(len(which), price)]),
+            A_ub=whole,
+            b_ub=room / scale,
+            A_eq=one,
+            b_eq=np.ones(len(self.form.features)),
+            method="highs",
+        )
         if found.x is None:
             return used, np.zeros(len(used)), np.zeros(len(which))
         prices = np.maximum(-np.asarray(found.ineqlin.marginals), 0.0) / scale
@@ -254,10 +269,13 @@ class Master:
         """Solve the ways of most weight, and the tightest of those that are mixed."""
         heavy = tuple(map(_heaviest, weight, allowed))
         tight = tuple(
-            min((way for way in allowed[at] if one[way] > 1e-6), default=heavy[at],
-                key=lambda way, at=at: self.form.features[at].ways[way].low)  # type: ignore[misc]
+            min(
+                (way for way in allowed[at] if one[way] > 1e-6),
+                default=heavy[at],
+                key=lambda way, at=at: self.form.features[at].ways[way].low,
+            )  # type: ignore[misc]
             for at, one in enumerate(weight)
-        )  # fmt: skip
+        )
         for chosen in (heavy, tight) if self.best is None else (heavy,):
             self._leaf(chosen, start)
 

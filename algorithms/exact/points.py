@@ -32,8 +32,13 @@ def least_of_points(form: Form, limits: Array) -> Optimum:
     cost, values = _every(form)
     order = np.argsort(cost, kind="stable")
     n, shape = len(limits), tuple(len(feature.ways) for feature in form.features)
-    found = Optimum(np.zeros((n, len(shape)), dtype=np.int64), np.full((n, len(shape)), np.nan),
-                    np.full(n, np.inf), np.full(n, np.inf), np.zeros_like(limits))  # fmt: skip
+    found = Optimum(
+        np.zeros((n, len(shape)), dtype=np.int64),
+        np.full((n, len(shape)), np.nan),
+        np.full(n, np.inf),
+        np.full(n, np.inf),
+        np.zeros_like(limits),
+    )
     for row, limit in enumerate(limits):
         fits = np.all(values[:, order] <= limit[:, None], axis=0)
         if not np.any(fits):
@@ -58,8 +63,10 @@ def _every(form: Form) -> tuple[Array, Array]:
     ways = np.unravel_index(np.arange(len(cost)), shape)
     for row, surplus in enumerate(form.surpluses):
         if surplus is not None:
-            own = [_points(feature, len(form.outputs))[2][row, way]
-                   for feature, way in zip(form.features, ways, strict=True)]  # fmt: skip
+            own = [
+                _points(feature, len(form.outputs))[2][row, way]
+                for feature, way in zip(form.features, ways, strict=True)
+            ]
             square[row] += surplus.value(np.stack(own, axis=1))[0]
     return cost, linear + np.sqrt(square)
 
@@ -72,8 +79,9 @@ def _outer(sums: Array, more: Array) -> Array:
 def _points(feature: Feature, rows: int) -> tuple[Array, Array, Array]:
     """Cost (w,), linear terms and squares (r, w) of the ways of a feature."""
     t = np.array([way.low for way in feature.ways])
-    cost = np.array([float(way.curve.cost(t[at : at + 1])[0])
-                     for at, way in enumerate(feature.ways)])  # fmt: skip
+    cost = np.array(
+        [float(way.curve.cost(t[at : at + 1])[0]) for at, way in enumerate(feature.ways)]
+    )
     linear = np.array([way.linear for way in feature.ways]).T * t
     offset = np.array([way.offset or (0.0,) * rows for way in feature.ways]).T
     square = (np.array([way.spread for way in feature.ways]).T * t) ** 2

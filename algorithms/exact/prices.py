@@ -72,8 +72,11 @@ class Prices:
         m, a = np.array(way.linear), np.array(way.spread)
         linear = np.sum(self.linear * (m + self.direction[:, :, feature] * a), axis=1)
         square = self.square @ (a * a)
-        t = (np.full_like(square, way.low) if way.low == way.high
-             else way.curve.best(linear / count, square / count, way.low, way.high))  # fmt: skip
+        t = (
+            np.full_like(square, way.low)
+            if way.low == way.high
+            else way.curve.best(linear / count, square / count, way.low, way.high)
+        )
         offset = self.linear @ np.array(way.offset) if way.offset else 0.0
         return t, count * way.curve.cost(t) + linear * t + square * t * t + offset
 
@@ -94,8 +97,10 @@ class Prices:
         self, ways: tuple[Way, ...], at: int, count: float
     ) -> tuple[Array, Array] | None:
         curve, nothing = ways[0].curve, (0.0,) * self.linear.shape[1]
-        m, a, offset = (np.array([getattr(way, name) or nothing for way in ways])
-                        for name in ("linear", "spread", "offset"))  # fmt: skip
+        m, a, offset = (
+            np.array([getattr(way, name) or nothing for way in ways])
+            for name in ("linear", "spread", "offset")
+        )
         low, high = (np.array([[getattr(way, name)] for way in ways]) for name in ("low", "high"))
         linear = m @ self.linear.T + a @ (self.linear * self.direction[:, :, at]).T
         square = (a * a) @ self.square.T

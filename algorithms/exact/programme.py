@@ -196,8 +196,9 @@ class Programme:
         first[-1] = float(np.max(-margins(first)))
         away = np.append(np.zeros(len(width)), -1e3), np.append(np.ones(len(width)), 1e3)
         only = np.append(np.zeros(len(width)), 1.0)
-        found = slsqp(lambda y: float(y[-1]), lambda y: only, margins, margin_slopes, first, away,
-                      1e-15, 500)  # fmt: skip
+        found = slsqp(
+            lambda y: float(y[-1]), lambda y: only, margins, margin_slopes, first, away, 1e-15, 500
+        )
         weight = np.zeros(r)
         weight[asked] = found.multiplier / scale[asked]
         return whole(found.x)[0], weight

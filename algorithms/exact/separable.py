@@ -234,8 +234,14 @@ class _Choice:
         minimize: Any = scipy.optimize.minimize  # its stubs know arrays of one dimension only
         bounds = scipy.optimize.Bounds(np.zeros(len(room)), np.full(len(room), 1e6))
         options = {"ftol": 1e-16, "gtol": 1e-12, "maxiter": 500}
-        found = minimize(negative, np.full(len(room), 1e-2), jac=True, bounds=bounds,
-                         method="L-BFGS-B", options=options)  # fmt: skip
+        found = minimize(
+            negative,
+            np.full(len(room), 1e-2),
+            jac=True,
+            bounds=bounds,
+            method="L-BFGS-B",
+            options=options,
+        )
         return np.where(asked, found.x * worth, 0.0)
 
     def _kept(self, t: Array, room: Array) -> Array:

@@ -91,8 +91,9 @@ def exact_vectors(problem: ToleranceProblem, form: Form, points: int) -> Array:
     upper[real] -= slack
     if problem.n_obj == 1:
         return _cheapest(problem, form, upper)
-    swept = np.array([not set(form.asked(name)).isdisjoint(problem.objectives)
-                      for name in form.outputs])  # fmt: skip
+    swept = np.array(
+        [not set(form.asked(name)).isdisjoint(problem.objectives) for name in form.outputs]
+    )
     most = upper_limit(problem, "cost")
     limit, x = upper.copy(), np.empty((0, problem.n_var))
     for _ in range(CORRECTIONS):

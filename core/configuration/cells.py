@@ -48,9 +48,16 @@ def _read(path: Path, name: str) -> tuple[str, list[list[float]]]:
         return "joints_deg", _numbers(cells[joints], name)
     wanted = [*PLACE, *(TURN if turned else ())]
     if missing := [one for one in wanted if one not in cells]:
-        raise InputError([Fault(name, f"lacks {', '.join(missing)}: poses are x_mm, y_mm, z_mm "
-                                 "with rx_deg, ry_deg, rz_deg or without, or joint_1_deg, "
-                                 "joint_2_deg, ...")])  # fmt: skip
+        raise InputError(
+            [
+                Fault(
+                    name,
+                    f"lacks {', '.join(missing)}: poses are x_mm, y_mm, z_mm "
+                    "with rx_deg, ry_deg, rz_deg or without, or joint_1_deg, "
+                    "joint_2_deg, ...",
+                )
+            ]
+        )
     return "poses", _numbers(cells[wanted], name)
 
 

@@ -73,8 +73,10 @@ def _step(section: Section, variable: Variable) -> Step | None:
             return numbers
         return None
     if isinstance(value, str) and not any(letter.isdigit() for letter in value):
-        section.fault(variable.name, f'must be one of {", ".join(RULES)}, a step or a list of '
-                      f'values, got "{value}"')  # fmt: skip
+        section.fault(
+            variable.name,
+            f'must be one of {", ".join(RULES)}, a step or a list of values, got "{value}"',
+        )
         return None
     return section.number(variable.name, variable.unit, POSITIVE)
 
@@ -87,8 +89,10 @@ def resolved_choice(settings: ChoiceSettings) -> dict[str, Any]:
         numbers["roughness_share"] = settings.roughness_share
     parts: Mapping[str, Any] = {"weights": dict(settings.weights), "limits": nested(limits)}
     choice = {name: table for name, table in parts.items() if table} | numbers
-    steps = {name: list(step) if isinstance(step, tuple) else step
-             for name, step in settings.steps.items()}  # fmt: skip
+    steps = {
+        name: list(step) if isinstance(step, tuple) else step
+        for name, step in settings.steps.items()
+    }
     return {name: table for name, table in (("choice", choice), ("rounding", steps)) if table}
 
 

@@ -14,8 +14,15 @@ from .simulated import arguments_of
 LEVEL = Range(0.0, 1.0, open_low=True, open_high=True)
 MODEL_KEYS = ("model", "parameters", "variables", "effect")
 PROBLEM_KEYS = (
-    "problem", "parameters", "variables", "costs", "propagation", "limits", "grouping", "effect",
-)  # fmt: skip
+    "problem",
+    "parameters",
+    "variables",
+    "costs",
+    "propagation",
+    "limits",
+    "grouping",
+    "effect",
+)
 
 
 def by_model(section: Section, count: int) -> Recipe | None:
@@ -32,9 +39,15 @@ def by_model(section: Section, count: int) -> Recipe | None:
         section.fault("units", f"is missing: {found.model_name} draws units; say how many")
     names = names_of(section, "output", count, {one.name: one.unit for one in kind.outputs})
     recipe = ByModel(
-        found.model_name, kind, **arguments_of(found), effects=found.settings.effects, at=at,
-        outputs=names, statistic=statistic, drawn=drawn,
-    )  # fmt: skip
+        found.model_name,
+        kind,
+        **arguments_of(found),
+        effects=found.settings.effects,
+        at=at,
+        outputs=names,
+        statistic=statistic,
+        drawn=drawn,
+    )
     tried(section, recipe.model)
     return recipe
 
@@ -70,8 +83,11 @@ def _statistic(section: Section, drawn: int, rows: int) -> Statistic:
     if name.startswith("fraction") and "threshold" not in section:
         section.fault("threshold", "is missing: the value, in the unit of the output")
     if name == "value" and (drawn or rows > 1):
-        section.fault("statistic", f"is missing: there are {drawn or rows} rows; choose one of "
-                      f"{', '.join(STATISTICS[1:])}")  # fmt: skip
+        section.fault(
+            "statistic",
+            f"is missing: there are {drawn or rows} rows; choose one of "
+            f"{', '.join(STATISTICS[1:])}",
+        )
     return Statistic(name, (level if name == "quantile" else threshold) or 0.0)
 
 

@@ -82,9 +82,10 @@ def units_of(recipe: Recipe) -> tuple[str, ...]:
         case ByModel():
             outputs = {one.name: one.unit for one in recipe.kind.outputs}
             return tuple(
-                recipe.statistic.unit(outputs[name]) or "1" for name in recipe.outputs
+                recipe.statistic.unit(outputs[name]) or "1"
+                for name in recipe.outputs
                 if name in outputs
-            )  # fmt: skip
+            )
         case ByProblem():
             units = {one.name: one.unit for one in recipe.problem.outputs}
             return tuple(units[name] or "1" for name in recipe.outputs if name in units)

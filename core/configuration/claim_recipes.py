@@ -126,8 +126,10 @@ def _derived(section: Section, recipe: Recipe | None) -> Recipe | None:
         return None
     known = recipe.shiftable()
     if recipe.unit_of(name) is None:
-        own.fault("by", f'"{name}" is no input of {recipe.by}{nearest(name, known)}; known: '
-                  f"{', '.join(known)}")  # fmt: skip
+        own.fault(
+            "by",
+            f'"{name}" is no input of {recipe.by}{nearest(name, known)}; known: {", ".join(known)}',
+        )
         return None
     derived = Derivative(recipe, name, step)
     for sign in (-1.0, 1.0):

@@ -112,15 +112,27 @@ def _claim(section: Section, name: str, study: str) -> Claim | None:
     if lost and "reading" in section:
         section.fault("reading", "computes what `lost` says cannot be; give one of them")
     elif not lost and "reading" not in section:
-        section.fault("reading", "is missing: say how it is recomputed ([[claim.reading]]), or "
-                      "what is lost")  # fmt: skip
+        section.fault(
+            "reading", "is missing: say how it is recomputed ([[claim.reading]]), or what is lost"
+        )
     elif not lost and "printed" not in section:
         section.fault("printed", "is missing: the number that the document prints")
     section.finish()
     return Claim(
-        name, place, quantity, unit, printed, written["printed_as"], relation, tolerance, reason,
-        written["ambiguous"], lost, written["why"], readings,
-    )  # fmt: skip
+        name,
+        place,
+        quantity,
+        unit,
+        printed,
+        written["printed_as"],
+        relation,
+        tolerance,
+        reason,
+        written["ambiguous"],
+        lost,
+        written["why"],
+        readings,
+    )
 
 
 def _unit(section: Section) -> str:

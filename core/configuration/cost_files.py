@@ -60,8 +60,11 @@ def fill_costs(filled: Filled, folder: Path, faults: list[Fault]) -> None:
         if not isinstance(own, dict):
             continue
         place = f"part[{at}].costs"
-        faults += [Fault(f"{place}.{key}", "is not a known key: costs of a part are a file")
-                   for key in own if key != "file"]  # fmt: skip
+        faults += [
+            Fault(f"{place}.{key}", "is not a known key: costs of a part are a file")
+            for key in own
+            if key != "file"
+        ]
         del part["costs"]
         if "file" not in own:
             faults.append(Fault(f"{place}.file", "is missing: name a table of costs"))
@@ -111,8 +114,11 @@ def _read(
         faults += [Fault(place, f"{one.place} {one.message}".strip()) for one in error.faults]
         return None
     columns, units, notes = _columns(found)
-    own = [Fault(place, f"{name}: column {c} is there twice") for c in COLUMNS
-           if list(columns.values()).count(c) > 1]  # fmt: skip
+    own = [
+        Fault(place, f"{name}: column {c} is there twice")
+        for c in COLUMNS
+        if list(columns.values()).count(c) > 1
+    ]
     have = set(columns.values())
     if "cost" not in have:
         own.append(Fault(place, f"{name}: column cost is missing{_nearest('cost', found)}"))
@@ -211,8 +217,13 @@ def _fill_variables(filled: Filled, prices: Prices, faults: list[Fault]) -> None
             if process is not None and process in machines:
                 _price(machines[process], process, some, prices.place, faults)
             elif process is not None:
-                faults.append(Fault(prices.place, f'{name} has no machine "{process}"'
-                                    f"{nearest(process, [str(m) for m in machines])}"))  # fmt: skip
+                faults.append(
+                    Fault(
+                        prices.place,
+                        f'{name} has no machine "{process}"'
+                        f"{nearest(process, [str(m) for m in machines])}",
+                    )
+                )
             elif isinstance(costs.get(name, {}), dict) and costs.get(name, {}).keys() <= {*EXTRAS}:
                 unit = split_unit(name)[1]
                 if (curve := _curve(some, prices, unit, name, faults)) is not None:
@@ -237,8 +248,9 @@ def _by(prices: Prices, key: str, faults: list[Fault]) -> Iterator[tuple[str, li
     """Rows by variable or part."""
     groups = _grouped(prices.rows, key)
     if None in groups:
-        faults.append(Fault(prices.place, f"column {key} is missing or empty: it says what each "
-                            "cost is of"))  # fmt: skip
+        faults.append(
+            Fault(prices.place, f"column {key} is missing or empty: it says what each cost is of")
+        )
     for name, rows in groups.items():
         if name is not None:
             yield name, rows
@@ -260,17 +272,35 @@ def _fill_part(filled: Filled, part: Raw, at: int, prices: Prices, faults: list[
     name = str(part.get("name", at))
     for process, rows in _grouped(prices.rows, "process").items():
         if process is None:
-            _fill_table(filled, part, f"part[{at}]", name, replace(prices, rows=rows),
-                        faults, _unit_of(filled.table, part))  # fmt: skip
+            _fill_table(
+                filled,
+                part,
+                f"part[{at}]",
+                name,
+                replace(prices, rows=rows),
+                faults,
+                _unit_of(filled.table, part),
+            )
         elif process not in owners:
-            faults.append(Fault(prices.place, f'part {name} has no process or machine "{process}"'
-                                f"{nearest(process, [str(one) for one in owners])}"))  # fmt: skip
+            faults.append(
+                Fault(
+                    prices.place,
+                    f'part {name} has no process or machine "{process}"'
+                    f"{nearest(process, [str(one) for one in owners])}",
+                )
+            )
         elif process in machines:
             _price(owners[process], process, rows, prices.place, faults)
         else:
-            _fill_table(filled, owners[process], f"part[{at}].process", f"{name}, {process}",
-                        replace(prices, rows=rows), faults,
-                        _unit_of(filled.table, part))  # fmt: skip
+            _fill_table(
+                filled,
+                owners[process],
+                f"part[{at}].process",
+                f"{name}, {process}",
+                replace(prices, rows=rows),
+                faults,
+                _unit_of(filled.table, part),
+            )
 
 
 def _unit_of(table: Raw, part: Raw) -> str:
@@ -312,8 +342,9 @@ def _fill_table(
         if grade in found:
             faults.append(Fault(prices.place, f"{name}: {grade} has two prices"))
         if grade not in GRADES:
-            faults.append(Fault(prices.place, f'{name}: "{grade}" is not a grade'
-                                f"{nearest(grade, GRADES)}"))  # fmt: skip
+            faults.append(
+                Fault(prices.place, f'{name}: "{grade}" is not a grade{nearest(grade, GRADES)}')
+            )
         found[grade] = row["cost"]
     if len(faults) == before:
         _narrow_grades(filled, owner, name, found)
@@ -341,11 +372,19 @@ def _narrow_grades(filled: Filled, owner: Raw, name: str, found: dict[str, float
 
 def _price(machine: Raw, name: str, rows: list[Raw], place: str, faults: list[Fault]) -> None:
     if len(rows) != 1 or rows[0].keys() & {"t", "grade"}:
-        faults.append(Fault(place, f"machine {name} has one price, without t or grade: its scatter "
-                            "does not follow t"))  # fmt: skip
+        faults.append(
+            Fault(
+                place,
+                f"machine {name} has one price, without t or grade: its scatter does not follow t",
+            )
+        )
     elif "price" in machine:
-        faults.append(Fault(place, f"the price of machine {name} is stated in the configuration as "
-                            "well: keep one"))  # fmt: skip
+        faults.append(
+            Fault(
+                place,
+                f"the price of machine {name} is stated in the configuration as well: keep one",
+            )
+        )
     else:
         machine["price"] = rows[0]["cost"]
 

@@ -53,9 +53,11 @@ def narrowed(
     if ends == (low, high) or ends[0] >= ends[1]:
         return setting, ""
     unit = f" {variable.unit}".rstrip()
-    note = (f"costs of {variable.name} are given from {curve.t[0]:g} to {curve.t[-1]:g}{unit}: the "
-            f"search from {low:g} to {high:g} is narrowed to "
-            f"{ends[0]:g} to {ends[1]:g}")  # fmt: skip
+    note = (
+        f"costs of {variable.name} are given from {curve.t[0]:g} to {curve.t[-1]:g}{unit}: the "
+        f"search from {low:g} to {high:g} is narrowed to "
+        f"{ends[0]:g} to {ends[1]:g}"
+    )
     return replace(given, low=ends[0], high=ends[1]), note
 
 
@@ -77,8 +79,11 @@ def check_ends(
         with np.errstate(all="ignore"):
             cost = float(curve.cost(np.array([end]))[0])
         if not np.isfinite(cost):
-            section.fault(key, f"must have a finite cost, but {end:g} {variable.unit} costs "
-                          f"{cost:g} by its cost curve ({name_of(curve)})")  # fmt: skip
+            section.fault(
+                key,
+                f"must have a finite cost, but {end:g} {variable.unit} costs "
+                f"{cost:g} by its cost curve ({name_of(curve)})",
+            )
 
 
 def unknown(name: str, valid: list[str], what: str) -> str:

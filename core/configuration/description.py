@@ -27,9 +27,12 @@ def describe(configuration: Configuration) -> str:
     lines += _effects(configuration)
     lines += [f"Costs in {unit}", ""] if (unit := unit_of_cost(problem.settings.money)) else []
     lines += ["Variables", *(_variable(v, settings[v.name]) for v in problem.variables)]
-    lines += ["", "Assumptions (values in use that nobody has stated)",
-              *_assumptions(problem.assumptions()),
-              *_assumptions(roughness_assumptions(problem, configuration.choice))]  # fmt: skip
+    lines += [
+        "",
+        "Assumptions (values in use that nobody has stated)",
+        *_assumptions(problem.assumptions()),
+        *_assumptions(roughness_assumptions(problem, configuration.choice)),
+    ]
     if warnings := problem.cautions():
         lines += ["", "Warnings", *(f"  {warning}" for warning in warnings)]
     return _commented(configuration.toml(), lines)
@@ -92,11 +95,15 @@ def describe_plan(plan: StudyPlan) -> str:
     """TOML of a study that can be run as it stands, with its size and warnings as comments."""
     settings = plan.settings
     count = len(plan.design)
-    lines = [f"{count * settings.seeds} runs: {count} settings, {settings.seeds} replicates each",
-             f"Responses: {', '.join(settings.responses)}"]  # fmt: skip
+    lines = [
+        f"{count * settings.seeds} runs: {count} settings, {settings.seeds} replicates each",
+        f"Responses: {', '.join(settings.responses)}",
+    ]
     if len(plan.points) < count:
-        lines += [f"{len(plan.points)} of the settings were read as the runs that they mean; "
-                  "`tolevo study` reads all before it begins"]  # fmt: skip
+        lines += [
+            f"{len(plan.points)} of the settings were read as the runs that they mean; "
+            "`tolevo study` reads all before it begins"
+        ]
     if plan.warnings:
         lines += ["", "Warnings", *(f"  {warning}" for warning in plan.warnings)]
     comments = "\n".join(f"# {line}".rstrip() for line in lines)

@@ -41,8 +41,11 @@ def read_execution(
     own.finish()
     if dask and workers is not None:
         own.fault("dask", "has workers of its own; leave out workers")
-    faults += [fault for fault in choice_faults(workers, False, False, own.place("workers"))
-               if fault not in faults and workers is not None]  # fmt: skip
+    faults += [
+        fault
+        for fault in choice_faults(workers, False, False, own.place("workers"))
+        if fault not in faults and workers is not None
+    ]
     faults += _option_faults(given)
     asked = given
     if not given.dask and (given.workers is None or isinstance(given.workers, Usual)):

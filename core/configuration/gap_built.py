@@ -91,8 +91,10 @@ def _run_of(folder: Path) -> Configuration | None:
 
 def _of_choices(frame: pd.DataFrame, place: str, point: Any) -> tuple[dict[str, Any], str]:
     """The rounded values of one chosen point of `allocation.csv`."""
-    by = {(str(label), str(at)): part for (label, at), part in
-          frame.groupby(["choice", "point"], sort=False)}  # fmt: skip
+    by = {
+        (str(label), str(at)): part
+        for (label, at), part in frame.groupby(["choice", "point"], sort=False)
+    }
     names = ", ".join(label for label, _ in by)
     if point is None and len(by) > 1:
         raise _wrong(

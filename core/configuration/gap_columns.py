@@ -58,8 +58,11 @@ def _check(section: Section, columns: dict[str, ColumnRole]) -> None:
     if not by["measured"]:
         section.fault("", 'no column has the role "measured"')
     if not by["predicted"]:
-        section.fault("", 'no column has the role "predicted"; without a model the table must '
-                      "carry the prediction")  # fmt: skip
+        section.fault(
+            "",
+            'no column has the role "predicted"; without a model the table must '
+            "carry the prediction",
+        )
     for role in ("direction", "time", "unit", "lot", "repeat"):
         if len(by[role]) > 1:
             section.fault("", f'the role "{role}" is given to {", ".join(by[role])}: only one')
@@ -67,8 +70,9 @@ def _check(section: Section, columns: dict[str, ColumnRole]) -> None:
         for name in by[role]:
             output = output_of(name, columns)
             if output is None and by["measured"]:
-                section.section(name).fault("of", "is missing: name the measured column that "
-                                            f"{name} belongs to")  # fmt: skip
+                section.section(name).fault(
+                    "of", f"is missing: name the measured column that {name} belongs to"
+                )
             elif output is not None and columns[output].unit and columns[name].unit:
                 _same(section, name, output, columns)
 

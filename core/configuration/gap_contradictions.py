@@ -39,8 +39,11 @@ def check_pair(top: Section, run: Run, built: Built) -> None:
     mine, other = run.configuration, built.run
     if other is not None and other is not mine:
         if other.problem_name != mine.problem_name:
-            top.fault("built_to", f'is an allocation of another problem: "{other.problem_name}", '
-                      f'and {run.name} is of "{mine.problem_name}"')  # fmt: skip
+            top.fault(
+                "built_to",
+                f'is an allocation of another problem: "{other.problem_name}", '
+                f'and {run.name} is of "{mine.problem_name}"',
+            )
             return
         for name, value in other.settings.parameters.items():
             wanted = mine.settings.parameters.get(name, value)
@@ -56,8 +59,11 @@ def check_pair(top: Section, run: Run, built: Built) -> None:
         if fixed is not None and not _same(value, float(fixed)):
             top.fault("built_to", f"has {name} = {value:g}, and {run.name} fixes it at {fixed:g}")
     if problem is not None and built.values:
-        missing = [v.name for v in problem.variables
-                   if v.name not in built.values and v.name not in problem.fixed]  # fmt: skip
+        missing = [
+            v.name
+            for v in problem.variables
+            if v.name not in built.values and v.name not in problem.fixed
+        ]
         if missing:
             top.fault("built_to", f"has no {', '.join(missing)}, which {run.name} searches")
 
@@ -69,15 +75,20 @@ def check_own(top: Section, own: Own, run: Run, built: Built, of_the_bench: Iter
     for name, value in own.parameters.items():
         wanted = theirs.parameters.get(name, value)
         if name not in of_the_bench and not _same(value, wanted):
-            section.fault(name, f"is {shown(value)} here and {shown(wanted)} in {run.name}: the "
-                          "units are those of the run; leave it out here, or name the run of the "
-                          "units that were measured")  # fmt: skip
+            section.fault(
+                name,
+                f"is {shown(value)} here and {shown(wanted)} in {run.name}: the "
+                "units are those of the run; leave it out here, or name the run of the "
+                "units that were measured",
+            )
     check_values(top, own.variables, built, theirs.variables, run.name)
     values = {one.effect.name: dict(one.values) for one in theirs.effects}
     for at, one in enumerate(own.effects):
         if values.get(one.effect.name, dict(one.values)) != dict(one.values):
-            top.fault(f"effect[{at}]", f"{one.effect.name} has other numbers in {run.name}: leave "
-                      "one of them out")  # fmt: skip
+            top.fault(
+                f"effect[{at}]",
+                f"{one.effect.name} has other numbers in {run.name}: leave one of them out",
+            )
 
 
 def check_values(
@@ -95,11 +106,13 @@ def check_values(
         if wanted is None:
             wanted, place = other.value, run
         if mine.value is not None and wanted is not None and not _same(mine.value, wanted):
-            section.fault("value", f"is {mine.value:g} here and {wanted:g} in {place}: leave it "
-                          "out here")  # fmt: skip
+            section.fault(
+                "value", f"is {mine.value:g} here and {wanted:g} in {place}: leave it out here"
+            )
         if mine.mid is not None and other.mid is not None and not _same(mine.mid, other.mid):
-            section.fault("mid", f"is {mine.mid:g} here and {other.mid:g} in {run}: leave it out "
-                          "here")  # fmt: skip
+            section.fault(
+                "mid", f"is {mine.mid:g} here and {other.mid:g} in {run}: leave it out here"
+            )
         law = other.distribution or Uniform()
         if name in theirs and mine.distribution not in (None, law):
             section.fault("distribution", f"is another one in {run}: leave it out here")

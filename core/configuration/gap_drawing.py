@@ -101,8 +101,9 @@ def _with_run(base: Configuration, kind: Any, own: Own, run: Configuration) -> C
     for name in variables.keys() & theirs.variables.keys():
         variables[name] = _merged(variables[name], theirs.variables[name], own.variables.get(name))
     mine = {one.effect.name for one in base.settings.effects}
-    more = (one for one in _effects_of(theirs, kind, base.model_name)
-            if one.effect.name not in mine)  # fmt: skip
+    more = (
+        one for one in _effects_of(theirs, kind, base.model_name) if one.effect.name not in mine
+    )
     effects = (*more, *base.settings.effects)
     settings = replace(base.settings, parameters=parameters, variables=variables, effects=effects)
     return replace(base, settings=settings)
@@ -131,8 +132,9 @@ def _merged(
     if own is not None and own.value is not None:
         value = own.value
     mid = base.mid if theirs.mid is None else theirs.mid
-    return replace(base, value=value, mid=mid, distribution=theirs.distribution,
-                   sample=theirs.sample)  # fmt: skip
+    return replace(
+        base, value=value, mid=mid, distribution=theirs.distribution, sample=theirs.sample
+    )
 
 
 def _with_values(
@@ -162,17 +164,25 @@ def _drawing(found: Configuration, kind: Any, own: Own, run: Run | None, built: 
     settings = found.settings
     declared = {one.name: one for one in kind.parameters}
     geometry = tuple(
-        Dimension(name, settings.parameters.get(name, declared[name].default), declared[name].unit,
-                  declared[name].meaning)
+        Dimension(
+            name,
+            settings.parameters.get(name, declared[name].default),
+            declared[name].unit,
+            declared[name].meaning,
+        )
         for name in kind.geometry
-    )  # fmt: skip
+    )
     geometry_from = run.name if run else HERE if _drawn_here(own, kind) else DEFAULT
     zones = _zones(settings, kind, run, built)
     return Drawing(
-        found.model_name, geometry_from, _allocation_from(own, run, built, zones), geometry, zones,
+        found.model_name,
+        geometry_from,
+        _allocation_from(own, run, built, zones),
+        geometry,
+        zones,
         tuple(one.effect.name for one in settings.effects),
         _assumed(own, run, built, zones, bool(_drawn_here(own, kind))),
-    )  # fmt: skip
+    )
 
 
 def _allocation_from(own: Own, run: Run | None, built: Built, zones: tuple[DrawnZone, ...]) -> str:

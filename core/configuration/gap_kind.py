@@ -4,8 +4,18 @@ from __future__ import annotations
 
 from .source import Source, load
 
-OWN = ("run", "built_to", "free", "effects", "noise", "validation", "columns", "data", "settings",
-       "next_measurement")  # fmt: skip
+OWN = (
+    "run",
+    "built_to",
+    "free",
+    "effects",
+    "noise",
+    "validation",
+    "columns",
+    "data",
+    "settings",
+    "next_measurement",
+)
 """What such a configuration may have beside that of its model."""
 OTHERS_HAVE = ("run", "columns")
 

@@ -60,8 +60,11 @@ def _known(section: Section, key: str, given: Iterable[str] | None) -> list[str]
     names, found = registry.names("effects"), list(given or ())
     for name in found:
         if name not in names:
-            text = f'"{name}" is no effect{nearest(name, names)}' if key else \
-                f"is no effect{nearest(name, names)}"  # fmt: skip
+            text = (
+                f'"{name}" is no effect{nearest(name, names)}'
+                if key
+                else f"is no effect{nearest(name, names)}"
+            )
             section.fault(key or name, text)
     return [name for name in found if name in names]
 
@@ -159,12 +162,13 @@ def _physical(section: Section, column: Column, model: MeasurableModel, span: Sp
 def _reached(section: Section, model: MeasurableModel, spans: dict[str, Span]) -> None:
     """A fault where no point of the ranges is in the range of the model."""
     steps = np.linspace(0.0, 1.0, STEPS)
-    axes = [np.array(one.values) if one.values else one.low + steps * (one.high - one.low)
-            for one in spans.values()]  # fmt: skip
+    axes = [
+        np.array(one.values) if one.values else one.low + steps * (one.high - one.low)
+        for one in spans.values()
+    ]
     if len(axes) > 3 or prod(len(axis) for axis in axes) > MESH:
         return  # asked again of the points themselves
     mesh = np.meshgrid(*axes, indexing="ij")
     table = {name: one.ravel() for name, one in zip(spans, mesh, strict=True)}
     if not inside(model, table).any():
-        section.fault("", "holds no point that the model reaches: widen "
-                      f"{' or '.join(spans)}")  # fmt: skip
+        section.fault("", f"holds no point that the model reaches: widen {' or '.join(spans)}")

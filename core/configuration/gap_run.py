@@ -74,8 +74,11 @@ def mixed(path: Path) -> list[Fault]:
 def _belongs(top: Section, model: str, run: Configuration) -> bool:
     """Whether what is learnt of the model says something of the problem; a fault where not."""
     if model == TABLE:
-        top.fault("run", 'model = "table" corrects no problem: leave run out (`simulate` takes its '
-                  "corrected configuration), or name the model of the problem")  # fmt: skip
+        top.fault(
+            "run",
+            'model = "table" corrects no problem: leave run out (`simulate` takes its '
+            "corrected configuration), or name the model of the problem",
+        )
         return False
     try:
         measured = registry.load("models", model)

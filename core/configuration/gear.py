@@ -23,8 +23,11 @@ def read_gear(top: Section) -> Gear | None:
         return _of_orders(section, kind)
     if kind is None:
         if "kind" not in section:
-            section.fault("kind", f"is missing: one of {', '.join(TEETH)} with its tooth numbers, "
-                          'or orders = { "pin passing" = 45 }')  # fmt: skip
+            section.fault(
+                "kind",
+                f"is missing: one of {', '.join(TEETH)} with its tooth numbers, "
+                'or orders = { "pin passing" = 45 }',
+            )
         section.known({name for names in TEETH.values() for name in names})
         section.finish()
         return None
@@ -54,8 +57,9 @@ def _of_teeth(section: Section, kind: str) -> Gear | None:
     section.finish()
     for name in names:
         if name not in section:
-            section.fault(name, f'is missing: the effects of a gear of kind "{kind}" need '
-                          f"{', '.join(names)}")  # fmt: skip
+            section.fault(
+                name, f'is missing: the effects of a gear of kind "{kind}" need {", ".join(names)}'
+            )
     teeth = {name: count for name, count in given.items() if count is not None}
     if len(teeth) < len(names):
         return None
@@ -73,12 +77,17 @@ def check_gear(top: Section, model: Any, name: str) -> None:
     given = top.take("parameters")
     own = model.gear_of(given if isinstance(given, Mapping) else {})
     if own is None:
-        top.fault(GEAR, f"is of no use: nothing that acts in {name} follows the orders of a gear; "
-                  "leave it out")  # fmt: skip
+        top.fault(
+            GEAR,
+            f"is of no use: nothing that acts in {name} follows the orders of a gear; leave it out",
+        )
     elif not _agree(own, gear):
         text = ", ".join(f"{what} {order:g}" for what, order in own.orders.items())
-        top.fault(GEAR, f"contradicts {name}, whose parameters give {text}; leave it out, or set "
-                  "the model's own tooth numbers in [parameters]")  # fmt: skip
+        top.fault(
+            GEAR,
+            f"contradicts {name}, whose parameters give {text}; leave it out, or set "
+            "the model's own tooth numbers in [parameters]",
+        )
 
 
 def _agree(own: Gear, given: Gear) -> bool:

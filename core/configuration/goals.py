@@ -29,8 +29,10 @@ def read_objectives(section: Section, outputs: Sequence[Output]) -> tuple[str, .
         elif by_name[name].larger_is_better:
             section.fault("minimise", f'"{name}" is better when larger: limit it instead')
         elif by_name[name].error_of:
-            section.fault("minimise", f'"{name}" is the error of {by_name[name].error_of}, '
-                          "not a property of the design")  # fmt: skip
+            section.fault(
+                "minimise",
+                f'"{name}" is the error of {by_name[name].error_of}, not a property of the design',
+            )
     return tuple(names)
 
 

@@ -88,12 +88,18 @@ def together(found: list[Raw], names: Sequence[str], place: str, faults: list[Fa
     if len(found) < 2:
         return found[0] if found else {}
     for key, what in REVISED.items():
-        stated = {_stated(one[key]): name for one, name in zip(found, names, strict=True)
-                  if key in one}  # fmt: skip
+        stated = {
+            _stated(one[key]): name for one, name in zip(found, names, strict=True) if key in one
+        }
         if len(stated) > 1:
             each = ", ".join(f"{value} in {name}" for value, name in stated.items())
-            faults.append(Fault(place, f"mixes files of different {what} ({each}): of several "
-                                "revisions of the drawing? Measure against one"))  # fmt: skip
+            faults.append(
+                Fault(
+                    place,
+                    f"mixes files of different {what} ({each}): of several "
+                    "revisions of the drawing? Measure against one",
+                )
+            )
     whole: Raw = {}
     for one in found:
         whole |= one
@@ -147,14 +153,21 @@ def _of_aqdef(path: Path, options: tables.ReadOptions) -> MeasuredFile:
     known = [one for one in tables.read_aqdef(path, options.encoding) if not one.attributive]
     names = {key: one.label for one in known for key in (one.number, one.name, one.label) if key}
     labels = tuple(dict.fromkeys(one.label for one in known))
-    return MeasuredFile(path.name, labels, names, lambda label: _values(
-        next(one for one in known if one.label == label)))  # fmt: skip
+    return MeasuredFile(
+        path.name,
+        labels,
+        names,
+        lambda label: _values(next(one for one in known if one.label == label)),
+    )
 
 
 def _values(one: tables.Characteristic) -> Raw:
     """What a Q-DAS file says of a characteristic."""
-    rows = [(value, lot) for value, lot in zip(one.values, one.batches, strict=True)
-            if value is not None]  # fmt: skip
+    rows = [
+        (value, lot)
+        for value, lot in zip(one.values, one.batches, strict=True)
+        if value is not None
+    ]
     found: Raw = {"values": [float(value) for value, _ in rows], "characteristic": one.label}
     if any(lot for _, lot in rows):
         found["lots"] = [lot for _, lot in rows]

@@ -26,8 +26,11 @@ def read_measured(
     deviates = variable.kind is Kind.STANDARD_DEVIATION
     if not deviates and not (variable.random and variable.kind is Kind.HALF_WIDTH):
         section.take("measured")
-        section.fault("measured", f"{variable.name} ({variable.kind}) takes no measured parts: "
-                      "half-widths with a distribution and standard deviations do")  # fmt: skip
+        section.fault(
+            "measured",
+            f"{variable.name} ({variable.kind}) takes no measured parts: "
+            "half-widths with a distribution and standard deviations do",
+        )
         return None
     stated = [key for key in (BOUNDS if deviates else keys()) if key in section]
     for key in stated:
@@ -36,8 +39,11 @@ def read_measured(
     if found is None or stated:
         return None
     if found.offset and mid is None:
-        section.fault("measured.mean", f"must be \"corrected\": errors of {variable.name} have no "
-                      "mid-limit here and count as centred, and the sample is "
-                      f"{found.offset:+.4g} {variable.unit} off")  # fmt: skip
+        section.fault(
+            "measured.mean",
+            f'must be "corrected": errors of {variable.name} have no '
+            "mid-limit here and count as centred, and the sample is "
+            f"{found.offset:+.4g} {variable.unit} off",
+        )
         return None
     return found

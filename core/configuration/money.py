@@ -42,9 +42,12 @@ def read_money(
         section.fault("scale_assumed", 'needs currency = "EUR": without one all costs are relative')
     if currency and assumed and scale is None and "scale_assumed" not in section:
         stated = f"{len(costs)} of {len(costs) + len(assumed)} costs are stated"
-        top.fault("currency", f"{stated} in {currency}; assumed, in units of their own: "
-                  f"{', '.join(assumed)}; state them too, or what one assumed unit is worth, "
-                  "[costs] scale_assumed = ...")  # fmt: skip
+        top.fault(
+            "currency",
+            f"{stated} in {currency}; assumed, in units of their own: "
+            f"{', '.join(assumed)}; state them too, or what one assumed unit is worth, "
+            "[costs] scale_assumed = ...",
+        )
     if currency and scale is not None:
         found |= {name: times(defaults[name], scale) for name in assumed}
     assumed = assumed if currency else ()

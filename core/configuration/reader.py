@@ -40,8 +40,17 @@ from .variables import mid_parameter, read_variable
 from .zero import read_zero, resolved_zero
 
 REFERENCES = ("documents", "none")
-PROBLEM_ONLY = ("references", "costs", "propagation", "objectives", "limits", "algorithm", "choice",
-                "rounding", "currency")  # fmt: skip
+PROBLEM_ONLY = (
+    "references",
+    "costs",
+    "propagation",
+    "objectives",
+    "limits",
+    "algorithm",
+    "choice",
+    "rounding",
+    "currency",
+)
 
 
 def read(
@@ -113,8 +122,15 @@ def _read_problem(
         top.finish()
         raise InputError(faults)
     columns = read_design_columns(top, kind.variables)
-    settings = replace(_settings(top, kind, model, notes), seed=seed, effects=effects, zero=zero,
-                       sense=sense, labels=labels, columns=columns)  # fmt: skip
+    settings = replace(
+        _settings(top, kind, model, notes),
+        seed=seed,
+        effects=effects,
+        zero=zero,
+        sense=sense,
+        labels=labels,
+        columns=columns,
+    )
     objectives = settings.objectives or kind.default_objectives
     asked = _algorithm(top.section("algorithm"), kind, len(objectives))
     choice = read_choice(top, objectives, kind.outputs, kind.variables)

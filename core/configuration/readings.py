@@ -17,8 +17,10 @@ def read_readings(
     top: Section, factors: tuple[Factor, ...], responses: tuple[str, ...]
 ) -> tuple[Reading, ...]:
     """The readings, each of two levels that the study compares."""
-    found = [_reading(top.item("reading", at), factors, responses)
-             for at in range(len(top.tables("reading")))]  # fmt: skip
+    found = [
+        _reading(top.item("reading", at), factors, responses)
+        for at in range(len(top.tables("reading")))
+    ]
     return tuple(one for one in found if one is not None)
 
 

@@ -21,9 +21,11 @@ KEPT = ("problem", "parameters", "variables", "costs", "propagation", "objective
 """The tables of a run configuration that mean its reducer."""
 POINTS = ("rms_arcmin", "cost")
 """Columns of a table of prices."""
-EXPECTED = ("name a configuration of rv_backlash, the directory of a finished run of rv_backlash "
-            "or rv_reducer, a table (.csv) with the columns rms_arcmin and cost, or write either "
-            "as a table here")  # fmt: skip
+EXPECTED = (
+    "name a configuration of rv_backlash, the directory of a finished run of rv_backlash "
+    "or rv_reducer, a table (.csv) with the columns rms_arcmin and cost, or write either "
+    "as a table here"
+)
 
 
 def with_reducers(top: Section, named: Any, folder: Path) -> Section:
@@ -105,8 +107,11 @@ def _of_tables(
 
     name = table.get("problem")
     if name == "rv_reducer":
-        section.fault(key, f"{source} is a configuration of rv_reducer, whose front takes a run: "
-                      "run it, and name the directory of the finished run")  # fmt: skip
+        section.fault(
+            key,
+            f"{source} is a configuration of rv_reducer, whose front takes a run: "
+            "run it, and name the directory of the finished run",
+        )
         return None
     if name != "rv_backlash":
         shown = f'the problem "{name}"' if name else "no problem"

@@ -76,14 +76,28 @@ def reopened(
     earlier = _anew(table, owners, _opened(since, options, faults), faults) if since else None
     raise_all(faults)
     shifting = {one.name for one in owners if one.shifts}
-    found = [_problem(one, faults) for one in (_means_found(now[0], shifting), now[0], *(
-        [_means_found(earlier[0], shifting)] if earlier else []))]  # fmt: skip
+    found = [
+        _problem(one, faults)
+        for one in (
+            _means_found(now[0], shifting),
+            now[0],
+            *([_means_found(earlier[0], shifting)] if earlier else []),
+        )
+    ]
     raise_all(faults)
     assert found[0] is not None
     assert found[1] is not None
     reset = None if found[1].out_of_reach() else found[1]
-    return Reopened(before, design, found[0], reset, now[1], found[2] if earlier else None,
-                    attributed, earlier[1] if earlier else ())  # fmt: skip
+    return Reopened(
+        before,
+        design,
+        found[0],
+        reset,
+        now[1],
+        found[2] if earlier else None,
+        attributed,
+        earlier[1] if earlier else (),
+    )
 
 
 def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]]:
@@ -103,8 +117,11 @@ def _run(run: Path, faults: list[Fault]) -> tuple[Table | None, dict[str, float]
     own = found[found["point"] == point]
     searched = front.iloc[point].to_dict() if point < len(front) else {}
     rounded = zip(own["variable"], own["rounded"], strict=True)
-    return table, {str(name): value for name, value in (*searched.items(), *rounded)
-                   if isinstance(value, (int, float))}  # fmt: skip
+    return table, {
+        str(name): value
+        for name, value in (*searched.items(), *rounded)
+        if isinstance(value, (int, float))
+    }
 
 
 def _with_promise(table: Table, faults: list[Fault]) -> None:
@@ -124,8 +141,11 @@ def _with_promise(table: Table, faults: list[Fault]) -> None:
 
 def _without_promise(limits: Table) -> Table:
     """Limits without those that a promise sets, of each requirement."""
-    return {name: _without_promise(own) if isinstance(own, dict) else own
-            for name, own in limits.items() if name not in (*YIELDS, PROMISED)}  # fmt: skip
+    return {
+        name: _without_promise(own) if isinstance(own, dict) else own
+        for name, own in limits.items()
+        if name not in (*YIELDS, PROMISED)
+    }
 
 
 @dataclass(frozen=True)
@@ -161,10 +181,16 @@ class Owner:
 def _owners(table: Table, problem: ToleranceProblem, design: dict[str, float]) -> list[Owner]:
     """The parts of a stack, or the variables of which parts can be measured."""
     if isinstance(problem, Stack):
-        return [Owner(str(part["name"]), part["unit"], part,
-                      design.get(f"{part['name']}_t", float(part.get("tolerance") or 0.0)),
-                      chosen="machine" in part or "process" in part)
-                for part in table["part"]]  # fmt: skip
+        return [
+            Owner(
+                str(part["name"]),
+                part["unit"],
+                part,
+                design.get(f"{part['name']}_t", float(part.get("tolerance") or 0.0)),
+                chosen="machine" in part or "process" in part,
+            )
+            for part in table["part"]
+        ]
     stated, found = table.get("variables", {}), []
     for v in problem.variables:
         follows = v.random and v.kind is Kind.HALF_WIDTH
@@ -196,8 +222,13 @@ def _anew(
     anew = {one.name: own for one in owners if (own := _measured(one, files, faults)) is not None}
     if not anew and not faults:
         names = ", ".join(one.name for one in owners)
-        faults.append(Fault("PARTS", f"hold no characteristic of the run: name columns or "
-                            f"characteristics like its parts ({names})"))  # fmt: skip
+        faults.append(
+            Fault(
+                "PARTS",
+                f"hold no characteristic of the run: name columns or "
+                f"characteristics like its parts ({names})",
+            )
+        )
     found = copy.copy(table)
     if "part" in table:
         found["part"] = [anew.get(str(part["name"]), part) for part in table["part"]]
@@ -223,10 +254,19 @@ def _measured(owner: Owner, files: Sequence[MeasuredFile], faults: list[Fault]) 
         faults.append(Fault(place, text))
         return None
     stated, t, unit = own.pop("made_to", None), owner.t, owner.unit
-    if (stated is not None and owner.follows and own.get("unit") == unit
-            and abs(stated - t) > 1e-6 * t):  # fmt: skip
-        faults.append(Fault(place, f"were made to {stated:g} {unit}, the run's drawing has {t:g} "
-                            f"{unit}: another revision?"))  # fmt: skip
+    if (
+        stated is not None
+        and owner.follows
+        and own.get("unit") == unit
+        and abs(stated - t) > 1e-6 * t
+    ):
+        faults.append(
+            Fault(
+                place,
+                f"were made to {stated:g} {unit}, the run's drawing has {t:g} "
+                f"{unit}: another revision?",
+            )
+        )
     known = owner.table.get("measured") or {}
     own |= {key: known[key] for key in ("gauge", "mean") if key in known}
     own |= {} if owner.shifts else {"mean": "corrected"}
@@ -254,8 +294,11 @@ def _problem(table: Table, faults: list[Fault]) -> ToleranceProblem | None:
     try:
         problem = read_table(copy.deepcopy(table), [], reachable=False).problem
     except InputError as error:
-        unknown = [one for one in error.faults if one.place == "promise"
-                   and "not a known key" in one.message]  # fmt: skip
+        unknown = [
+            one
+            for one in error.faults
+            if one.place == "promise" and "not a known key" in one.message
+        ]
         if unknown:
             faults.append(Fault("RUN", "is the run of a problem that makes no promises"))
         faults += [one for one in error.faults if one not in (*faults, *unknown)]

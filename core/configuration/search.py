@@ -35,8 +35,9 @@ def read_algorithm(
     if kind is None:  # the settings of an unknown algorithm cannot be judged
         return name, None
     if not kind.many_objectives and objectives != 1:
-        section.fault("name", f"{name} takes exactly one objective, [objectives] minimise names "
-                      f"{objectives}")  # fmt: skip
+        section.fault(
+            "name", f"{name} takes exactly one objective, [objectives] minimise names {objectives}"
+        )
     elif kind.many_objectives and not kind.one_objective and objectives == 1:
         section.fault("name", f"{name} needs two or more objectives, got 1: use ga")
     algorithm = settings_of(section, kind)
@@ -100,14 +101,20 @@ def read_engine(section: Section, name: str, algorithm: AlgorithmSettings | None
     engine = section.text("engine", ("pymoo", "array")) or "pymoo"
     if engine == "array" and algorithm is not None and not algorithm.array_engine:
         known = ", ".join(ENGINES)
-        section.fault("engine", f'{name} has no array engine; {known} have one: choose one of '
-                      'them, or engine = "pymoo"')  # fmt: skip
+        section.fault(
+            "engine",
+            f"{name} has no array engine; {known} have one: choose one of "
+            'them, or engine = "pymoo"',
+        )
     elif engine == "array":
         for key, own in (("crossover", CROSSOVERS[0]), ("mutation", MUTATIONS[0])):
             operator = getattr(getattr(algorithm, key, None), "operator", own)
             if operator != own:
-                section.fault(f"{key}.operator", f'the array engine has {own} only, got '
-                              f'"{operator}": use it, or engine = "pymoo"')  # fmt: skip
+                section.fault(
+                    f"{key}.operator",
+                    f"the array engine has {own} only, got "
+                    f'"{operator}": use it, or engine = "pymoo"',
+                )
     return engine
 
 

@@ -26,8 +26,9 @@ def arguments_of(configuration: Configuration) -> dict[str, Any]:
     """What the registered model of a configuration is set up from: parameters, designs, inputs."""
     kind = registry.load("models", configuration.model_name)
     given = configuration.settings
-    settings = {v.name: (v, given.variables[v.name]) for v in kind.variables
-                if v.name in given.variables}  # fmt: skip
+    settings = {
+        v.name: (v, given.variables[v.name]) for v in kind.variables if v.name in given.variables
+    }
     designs = {
         name: variable.document if setting.value is None else setting.value
         for name, (variable, setting) in settings.items()

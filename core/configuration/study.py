@@ -153,8 +153,11 @@ def _run_table(
         run = None
     if run is None:
         return None
-    given = [one.strip().removeprefix(f"{RUN}.") for one in overrides
-             if one.strip().startswith(f"{RUN}.")]  # fmt: skip
+    given = [
+        one.strip().removeprefix(f"{RUN}.")
+        for one in overrides
+        if one.strip().startswith(f"{RUN}.")
+    ]
     lines = [f"{key.removeprefix(f'{RUN}.')}={_toml(value)}" for key, value in dotted.items()]
     override(run, [*lines, *given], faults)
     own: list[Fault] = []

@@ -57,15 +57,18 @@ def read_table_model(top: Section, seed: int, faults: list[Fault]) -> Configurat
         **resolved_zero(zero),
         **resolved_effects(effects),
     }
-    settings = Settings(seed=seed, effects=effects, definition=columns, zero=zero, gear=gear,
-                        labels=labels)  # fmt: skip
+    settings = Settings(
+        seed=seed, effects=effects, definition=columns, zero=zero, gear=gear, labels=labels
+    )
     return Configuration(model_name=TABLE, settings=settings, resolved=resolved)
 
 
 def table_model(columns: Mapping[str, ColumnRole], gear: Gear | None = None) -> MeasuredTable:
     """The model of a table with these columns."""
-    by = {role: [n for n, c in columns.items() if c.role == role] for role in
-          ("measured", "predicted", "std", "ignore")}  # fmt: skip
+    by = {
+        role: [n for n, c in columns.items() if c.role == role]
+        for role in ("measured", "predicted", "std", "ignore")
+    }
     apart = {name for names in by.values() for name in names}
     inputs = tuple(
         Column(name, one.unit, one.role, True, one.role in LABELS, Role(one.role), one.sense)

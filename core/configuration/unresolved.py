@@ -25,8 +25,9 @@ def read_unresolved(top: Section, model: Any, name: str) -> tuple[Active, ...]:
     target = target_of(model, name) if count else None
     for at, one in enumerate(found):
         if one is not None and target is not None and not one.effect.own_applies(target):
-            top.item(UNRESOLVED, at).fault("variable", f"the model {name} lacks a column or the "
-                                           "output of this term")  # fmt: skip
+            top.item(UNRESOLVED, at).fault(
+                "variable", f"the model {name} lacks a column or the output of this term"
+            )
     return tuple(one for one in found if one is not None)
 
 
@@ -35,8 +36,9 @@ def _term(section: Section) -> Active | None:
     faulty = False
     for key in ("output", "variable", "shape", "coefficients"):
         if key not in section:
-            section.fault(key, "is missing: a term has an output, a variable, a shape and "
-                          "coefficients")  # fmt: skip
+            section.fault(
+                key, "is missing: a term has an output, a variable, a shape and coefficients"
+            )
             faulty = True
     given: dict[str, Any] = {}
     for key in (*(one.name for one in fields(Term)), "coefficients"):
@@ -47,16 +49,19 @@ def _term(section: Section) -> Active | None:
     if not faulty and len(given.get("heights", ())) != len(given.get("knots", ())) * (
         given["shape"] == "curve"
     ):
-        section.fault("heights", "must be one for each of the knots of a curve, and of no other "
-                      "shape")  # fmt: skip
+        section.fault(
+            "heights", "must be one for each of the knots of a curve, and of no other shape"
+        )
         faulty = True
     section.finish()
     if faulty:
         return None
     effect, values = unresolved_of(given)
     if len(values) != effect.term.count:
-        section.fault("coefficients", f"are {len(values)}, but a {effect.term.shape} like this has "
-                      f"{effect.term.count}")  # fmt: skip
+        section.fault(
+            "coefficients",
+            f"are {len(values)}, but a {effect.term.shape} like this has {effect.term.count}",
+        )
         return None
     return Active(effect, values)
 
@@ -81,6 +86,8 @@ def _value(section: Section, key: str) -> Any:
 def resolved_unresolved(effects: Iterable[Active]) -> dict[str, list[Mapping[str, Any]]]:
     """The `[[unresolved]]` tables of the effects that are such terms; none where there is none."""
     tables: list[Mapping[str, Any]] = [
-        one.effect.term.table(one.effect.coefficients(one.values)) for one in effects
-              if isinstance(one.effect, Unresolved)]  # fmt: skip
+        one.effect.term.table(one.effect.coefficients(one.values))
+        for one in effects
+        if isinstance(one.effect, Unresolved)
+    ]
     return {UNRESOLVED: tables} if tables else {}

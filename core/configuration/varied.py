@@ -64,8 +64,7 @@ def _factor(section: Section, key: str, value: Any, own: Any) -> Factor | None:
         return _levels(section, key, value, own)
     if isinstance(value, dict):
         return _range(section, key, value, whole)
-    section.fault(key, "must be a list of values or a table with low and high, got "
-                  f"{shown(value)}")  # fmt: skip
+    section.fault(key, f"must be a list of values or a table with low and high, got {shown(value)}")
     return None
 
 

@@ -70,8 +70,12 @@ class Lock:
 
     def _sign(self) -> None:
         """Write who holds it, for those who are refused."""
-        entry = {"command": self.command, "pid": os.getpid(), "host": socket.gethostname(),
-                 "since": datetime.now().astimezone().isoformat(timespec="seconds")}  # fmt: skip
+        entry = {
+            "command": self.command,
+            "pid": os.getpid(),
+            "host": socket.gethostname(),
+            "since": datetime.now().astimezone().isoformat(timespec="seconds"),
+        }
         handle = self._handle
         assert handle is not None
         if self.exclusive:
@@ -82,9 +86,11 @@ class Lock:
 
 
 def acquire(
-    folder: Path, command: str, sharing: Callable[[], bool] | None = None,
+    folder: Path,
+    command: str,
+    sharing: Callable[[], bool] | None = None,
     patience: float = PATIENCE,
-) -> Lock:  # fmt: skip
+) -> Lock:
     """The lock on `folder` for a `tolevo <command>`, shared only where `sharing` allows it.
 
     Raises Held where another process has it, OSError where no file can be made there.
@@ -193,5 +199,7 @@ def _alive(entry: dict[str, Any]) -> bool:
 
 
 def _words(entry: dict[str, Any]) -> str:
-    return (f"`tolevo {entry['command']}` (process {entry['pid']} on {entry['host']}, since "
-            f"{entry['since']})")  # fmt: skip
+    return (
+        f"`tolevo {entry['command']}` (process {entry['pid']} on {entry['host']}, since "
+        f"{entry['since']})"
+    )

@@ -34,18 +34,38 @@ KINDS: Mapping[str, Kind] = {
     "gap": Kind(
         marks=("gap.json", "residuals.parquet", "corrected.toml"),
         state=("replicates.jsonl",),
-        files=("replicates.jsonl", "config.toml", "corrected.toml", "residuals.parquet",
-               "next_measurement.csv", "summary.txt", "page.json", "gap.json"),
-        pages=(PAGE, *_drawn("residuals_*", "spectrum_*", "distribution_*", "path",
-                             "next_measurement")),
+        files=(
+            "replicates.jsonl",
+            "config.toml",
+            "corrected.toml",
+            "residuals.parquet",
+            "next_measurement.csv",
+            "summary.txt",
+            "page.json",
+            "gap.json",
+        ),
+        pages=(
+            PAGE,
+            *_drawn("residuals_*", "spectrum_*", "distribution_*", "path", "next_measurement"),
+        ),
         saved="every replicate that had ended",
     ),
     "study": Kind(
         marks=("study.json", "study.csv", "study.sqlite", "medians.csv"),
         state=("study.sqlite", "study.sqlite-wal", "study.sqlite-shm", "store.json"),
-        files=("study.sqlite", "store.json", "config.toml", "curves.parquet", "study.csv",
-               "sensitivity.csv", "tests.csv", "medians.csv", "leaders.csv", "page.json",
-               "study.json"),
+        files=(
+            "study.sqlite",
+            "store.json",
+            "config.toml",
+            "curves.parquet",
+            "study.csv",
+            "sensitivity.csv",
+            "tests.csv",
+            "medians.csv",
+            "leaders.csv",
+            "page.json",
+            "study.json",
+        ),
         pages=(PAGE, *_drawn("course_*", "response_*", "sensitivity")),
         saved="every run that had ended",
     ),
@@ -59,20 +79,43 @@ KINDS: Mapping[str, Kind] = {
     "run": Kind(
         marks=("summary.json", "front.csv", "front.parquet", "convergence.csv"),
         state=("checkpoint.npz",),
-        files=("checkpoint.npz", "config.toml", "front.csv", "front.parquet", "front.json",
-               "references.csv", "convergence.csv", "front_without_effects.csv",
-               "allocation_moved.csv", "choices.csv", "choice_sensitivity.csv", "allocation.csv",
-               "contributions.csv", "exact_front.csv", "overlays.csv", "unit_turn.csv",
-               "population.csv", "assumptions_cost.csv", "requirements.csv", "drivers.csv",
-               "prices.csv", "relaxed.csv", "promise.csv", "next_parts.csv", "capability.csv",
-               "tolerances.json", "drawing.html",
-               "reducers.npz",
-               "allocation.xlsx", "nearest_miss.csv",
-               "summary.json"),
+        files=(
+            "checkpoint.npz",
+            "config.toml",
+            "front.csv",
+            "front.parquet",
+            "front.json",
+            "references.csv",
+            "convergence.csv",
+            "front_without_effects.csv",
+            "allocation_moved.csv",
+            "choices.csv",
+            "choice_sensitivity.csv",
+            "allocation.csv",
+            "contributions.csv",
+            "exact_front.csv",
+            "overlays.csv",
+            "unit_turn.csv",
+            "population.csv",
+            "assumptions_cost.csv",
+            "requirements.csv",
+            "drivers.csv",
+            "prices.csv",
+            "relaxed.csv",
+            "promise.csv",
+            "next_parts.csv",
+            "capability.csv",
+            "tolerances.json",
+            "drawing.html",
+            "reducers.npz",
+            "allocation.xlsx",
+            "nearest_miss.csv",
+            "summary.json",
+        ),
         pages=(PAGE, *_drawn("front")),
         saved="the search as it was saved last",
     ),
-}  # fmt: skip
+}
 """By command; those that tell most first, where a directory holds more than one result."""
 
 
@@ -85,9 +128,7 @@ def present(folder: Path, patterns: Iterable[str]) -> list[str]:
 
 def kinds_in(folder: Path) -> list[str]:
     """Commands whose results or states a directory holds, by the files that tell them."""
-    return [
-        name for name, kind in KINDS.items() if present(folder, (*kind.marks, *kind.state))
-    ]  # fmt: skip
+    return [name for name, kind in KINDS.items() if present(folder, (*kind.marks, *kind.state))]
 
 
 def kind_of(folder: Path) -> str:

@@ -151,8 +151,10 @@ class Ownership:
         kept = f"{kind.saved} is kept in {self.folder}"
         if not present(self.folder, kind.state):
             kept = "nothing had been saved before"
-        return RunError(f"{path} cannot be written: {reason}; {kept}; {remedy}, then run the same "
-                        "command with --resume")  # fmt: skip
+        return RunError(
+            f"{path} cannot be written: {reason}; {kept}; {remedy}, then run the same "
+            "command with --resume"
+        )
 
     def _still_ours(self) -> None:
         """Raises RunError where somebody else began anew while the lock was passed on."""
@@ -160,8 +162,10 @@ class Ownership:
             mark = read_unfinished(self.folder)
             if mark is not None and mark.token == self._token:
                 return
-        raise RunError(f"{self.folder} was taken by another command meanwhile; name another "
-                       "directory, or start again with --overwrite")  # fmt: skip
+        raise RunError(
+            f"{self.folder} was taken by another command meanwhile; name another "
+            "directory, or start again with --overwrite"
+        )
 
 
 @contextmanager

@@ -127,12 +127,16 @@ def _table(
 
 def _squared(layout: Layout) -> tuple[list[str], list[Row]]:
     """The names and the rows without cells at the end that are empty in every row."""
-    header = [original(name.removeprefix("#").strip() if at == 0 else name)
-              for at, name in enumerate(layout.header[1])]  # fmt: skip
+    header = [
+        original(name.removeprefix("#").strip() if at == 0 else name)
+        for at, name in enumerate(layout.header[1])
+    ]
     body = layout.body
-    while header and not header[-1] and all(
-        len(row) < len(header) or not row[len(header) - 1] for _, row in body
-    ):  # fmt: skip
+    while (
+        header
+        and not header[-1]
+        and all(len(row) < len(header) or not row[len(header) - 1] for _, row in body)
+    ):
         header = header[:-1]
     count = len(header)
     return header, [

@@ -27,10 +27,16 @@ ENDS = 400
 _WIDE = "\u00a0\u2007\u202f\u3000"
 """Spaces beyond ASCII."""
 _LABEL = r"^[+-]?0[0-9]+$|^[+-]?[0-9]{16,}$"
-_GROUPED = {d: rf"^[+-]?(?:[0-9]+|[1-9][0-9]{{0,2}}(?:\{o}[0-9]{{3}})+)(?:\{d}[0-9]*)?$"
-            for d, o in OTHER.items()}  # fmt: skip
-_MARKS = pa.array(sorted({form for one in MISSING for form in (one, one.upper(), one.title())}
-                         | {"n.i.O.", "NaN", "n.i.O", "k.A.", "k. A."}))  # fmt: skip
+_GROUPED = {
+    d: rf"^[+-]?(?:[0-9]+|[1-9][0-9]{{0,2}}(?:\{o}[0-9]{{3}})+)(?:\{d}[0-9]*)?$"
+    for d, o in OTHER.items()
+}
+_MARKS = pa.array(
+    sorted(
+        {form for one in MISSING for form in (one, one.upper(), one.title())}
+        | {"n.i.O.", "NaN", "n.i.O", "k.A.", "k. A."}
+    )
+)
 """Marks as they are mostly written; another spelling is read cell by cell."""
 
 
@@ -162,8 +168,11 @@ def _without_signs(cells: pa.Array, probes: list[Notation], found: Evidence) -> 
             return None
         (found.point if signs == ["."] else found.comma)[DECIMAL] = at
         return cells if signs == ["."] else pc.replace_substring(cells, ",", ".")
-    votes = {("." if one.point == DECIMAL else ",") for one in probes
-             if DECIMAL in (one.point, one.comma)}  # fmt: skip
+    votes = {
+        ("." if one.point == DECIMAL else ",")
+        for one in probes
+        if DECIMAL in (one.point, one.comma)
+    }
     if len(votes) != 1:
         return None
     decimal = min(votes)

@@ -153,5 +153,8 @@ def _is_value(cell: str, sign: str) -> bool:
 
 def _unknown(place: str, fitting: list[str]) -> Exception:
     names = " or ".join(dict.fromkeys(NAMES.get(sign, sign) for sign in fitting))
-    return refuse(place, f"its columns can be separated by {names}, and nothing decides: state "
-                  "--delimiter (comma, semicolon, tab, pipe, space)")  # fmt: skip
+    return refuse(
+        place,
+        f"its columns can be separated by {names}, and nothing decides: state "
+        "--delimiter (comma, semicolon, tab, pipe, space)",
+    )

@@ -10,13 +10,27 @@ from __future__ import annotations
 COMMON = 0.9
 """Share of characters of the first level that text has at least."""
 FAMILIES = {
-    "gb18030": "gb18030", "gbk": "gb18030", "gb2312": "gb18030", "hz": "gb18030",
-    "big5": "big5", "big5hkscs": "big5", "big5-hkscs": "big5", "cp950": "big5",
-    "shift_jis": "cp932", "cp932": "cp932", "windows-31j": "cp932", "shift-jis": "cp932",
-    "shift_jis_2004": "cp932", "shift_jisx0213": "cp932",
-    "euc-jp": "euc_jp", "euc_jp": "euc_jp", "euc-jis-2004": "euc_jp",
-    "euc-kr": "euc_kr", "cp949": "euc_kr", "uhc": "euc_kr",
-}  # fmt: skip
+    "gb18030": "gb18030",
+    "gbk": "gb18030",
+    "gb2312": "gb18030",
+    "hz": "gb18030",
+    "big5": "big5",
+    "big5hkscs": "big5",
+    "big5-hkscs": "big5",
+    "cp950": "big5",
+    "shift_jis": "cp932",
+    "cp932": "cp932",
+    "windows-31j": "cp932",
+    "shift-jis": "cp932",
+    "shift_jis_2004": "cp932",
+    "shift_jisx0213": "cp932",
+    "euc-jp": "euc_jp",
+    "euc_jp": "euc_jp",
+    "euc-jis-2004": "euc_jp",
+    "euc-kr": "euc_kr",
+    "cp949": "euc_kr",
+    "uhc": "euc_kr",
+}
 """The detector's names by ours."""
 WORDS = {
     "gb18030": "间隙 温度 时间 角度 直径 孔径 零件 序号 编号 批次 "

@@ -100,8 +100,11 @@ def is_unit_row(row: list[str], numeric: list[int]) -> bool:
     """Whether a row holds units: every cell is one, or empty."""
     cells = [cell for cell in row if cell]
     stated = [cell for column, cell in enumerate(row) if cell and column in numeric]
-    return bool(stated) and all(is_unit_cell(cell) for cell in cells) and any(
-        not re.fullmatch(r"[-\W]*|1", cell) for cell in stated)  # fmt: skip
+    return (
+        bool(stated)
+        and all(is_unit_cell(cell) for cell in cells)
+        and any(not re.fullmatch(r"[-\W]*|1", cell) for cell in stated)
+    )
 
 
 def _is_header(row: list[str], count: int) -> bool:
@@ -129,8 +132,10 @@ def _rivals(
     if not above or at - 1 not in above:
         return []
     line, other = rows[at][0], rows[at - 1][0]
-    text = (f"lines {other} and {line} can both be the column names; leave an empty line above the "
-            "names, or remove the other line")  # fmt: skip
+    text = (
+        f"lines {other} and {line} can both be the column names; leave an empty line above the "
+        "names, or remove the other line"
+    )
     return [Fault(place, text)]
 
 
@@ -141,13 +146,20 @@ def _bare(rows: list[Row], count: int, place: str) -> Layout:
     found = Layout(rows[at], None, rows[at + 1 :])
     above = [row for _, row in rows[:at] if len(row) > 1]
     if any(_is_reading(cell) for cell in names) and above:
-        text = (f"line {rows[at][0]} has {len(names)} cells, and no line above it as many names "
-                f"({len(above[-1])} cells expected by the last one); where decimal commas stand "
-                "between commas, export it with another delimiter")  # fmt: skip
+        text = (
+            f"line {rows[at][0]} has {len(names)} cells, and no line above it as many names "
+            f"({len(above[-1])} cells expected by the last one); where decimal commas stand "
+            "between commas, export it with another delimiter"
+        )
         found.faults.append(Fault(place, text))
     elif any(_is_reading(cell) for cell in names):
-        found.faults.append(Fault(place, f"has no column names: line {rows[at][0]} begins with "
-                                  "readings; put a line of names above them"))  # fmt: skip
+        found.faults.append(
+            Fault(
+                place,
+                f"has no column names: line {rows[at][0]} begins with "
+                "readings; put a line of names above them",
+            )
+        )
     return found
 
 
@@ -161,8 +173,9 @@ def _without_summaries(found: Layout, numeric: list[int]) -> None:
         bottom.append(found.body.pop())
     dropped += reversed(bottom)
     if dropped:
-        found.notes.append(f"{len(dropped)} rows that are no readings are left out: "
-                           f"{_listed(dropped)}")  # fmt: skip
+        found.notes.append(
+            f"{len(dropped)} rows that are no readings are left out: {_listed(dropped)}"
+        )
 
 
 def _names_summary(row: list[str]) -> bool:

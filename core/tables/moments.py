@@ -9,8 +9,11 @@ from datetime import datetime
 _CLOCK = r"(?:[/ .T](\d{1,2}):(\d{1,2})(?::(\d{1,2})(?:[.,](\d{1,6}))?)?)?"
 _YEAR = r"(?P<y>\d{4}|\d\d)"
 POINTS, SLASHES, TURNED, ISO = (
-    "day.month.year", "month/day/year", "day/month/year", "year-month-day",
-)  # fmt: skip
+    "day.month.year",
+    "month/day/year",
+    "day/month/year",
+    "year-month-day",
+)
 _FORMS = {
     POINTS: re.compile(rf"(?P<d>\d{{1,2}})\.(?P<m>\d{{1,2}})\.{_YEAR}{_CLOCK}"),
     SLASHES: re.compile(rf"(?P<m>\d{{1,2}})/(?P<d>\d{{1,2}})/{_YEAR}{_CLOCK}"),
@@ -31,8 +34,9 @@ def moment(text: str, forms: Sequence[str] = (POINTS, SLASHES, ISO)) -> tuple[da
             hour, minute, second = (int(one or 0) for one in match.groups()[3:6])
             micro = int((match.groups()[6] or "0").ljust(6, "0"))
             try:
-                return datetime(year, int(match["m"]), int(match["d"]), hour, minute, second,
-                                micro), name  # fmt: skip
+                return datetime(
+                    year, int(match["m"]), int(match["d"]), hour, minute, second, micro
+                ), name
             except ValueError:
                 continue
     raise ValueError(f'"{text}" is no time such as 31.12.2026/08:00:00')
@@ -52,8 +56,10 @@ def seconds(texts: Sequence[str]) -> tuple[list[float], datetime]:
         listed = " and ".join(f'{name} ("{text}")' for name, text in named.items())
         raise ValueError(f"has times in two formats: {listed}")
     if {SLASHES, TURNED} <= set(fitting):
-        raise ValueError(f'has dates such as "{given[0]}" that can be read with the day or the '
-                         "month first: write them as 2026-12-31 or 31.12.2026")  # fmt: skip
+        raise ValueError(
+            f'has dates such as "{given[0]}" that can be read with the day or the '
+            "month first: write them as 2026-12-31 or 31.12.2026"
+        )
     found = [moment(text, fitting[:1])[0] if text else None for text in texts]
     start = min(one for one in found if one is not None)
     return [(one - start).total_seconds() if one else float("nan") for one in found], start

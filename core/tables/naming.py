@@ -114,8 +114,14 @@ def _of_aqdef(found: Table, names: Mapping[str, str], free: Mapping[str, str]) -
     """Times and batches of a Q-DAS file that nobody mapped."""
     if found.dialect.kind != AQDEF:
         return {}
-    return {name: target for name, target in OF_AQDEF.items() if name in found.cells
-            and name not in names and target in free and target not in names.values()}  # fmt: skip
+    return {
+        name: target
+        for name, target in OF_AQDEF.items()
+        if name in found.cells
+        and name not in names
+        and target in free
+        and target not in names.values()
+    }
 
 
 def _clock(cells: pd.Series[Any]) -> tuple[pd.Series[Any], list[str], list[str]]:

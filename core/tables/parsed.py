@@ -74,8 +74,10 @@ def parsed(
     missing = [name for name in needed if name not in frame.columns]
     found = [Fault(place, f"column {name} is missing") for name in missing]
     free = [name for name in known if name not in frame.columns]
-    found += [Fault(place, f"column {name} is not known{nearest(name, free or known)}; remove it")
-              for name in extra]  # fmt: skip
+    found += [
+        Fault(place, f"column {name} is not known{nearest(name, free or known)}; remove it")
+        for name in extra
+    ]
     typed = {}
     for name in (name for name in frame.columns if name in known):
         read = _labels if name in text else _numeric

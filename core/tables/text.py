@@ -41,8 +41,9 @@ def rows_of(text: str, found: Separator, place: str) -> list[Row]:
         stream.readline()
     if found.delimiter in ("", " "):
         return _by_spaces(stream, found.skipped, found.delimiter)
-    reader = csv.reader(stream, delimiter=found.delimiter, quotechar=found.quote,
-                        skipinitialspace=True, strict=True)  # fmt: skip
+    reader = csv.reader(
+        stream, delimiter=found.delimiter, quotechar=found.quote, skipinitialspace=True, strict=True
+    )
     skipped = found.skipped
     try:
         rows = [(reader.line_num + skipped, [*map(str.strip, row)]) for row in reader]

@@ -8,14 +8,45 @@ from functools import lru_cache
 from ..units import dimension
 
 ALIASES = {
-    "U/min": "rpm", "1/min": "1/min", "℃": "degC", "℉": "degF", "Bogenminuten": "arcmin",
-    "Winkelminuten": "arcmin", "Bogensekunden": "arcsec", "Winkelsekunden": "arcsec", "′": "arcmin",
-    "″": "arcsec", "'": "arcmin", "''": "arcsec", '"': "arcsec", "角分": "arcmin", "角秒": "arcsec",
-    "分": "arcmin", "度": "deg", "毫米": "mm", "微米": "um", "μm": "um", "µm": "um", "牛米": "N m",
-    "秒": "s", "°": "deg", "Bogenmin": "arcmin", "Bogensek": "arcsec", "sec": "s", "sek": "s",
-    "Sek": "s", "㎜": "mm", "㎛": "um", "ミリ": "mm", "Std": "h", "Nm": "N m", "N·m": "N m",
-    "N*m": "N m", "mym": "um", "minute": "min",
-}  # fmt: skip
+    "U/min": "rpm",
+    "1/min": "1/min",
+    "℃": "degC",
+    "℉": "degF",
+    "Bogenminuten": "arcmin",
+    "Winkelminuten": "arcmin",
+    "Bogensekunden": "arcsec",
+    "Winkelsekunden": "arcsec",
+    "′": "arcmin",
+    "″": "arcsec",
+    "'": "arcmin",
+    "''": "arcsec",
+    '"': "arcsec",
+    "角分": "arcmin",
+    "角秒": "arcsec",
+    "分": "arcmin",
+    "度": "deg",
+    "毫米": "mm",
+    "微米": "um",
+    "μm": "um",
+    "µm": "um",
+    "牛米": "N m",
+    "秒": "s",
+    "°": "deg",
+    "Bogenmin": "arcmin",
+    "Bogensek": "arcsec",
+    "sec": "s",
+    "sek": "s",
+    "Sek": "s",
+    "㎜": "mm",
+    "㎛": "um",
+    "ミリ": "mm",
+    "Std": "h",
+    "Nm": "N m",
+    "N·m": "N m",
+    "N*m": "N m",
+    "mym": "um",
+    "minute": "min",
+}
 """What measuring rooms write, as the units module knows it."""
 UNKNOWN = frozenset(["grad", "Grad", "GRAD", "min.", "分", "B", "d", "a", "l", "r", "h."])
 """Words that mean one unit to some and another to others: no unit is read from them."""
@@ -52,8 +83,9 @@ def names_of(header: list[str]) -> dict[str, str]:
     """Column names without their units; whole where two would then be the same."""
     short = {name: split_header(name)[0] for name in header}
     taken = list(short.values()) + list(short)
-    return {name: one if one == name or taken.count(one) == 1 else name
-            for name, one in short.items()}  # fmt: skip
+    return {
+        name: one if one == name or taken.count(one) == 1 else name for name, one in short.items()
+    }
 
 
 def is_unit_cell(cell: str) -> bool:

@@ -39,8 +39,10 @@ def rows_of_workbook(content: bytes, place: str) -> tuple[list[Row], Dialect]:
 
 
 def _rows(sheet: Any) -> list[Row]:
-    rows = [(at, [_cell(value) for value in row])
-            for at, row in enumerate(sheet.iter_rows(values_only=True), 1)]  # fmt: skip
+    rows = [
+        (at, [_cell(value) for value in row])
+        for at, row in enumerate(sheet.iter_rows(values_only=True), 1)
+    ]
     return [row for row in rows if any(row[1])]
 
 
@@ -66,5 +68,8 @@ def _computed(sheet: Any, formulas: Any, place: str) -> None:
         if cell.data_type == "f" and sheet[cell.coordinate].value is None
     ]
     if empty:
-        raise refuse(f"{place}: cell {empty[0]}", f"{len(empty)} formulas have no stored value; "
-                     "open the workbook, let it calculate, and save it")  # fmt: skip
+        raise refuse(
+            f"{place}: cell {empty[0]}",
+            f"{len(empty)} formulas have no stored value; "
+            "open the workbook, let it calculate, and save it",
+        )

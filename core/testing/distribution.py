@@ -39,8 +39,12 @@ class DistributionContract:
         np.testing.assert_allclose(found[0], p, atol=1e-6)
         for order in (1, 2):
             for at, end in enumerate(p):
-                whole = quad(lambda q, k=order: float(self.distribution.quantile(np.array(q)) ** k),
-                             0.0, end, limit=200)[0]  # fmt: skip
+                whole = quad(
+                    lambda q, k=order: float(self.distribution.quantile(np.array(q)) ** k),
+                    0.0,
+                    end,
+                    limit=200,
+                )[0]
                 np.testing.assert_allclose(found[order][at], whole, atol=1e-5)
 
     def test_moments_are_those_of_the_whole(self) -> None:

@@ -37,15 +37,27 @@ def example() -> RunResult:
     from ..api import run
 
     cost = {"model": "reciprocal", "a": 1.0, "b": 0.1}
-    parts = [{"name": name, "nominal": 10.0, "unit": "mm", "sensitivity": 1.0, "t_min": 0.01,
-              "t_max": 0.1, "cost": cost} for name in ("pin", "bore")]  # fmt: skip
-    found = run({
-        "problem": "stack",
-        "objectives": {"minimise": ["cost", "variation"]},
-        "requirement": {"name": "play", "unit": "mm", "nominal": 20.0},
-        "part": parts,
-        "algorithm": {"name": "exact", "points": 20},
-    })  # fmt: skip
+    parts = [
+        {
+            "name": name,
+            "nominal": 10.0,
+            "unit": "mm",
+            "sensitivity": 1.0,
+            "t_min": 0.01,
+            "t_max": 0.1,
+            "cost": cost,
+        }
+        for name in ("pin", "bore")
+    ]
+    found = run(
+        {
+            "problem": "stack",
+            "objectives": {"minimise": ["cost", "variation"]},
+            "requirement": {"name": "play", "unit": "mm", "nominal": 20.0},
+            "part": parts,
+            "algorithm": {"name": "exact", "points": 20},
+        }
+    )
     assert isinstance(found.record, RunResult)
     return found.record
 

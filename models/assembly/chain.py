@@ -43,11 +43,14 @@ class DatumFlowChain:
             text = f"must name one part for each of {len(self.parts)}, got {len(self.hangs_on)}"
             return [Fault("chain.hangs_on", text)]
         return [
-            Fault(f"chain.hangs_on[{at}]", f"{self.parts[at]} must hang on the housing (0) or on "
-                  f"a part put in before it (1 .. {at}), got {parent}")
+            Fault(
+                f"chain.hangs_on[{at}]",
+                f"{self.parts[at]} must hang on the housing (0) or on "
+                f"a part put in before it (1 .. {at}), got {parent}",
+            )
             for at, parent in enumerate(self.hangs_on)
             if not 0 <= parent <= at
-        ]  # fmt: skip
+        ]
 
     @property
     def steps(self) -> int:

@@ -25,43 +25,76 @@ STEPS = 4
 
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
-        "reading", "printed", "", "what the precision weight weighs: every angle (printed), or the "
-        "combined errors y = C x of the document's own cost (consistent)", "document A",
+        "reading",
+        "printed",
+        "",
+        "what the precision weight weighs: every angle (printed), or the "
+        "combined errors y = C x of the document's own cost (consistent)",
+        "document A",
         choices=READINGS,
     ),
     Parameter(
-        "insertion", "before", "", "whether step k adjusts before part k is put in (printed) or "
-        "after", "document A", choices=INSERTIONS,
+        "insertion",
+        "before",
+        "",
+        "whether step k adjusts before part k is put in (printed) or after",
+        "document A",
+        choices=INSERTIONS,
     ),
     Parameter(
-        "hangs_on", (0.0, 1.0, 0.0, 3.0), "", "datum flow chain: the number of the part that "
-        "crankshaft 1, gear 1, crankshaft 2, gear 2 hang on; 0 is the housing", "document A",
+        "hangs_on",
+        (0.0, 1.0, 0.0, 3.0),
+        "",
+        "datum flow chain: the number of the part that "
+        "crankshaft 1, gear 1, crankshaft 2, gear 2 hang on; 0 is the housing",
+        "document A",
     ),
     Parameter("adjustment_weights_1", (5.0, 1000.0, 1000.0, 1000.0), "", "R at step 1", _TABLE),
     Parameter("adjustment_weights_2", (10.0, 5.0, 1000.0, 1000.0), "", "R at step 2", _TABLE),
     Parameter("adjustment_weights_3", (10.0, 5.0, 5.0, 1000.0), "", "R at step 3", _TABLE),
     Parameter("adjustment_weights_4", (10.0, 5.0, 10.0, 5.0), "", "R at step 4", _TABLE),
     Parameter(
-        "absent_weight", 1000.0, "", "the weight from which a part counts as not adjustable",
-        _TABLE, low=0.0, open_low=True,
+        "absent_weight",
+        1000.0,
+        "",
+        "the weight from which a part counts as not adjustable",
+        _TABLE,
+        low=0.0,
+        open_low=True,
     ),
     Parameter(
-        "measurement_std_mrad", 0.0, "mrad", "standard deviation of each angle measured during "
-        "assembly; 0: the state is known", "assumed: exact, as the document computes",
-        assumed=True, low=0.0, high=1e3,
+        "measurement_std_mrad",
+        0.0,
+        "mrad",
+        "standard deviation of each angle measured during assembly; 0: the state is known",
+        "assumed: exact, as the document computes",
+        assumed=True,
+        low=0.0,
+        high=1e3,
     ),
     Parameter(
-        "measured", "angles", "", "what is measured at each step of what is there: every angle, or "
-        "the combined errors C x", "assumed", assumed=True, choices=("angles", "combined"),
+        "measured",
+        "angles",
+        "",
+        "what is measured at each step of what is there: every angle, or the combined errors C x",
+        "assumed",
+        assumed=True,
+        choices=("angles", "combined"),
     ),
-)  # fmt: skip
+)
 """Of both."""
 
 PART_STD = Parameter(
-    "part_std_mrad", 3.0, "mrad", "standard deviation of part errors that the estimate counts on "
-    "where measurement_std_mrad is above 0", "assumed: rms of the document's four errors is 4.3",
-    assumed=True, low=0.0, high=1e3,
-)  # fmt: skip
+    "part_std_mrad",
+    3.0,
+    "mrad",
+    "standard deviation of part errors that the estimate counts on "
+    "where measurement_std_mrad is above 0",
+    "assumed: rms of the document's four errors is 4.3",
+    assumed=True,
+    low=0.0,
+    high=1e3,
+)
 
 
 def completed(parameters: Mapping[str, Value]) -> dict[str, Any]:

@@ -57,10 +57,13 @@ class Assembly(MeasurableModel):
     changeable = (
         Changeable("adjustment_gain_error", "", "achieved over commanded adjustment, less one"),
         Changeable("adjustment_backlash_mrad", "mrad", "dead band of every adjustment"),
-        Changeable("chain_coupling", "", "share of what putting in chain 2 moves that chain 1 "
-                   "moves as well"),
+        Changeable(
+            "chain_coupling",
+            "",
+            "share of what putting in chain 2 moves that chain 1 moves as well",
+        ),
         Changeable("springback", "", "share of the total adjustment that returns at the end"),
-    )  # fmt: skip
+    )
 
     def __init__(
         self,

@@ -67,18 +67,23 @@ def _weights(process: Process, weights: Array, absent: float) -> list[Fault]:
     """Each weight (N, m) that is not positive, or that lets an absent part be adjusted."""
     positive = np.isfinite(weights) & (weights > 0.0)
     found = [
-        Fault(f"adjustment_weights_{step + 1}[{part}]", "must be above 0 (R must be positive "
-              f"definite), got {weights[step, part]:g}")
+        Fault(
+            f"adjustment_weights_{step + 1}[{part}]",
+            f"must be above 0 (R must be positive definite), got {weights[step, part]:g}",
+        )
         for step, part in np.argwhere(~positive).tolist()
-    ]  # fmt: skip
+    ]
     early = positive & (weights < absent) & ~process.present
     arrival = process.arriving.argmax(axis=0) + 1
     return found + [
-        Fault(f"adjustment_weights_{step + 1}[{part}]", f"step {step + 1} adjusts part {part + 1}, "
-              f"which is put in at step {arrival[part]}; until then give it the weight "
-              f"{absent:g} of an absent part")
+        Fault(
+            f"adjustment_weights_{step + 1}[{part}]",
+            f"step {step + 1} adjusts part {part + 1}, "
+            f"which is put in at step {arrival[part]}; until then give it the weight "
+            f"{absent:g} of an absent part",
+        )
         for step, part in np.argwhere(early).tolist()
-    ]  # fmt: skip
+    ]
 
 
 def plane_process(
@@ -179,7 +184,10 @@ def _definite(weight: Array) -> list[Fault]:
     skew = ~np.all(np.isclose(weight, mirrored, rtol=1e-12, atol=0.0), axis=(1, 2))
     least = np.linalg.eigvalsh(0.5 * (weight + mirrored))[:, 0]
     return [
-        Fault(f"process.weight (R)[{step}]", "must be symmetric and positive definite, got "
-              + ("an asymmetric matrix" if skew[step] else f"least eigenvalue {least[step]:.4g}"))
+        Fault(
+            f"process.weight (R)[{step}]",
+            "must be symmetric and positive definite, got "
+            + ("an asymmetric matrix" if skew[step] else f"least eigenvalue {least[step]:.4g}"),
+        )
         for step in np.flatnonzero(skew | ~(least > 0.0)).tolist()
-    ]  # fmt: skip
+    ]

@@ -135,10 +135,13 @@ class Transmission:
         speed = self.contact.geometry.pins * self.speed  # the period is turned in 1/pins of a turn
         points = Oscillator(
             *np.broadcast_arrays(
-                self.train.reduced_inertia, self.train.damping(stiffness), self.torque, stiffness,
+                self.train.reduced_inertia,
+                self.train.damping(stiffness),
+                self.torque,
+                stiffness,
                 speed,
             )
-        )  # fmt: skip
+        )
         waves = np.fft.rfft(twist, axis=1)
         order = np.arange(waves.shape[1], dtype=float)
         return np.asarray(np.fft.irfft(waves * transfer(points, order), self.angles, axis=1))

@@ -30,8 +30,9 @@ def cumulants_drawn(values: Array, draws: int, rng: np.random.Generator) -> Arra
     about = centred[None, :] - mean[:, None]
     second, third, fourth = (np.sum(weights * about**k, axis=1) for k in (2, 3, 4))
     wider = (n + 1.0) / (n - 1.0)
-    return np.stack([mean, second * wider, third * wider**1.5,
-                     (fourth - 3.0 * second**2) * wider**2], axis=1)  # fmt: skip
+    return np.stack(
+        [mean, second * wider, third * wider**1.5, (fourth - 3.0 * second**2) * wider**2], axis=1
+    )
 
 
 def kept(cumulants: Sequence[Array], ends: tuple[float, float], share: float) -> float:

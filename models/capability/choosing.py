@@ -88,9 +88,12 @@ class Level:
 
 
 def calibrated(
-    parts: Sequence[Ways], processes: Processes, aim: Aim, rng: np.random.Generator,
+    parts: Sequence[Ways],
+    processes: Processes,
+    aim: Aim,
+    rng: np.random.Generator,
     repeats: int = REPEATS,
-) -> Level:  # fmt: skip
+) -> Level:
     """The least level from which on choices are kept with the confidence that is aimed at.
 
     Where it is not reached at any level that leaves samples a choice, the last one is not `sure`.
@@ -165,8 +168,9 @@ class _Table:
             cost = np.add.outer(cost, part.cost).ravel()
             square = (square[:, :, None] + part.std[:, None, :] ** 2).reshape(rows, -1)
             mean = (mean[:, :, None] + part.mean[:, None, :]).reshape(rows, -1)
-            ways = np.column_stack([np.repeat(ways, count, axis=0),
-                                    np.tile(place + np.arange(count), before)])  # fmt: skip
+            ways = np.column_stack(
+                [np.repeat(ways, count, axis=0), np.tile(place + np.arange(count), before)]
+            )
             place += count
             if len(cost) > STATES:
                 left = _best(cost, square)
@@ -176,13 +180,17 @@ class _Table:
         ways, uses = ways[order], np.zeros((len(order), place))
         uses[np.arange(len(ways))[:, None], ways] = 1.0
         return cls(
-            ways, uses, mean[:, order],
+            ways,
+            uses,
+            mean[:, order],
             process=np.concatenate([part.process for part in parts]),
             std=np.concatenate([part.std.T for part in parts]),
             means=np.concatenate([part.mean.T for part in parts]),
             pieces=np.concatenate([np.tile(part.pieces, (len(part.cost), 1)) for part in parts]),
-            n=processes.n, kinds=kinds, kind=kind.ravel(),
-        )  # fmt: skip
+            n=processes.n,
+            kinds=kinds,
+            kind=kind.ravel(),
+        )
 
     def keeps(self, chosen: int, truth: Array, error: Array, aim: Aim) -> bool:
         """Whether the units of an allocation conform, by the processes as they are (q,)."""

@@ -38,10 +38,14 @@ def capability(values: Array, lower: float | None, upper: float | None) -> dict[
         shares = [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2]
         ends = np.sqrt(scipy.stats.chi2.ppf(shares, n - 1) / (n - 1))
         found["Cp"] = Index(cp, cp * float(ends[0]), cp * float(ends[1]))
-    sides = [side for side in (
-        None if upper is None else (upper - mean) / (3.0 * std),
-        None if lower is None else (mean - lower) / (3.0 * std),
-    ) if side is not None]  # fmt: skip
+    sides = [
+        side
+        for side in (
+            None if upper is None else (upper - mean) / (3.0 * std),
+            None if lower is None else (mean - lower) / (3.0 * std),
+        )
+        if side is not None
+    ]
     if sides:
         cpk = min(sides)
         error = float(scipy.stats.norm.ppf(0.5 + CONFIDENCE / 2)) * np.sqrt(

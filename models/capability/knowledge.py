@@ -106,8 +106,11 @@ class Knowledge:
         readings = variance
         if (one := self.difference) is not None:
             share = one.seen_df / self.df
-            gauge = np.full(count, one.gauge) if np.isinf(one.gauge_df) else (
-                one.gauge * one.gauge_df / rng.chisquare(one.gauge_df, count))  # fmt: skip
+            gauge = (
+                np.full(count, one.gauge)
+                if np.isinf(one.gauge_df)
+                else (one.gauge * one.gauge_df / rng.chisquare(one.gauge_df, count))
+            )
             whole = variance * (self.std**2 + share * one.gauge)
             variance = np.maximum(whole - share * gauge, 1e-3 * self.std**2) / self.std**2
             readings = variance + gauge / self.std**2
@@ -133,12 +136,15 @@ def knowledge_of(
         raise ValueError(f"has {n} values, {LEAST} at least are needed")
     seen, mean = float(np.var(values, ddof=1)), float(np.mean(values))
     if seen <= 0.0:
-        raise ValueError(f"has {n} equal values: the resolution of the gauge is too coarse to tell "
-                         "a scatter")  # fmt: skip
+        raise ValueError(
+            f"has {n} equal values: the resolution of the gauge is too coarse to tell a scatter"
+        )
     own = seen if gauge is None else seen - gauge.sigma**2
     if gauge is not None and own <= 0.0:
-        raise ValueError(f"scatters by {np.sqrt(seen):.4g}, its gauge alone by {gauge.sigma:.4g}: "
-                         "the gauge is unfit for these parts")  # fmt: skip
+        raise ValueError(
+            f"scatters by {np.sqrt(seen):.4g}, its gauge alone by {gauge.sigma:.4g}: "
+            "the gauge is unfit for these parts"
+        )
     df, parts = n - 1.0, 0.0
     difference = None if gauge is None else Difference(seen, df, gauge.sigma**2, gauge.df)
     if prior is not None:
@@ -153,10 +159,12 @@ def _agreeing(variance: float, df: float, prior: Prior) -> None:
     below = float(scipy.stats.f.cdf(variance / prior.sigma**2, df, prior.parts))
     chance = 2.0 * min(below, 1.0 - below)
     if chance < CONTRADICTED:
-        raise ValueError(f"scatters by {np.sqrt(variance):.4g}, the prior says {prior.sigma:.4g} "
-                         f"and claims to be worth {prior.parts:g} parts: as far apart by chance "
-                         f"once in {1.0 / max(chance, 1e-12):.2g}; lower prior.parts, or leave it "
-                         "out")  # fmt: skip
+        raise ValueError(
+            f"scatters by {np.sqrt(variance):.4g}, the prior says {prior.sigma:.4g} "
+            f"and claims to be worth {prior.parts:g} parts: as far apart by chance "
+            f"once in {1.0 / max(chance, 1e-12):.2g}; lower prior.parts, or leave it "
+            "out"
+        )
 
 
 def upper_of_difference(

@@ -116,8 +116,9 @@ class Norm:
     def surplus(self, rest: Array | float = 0.0) -> Surplus:
         """What doubt adds, by the squares E v."""
         error = None if self.error is None else over(self.error, self.even)
-        return Surplus(over(self.own, self.even), over(self.shared, self.even), error=error,
-                       fixed_even=rest)  # fmt: skip
+        return Surplus(
+            over(self.own, self.even), over(self.shared, self.even), error=error, fixed_even=rest
+        )
 
 
 def over(value: Array, by: Array, otherwise: float = 0.0) -> Array:
@@ -158,12 +159,14 @@ def norm_of(
     error = moved * np.array([0.0 if one is None else 1.0 / one.n for one in known])
     if quantile is not None:
         counted = (float(ndtri(confidence)) / quantile) ** 2
-        return Norm(inflation * square, surplus * square, np.zeros_like(square),
-                    counted * inflation * error)  # fmt: skip
+        return Norm(
+            inflation * square, surplus * square, np.zeros_like(square), counted * inflation * error
+        )
     prior = np.array([one is not None and one.prior_parts > 0.0 for one in known], dtype=float)
     far = float(ndtri(0.5 * (1.0 + confidence))) ** 2 - 1.0
-    return Norm(inflation * (square + error), surplus * (square + error),
-                prior * far * inflation * error)  # fmt: skip
+    return Norm(
+        inflation * (square + error), surplus * (square + error), prior * far * inflation * error
+    )
 
 
 def _surplus(one: Knowledge | None, confidence: float, level: float | None) -> float:

@@ -56,18 +56,25 @@ class PartSample:
 
     def departures(self, owner: str) -> tuple[str, ...]:
         """How it contradicts one stable normal process, `owner` being what was measured."""
-        return tuple(f"{owner}, measured: {one.text} (by chance: {one.probability:.2g})"
-                     for one in self.found)  # fmt: skip
+        return tuple(
+            f"{owner}, measured: {one.text} (by chance: {one.probability:.2g})"
+            for one in self.found
+        )
 
     def statement(self, unit: str) -> str:
         """What is known, in one line."""
-        indices = [f"{name} {one.value:.2f} ({one.low:.2f} to {one.high:.2f})"
-                   for name, one in self.indices.items()]  # fmt: skip
-        return ", ".join([
-            f"{len(self.deviations)} parts: mean {self.knowledge.mean:+.4g} {unit} from the "
-            f"mid-limit, s = {self.knowledge.std:.4g} {unit}", *indices,
-            f"distribution {self.type} (ISO 22514-2)",
-        ])  # fmt: skip
+        indices = [
+            f"{name} {one.value:.2f} ({one.low:.2f} to {one.high:.2f})"
+            for name, one in self.indices.items()
+        ]
+        return ", ".join(
+            [
+                f"{len(self.deviations)} parts: mean {self.knowledge.mean:+.4g} {unit} from the "
+                f"mid-limit, s = {self.knowledge.std:.4g} {unit}",
+                *indices,
+                f"distribution {self.type} (ISO 22514-2)",
+            ]
+        )
 
 
 def read_sample(
@@ -94,8 +101,9 @@ def read_sample(
     section.known(("characteristic",))
     prior = _prior(section, made_to or 0.0, unit)
     if "values" not in section:
-        section.fault("file", "is missing: name a table or Q-DAS file of measured parts, or give "
-                      "values")  # fmt: skip
+        section.fault(
+            "file", "is missing: name a table or Q-DAS file of measured parts, or give values"
+        )
     section.finish()
     if numbers is None or made_to is None or own_unit is None:
         return None
@@ -104,8 +112,11 @@ def read_sample(
         theirs = float(converted(of_file, own_unit, unit))
         nominal = theirs if nominal is None else nominal
         if abs(theirs - nominal) > NEAR_NOMINAL * max(abs(nominal), 1.0):
-            section.fault("file", f"is of a nominal of {theirs:g} {unit}, the part has {nominal:g} "
-                          f"{unit}: another revision of the drawing?")  # fmt: skip
+            section.fault(
+                "file",
+                f"is of a nominal of {theirs:g} {unit}, the part has {nominal:g} "
+                f"{unit}: another revision of the drawing?",
+            )
             return None
     deviations = _deviations(values, nominal) - mid
     try:
@@ -115,8 +126,14 @@ def read_sample(
         return None
     if not _near(section, unit, deviations, made_to):
         return None
-    assumed = {} if mean else {"measured.mean": "the mean of later parts is that of the sample; "
-                               "the configuration does not say that it is corrected"}  # fmt: skip
+    assumed = (
+        {}
+        if mean
+        else {
+            "measured.mean": "the mean of later parts is that of the sample; "
+            "the configuration does not say that it is corrected"
+        }
+    )
     return PartSample(
         deviations=deviations,
         knowledge=known,
@@ -135,16 +152,22 @@ def _near(section: Section, unit: str, deviations: Array, made_to: float) -> boo
     width = made_to or 3.0 * float(np.std(deviations, ddof=1))
     if made_to and made_to > CAPABLE * 3.0 * (std := float(np.std(deviations, ddof=1))):
         hint = unit_hint(std, unit, made_to / 30.0, made_to)
-        section.fault("values", f"scatter by {std:.4g} {unit} (Cp = {made_to / (3.0 * std):.4g}), "
-                      f"but were made to {made_to:g} {unit}{hint}: check their unit and "
-                      "made_to")  # fmt: skip
+        section.fault(
+            "values",
+            f"scatter by {std:.4g} {unit} (Cp = {made_to / (3.0 * std):.4g}), "
+            f"but were made to {made_to:g} {unit}{hint}: check their unit and "
+            "made_to",
+        )
         return False
     if far <= BEYOND * width:
         return True
     hint = unit_hint(far, unit, 0.0, width)
-    what = (f"but were made to {width:g} {unit}{hint}: check their unit and made_to" if made_to
-            else f"but three times their scatter is {width:.4g} {unit}{hint}: state "
-            "measured.nominal, or check their unit")  # fmt: skip
+    what = (
+        f"but were made to {width:g} {unit}{hint}: check their unit and made_to"
+        if made_to
+        else f"but three times their scatter is {width:.4g} {unit}{hint}: state "
+        "measured.nominal, or check their unit"
+    )
     section.fault("values", f"lie up to {far:.4g} {unit} off the mid-limit, {what}")
     return False
 
@@ -176,8 +199,11 @@ def _made_to(
     """Half-width that the measured parts were made to, in the unit of the part; 0: not known."""
     if section.take("made_to") == FIXED:
         if t is None and follows:
-            section.fault("made_to", "cannot be fixed where the tolerance is searched, as tighter "
-                          "limits would change nothing: state a machine")  # fmt: skip
+            section.fault(
+                "made_to",
+                "cannot be fixed where the tolerance is searched, as tighter "
+                "limits would change nothing: state a machine",
+            )
         return t if follows else 0.0
     given = section.number("made_to", own or unit, POSITIVE)
     if given is not None:
@@ -185,8 +211,11 @@ def _made_to(
     if "made_to" in section:
         return None
     if t is None and follows:
-        section.fault("made_to", "is missing: the half-width that the measured parts were made to, "
-                      "so that their scatter can follow the tolerance")  # fmt: skip
+        section.fault(
+            "made_to",
+            "is missing: the half-width that the measured parts were made to, "
+            "so that their scatter can follow the tolerance",
+        )
     return t if follows else 0.0
 
 

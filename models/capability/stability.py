@@ -84,11 +84,17 @@ def _lots(values: Array, lots: Sequence[str]) -> list[Finding]:
         return [_succession(values)] if len(values) >= FEW else []
     spread = float(np.ptp([group.mean() for group in groups]))
     return [
-        Finding("lots", f"has lots whose means differ by up to {spread:.3g}",
-                float(scipy.stats.f_oneway(*groups).pvalue)),
-        Finding("scatter", "has lots that scatter differently",
-                float(scipy.stats.levene(*groups, center="median").pvalue)),
-    ]  # fmt: skip
+        Finding(
+            "lots",
+            f"has lots whose means differ by up to {spread:.3g}",
+            float(scipy.stats.f_oneway(*groups).pvalue),
+        ),
+        Finding(
+            "scatter",
+            "has lots that scatter differently",
+            float(scipy.stats.levene(*groups, center="median").pvalue),
+        ),
+    ]
 
 
 def _succession(values: Array) -> Finding:
@@ -100,8 +106,10 @@ def _succession(values: Array) -> Finding:
     total = float(np.sum(rest**2))
     ratio = float(np.sum(np.diff(rest) ** 2)) / total if total > 0.0 else 2.0
     z = (0.5 * ratio - 1.0) * np.sqrt((n**2 - 1.0) / (n - 2.0))
-    text = (f"has parts that follow those before them (steps of {ratio:.2g} variances in the mean "
-            "square, 2 by chance): lots or settings that are not named")  # fmt: skip
+    text = (
+        f"has parts that follow those before them (steps of {ratio:.2g} variances in the mean "
+        "square, 2 by chance): lots or settings that are not named"
+    )
     return Finding("lots", text, float(scipy.special.ndtr(z)))
 
 

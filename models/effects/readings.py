@@ -92,8 +92,9 @@ def own_clocks(session: NDArray[Any], time: NDArray[Any]) -> bool:
 
 def _appearance(labels: NDArray[Any]) -> NDArray[np.int64]:
     """Number (n,) of each row's label, by first appearance."""
-    _, first, which = np.unique(np.asarray(labels).astype(str), return_index=True,
-                                return_inverse=True)  # fmt: skip
+    _, first, which = np.unique(
+        np.asarray(labels).astype(str), return_index=True, return_inverse=True
+    )
     rank = np.empty(len(first), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(len(first))
     return np.asarray(rank[which.ravel()])
@@ -124,8 +125,11 @@ def _in_unit(values: NDArray[Any], unit: str, fixed: str) -> NDArray[Any]:
     return np.asarray(converted(np.asarray(values, dtype=float), unit, fixed))
 
 
-def target_of(model: MeasurableModel | type[MeasurableModel], name: str, table: Table | None = None,
-              ) -> Target:  # fmt: skip
+def target_of(
+    model: MeasurableModel | type[MeasurableModel],
+    name: str,
+    table: Table | None = None,
+) -> Target:
     """What effects may do in a model; of a known table, in the columns that it has."""
     columns = (*model.columns, *(one for one in EXTRAS if table is None or one.name in table))
     found = target_from(name, model.outputs, columns, table, model.changeable, model.population)
@@ -149,8 +153,16 @@ def target_from(
         columns = tuple(_present(columns, table))
     units = {column.role: fixed_unit(column) for column in reversed(columns)}
     roles = {column.role for column in columns}
-    target = Target(name, outputs, columns, changeable, population, several, units=units,
-                    derived=_derived(roles, None))  # fmt: skip
+    target = Target(
+        name,
+        outputs,
+        columns,
+        changeable,
+        population,
+        several,
+        units=units,
+        derived=_derived(roles, None),
+    )
     if table is None:
         return target
     readings = readings_of(columns, table)
@@ -159,8 +171,14 @@ def target_from(
     labels = {
         role: tuple(labels_of(readings[role])[0].tolist()) for role in LABELS if role in readings
     }
-    return replace(target, largest=largest, labels=labels, locked=follows_load(readings),
-                   pace=pace_of(readings), derived=_derived(roles, readings))  # fmt: skip
+    return replace(
+        target,
+        largest=largest,
+        labels=labels,
+        locked=follows_load(readings),
+        pace=pace_of(readings),
+        derived=_derived(roles, readings),
+    )
 
 
 def pace_of(readings: Readings) -> float:

@@ -128,11 +128,15 @@ class Orders(Shape):
 
     def weights(self, target: Target) -> tuple[Weight, ...]:
         return tuple(
-            Weight(f"{part}_{order_key(order)}", f"{meaning} component of order {order:.6g}",
-                   self.per(target), -inf)
+            Weight(
+                f"{part}_{order_key(order)}",
+                f"{meaning} component of order {order:.6g}",
+                self.per(target),
+                -inf,
+            )
             for order in self.orders_of(target)
             for part, meaning in (("cos", "cosine"), ("sin", "sine"))
-        )  # fmt: skip
+        )
 
     def per(self, target: Target) -> str:
         """What the unit of the components is divided by."""

@@ -82,25 +82,27 @@ def _extremum(pick: Callable[..., Array]) -> Callable[..., Array]:
     return lambda *x: pick(np.stack(np.broadcast_arrays(*x)), axis=0)
 
 
-FUNCTIONS: Mapping[str, Function] = MappingProxyType({
-    "sin": Function(np.sin, lambda x: (np.cos(x),)),
-    "cos": Function(np.cos, lambda x: (-np.sin(x),)),
-    "tan": Function(np.tan, lambda x: (1.0 / np.cos(x) ** 2,), _no_pole),
-    "asin": Function(np.arcsin, lambda x: (1.0 / np.sqrt(1.0 - x * x),), _within_one),
-    "acos": Function(np.arccos, lambda x: (-1.0 / np.sqrt(1.0 - x * x),), _within_one),
-    "atan": Function(np.arctan, lambda x: (1.0 / (1.0 + x * x),)),
-    "atan2": Function(
-        np.arctan2,
-        lambda y, x: (x / (x * x + y * y), -y / (x * x + y * y)),
-        _off_the_cut,
-        least=2,
-        most=2,
-    ),
-    "sqrt": Function(np.sqrt, lambda x: (0.5 / np.sqrt(x),), _not_negative),
-    "exp": Function(np.exp, lambda x: (np.exp(x),)),
-    "log": Function(np.log, lambda x: (1.0 / x,), _positive),
-    "abs": Function(np.abs, lambda x: (np.sign(x),)),
-    "min": Function(_extremum(np.min), _chosen(np.argmin), least=2, most=16),
-    "max": Function(_extremum(np.max), _chosen(np.argmax), least=2, most=16),
-})  # fmt: skip
+FUNCTIONS: Mapping[str, Function] = MappingProxyType(
+    {
+        "sin": Function(np.sin, lambda x: (np.cos(x),)),
+        "cos": Function(np.cos, lambda x: (-np.sin(x),)),
+        "tan": Function(np.tan, lambda x: (1.0 / np.cos(x) ** 2,), _no_pole),
+        "asin": Function(np.arcsin, lambda x: (1.0 / np.sqrt(1.0 - x * x),), _within_one),
+        "acos": Function(np.arccos, lambda x: (-1.0 / np.sqrt(1.0 - x * x),), _within_one),
+        "atan": Function(np.arctan, lambda x: (1.0 / (1.0 + x * x),)),
+        "atan2": Function(
+            np.arctan2,
+            lambda y, x: (x / (x * x + y * y), -y / (x * x + y * y)),
+            _off_the_cut,
+            least=2,
+            most=2,
+        ),
+        "sqrt": Function(np.sqrt, lambda x: (0.5 / np.sqrt(x),), _not_negative),
+        "exp": Function(np.exp, lambda x: (np.exp(x),)),
+        "log": Function(np.log, lambda x: (1.0 / x,), _positive),
+        "abs": Function(np.abs, lambda x: (np.sign(x),)),
+        "min": Function(_extremum(np.min), _chosen(np.argmin), least=2, most=16),
+        "max": Function(_extremum(np.max), _chosen(np.argmax), least=2, most=16),
+    }
+)
 CONSTANTS: Mapping[str, float] = MappingProxyType({"pi": float(np.pi)})

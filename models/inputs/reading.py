@@ -109,13 +109,17 @@ def _shifted(section: Section, stated: Stated) -> Stated:
     cp, cpk = stated["cp"], stated["cpk"]
     rest = {key: value for key, value in stated.items() if key != "cpk"}
     if "shift" in stated:
-        section.fault("cpk", "is given together with shift: leave one of them out, since "
-                      "Cpk = Cp (1 - |shift|)")  # fmt: skip
+        section.fault(
+            "cpk",
+            "is given together with shift: leave one of them out, since Cpk = Cp (1 - |shift|)",
+        )
         return rest | {"shift": None}
     if cp is None or cpk is None:
         return rest | {"shift": None}
     if cpk > cp:
-        section.fault("cpk", f"must not be above cp ({cp:g}), got {cpk:g}: raise cp, since "
-                      "Cpk = Cp (1 - |shift|)")  # fmt: skip
+        section.fault(
+            "cpk",
+            f"must not be above cp ({cp:g}), got {cpk:g}: raise cp, since Cpk = Cp (1 - |shift|)",
+        )
         return rest | {"shift": None}
     return rest | {"shift": 1.0 - cpk / cp}

@@ -120,6 +120,6 @@ def _table(skew: float) -> tuple[Array, Array]:
 
 def _of_sum(one: Array, other: Array) -> Array:
     """Raw moments of the sum of two independent variables from theirs, all of shape (k + 1,)."""
-    return np.array([
-        sum(comb(k, j) * one[j] * other[k - j] for j in range(k + 1)) for k in range(len(one))
-    ])  # fmt: skip
+    return np.array(
+        [sum(comb(k, j) * one[j] * other[k - j] for j in range(k + 1)) for k in range(len(one))]
+    )

@@ -8,9 +8,35 @@ from .grades import GRADES, grade_um
 from .tables import check_size, rows_of, value_um
 
 SHAFTS = (
-    "a", "b", "c", "cd", "d", "e", "ef", "f", "fg", "g", "h", "js", "j", "k", "m", "n", "p", "r",
-    "s", "t", "u", "v", "x", "y", "z", "za", "zb", "zc",
-)  # fmt: skip
+    "a",
+    "b",
+    "c",
+    "cd",
+    "d",
+    "e",
+    "ef",
+    "f",
+    "fg",
+    "g",
+    "h",
+    "js",
+    "j",
+    "k",
+    "m",
+    "n",
+    "p",
+    "r",
+    "s",
+    "t",
+    "u",
+    "v",
+    "x",
+    "y",
+    "z",
+    "za",
+    "zb",
+    "zc",
+)
 HOLES = tuple(letter.upper() for letter in SHAFTS)
 LETTERS = (*HOLES, *SHAFTS)
 """Letters of a fundamental deviation: capitals for holes."""
@@ -35,8 +61,10 @@ def deviations_um(letter: str, grade: str, size: float) -> tuple[float, float]:
     width = grade_um(grade, size)
     own = letter.lower()
     if letter not in LETTERS:
-        raise ValueError(f'"{letter}" is not a letter of a fundamental deviation: one of '
-                         f"{', '.join(SHAFTS)}, in capitals for a hole")  # fmt: skip
+        raise ValueError(
+            f'"{letter}" is not a letter of a fundamental deviation: one of '
+            f"{', '.join(SHAFTS)}, in capitals for a hole"
+        )
     if own == SYMMETRIC:
         return -0.5 * width, 0.5 * width
     hole = letter in HOLES
@@ -62,8 +90,10 @@ def shaft_um(letter: str, grade: str, size: float) -> float:
     for first, last, over, up_to, value in _shafts()[letter]:
         if first <= max(number, 1) <= last and over < size <= up_to:
             return value
-    raise ValueError(f"ISO 286 has no fundamental deviation {letter} (or {letter.upper()}) for "
-                     f"{grade} at {size:g} mm")  # fmt: skip
+    raise ValueError(
+        f"ISO 286 has no fundamental deviation {letter} (or {letter.upper()}) for "
+        f"{grade} at {size:g} mm"
+    )
 
 
 def _hole_um(letter: str, grade: str, size: float) -> float:

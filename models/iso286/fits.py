@@ -73,8 +73,11 @@ def _letter(text: str) -> str:
         return text
     either = [letter for letter in (text.upper(), text.lower()) if letter in LETTERS]
     if either:
-        raise ValueError(f'the letter {text} mixes the cases: {either[0]} is a hole, {either[1]} a '
-                         "shaft")  # fmt: skip
-    raise ValueError(f'"{text}" is not a letter of a fundamental deviation'
-                     f"{nearest(text, LETTERS)}; one of {', '.join(SHAFTS)}, in capitals for a "
-                     "hole")  # fmt: skip
+        raise ValueError(
+            f"the letter {text} mixes the cases: {either[0]} is a hole, {either[1]} a shaft"
+        )
+    raise ValueError(
+        f'"{text}" is not a letter of a fundamental deviation'
+        f"{nearest(text, LETTERS)}; one of {', '.join(SHAFTS)}, in capitals for a "
+        "hole"
+    )

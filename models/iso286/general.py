@@ -24,24 +24,39 @@ _LINEAR: _Table = {
     "v": (_NONE, 0.5, 1.0, 1.5, 2.5, 4.0, 6.0, 8.0),
 }
 _RADIUS_ENDS: _Ends = (3.0, 6.0, inf)
-_RADIUS: _Table = {"f": (0.2, 0.5, 1.0), "m": (0.2, 0.5, 1.0), "c": (0.4, 1.0, 2.0),
-                   "v": (0.4, 1.0, 2.0)}  # fmt: skip
+_RADIUS: _Table = {
+    "f": (0.2, 0.5, 1.0),
+    "m": (0.2, 0.5, 1.0),
+    "c": (0.4, 1.0, 2.0),
+    "v": (0.4, 1.0, 2.0),
+}
 _ANGLE_ENDS = (10.0, 50.0, 120.0, 400.0, inf)
-_MINUTES = {"f": (60.0, 30.0, 20.0, 10.0, 5.0), "m": (60.0, 30.0, 20.0, 10.0, 5.0),
-            "c": (90.0, 60.0, 30.0, 15.0, 10.0), "v": (180.0, 120.0, 60.0, 30.0, 20.0)}  # fmt: skip
+_MINUTES = {
+    "f": (60.0, 30.0, 20.0, 10.0, 5.0),
+    "m": (60.0, 30.0, 20.0, 10.0, 5.0),
+    "c": (90.0, 60.0, 30.0, 15.0, 10.0),
+    "v": (180.0, 120.0, 60.0, 30.0, 20.0),
+}
 _FORM_ENDS = (10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0)
 _LEG_ENDS = (100.0, 300.0, 1000.0, 3000.0)
-_FORM = {"H": (0.02, 0.05, 0.1, 0.2, 0.3, 0.4), "K": (0.05, 0.1, 0.2, 0.4, 0.6, 0.8),
-         "L": (0.1, 0.2, 0.4, 0.8, 1.2, 1.6)}  # fmt: skip
+_FORM = {
+    "H": (0.02, 0.05, 0.1, 0.2, 0.3, 0.4),
+    "K": (0.05, 0.1, 0.2, 0.4, 0.6, 0.8),
+    "L": (0.1, 0.2, 0.4, 0.8, 1.2, 1.6),
+}
 _ZONES: dict[str, tuple[_Ends, _Table]] = {
     "straightness": (_FORM_ENDS, _FORM),
     "flatness": (_FORM_ENDS, _FORM),
-    "perpendicularity": (_LEG_ENDS, {"H": (0.2, 0.3, 0.4, 0.5), "K": (0.4, 0.6, 0.8, 1.0),
-                                     "L": (0.6, 1.0, 1.5, 2.0)}),
-    "symmetry": (_LEG_ENDS, {"H": (0.5, 0.5, 0.5, 0.5), "K": (0.6, 0.6, 0.8, 1.0),
-                             "L": (0.6, 1.0, 1.5, 2.0)}),
+    "perpendicularity": (
+        _LEG_ENDS,
+        {"H": (0.2, 0.3, 0.4, 0.5), "K": (0.4, 0.6, 0.8, 1.0), "L": (0.6, 1.0, 1.5, 2.0)},
+    ),
+    "symmetry": (
+        _LEG_ENDS,
+        {"H": (0.5, 0.5, 0.5, 0.5), "K": (0.6, 0.6, 0.8, 1.0), "L": (0.6, 1.0, 1.5, 2.0)},
+    ),
     "circular_runout": ((inf,), {"H": (0.1,), "K": (0.2,), "L": (0.5,)}),
-}  # fmt: skip
+}
 
 
 def linear_mm(kind: str, size: float, radius: bool = False) -> float:
@@ -76,8 +91,9 @@ def geometrical_mm(characteristic: str, kind: str, size: float) -> float:
     """
     _known(kind, GEOMETRICAL)
     if characteristic not in _ZONES:
-        raise ValueError(f"ISO 2768-2 has general tolerances of {', '.join(_ZONES)} only, got "
-                         f"{characteristic}")  # fmt: skip
+        raise ValueError(
+            f"ISO 2768-2 has general tolerances of {', '.join(_ZONES)} only, got {characteristic}"
+        )
     ends, table = _ZONES[characteristic]
     return _value(ends, table, kind, size, 0.0)
 

@@ -107,8 +107,9 @@ class Machine:
         """The good parts at limits +-t, t above the guard band."""
         if self.inspection is None:
             one, nothing = np.ones_like(t), np.zeros_like(t)
-            return GoodParts(one, one * self.mean, one * self.sigma, one * self.price,
-                             nothing, nothing, nothing)  # fmt: skip
+            return GoodParts(
+                one, one * self.mean, one * self.sigma, one * self.price, nothing, nothing, nothing
+            )
         w, scale, o = t - self.guard_band, self.reading, self.mean
         a, b = (-w - o) / scale, (w - o) / scale
         at_a, at_b = (_density(end) / scale for end in (a, b))

@@ -70,18 +70,29 @@ class Offer:
         """The table that states it."""
         one, given = self.machine, self.machine.inspection
         found: dict[str, Any] = {"name": one.name, "price": self.price}
-        found |= ({"sigma": one.sigma, "mean": one.mean} if self.sample is None
-                  else {"measured": dict(self.sample.stated)})  # fmt: skip
+        found |= (
+            {"sigma": one.sigma, "mean": one.mean}
+            if self.sample is None
+            else {"measured": dict(self.sample.stated)}
+        )
         if self.setup is not None:
             found["setup"] = self.setup.table()
         if given is None:
             return found
-        inspection: dict[str, Any] = {"price": given.price, "u": given.u, "guard": given.guard,
-                                      "scrap": given.scrap, "required": self.required}  # fmt: skip
+        inspection: dict[str, Any] = {
+            "price": given.price,
+            "u": given.u,
+            "guard": given.guard,
+            "scrap": given.scrap,
+            "required": self.required,
+        }
         if given.rework is not None:
             again = given.rework
-            inspection["rework"] = {"price": again.price, "success": again.success,
-                                    "side": again.side}  # fmt: skip
+            inspection["rework"] = {
+                "price": again.price,
+                "success": again.success,
+                "side": again.side,
+            }
         return found | {"t_min": self.low, "t_max": self.high, "inspection": inspection}
 
 

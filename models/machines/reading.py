@@ -43,23 +43,35 @@ def _offer(own: Section, name: str, owner: Owner) -> Offer | None:
         own.fault("price", "is missing: what a part costs on the machine")
     if "cost" in own:
         own.take("cost")
-        own.fault("cost", "is no key of a machine, whose scatter does not follow t: give price, or "
-                  "state a process")  # fmt: skip
+        own.fault(
+            "cost",
+            "is no key of a machine, whose scatter does not follow t: give price, or "
+            "state a process",
+        )
     inspection = _inspection(own, owner.unit) if "inspection" in own else None
     limits = [own.number(key, owner.unit, POSITIVE) for key in ("t_min", "t_max")]
     if "inspection" not in own:
         for key in ("inspection", "t_min", "t_max"):
             if key in own:
-                own.fault(key, "is the limit of an inspection, and the machine has none: state "
-                          "inspection = { price = ... }, or leave it out")  # fmt: skip
+                own.fault(
+                    key,
+                    "is the limit of an inspection, and the machine has none: state "
+                    "inspection = { price = ... }, or leave it out",
+                )
     if made is None or price is None or ("inspection" in own and inspection is None):
         return None
     if "setup" in own and setup is None:
         return None
     whole = price + (setup.per_part if setup else 0.0)
     machine = Machine(name, made[0], whole, made[1], inspection and inspection[0])
-    found = Offer(machine, price, setup=setup, required=bool(inspection and inspection[1]),
-                  assumed=_assumed(name, sample), sample=sample)  # fmt: skip
+    found = Offer(
+        machine,
+        price,
+        setup=setup,
+        required=bool(inspection and inspection[1]),
+        assumed=_assumed(name, sample),
+        sample=sample,
+    )
     return found if inspection is None else _searched(own, found, limits, owner)
 
 
@@ -69,8 +81,11 @@ def _scatter(own: Section, owner: Owner) -> tuple[tuple[float, float] | None, Pa
     if "measured" not in own:
         own.known(("measured",))
         if "sigma" not in own:
-            own.fault("sigma", "is missing: the standard deviation of what the machine makes, or "
-                      "measured = { file = ... }")  # fmt: skip
+            own.fault(
+                "sigma",
+                "is missing: the standard deviation of what the machine makes, or "
+                "measured = { file = ... }",
+            )
         faulty = sigma is None or ("mean" in own and mean is None)
         return (None if faulty or sigma is None else (sigma, mean or 0.0)), None
     stated = [key for key in ("sigma", "mean") if key in own]
@@ -90,29 +105,40 @@ def _assumed(name: str, sample: PartSample | None) -> str:
 def _searched(own: Section, offer: Offer, limits: list[float | None], owner: Owner) -> Offer | None:
     """The offer with the limits of inspection that are searched."""
     one, unit, ends = offer.machine, owner.unit, owner.ends
-    usual = (one.guard_band + TIGHTEST * one.reading + max(0.0, abs(one.mean) - one.reading),
-             one.guard_band + LOOSEST * one.reading + abs(one.mean))  # fmt: skip
+    usual = (
+        one.guard_band + TIGHTEST * one.reading + max(0.0, abs(one.mean) - one.reading),
+        one.guard_band + LOOSEST * one.reading + abs(one.mean),
+    )
     stated = [ends[at] if limits[at] is None else limits[at] for at in (0, 1)]
     low, high = (usual[at] if (end := stated[at]) is None else end for at in (0, 1))
     open_ = [key for key, end in zip(("t_min", "t_max"), stated, strict=True) if end is None]
     assumed = [offer.assumed] if offer.assumed else []
     if open_:
-        assumed.append(f"machine {one.name} is inspected at {low:.4g} to {high:.4g} {unit}; "
-                       f"{' and '.join(open_)} not given")  # fmt: skip
+        assumed.append(
+            f"machine {one.name} is inspected at {low:.4g} to {high:.4g} {unit}; "
+            f"{' and '.join(open_)} not given"
+        )
     if low >= high:
-        own.fault("t_min" if "t_min" in own else "t_max", f"must leave a range: limits of "
-                  f"inspection from {low:g} to {high:g} {unit}")  # fmt: skip
+        own.fault(
+            "t_min" if "t_min" in own else "t_max",
+            f"must leave a range: limits of inspection from {low:g} to {high:g} {unit}",
+        )
         return None
     if low <= one.guard_band:
-        own.fault("t_min" if "t_min" in own else "inspection.u",
-                  f"leaves nothing between the guard bands: limits of {low:g} {unit} less "
-                  f"{one.guard_band:.4g} at each (guard x u)")  # fmt: skip
+        own.fault(
+            "t_min" if "t_min" in own else "inspection.u",
+            f"leaves nothing between the guard bands: limits of {low:g} {unit} less "
+            f"{one.guard_band:.4g} at each (guard x u)",
+        )
         return None
     share = float(one.passed(np.array([low]))[0])
     if not share >= LEAST_YIELD:
-        own.fault("mean" if one.mean else "t_min", f"lets {100.0 * share:.2g} % of the parts pass "
-                  f"at the tightest limits ({low:g} {unit}): correct the mean or widen "
-                  "t_min")  # fmt: skip
+        own.fault(
+            "mean" if one.mean else "t_min",
+            f"lets {100.0 * share:.2g} % of the parts pass "
+            f"at the tightest limits ({low:g} {unit}): correct the mean or widen "
+            "t_min",
+        )
         return None
     return replace(offer, low=low, high=high, assumed="; ".join(assumed))
 
@@ -128,12 +154,19 @@ def _inspection(own: Section, unit: str) -> tuple[Inspection, bool] | None:
     rework = _rework(table) if "rework" in table else None
     table.known(("rework",))
     table.finish()
-    values = {"price": price, "u": u, "guard": guard, "scrap": scrap, "required": required,
-              "rework": rework}  # fmt: skip
+    values = {
+        "price": price,
+        "u": u,
+        "guard": guard,
+        "scrap": scrap,
+        "required": required,
+        "rework": rework,
+    }
     if price is None or any(key in table and value is None for key, value in values.items()):
         return None
-    found = Inspection(price, u or 0.0, GUARD if guard is None else guard,
-                       True if scrap is None else scrap, rework)  # fmt: skip
+    found = Inspection(
+        price, u or 0.0, GUARD if guard is None else guard, True if scrap is None else scrap, rework
+    )
     return found, bool(required)
 
 
@@ -142,8 +175,10 @@ def _rework(table: Section) -> Rework | None:
     price = own.number("price", within=NOT_NEGATIVE)
     success = own.number("success", within=Range(0.0, 1.0, open_low=True))
     side = own.text("side", SIDES)
-    needed = {"price": "what the rework of a part costs",
-              "side": "upper, lower or both: which rejected parts can be reworked"}  # fmt: skip
+    needed = {
+        "price": "what the rework of a part costs",
+        "side": "upper, lower or both: which rejected parts can be reworked",
+    }
     for key, what in needed.items():
         if key not in own and isinstance(table.take("rework"), dict):
             own.fault(key, f"is missing: {what}")

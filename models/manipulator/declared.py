@@ -38,18 +38,34 @@ PARAMETERS: tuple[Parameter, ...] = (
     _length("joint_distance_mm", (80.0, 80.0, 100.0), "distances of the joints on a joint line"),
     Parameter("ring_r_mm", (300.0, 650.0), "mm", "radii of the ring", _RING, low=-1e6, high=1e6),
     Parameter(
-        "ring_z_mm", (100.0, 300.0), "mm", "heights of the ring (document M: 200 mm in all)",
-        "assumed: where the 200 mm begin", assumed=True, low=-1e6, high=1e6,
+        "ring_z_mm",
+        (100.0, 300.0),
+        "mm",
+        "heights of the ring (document M: 200 mm in all)",
+        "assumed: where the 200 mm begin",
+        assumed=True,
+        low=-1e6,
+        high=1e6,
     ),
     Parameter(
-        "index", "plane", "", "mean over the ring: of sizes or rms, by the plane's area or by the"
-        " ring's volume; or every pose", "document M: plane", choices=INDEX_CHOICES,
+        "index",
+        "plane",
+        "",
+        "mean over the ring: of sizes or rms, by the plane's area or by the"
+        " ring's volume; or every pose",
+        "document M: plane",
+        choices=INDEX_CHOICES,
     ),
     Parameter(
-        "follow_up", "fixed", "", "follow-up plane of chain 3: at the azimuth commanded (M1), or"
-        " turned by its rod (M2)", "assumed", assumed=True, choices=("fixed", "rod"),
+        "follow_up",
+        "fixed",
+        "",
+        "follow-up plane of chain 3: at the azimuth commanded (M1), or turned by its rod (M2)",
+        "assumed",
+        assumed=True,
+        choices=("fixed", "rod"),
     ),
-)  # fmt: skip
+)
 """Of both."""
 
 ERRORS = Parameter(

@@ -118,9 +118,9 @@ def _upper_moments(cumulants: Array) -> Array:
         for j in range(5)
     ]
     means, scaled = _powers(mean), [a * b for a, b in zip(_powers(sigma), shaped, strict=True)]
-    return np.array([
-        sum(comb(k, j) * means[k - j] * scaled[j] for j in range(k + 1)) for k in range(5)
-    ])  # fmt: skip
+    return np.array(
+        [sum(comb(k, j) * means[k - j] * scaled[j] for j in range(k + 1)) for k in range(5)]
+    )
 
 
 def _powers(x: Array) -> list[Array]:

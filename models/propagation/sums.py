@@ -42,12 +42,15 @@ class Term:
     def _centred_raw_moments(self, quadratic: Array) -> Array:
         """E[(linear z + quadratic z^2)^k], k = 1..4, shape (4, n), by the binomial theorem."""
         m = self.distribution.raw_moments(8)
-        return np.array([
-            sum(
-                comb(k, j) * self.linear ** (k - j) * quadratic**j * m[k + j] for j in range(k + 1)
-            )
-            for k in range(1, 5)
-        ])  # fmt: skip
+        return np.array(
+            [
+                sum(
+                    comb(k, j) * self.linear ** (k - j) * quadratic**j * m[k + j]
+                    for j in range(k + 1)
+                )
+                for k in range(1, 5)
+            ]
+        )
 
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper end of the contribution, each (n,)."""

@@ -174,8 +174,9 @@ class SymmetricSum:
             found = of(self, s, safe, terms)
         return found
 
-    def _blocks(self, found: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array,
-                at: int) -> None:  # fmt: skip
+    def _blocks(
+        self, found: Tangent, rows: NDArray[np.int64], s: Array, p: Array, start: Array, at: int
+    ) -> None:
         """Fill in some rows of `found` by `TERMS[at]` terms, those that need more by more."""
         most = max(1, BLOCK // (TERMS[at] * max(1, s.shape[1])))
         more = []
@@ -187,8 +188,15 @@ class SymmetricSum:
             done = (series.missing <= ENOUGH) | (end <= 0.0) | (at + 1 == len(TERMS))
             if np.any(done):
                 some = slice(None) if np.all(done) else done
-                self._fill(found, own[some], series.of_rows(some), p[own[some]], high[some],
-                           start[own[some]], end[some])  # fmt: skip
+                self._fill(
+                    found,
+                    own[some],
+                    series.of_rows(some),
+                    p[own[some]],
+                    high[some],
+                    start[own[some]],
+                    end[some],
+                )
             more.append(own[~done])
         rest = np.concatenate(more) if more else rows
         if len(rest) == len(rows) > 0 and at == self._begin < LARGE:
@@ -213,8 +221,12 @@ class SymmetricSum:
         for side in (1.0, -1.0):
             moved = (s[rows][:, None, :] + side * h[:, :, None] * np.eye(m)).reshape(-1, m)
             every = np.repeat(p[rows], m)
-            own = Tangent(np.zeros(len(moved)), np.zeros_like(moved), np.zeros(len(moved)),
-                          np.zeros_like(moved))  # fmt: skip
+            own = Tangent(
+                np.zeros(len(moved)),
+                np.zeros_like(moved),
+                np.zeros(len(moved)),
+                np.zeros_like(moved),
+            )
             self._blocks(own, np.arange(len(moved)), moved, every, np.repeat(value, m), 0)
             self._alone(moved, every, own)
             rise = own.value - np.repeat(value, m)
@@ -225,8 +237,16 @@ class SymmetricSum:
         apart = np.where(h > 0.0, np.maximum(above, below), np.inf)
         found.gradient_error[rows] = np.minimum(found.gradient_error[rows], apart)
 
-    def _fill(self, found: Tangent, rows: NDArray[np.int64], series: _Series, p: Array, high: Array,
-              start: Array, end: Array) -> None:  # fmt: skip
+    def _fill(
+        self,
+        found: Tangent,
+        rows: NDArray[np.int64],
+        series: _Series,
+        p: Array,
+        high: Array,
+        start: Array,
+        end: Array,
+    ) -> None:
         y = series.solved(p, high, start)
         density = np.maximum(series.density(y), 1e-300)
         gradient = -series.slopes(y) / density[:, None]
@@ -324,8 +344,15 @@ class _Series:
         """The series of some sums."""
         if isinstance(rows, slice):
             return self
-        each = (self.omega, self.phi, self.slopes_of_phi, self.period, self.missing,
-                self.missing_density, self.missing_slopes)  # fmt: skip
+        each = (
+            self.omega,
+            self.phi,
+            self.slopes_of_phi,
+            self.period,
+            self.missing,
+            self.missing_density,
+            self.missing_slopes,
+        )
         return _Series(self.k, *(one[rows] for one in each))
 
     def below(self, y: Array) -> Array:

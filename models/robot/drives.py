@@ -65,8 +65,9 @@ class Drives:
         sides = self.approach_sides(towards)
         size = reversing if free is None else reversing * free
         apart = [
-            np.sum(np.einsum("nij,nj->ni", self.move, 0.5 * (sides[a] - sides[b]) * size) ** 2,
-                   axis=1)
+            np.sum(
+                np.einsum("nij,nj->ni", self.move, 0.5 * (sides[a] - sides[b]) * size) ** 2, axis=1
+            )
             for a, b in combinations(range(len(sides)), 2)
-        ]  # fmt: skip
+        ]
         return np.asarray(np.max(apart, axis=0))

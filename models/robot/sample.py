@@ -52,8 +52,9 @@ class AccuracySample:
         side = np.where(points[:, count : count + joints] < 0.5, -1.0, 1.0)
         phase = 2.0 * np.pi * points[:, count + joints : count + 2 * joints]
         normal = ndtri(points[:, count + 2 * joints : count + 4 * joints]).reshape(n, joints, 2)
-        waves = [[turn * normal[:, :, at] for at in range(2)]
-                 for turn in (np.cos(phase), np.sin(phase))]  # fmt: skip
+        waves = [
+            [turn * normal[:, :, at] for at in range(2)] for turn in (np.cos(phase), np.sin(phase))
+        ]
         return cls(
             np.arange(n) % poses,
             ndtri(points[:, :3]),

@@ -13,40 +13,90 @@ _A = "no document prints it"
 
 
 def _share(name: str, meaning: str) -> Parameter:
-    return Parameter(name, 0.0, "", f"share of the variance of {meaning} that one unit has in "
-                     "common; no value is the worst case", _A, assumed=True, low=0.0,
-                     high=1.0)  # fmt: skip
+    return Parameter(
+        name,
+        0.0,
+        "",
+        f"share of the variance of {meaning} that one unit has in "
+        "common; no value is the worst case",
+        _A,
+        assumed=True,
+        low=0.0,
+        high=1.0,
+    )
 
 
 _OWN: tuple[Parameter, ...] = (
-    Parameter(MODEL, CONTACT, "", "what a unit is: the exact contact of its pins and discs over a "
-              "turn, or document B's closed form phi_1 + max(0, phi_2) + phi_3, one number a unit",
-              "", choices=(CONTACT, DOCUMENT)),
-    Parameter("positions", 61, "", "positions of a turn of the output at which a unit is measured; "
-              "matters to the contact alone", "", low=1, high=100_003),
-    Parameter("measured", LARGEST, "", "which backlash of a unit over these positions is reported: "
-              "the largest, or the mean; matters to the contact alone", "",
-              choices=(LARGEST, MEAN)),
-    Parameter("involute_stage", True, "", "whether there is an involute stage before the cycloid "
-              "stage; matters to the contact alone", ""),
+    Parameter(
+        MODEL,
+        CONTACT,
+        "",
+        "what a unit is: the exact contact of its pins and discs over a "
+        "turn, or document B's closed form phi_1 + max(0, phi_2) + phi_3, one number a unit",
+        "",
+        choices=(CONTACT, DOCUMENT),
+    ),
+    Parameter(
+        "positions",
+        61,
+        "",
+        "positions of a turn of the output at which a unit is measured; "
+        "matters to the contact alone",
+        "",
+        low=1,
+        high=100_003,
+    ),
+    Parameter(
+        "measured",
+        LARGEST,
+        "",
+        "which backlash of a unit over these positions is reported: "
+        "the largest, or the mean; matters to the contact alone",
+        "",
+        choices=(LARGEST, MEAN),
+    ),
+    Parameter(
+        "involute_stage",
+        True,
+        "",
+        "whether there is an involute stage before the cycloid stage; matters to the contact alone",
+        "",
+    ),
     _share("share_pins", "the errors of pins and their holes"),
     _share("share_discs", "equidistance and shift of the discs"),
     *(one for one in contact.PARAMETERS if one.name in ("discs", "cranks")),
-)  # fmt: skip
+)
 _NAMES = {one.name for one in declared.PARAMETERS}
 PARAMETERS = (*declared.PARAMETERS, *(one for one in _OWN if one.name not in _NAMES))
 
 
 def _new(name: str, value: float, unit: str, meaning: str) -> Variable:
-    return Variable(name, unit, Kind.HALF_WIDTH, 0.0, 10.0, f"{meaning}; matters to the contact "
-                    "alone", value, valid_low=0.0, valid_high=1000.0, random=True,
-                    assumed="no document lists this error")  # fmt: skip
+    return Variable(
+        name,
+        unit,
+        Kind.HALF_WIDTH,
+        0.0,
+        10.0,
+        f"{meaning}; matters to the contact alone",
+        value,
+        valid_low=0.0,
+        valid_high=1000.0,
+        random=True,
+        assumed="no document lists this error",
+    )
 
 
 GEOMETRY = (
-    MODEL, "pin_circle_radius_mm", "pin_radius_mm", "eccentricity_mm", "cycloid_teeth", "pins",
-    "reduction_ratio", "discs", "cranks",
-)  # fmt: skip
+    MODEL,
+    "pin_circle_radius_mm",
+    "pin_radius_mm",
+    "eccentricity_mm",
+    "cycloid_teeth",
+    "pins",
+    "reduction_ratio",
+    "discs",
+    "cranks",
+)
 """What tells one reducer from another at a glance."""
 OF_THE_BENCH = (MODEL, "positions", "measured")
 """How a unit is looked at, whatever it was built to."""

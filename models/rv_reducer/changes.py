@@ -172,10 +172,16 @@ class Answers:
         known = {one.name for one in CHANGES}
         raise_all(
             [
-                *(Fault(name, f"is not changeable; these are: {', '.join(sorted(known))}")
-                  for name in amounts if name not in known),
-                *(Fault(name, "must be finite")
-                  for name, amount in amounts.items() if not np.all(np.isfinite(amount))),
+                *(
+                    Fault(name, f"is not changeable; these are: {', '.join(sorted(known))}")
+                    for name in amounts
+                    if name not in known
+                ),
+                *(
+                    Fault(name, "must be finite")
+                    for name, amount in amounts.items()
+                    if not np.all(np.isfinite(amount))
+                ),
             ]
-        )  # fmt: skip
+        )
         return [(self.table(name), amount) for name, amount in amounts.items() if amount.any()]

@@ -238,8 +238,13 @@ class ContactUnits:
 def _position(lattice: Lattice, at: int) -> Lattice:
     """The lattice of one of its positions; contacts keep their numbers."""
     one = slice(at, at + 1)
-    return replace(lattice, angles=lattice.angles[one], start=lattice.start[one],
-                   stop=lattice.stop[one], directions=lattice.directions[one])  # fmt: skip
+    return replace(
+        lattice,
+        angles=lattice.angles[one],
+        start=lattice.start[one],
+        stop=lattice.stop[one],
+        directions=lattice.directions[one],
+    )
 
 
 def _parts(rows: Integers) -> Iterator[Integers]:

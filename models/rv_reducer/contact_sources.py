@@ -72,8 +72,17 @@ class ContactSources:
         part = f"{_words(error)} error"
         part = "clearance of the crank-arm bearings" if from_zero else part
         half = design.width(error) * (0.5 if from_zero else 1.0)
-        return Source(f"{error}_{unit}", unit, part, half, self._slope(error), clipped=True, at=0,
-                      law=self.units.basis.hierarchy.of(error), from_zero=from_zero)  # fmt: skip
+        return Source(
+            f"{error}_{unit}",
+            unit,
+            part,
+            half,
+            self._slope(error),
+            clipped=True,
+            at=0,
+            law=self.units.basis.hierarchy.of(error),
+            from_zero=from_zero,
+        )
 
     def _slope(self, error: str) -> float:
         """Derivative [arcmin/um] of the mean by the middle of the zone."""
@@ -98,8 +107,17 @@ class ContactSources:
         per = UM / arm / ARCMIN if basis.geared else 0.0
         half = involute.half / per if per else 0.0
         widest = involute.middle / max(involute.half, 1e-300)
-        return Source("flank_clearance_um", "um", "flank clearance j_n of the involute stage", half,
-                      per, clipped=False, at=0, law=involute.planet, widest=widest)  # fmt: skip
+        return Source(
+            "flank_clearance_um",
+            "um",
+            "flank clearance j_n of the involute stage",
+            half,
+            per,
+            clipped=False,
+            at=0,
+            law=involute.planet,
+            widest=widest,
+        )
 
 
 def _words(error: str) -> str:

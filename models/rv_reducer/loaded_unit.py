@@ -48,39 +48,76 @@ def _modification(name: str, default: float, meaning: str) -> Parameter:
 def _assumed(
     name: str, default: float, unit: str, meaning: str, source: str, high: float
 ) -> Parameter:
-    return Parameter(name, default, unit, meaning, source, assumed=True, low=0.0, high=high,
-                     open_low=True)  # fmt: skip
+    return Parameter(
+        name, default, unit, meaning, source, assumed=True, low=0.0, high=high, open_low=True
+    )
 
 
 PARAMETERS: tuple[Parameter, ...] = (
     *(one for one in declared.PARAMETERS if one.name in _GEOMETRY),
     _modification("dr_rp_mm", -0.040, "equidistance modification"),
     _modification("dr_p_mm", -0.070, "shift modification"),
-    _assumed("normal_stiffness_N_per_um", 200.0, "", "stiffness [N/um] of a pin contact along its "
-             "normal", "linear in place of the line contact's own", 1e6),
-    _assumed("series_stiffness_Nm_per_arcmin", 58.5, "", "stiffness [N m/arcmin] between a disc "
-             "and the carrier", "gives the unit the catalogue's 108 N m/arcmin", 1e6),
-    _error("sharing_percent", "percent", "series stiffness of disc 1 above the mean, disc 2 below",
-           90.0),
-    _error("bearing_variation_percent", "percent", "variation of the series stiffness with the "
-           "crank's angle to the carrier, twice per turn of the crank", 90.0),
-    _error("pin_circle_runout_um", "um", "distance of the pin circle's centre from the main "
-           "bearing's", 100.0, signed=False),
-    _error("pin_circle_phase_deg", "deg", "where in the housing the pin circle is displaced to",
-           360.0),
+    _assumed(
+        "normal_stiffness_N_per_um",
+        200.0,
+        "",
+        "stiffness [N/um] of a pin contact along its normal",
+        "linear in place of the line contact's own",
+        1e6,
+    ),
+    _assumed(
+        "series_stiffness_Nm_per_arcmin",
+        58.5,
+        "",
+        "stiffness [N m/arcmin] between a disc and the carrier",
+        "gives the unit the catalogue's 108 N m/arcmin",
+        1e6,
+    ),
+    _error(
+        "sharing_percent",
+        "percent",
+        "series stiffness of disc 1 above the mean, disc 2 below",
+        90.0,
+    ),
+    _error(
+        "bearing_variation_percent",
+        "percent",
+        "variation of the series stiffness with the "
+        "crank's angle to the carrier, twice per turn of the crank",
+        90.0,
+    ),
+    _error(
+        "pin_circle_runout_um",
+        "um",
+        "distance of the pin circle's centre from the main bearing's",
+        100.0,
+        signed=False,
+    ),
+    _error(
+        "pin_circle_phase_deg", "deg", "where in the housing the pin circle is displaced to", 360.0
+    ),
     _error("pin_radius_um", "um", "radius of pin 1 alone, over its full length", 50.0),
     _error("pin_radius_disc_1_um", "um", "radius of pin 1 alone, at disc 1 only", 50.0),
     _error("eccentric_phase_1_mrad", "mrad", "phase of crank 1's eccentric for disc 1", 20.0),
-    _error("eccentric_phase_2_mrad", "mrad", "phase of crank 1's eccentric for disc 2; equal to "
-           "the other: of the whole crank", 20.0),
+    _error(
+        "eccentric_phase_2_mrad",
+        "mrad",
+        "phase of crank 1's eccentric for disc 2; equal to the other: of the whole crank",
+        20.0,
+    ),
     _error("eccentricity_1_um", "um", "eccentricity error of crank 1's eccentric for disc 1", 50.0),
     _error("eccentricity_2_um", "um", "eccentricity error of crank 1's eccentric for disc 2", 50.0),
-    _error("disc_runout_um", "um", "runout of both discs (twice the distance of the centres)",
-           100.0, signed=False),
+    _error(
+        "disc_runout_um",
+        "um",
+        "runout of both discs (twice the distance of the centres)",
+        100.0,
+        signed=False,
+    ),
     _error("disc_pitch_um", "um", "cumulative pitch error of both discs", 100.0, signed=False),
     _error("stagger_arcmin", "arcmin", "turn of each disc, disc 2 ahead and disc 1 back", 5.0),
     _error("crank_bearing_um", "um", "radial clearance of the crank bearings", 50.0, signed=False),
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,13 +35,28 @@ class RvLostMotion(MeasurableModel):
 
     columns = (
         Column("torque_Nm", "Nm", "torque on the output", role=Role.TORQUE),
-        Column("direction", "", "sign of dT/dt; acts through effects, and where the torque is 0",
-               False, role=Role.DIRECTION),
-        Column("output_angle_deg", "deg", "angle of the output; left out: the mean over a turn",
-               False, role=Role.ANGLE),
-        Column("temperature_C", "C", "temperature; acts through effects only", False,
-               role=Role.TEMPERATURE),
-    )  # fmt: skip
+        Column(
+            "direction",
+            "",
+            "sign of dT/dt; acts through effects, and where the torque is 0",
+            False,
+            role=Role.DIRECTION,
+        ),
+        Column(
+            "output_angle_deg",
+            "deg",
+            "angle of the output; left out: the mean over a turn",
+            False,
+            role=Role.ANGLE,
+        ),
+        Column(
+            "temperature_C",
+            "C",
+            "temperature; acts through effects only",
+            False,
+            role=Role.TEMPERATURE,
+        ),
+    )
     outputs = (Output("twist_arcmin", "arcmin", "twist of the output, with the torque's sign"),)
     parameters = loaded_unit.PARAMETERS
     free: ClassVar[Mapping[str, float]] = {}

@@ -19,23 +19,50 @@ def sources_of(model: BacklashModel, allocation: Allocation, total: ClippedSum) 
     gains = {name: model.gain(name) for name in LINEAR_ERRORS}
     slopes = gains | {"eccentricity": model.output_factor * bent}
     cycloid = tuple(
-        Source(f"{name}_um", "um", f"{name.replace('_', ' ')} error",
-               float(np.squeeze(allocation.half_width[name])) / UM, slopes[name] * UM,
-               clipped=True, at=at, law=total.clipped[at].distribution,
-               moves=model.moves(name))
+        Source(
+            f"{name}_um",
+            "um",
+            f"{name.replace('_', ' ')} error",
+            float(np.squeeze(allocation.half_width[name])) / UM,
+            slopes[name] * UM,
+            clipped=True,
+            at=at,
+            law=total.clipped[at].distribution,
+            moves=model.moves(name),
+        )
         for at, name in enumerate((*LINEAR_ERRORS, "eccentricity"))
-    )  # fmt: skip
+    )
     zone = backlash_zone(model.stage, geometry, allocation.involute_grade)
     mid, half = (float(np.squeeze(one)) for one in zone)
     flank = UM / lever(model.stage, geometry)
     bearing = float(np.squeeze(allocation.crank_bearing)) / UM
     play = model.output_factor * UM / geometry.centre_distance
-    return Sources(total, ARCMIN, (
-        *cycloid,
-        Source("flank_clearance_um", "um", "flank clearance j_n of the involute stage",
-               half / flank, flank, clipped=False, at=0, law=total.free[0].distribution,
-               widest=mid / max(half, 1e-300)),
-        Source("crank_bearing_um", "um", "clearance of the crank-arm bearings",
-               0.5 * bearing, play, clipped=False, at=1,
-               law=total.free[1].distribution, from_zero=True),
-    ))  # fmt: skip
+    return Sources(
+        total,
+        ARCMIN,
+        (
+            *cycloid,
+            Source(
+                "flank_clearance_um",
+                "um",
+                "flank clearance j_n of the involute stage",
+                half / flank,
+                flank,
+                clipped=False,
+                at=0,
+                law=total.free[0].distribution,
+                widest=mid / max(half, 1e-300),
+            ),
+            Source(
+                "crank_bearing_um",
+                "um",
+                "clearance of the crank-arm bearings",
+                0.5 * bearing,
+                play,
+                clipped=False,
+                at=1,
+                law=total.free[1].distribution,
+                from_zero=True,
+            ),
+        ),
+    )

@@ -32,8 +32,9 @@ REACH = 1.25
 
 def _inertia(name: str, default: float, meaning: str) -> Parameter:
     source = "a first mode of 55 Hz, as of reducers of this class"
-    return Parameter(name, default, "", meaning, source, assumed=True, low=0.0, high=1e6,
-                     open_low=True)  # fmt: skip
+    return Parameter(
+        name, default, "", meaning, source, assumed=True, low=0.0, high=1e6, open_low=True
+    )
 
 
 def _reading(name: str, unit: str, meaning: str, high: float) -> Parameter:
@@ -42,25 +43,62 @@ def _reading(name: str, unit: str, meaning: str, high: float) -> Parameter:
 
 OWN: tuple[Parameter, ...] = (
     next(one for one in declared.PARAMETERS if one.name == "sun_pitch_radius_mm"),
-    _reading("sun_runout_um", "um", "runout of the sun (twice its eccentricity), as seen by one "
-             "planet", 200.0),
+    _reading(
+        "sun_runout_um",
+        "um",
+        "runout of the sun (twice its eccentricity), as seen by one planet",
+        200.0,
+    ),
     _reading("sun_runout_phase_deg", "deg", "where in a turn of the sun it advances most", 360.0),
-    _reading("input_error_arcmin", "arcmin", "error of the input angle, once per turn of the "
-             "input", 60.0),
-    _reading("output_eccentricity_arcsec", "arcsec", "error of the reading at the output, once "
-             "per turn", 3600.0),
+    _reading(
+        "input_error_arcmin", "arcmin", "error of the input angle, once per turn of the input", 60.0
+    ),
+    _reading(
+        "output_eccentricity_arcsec",
+        "arcsec",
+        "error of the reading at the output, once per turn",
+        3600.0,
+    ),
     _reading("output_eccentricity_phase_deg", "deg", "output angle at which it is largest", 360.0),
     _inertia("input_inertia_kgm2", 8e-4, "inertia at the input shaft [kg m^2]: motor and sun"),
     _inertia("load_inertia_kgm2", 4.216, "inertia at the output [kg m^2]"),
-    Parameter("damping_ratio", 0.04, "", "damping ratio of the first mode", "0.02 to 0.06 is usual",
-              assumed=True, low=0.0, high=0.999, open_low=True),
-    Parameter("first_mode_Hz", 0.0, "Hz", "frequency of the first mode at rated torque, to "
-              "which both inertias are scaled; 0: as the inertias give it", "", low=0.0, high=1e4),
-    Parameter("dynamics", "table", "", "table: static orders times their transfer functions; full: "
-              "steady state of every operating point", choices=("table", "full")),
-    Parameter("wind_up", "included", "", "mean wind-up under the torque: part of the reading, or "
-              "removed from it", choices=("included", "removed")),
-)  # fmt: skip
+    Parameter(
+        "damping_ratio",
+        0.04,
+        "",
+        "damping ratio of the first mode",
+        "0.02 to 0.06 is usual",
+        assumed=True,
+        low=0.0,
+        high=0.999,
+        open_low=True,
+    ),
+    Parameter(
+        "first_mode_Hz",
+        0.0,
+        "Hz",
+        "frequency of the first mode at rated torque, to "
+        "which both inertias are scaled; 0: as the inertias give it",
+        "",
+        low=0.0,
+        high=1e4,
+    ),
+    Parameter(
+        "dynamics",
+        "table",
+        "",
+        "table: static orders times their transfer functions; full: "
+        "steady state of every operating point",
+        choices=("table", "full"),
+    ),
+    Parameter(
+        "wind_up",
+        "included",
+        "",
+        "mean wind-up under the torque: part of the reading, or removed from it",
+        choices=("included", "removed"),
+    ),
+)
 
 
 class RvTransmission(MeasurableModel):
@@ -73,15 +111,27 @@ class RvTransmission(MeasurableModel):
 
     columns = (
         Column("output_angle_deg", "deg", "angle of the output", role=Role.ANGLE),
-        Column("torque_Nm", "Nm", "torque that resists + motion; left out: 0", False,
-               role=Role.TORQUE),
-        Column("output_speed_rpm", "rpm", "speed of the output; left out: quasi-static", False,
-               role=Role.SPEED),
-        Column("temperature_C", "C", "temperature; acts through effects only", False,
-               role=Role.TEMPERATURE),
-        Column("direction", "", "sense of turning, 1 or -1; left out: 1", False,
-               role=Role.DIRECTION),
-    )  # fmt: skip
+        Column(
+            "torque_Nm", "Nm", "torque that resists + motion; left out: 0", False, role=Role.TORQUE
+        ),
+        Column(
+            "output_speed_rpm",
+            "rpm",
+            "speed of the output; left out: quasi-static",
+            False,
+            role=Role.SPEED,
+        ),
+        Column(
+            "temperature_C",
+            "C",
+            "temperature; acts through effects only",
+            False,
+            role=Role.TEMPERATURE,
+        ),
+        Column(
+            "direction", "", "sense of turning, 1 or -1; left out: 1", False, role=Role.DIRECTION
+        ),
+    )
     outputs = (Output("te_arcsec", "arcsec", "transmission error, signed"),)
     parameters = (*loaded_unit.PARAMETERS, *OWN)
     free: ClassVar[Mapping[str, float]] = {}
@@ -99,8 +149,12 @@ class RvTransmission(MeasurableModel):
         p = {one.name: number(given[one.name]) for one in OWN if not one.choices}
         self.unit = loaded_unit.loaded_unit(given)
         self.gear = loaded_unit.gear_of(given)
-        train = Train(p["input_inertia_kgm2"], p["load_inertia_kgm2"], p["damping_ratio"],
-                      self.unit.contact.geometry.nominal.reduction_ratio)  # fmt: skip
+        train = Train(
+            p["input_inertia_kgm2"],
+            p["load_inertia_kgm2"],
+            p["damping_ratio"],
+            self.unit.contact.geometry.nominal.reduction_ratio,
+        )
         raise_all([*loaded_unit.faults(given), *train.faults("parameters")])
         self.removed = given["wind_up"] == "removed"
         self.eccentricity = p["output_eccentricity_arcsec"] * ARCSEC

@@ -85,7 +85,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     ),
     *_frame("base", BASE),
     *_frame("tool", TOOL),
-)  # fmt: skip
+)
 
 
 def free_of(parameters: Mapping[str, Value]) -> dict[str, float]:
@@ -100,8 +100,10 @@ def free_of(parameters: Mapping[str, Value]) -> dict[str, float]:
         for kind, (_, _, tolerance) in ERRORS.items():
             if kind != ("d" if parallel else "beta"):
                 found[error(kind, joint)] = tolerance
-    found |= {f"base_{axis}_{'mrad' if axis[0] == 'r' else 'um'}":
-              20.0 if axis[0] == "r" else 5000.0 for axis in BASE}  # fmt: skip
+    found |= {
+        f"base_{axis}_{'mrad' if axis[0] == 'r' else 'um'}": 20.0 if axis[0] == "r" else 5000.0
+        for axis in BASE
+    }
     return found | {f"tool_{axis}_um": 5000.0 for axis in TOOL}
 
 

@@ -8,9 +8,13 @@ from .declared import BASE, ERRORS, MOST, TABLE, TOOL, nominal
 
 TABLES = ("joint", "base", "tool")
 OF_ALLOCATIONS = (
-    "mass_kg", "mass", "centre_of_mass_mm", "range_deg", "reducer",
+    "mass_kg",
+    "mass",
+    "centre_of_mass_mm",
+    "range_deg",
+    "reducer",
     *(f"{kind}_{unit}" for kind, (unit, _, _) in ERRORS.items()),
-)  # fmt: skip
+)
 """Keys of a row that an allocation of tolerances reads; a model alone has no use for them."""
 
 
@@ -55,8 +59,11 @@ def _check(top: Section, rows: list[dict[str, Value]]) -> None:
 
     last = len(rows)
     for joint in range(1, last):
-        if value("a", joint) == 0.0 and (value("alpha", joint) or 0.0) % 180.0 == 0.0 \
-                and value("alpha", joint) is not None:  # fmt: skip
+        if (
+            value("a", joint) == 0.0
+            and (value("alpha", joint) or 0.0) % 180.0 == 0.0
+            and value("alpha", joint) is not None
+        ):
             top.item("joint", joint - 1).fault(
                 "",
                 f"is no chain: joints {joint} and {joint + 1} "

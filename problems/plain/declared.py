@@ -13,9 +13,14 @@ from ...errors import Fault
 from ..settings import Bound
 
 MISSED = Parameter(
-    "equality_tolerance", 1e-4, "", "how far an equality constraint may be missed",
-    assumed=True, low=0.0, open_low=True,
-)  # fmt: skip
+    "equality_tolerance",
+    1e-4,
+    "",
+    "how far an equality constraint may be missed",
+    assumed=True,
+    low=0.0,
+    open_low=True,
+)
 
 
 def parameters_of(own: Problem) -> tuple[Parameter, ...]:
@@ -72,8 +77,10 @@ def faults_of(own: Problem) -> list[Fault]:
     found = []
     if not (np.all(np.isfinite(bounds)) and np.all(bounds[0] < bounds[1])):
         found.append("needs finite bounds xl < xu of every variable")
-    for name, count in (("variables", own.n_var),
-                        ("outputs", own.n_obj + own.n_ieq_constr + own.n_eq_constr)):  # fmt: skip
+    for name, count in (
+        ("variables", own.n_var),
+        ("outputs", own.n_obj + own.n_ieq_constr + own.n_eq_constr),
+    ):
         if (declared := getattr(own, name, ())) and len(declared) != count:
             found.append(f"declares {len(declared)} {name}, but has {count}")
     if own.n_obj < 1:
@@ -91,6 +98,7 @@ def _names(own: Problem, letter: str, start: int, count: int) -> tuple[str, ...]
 def _bounds(own: Problem) -> tuple[list[float], list[float]]:
     """Lower and upper bounds (variables,); NaN where there are none."""
     missing = np.full(int(own.n_var), np.nan)
-    low, high = (missing if end is None else np.broadcast_to(end, missing.shape)
-                 for end in (own.xl, own.xu))  # fmt: skip
+    low, high = (
+        missing if end is None else np.broadcast_to(end, missing.shape) for end in (own.xl, own.xu)
+    )
     return np.asarray(low, dtype=float).tolist(), np.asarray(high, dtype=float).tolist()

@@ -56,8 +56,11 @@ class PlainProblem(ToleranceProblem):
 
     def _outputs(self, designs: Array, searching: bool) -> dict[str, Array]:
         found = self.own.evaluate(designs, return_as_dictionary=True)
-        names = {"F": objectives_of(self.own), "G": inequalities_of(self.own),
-                 "H": equalities_of(self.own)}  # fmt: skip
+        names = {
+            "F": objectives_of(self.own),
+            "G": inequalities_of(self.own),
+            "H": equalities_of(self.own),
+        }
         return {
             name: column
             for key, of_key in names.items()

@@ -32,18 +32,29 @@ def _at_pose(name: str) -> tuple[Output, ...]:
     unit, of = UNITS[name], f"of the {MEANT[name]} at the pose"
     found = (
         Output(f"{name}_pose_{unit}", unit, f"standard deviation over machines {of}", low=0.0),
-        Output(f"{name}_pose_quantile_{unit}", unit, f"quantile over machines {of}, at the "
-               "coverage", low=0.0),
-    )  # fmt: skip
+        Output(
+            f"{name}_pose_quantile_{unit}",
+            unit,
+            f"quantile over machines {of}, at the coverage",
+            low=0.0,
+        ),
+    )
     text = f"machines that keep {name}_limit_{unit} at the pose"
     return found if name not in LIMITED else (*found, _yield(f"{name}_pose_yield_percent", text))
 
 
 def _over_ring(name: str) -> tuple[Output, ...]:
     unit, quantile = UNITS[name], f"{name}_ring_quantile_{UNITS[name]}"
-    found = _sampled(Output(quantile, unit, "quantile over machines, at the coverage, of the "
-                            f"{MEANT[name]} at the pose of the ring where it is largest in the "
-                            "machine", low=0.0))  # fmt: skip
+    found = _sampled(
+        Output(
+            quantile,
+            unit,
+            "quantile over machines, at the coverage, of the "
+            f"{MEANT[name]} at the pose of the ring where it is largest in the "
+            "machine",
+            low=0.0,
+        )
+    )
     text = f"machines that keep {name}_limit_{unit} at every pose of the ring"
     more = _sampled(_yield(f"{name}_ring_yield_percent", text)) if name in LIMITED else ()
     return found + more
@@ -62,9 +73,13 @@ def _sampled(output: Output) -> tuple[Output, Output]:
 MACHINES: tuple[Output, ...] = (
     *(output for name in UNITS for output in _at_pose(name)),
     *(output for name in UNITS for output in _over_ring(name)),
-    *_sampled(_yield(BOTH, "machines that keep squareness_limit_mrad and yaw_limit_mrad at every "
-                     "pose of the ring")),
-)  # fmt: skip
+    *_sampled(
+        _yield(
+            BOTH,
+            "machines that keep squareness_limit_mrad and yaw_limit_mrad at every pose of the ring",
+        )
+    ),
+)
 """What machines do at a pose, and over the ring."""
 OVER_MACHINES = frozenset(output.name for output in MACHINES if not output.error_of)
 
@@ -78,22 +93,35 @@ LIMITS = {"squareness_mrad": Bound(high=0.2), "yaw_mrad": Bound(high=0.2)}
 """Assumed: the limits of the standard that the document cites are not at hand."""
 
 OTHER = Parameter(
-    "other_sources_mm", 0.0, "mm", "standard deviation of the position from other sources, alike "
-    "along all axes and at every pose", "assumed: none", assumed=True, low=0.0,
-)  # fmt: skip
+    "other_sources_mm",
+    0.0,
+    "mm",
+    "standard deviation of the position from other sources, alike along all axes and at every pose",
+    "assumed: none",
+    assumed=True,
+    low=0.0,
+)
 POSE = Parameter(
-    "pose", {}, "", "pose of the outputs `..._pose_...`; empty: of each the worst of the ring",
+    "pose",
+    {},
+    "",
+    "pose of the outputs `..._pose_...`; empty: of each the worst of the ring",
     choices=("r_mm", "z_mm"),
-)  # fmt: skip
+)
 _SAME = "assumed: the number by which the document's task limits the standard deviation here"
 BOUNDS = tuple(
     Parameter(
-        f"{name}_limit_{UNITS[name]}", 0.2, UNITS[name],
+        f"{name}_limit_{UNITS[name]}",
+        0.2,
+        UNITS[name],
         f"bound of the {MEANT[name]} of a machine that its yields are of",
-        _SAME, assumed=True, low=0.0, open_low=True,
+        _SAME,
+        assumed=True,
+        low=0.0,
+        open_low=True,
     )
     for name in LIMITED
-)  # fmt: skip
+)
 PARAMETERS = (*declared.PARAMETERS, OTHER, POSE, *BOUNDS)
 
 EXPLAINED = {

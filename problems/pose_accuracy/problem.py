@@ -94,8 +94,11 @@ class PoseAccuracy(PromisingPoses):
     explained: ClassVar[Mapping[str, str]] = EXPLAINED
     drawn_again = frozenset(("_fields", "population", "_verdicts"))
     reference_ga: ClassVar[Mapping[str, float]] = {
-        "population": 80, "generations": 400, "crossover": 0.99, "mutation": 0.08,
-    }  # fmt: skip
+        "population": 80,
+        "generations": 400,
+        "crossover": 0.99,
+        "mutation": 0.08,
+    }
 
     def __init__(self, settings: Settings | None = None) -> None:
         given = settings.definition if settings is not None else None
@@ -227,9 +230,15 @@ class PoseAccuracy(PromisingPoses):
 
     def gradient(self, designs: Array) -> dict[str, Array]:
         """Derivatives of all outputs; of the worst pose where every pose is looked at."""
-        found = {"cost": np.stack([
-            self.settings.costs[name].slope(self.column(designs, name)) for name in self.names
-        ], axis=1)}  # fmt: skip
+        found = {
+            "cost": np.stack(
+                [
+                    self.settings.costs[name].slope(self.column(designs, name))
+                    for name in self.names
+                ],
+                axis=1,
+            )
+        }
         values = self._outputs(designs, searching=True)
         for name, squares in self.squares.items():
             worst = squares[np.argmax(designs**2 @ squares.T, axis=1)]
@@ -273,16 +282,26 @@ class PoseAccuracy(PromisingPoses):
         outputs = tuple(name for name in named for _ in range(len(self.squares[name])))
         moving = {v.name: self._range(v.name) for v in self.variables}
         features = tuple(
-            Feature(name, (Way(self.settings.costs[name], *moving[name], (0.0,) * len(rows),
-                               tuple(rows[:, at].tolist())),))
+            Feature(
+                name,
+                (
+                    Way(
+                        self.settings.costs[name],
+                        *moving[name],
+                        (0.0,) * len(rows),
+                        tuple(rows[:, at].tolist()),
+                    ),
+                ),
+            )
             for at, name in enumerate(self.names)
-        )  # fmt: skip
+        )
         other = np.array([self._other**2 if name == "position_mm" else 0.0 for name in outputs])
         relaxed = tuple(
-            limit.name for limit in self.limits
+            limit.name
+            for limit in self.limits
             if limit.name in (*OVER_MACHINES, PROMISED, ASSURANCE)
             or (limit.name in (*ERRORS, "cost") and np.isfinite(limit.low))
-        )  # fmt: skip
+        )
         left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
         return Form(
             outputs,
@@ -315,9 +334,13 @@ class PoseAccuracy(PromisingPoses):
         return (
             _bars(f"squareness by source, {of}", "mrad", turning, 1e3 * turn.squareness * own),
             _bars(f"yaw by source, {of}", "mrad", turning, 1e3 * turn.yaw * own),
-            _bars(f"position by source (10 um, 0.1 mrad), {of}", "um", moving,
-                  1e6 * move.position * step),
-        )  # fmt: skip
+            _bars(
+                f"position by source (10 um, 0.1 mrad), {of}",
+                "um",
+                moving,
+                1e6 * move.position * step,
+            ),
+        )
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
         """What the standard deviations of the cheapest point mean for machines."""
@@ -340,12 +363,19 @@ class PoseAccuracy(PromisingPoses):
 
     def assumptions(self) -> tuple[Assumption, ...]:
         limited = [name for name in LIMITS if name in self.settings.limits]
-        return (*super().assumptions(), *(
-            Assumption(f"limits.{name}", self.settings.limits[name].high, "mrad",
-                       "the limits of the standard that the document cites are not at hand",
-                       "configuration" if name in self.given.limits else "default")
-            for name in limited
-        ))  # fmt: skip
+        return (
+            *super().assumptions(),
+            *(
+                Assumption(
+                    f"limits.{name}",
+                    self.settings.limits[name].high,
+                    "mrad",
+                    "the limits of the standard that the document cites are not at hand",
+                    "configuration" if name in self.given.limits else "default",
+                )
+                for name in limited
+            ),
+        )
 
 
 def _bars(title: str, unit: str, names: Iterable[str], values: Array) -> Bars:

@@ -148,5 +148,6 @@ class PromisingPoses(Judged):
             short = [self.verdict(one).shortfalls for one in designs]
             return np.array([100.0 * float(np.mean(ndtr(self._wanted - one))) for one in short])
         radius = self._expecting if self.known else 0.0
-        return np.array([self.yield_at(one, *self.worst(one, True).at(radius), True)
-                         for one in designs])  # fmt: skip
+        return np.array(
+            [self.yield_at(one, *self.worst(one, True).at(radius), True) for one in designs]
+        )

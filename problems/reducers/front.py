@@ -45,8 +45,10 @@ class ReducerFront:
         By secants on the price.
         """
         wanted = np.asarray(rms, dtype=float) ** 2
-        known = [float(self.curves[g].price_at(np.array([t]))[0]) for t, g in zip(
-            rms, grade, strict=True)]  # fmt: skip
+        known = [
+            float(self.curves[g].price_at(np.array([t]))[0])
+            for t, g in zip(rms, grade, strict=True)
+        ]
         x = np.log(np.clip(known, PRICES[0], PRICES[-1]))
         before = x - 1e-3
         made = least(self.block, np.exp(before), grade)
@@ -77,6 +79,9 @@ def _curve(block: Block, at: int) -> PricedCurve:
     apart = np.append(True, np.diff(t) > APART * t[1:])
     kept = order[apart]
     return PricedCurve.of(
-        np.sqrt(found.square)[kept], found.cost[kept], PRICES[kept], proven[kept],
+        np.sqrt(found.square)[kept],
+        found.cost[kept],
+        PRICES[kept],
+        proven[kept],
         label=f"grade {block.grades[at]:g}",
-    )  # fmt: skip
+    )

@@ -76,9 +76,11 @@ def least(
             axis=1,
         )
         bearing = block.curves[-1].best(
-            by_free * block.bearing_mean, kappa * block.bearing_variance,
-            float(block.low[-1]), float(block.high[-1]),
-        )  # fmt: skip
+            by_free * block.bearing_mean,
+            kappa * block.bearing_variance,
+            float(block.low[-1]),
+            float(block.high[-1]),
+        )
     s = block.least_shift(*block.of_phi_2(t))
     found = block.backlash(t, bearing, grade, s)
     return Least(t, bearing, s, block.cost(t, bearing, grade), found.value)
@@ -166,8 +168,9 @@ def _in_cell(
         nu = np.where(s > block.shift.low, kappa * at.by_mean, 0.0)
     slopes += (price + nu * edge)[:, None] * by_t
     slopes[:, -1] += kappa * at.by_mean * block.bend * (low + high) - nu * 2.0 * block.bend * ecc
-    by_bearing = kappa * (at.by_free * block.bearing_mean
-                          + 2.0 * block.bearing_variance * near.bearing)  # fmt: skip
+    by_bearing = kappa * (
+        at.by_free * block.bearing_mean + 2.0 * block.bearing_variance * near.bearing
+    )
     by_s = kappa * at.by_mean - nu
     value = kappa * at.value - nu * (mean + s - edge * deviation)
     value = value - np.sum(slopes * x, axis=1) - by_bearing * near.bearing - by_s * s

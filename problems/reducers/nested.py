@@ -113,8 +113,10 @@ class Nested:
         """Least and largest rms; of a proven front by its first and last price alone."""
         if self.front_known is None and self.block is not None:
             return ends_of(self.block)
-        return (min(float(one.t[0]) for one in self.curves),
-                max(float(one.t[-1]) for one in self.curves))  # fmt: skip
+        return (
+            min(float(one.t[0]) for one in self.curves),
+            max(float(one.t[-1]) for one in self.curves),
+        )
 
     @property
     def key(self) -> str:

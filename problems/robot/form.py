@@ -39,10 +39,10 @@ def form_of(problem: RobotProblem) -> Form | None:
     offset = np.array([*[0.0] * (len(outputs) - len(base)), *base])
     asked = (*outputs, "cost", *STANDS.values(), *(v.name for v in problem.variables))
     relaxed = tuple(
-        limit.name for limit in problem.limits
-        if limit.name not in asked
-        or (np.isfinite(limit.low) and limit.name not in problem.names)
-    )  # fmt: skip
+        limit.name
+        for limit in problem.limits
+        if limit.name not in asked or (np.isfinite(limit.low) and limit.name not in problem.names)
+    )
     left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
     return Form(
         tuple(outputs),

@@ -48,13 +48,26 @@ def _nested(at: str, one: Nested) -> list[Variable]:
     low, high = one.range
     te = Wave().angles.ends
     return [
-        Variable(f"reducer_{at}_{RMS}", "arcmin", Kind.STANDARD_DEVIATION, low, high,
-                 f"root mean square of the backlash of reducer {at}, hysteresis included",
-                 valid_low=low, valid_high=1e3),
-        Variable(f"reducer_{at}_{TE}", "arcsec", Kind.STANDARD_DEVIATION, *te,
-                 f"root mean square of the transmission error of reducer {at}, order 40",
-                 valid_low=te[0], valid_high=te[1]),
-    ]  # fmt: skip
+        Variable(
+            f"reducer_{at}_{RMS}",
+            "arcmin",
+            Kind.STANDARD_DEVIATION,
+            low,
+            high,
+            f"root mean square of the backlash of reducer {at}, hysteresis included",
+            valid_low=low,
+            valid_high=1e3,
+        ),
+        Variable(
+            f"reducer_{at}_{TE}",
+            "arcsec",
+            Kind.STANDARD_DEVIATION,
+            *te,
+            f"root mean square of the transmission error of reducer {at}, order 40",
+            valid_low=te[0],
+            valid_high=te[1],
+        ),
+    ]
 
 
 def _whole(at: str, one: Nested) -> list[Variable]:
@@ -65,12 +78,26 @@ def _whole(at: str, one: Nested) -> list[Variable]:
     for v in problem.free:
         low, high = set_to[v.name].low, set_to[v.name].high
         assert low is not None and high is not None
-        found.append(Variable(f"reducer_{at}_{v.name}", v.unit, v.kind, low, high,
-                              f"reducer {at}: {v.meaning}", v.document, integer=v.integer,
-                              valid_low=v.valid_low, valid_high=v.valid_high))  # fmt: skip
+        found.append(
+            Variable(
+                f"reducer_{at}_{v.name}",
+                v.unit,
+                v.kind,
+                low,
+                high,
+                f"reducer {at}: {v.meaning}",
+                v.document,
+                integer=v.integer,
+                valid_low=v.valid_low,
+                valid_high=v.valid_high,
+            )
+        )
     for v in WAVES[: len(ANGLES)]:
-        found.append(replace(v, name=f"reducer_{at}_{v.name}", meaning=f"reducer {at}: {v.meaning}",
-                             random=False))  # fmt: skip
+        found.append(
+            replace(
+                v, name=f"reducer_{at}_{v.name}", meaning=f"reducer {at}: {v.meaning}", random=False
+            )
+        )
     return found
 
 
@@ -156,8 +183,12 @@ class Gears:
         each gear.
         """
         own = np.array(self.gear_of)
-        return np.array([[factors[own == gear].max() for gear in range(len(self.nested))]
-                         for factors in (self.factors, self.te_factors)])  # fmt: skip
+        return np.array(
+            [
+                [factors[own == gear].max() for gear in range(len(self.nested))]
+                for factors in (self.factors, self.te_factors)
+            ]
+        )
 
     @property
     def dimensions(self) -> int:
@@ -226,14 +257,18 @@ class Gears:
 
     def amplitudes(self, columns: Array) -> Array:
         """Quantile (n,) [arcsec] of the amplitude of the transmission error; of the worst drive."""
-        each = [self.largest[1, gear] * self.wave.amplitude(self._half_widths(columns, gear))
-                for gear in range(len(self.nested))]  # fmt: skip
+        each = [
+            self.largest[1, gear] * self.wave.amplitude(self._half_widths(columns, gear))
+            for gear in range(len(self.nested))
+        ]
         return np.asarray(np.max(each, axis=0))
 
     def quantiles(self, columns: Array) -> Array:
         """Quantile (n,) [arcmin] of the backlash; of the worst drive."""
-        each = [self.largest[0, gear] * self._quantile(columns, gear)
-                for gear in range(len(self.nested))]  # fmt: skip
+        each = [
+            self.largest[0, gear] * self._quantile(columns, gear)
+            for gear in range(len(self.nested))
+        ]
         return np.asarray(np.max(each, axis=0))
 
     def _quantile(self, columns: Array, gear: int) -> Array:
@@ -261,10 +296,14 @@ class Gears:
     def built(self, columns: Array) -> list[Built]:
         """What units of the reducers are made to, of columns (n, all of the reducers')."""
         every = self._every(columns)
-        parts = [(whole, smooth_root(self.wave.covariance(self._half_widths(columns, gear))))
-                 for gear, whole in enumerate(every)]  # fmt: skip
-        return [Built(tuple(whole[at] for whole, _ in parts), np.stack([r[at] for _, r in parts]))
-                for at in range(len(columns))]  # fmt: skip
+        parts = [
+            (whole, smooth_root(self.wave.covariance(self._half_widths(columns, gear))))
+            for gear, whole in enumerate(every)
+        ]
+        return [
+            Built(tuple(whole[at] for whole, _ in parts), np.stack([r[at] for _, r in parts]))
+            for at in range(len(columns))
+        ]
 
     def units(self, built: Built, points: Array) -> tuple[Array, Array, Array]:
         """Backlash with hysteresis (units, drives) [arcmin], the hysteresis (drives,) [arcmin], and
@@ -329,8 +368,9 @@ class Gears:
         for gear, one in zip(self.keys, self.nested, strict=True):
             rms, te = found.pop(f"reducer_{gear}_{RMS}"), found.pop(f"reducer_{gear}_{TE}")
             assert one.problem is not None
-            designs = one.designs(np.asarray(rms)) if len(rms) else np.empty(
-                (0, len(one.problem.names)))  # fmt: skip
+            designs = (
+                one.designs(np.asarray(rms)) if len(rms) else np.empty((0, len(one.problem.names)))
+            )
             for name, column in zip(one.problem.names, designs.T, strict=True):
                 found[f"reducer_{gear}_{name}"] = column
             for name, column in zip(ANGLES, self.wave.angles.allocation(te).T, strict=True):

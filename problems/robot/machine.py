@@ -162,8 +162,12 @@ class Machine(ABC):
     def sampled(self, samples: int, dimensions: int, rng: np.random.Generator) -> Sampled:
         """The machine at poses drawn evenly, with units for the accuracy."""
         places = self.drawn(rng)
-        each = np.stack([np.einsum("nik,njk->nij", places.move[:, :, own], places.move[:, :, own])
-                         for own in self.columns])  # fmt: skip
+        each = np.stack(
+            [
+                np.einsum("nik,njk->nij", places.move[:, :, own], places.move[:, :, own])
+                for own in self.columns
+            ]
+        )
         whole, count = places.drives, self.geared
         own = Drives(whole.weight, whole.move[:, :, :count], whole.turn[:, :, :count])
         sample = AccuracySample.draw(samples, len(whole.move), count, dimensions, rng)

@@ -23,58 +23,122 @@ def assumed(name: str, default: float, unit: str, meaning: str, high: float) -> 
 
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter(
-        "calibrated", "none", "", "position: commands are corrected for the machine's own links, "
-        "so that their position errors are gone; the reducers' errors stay", "assumed",
-        assumed=True, choices=CALIBRATED,
+        "calibrated",
+        "none",
+        "",
+        "position: commands are corrected for the machine's own links, "
+        "so that their position errors are gone; the reducers' errors stay",
+        "assumed",
+        assumed=True,
+        choices=CALIBRATED,
     ),
     Parameter(
-        "flanks", "gravity", "", "which flank of a reducer carries: that on which gravity holds "
-        "it at rest, pose by pose; free: that of the approach; held: always one", "assumed",
-        assumed=True, choices=FLANKS,
+        "flanks",
+        "gravity",
+        "",
+        "which flank of a reducer carries: that on which gravity holds "
+        "it at rest, pose by pose; free: that of the approach; held: always one",
+        "assumed",
+        assumed=True,
+        choices=FLANKS,
     ),
     assumed("payload_kg", 10.0, "kg", "mass at the tool", 1e5),
-    assumed("friction_torque_Nm", 12.4, "Nm", "friction of a reducer at its output: gravity holds "
-             "a flank beyond it (3 % of 412 N m)", 1e6),
+    assumed(
+        "friction_torque_Nm",
+        12.4,
+        "Nm",
+        "friction of a reducer at its output: gravity holds a flank beyond it (3 % of 412 N m)",
+        1e6,
+    ),
     assumed("stiffness_Nm_per_arcmin", 108.0, "Nm/arcmin", "stiffness of a reducer", 1e9),
-    assumed("hysteresis_arcmin", 0.0, "arcmin", "lost motion of friction, 2 friction torques over "
-             "the stiffness; it adds to the backlash", 60.0),
+    assumed(
+        "hysteresis_arcmin",
+        0.0,
+        "arcmin",
+        "lost motion of friction, 2 friction torques over the stiffness; it adds to the backlash",
+        60.0,
+    ),
     assumed("precision_weight", 5.0, "", "Q of the reducers' adjusted assembly (document A)", 1e6),
-    assumed("reducer_price", 1.0, "", "cost of a reducer in units of the links' cost, as a factor",
-             1e6),
-    Parameter("per_drive", True, "", "reducers may differ; false: all are alike", "assumed",
-              assumed=True),
-    Parameter("nested", True, "", "reducers enter by what an rms of their backlash costs; false: "
-              "every tolerance of them is a variable"),
-)  # fmt: skip
+    assumed(
+        "reducer_price", 1.0, "", "cost of a reducer in units of the links' cost, as a factor", 1e6
+    ),
+    Parameter(
+        "per_drive", True, "", "reducers may differ; false: all are alike", "assumed", assumed=True
+    ),
+    Parameter(
+        "nested",
+        True,
+        "",
+        "reducers enter by what an rms of their backlash costs; false: "
+        "every tolerance of them is a variable",
+    ),
+)
 
 FIXED_OUTPUTS: tuple[Output, ...] = (
     Output("cost", "", "relative cost of links and reducers", low=0.0),
     Output("cost_links", "", "relative cost of the links", low=0.0),
     Output("cost_reducers", "", "relative cost of the reducers", low=0.0),
-    Output("pose_accuracy_mm", "mm", "bidirectional pose accuracy A: quantile of the position "
-           "error over units, sides of approach, phases and poses, at the coverage", low=0.0),
+    Output(
+        "pose_accuracy_mm",
+        "mm",
+        "bidirectional pose accuracy A: quantile of the position "
+        "error over units, sides of approach, phases and poses, at the coverage",
+        low=0.0,
+    ),
     Output("pose_rms_mm", "mm", "R, the rms of the same", low=0.0),
     Output("accuracy_ratio", "", "A/R", low=0.0),
     Output("squareness_mrad", "mrad", "rms tilt of the tool", low=0.0),
     Output("yaw_mrad", "mrad", "rms rotation of the tool about its axis", low=0.0),
-    Output("backlash_arcmin", "arcmin", "quantile of a reducer's backlash at its coverage; of the "
-           "worse drive", low=0.0),
-    Output("backlash_rms_arcmin", "arcmin", "root mean square of a reducer's backlash, hysteresis "
-           "included; of the worst drive", low=0.0),
-    Output("te_amplitude_arcsec", "arcsec", "quantile of the amplitude of a reducer's transmission "
-           "error at the coverage; of the worst drive", low=0.0),
-    Output("reversal_mm", "mm", "rms distance of two attained positions, all drives approached "
-           "from opposite sides", low=0.0),
-    Output("iso_vap_mm", "mm", "multi-directional variation vAP of ISO 9283: largest distance of "
-           "the means of approaches along three axes; rms over units and poses", low=0.0),
+    Output(
+        "backlash_arcmin",
+        "arcmin",
+        "quantile of a reducer's backlash at its coverage; of the worse drive",
+        low=0.0,
+    ),
+    Output(
+        "backlash_rms_arcmin",
+        "arcmin",
+        "root mean square of a reducer's backlash, hysteresis included; of the worst drive",
+        low=0.0,
+    ),
+    Output(
+        "te_amplitude_arcsec",
+        "arcsec",
+        "quantile of the amplitude of a reducer's transmission "
+        "error at the coverage; of the worst drive",
+        low=0.0,
+    ),
+    Output(
+        "reversal_mm",
+        "mm",
+        "rms distance of two attained positions, all drives approached from opposite sides",
+        low=0.0,
+    ),
+    Output(
+        "iso_vap_mm",
+        "mm",
+        "multi-directional variation vAP of ISO 9283: largest distance of "
+        "the means of approaches along three axes; rms over units and poses",
+        low=0.0,
+    ),
     Output("path_te_mm", "mm", "rms amplitude of the transmission errors along a path", low=0.0),
-    Output("wind_up_mm", "mm", "rms displacement by gravity's torque on the stiffness of the "
-           "reducers; no tolerance changes it", low=0.0),
-    Output("wind_up_varying_mm", "mm", "rms of what is left of it when its mean over the poses is "
-           "taken away", low=0.0),
-    Output("held_percent", "%", "poses and drives at which gravity holds a flank", low=0.0,
-           high=100.0),
-)  # fmt: skip
+    Output(
+        "wind_up_mm",
+        "mm",
+        "rms displacement by gravity's torque on the stiffness of the "
+        "reducers; no tolerance changes it",
+        low=0.0,
+    ),
+    Output(
+        "wind_up_varying_mm",
+        "mm",
+        "rms of what is left of it when its mean over the poses is taken away",
+        low=0.0,
+    ),
+    Output(
+        "held_percent", "%", "poses and drives at which gravity holds a flank", low=0.0, high=100.0
+    ),
+)
 LIMITS: dict[str, Bound] = {}
 OBJECTIVES = ("cost", "pose_accuracy_mm", "squareness_mrad", "te_amplitude_arcsec")
 STANDS = {"pose_rms_mm": "pose_accuracy_mm", "backlash_rms_arcmin": "backlash_arcmin"}
@@ -95,11 +159,22 @@ def outputs_of(
     drives: Iterable[str], links: Iterable[str], priced: Iterable[str]
 ) -> tuple[Output, ...]:
     """All outputs: shares of links and joints, prices of the variables."""
-    shares = [Output(f"share_joint_{drive}_percent", "%",
-                     f"share of the reducer of drive {drive} in R^2", low=0.0, high=100.0)
-              for drive in drives]  # fmt: skip
-    shares += [Output(share_name(name), "%", f"share of {name} in R^2", low=0.0, high=100.0)
-               for name in links]  # fmt: skip
-    prices = [Output(f"price_{name}", "um", f"fall of R per unit of cost spent on {name}", low=0.0)
-              for name in priced]  # fmt: skip
+    shares = [
+        Output(
+            f"share_joint_{drive}_percent",
+            "%",
+            f"share of the reducer of drive {drive} in R^2",
+            low=0.0,
+            high=100.0,
+        )
+        for drive in drives
+    ]
+    shares += [
+        Output(share_name(name), "%", f"share of {name} in R^2", low=0.0, high=100.0)
+        for name in links
+    ]
+    prices = [
+        Output(f"price_{name}", "um", f"fall of R per unit of cost spent on {name}", low=0.0)
+        for name in priced
+    ]
     return (*FIXED_OUTPUTS, *shares, *prices)

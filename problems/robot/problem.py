@@ -54,9 +54,13 @@ class RobotProblem(ToleranceProblem):
         self.definition = definition
         self.variables, self.outputs, self.default_costs = declarations(definition)
         super().__init__(settings)
-        self.gears = Gears.of(definition.gears, definition.fitted, definition.nested,
-                              self.settings.parameters,
-                              self.settings.propagation.coverage)  # fmt: skip
+        self.gears = Gears.of(
+            definition.gears,
+            definition.fitted,
+            definition.nested,
+            self.settings.parameters,
+            self.settings.propagation.coverage,
+        )
 
     @property
     @abstractmethod
@@ -114,15 +118,18 @@ class RobotProblem(ToleranceProblem):
         }
         found |= {
             name: np.full(len(designs), value)
-            for name, value in (("wind_up_mm", machine.wind_up),
-                                ("wind_up_varying_mm", machine.wind_up_varying),
-                                ("held_percent", machine.held_percent))
-        }  # fmt: skip
+            for name, value in (
+                ("wind_up_mm", machine.wind_up),
+                ("wind_up_varying_mm", machine.wind_up_varying),
+                ("held_percent", machine.held_percent),
+            )
+        }
         with np.errstate(invalid="ignore", divide="ignore"):
             shares = np.where(total > 0.0, 100.0 / total, 0.0)
         keys = [one.key for one in self.definition.drives]
-        found |= {f"share_joint_{key}_percent": by_joint[:, at] * shares
-                  for at, key in enumerate(keys)}  # fmt: skip
+        found |= {
+            f"share_joint_{key}_percent": by_joint[:, at] * shares for at, key in enumerate(keys)
+        }
         found |= {share_name(n): by_link[:, k] * shares for k, n in enumerate(self.link_names)}
         return found
 
@@ -179,8 +186,12 @@ class RobotProblem(ToleranceProblem):
     def _by_monte_carlo(self, designs: Array, rms: Array) -> dict[str, Array]:
         built = self.gears.built(self._of_gears(designs))
         coverage = self.settings.propagation.coverage
-        c = np.array([ratio(self._errors(sigma, one), coverage)
-                      for sigma, one in zip(self.sigma(designs), built, strict=True)])  # fmt: skip
+        c = np.array(
+            [
+                ratio(self._errors(sigma, one), coverage)
+                for sigma, one in zip(self.sigma(designs), built, strict=True)
+            ]
+        )
         return {"pose_accuracy_mm": c * rms, "accuracy_ratio": c}
 
     def _of_gears(self, designs: Array) -> Array:
@@ -208,17 +219,25 @@ class RobotProblem(ToleranceProblem):
         own = self.gears.built(self._of_gears(middle[None, :]))[0]
         units = self.gears.units(own, some.sample.unit)
         nothing = np.zeros_like(units[2])
-        play = some.errors(0.0 * self.sigma(middle[None, :])[0],
-                           some.joint_errors(units[0], units[1], nothing))  # fmt: skip
-        rest = some.errors(self.sigma(middle[None, :])[0],
-                           some.joint_errors(0.0 * units[0], 0.0 * units[1], units[2]))  # fmt: skip
+        play = some.errors(
+            0.0 * self.sigma(middle[None, :])[0], some.joint_errors(units[0], units[1], nothing)
+        )
+        rest = some.errors(
+            self.sigma(middle[None, :])[0],
+            some.joint_errors(0.0 * units[0], 0.0 * units[1], units[2]),
+        )
         sizes = [float(np.sqrt(np.mean(np.sum(one**2, axis=1)))) for one in (play, rest)]
         if not sizes[0]:
             return np.full(len(SHARES), ratio(rest, self.settings.propagation.coverage))
-        return np.array([
-            ratio(np.sqrt(s) * play / sizes[0] + np.sqrt(1.0 - s) * rest / (sizes[1] or 1.0),
-                  self.settings.propagation.coverage) for s in SHARES
-        ])  # fmt: skip
+        return np.array(
+            [
+                ratio(
+                    np.sqrt(s) * play / sizes[0] + np.sqrt(1.0 - s) * rest / (sizes[1] or 1.0),
+                    self.settings.propagation.coverage,
+                )
+                for s in SHARES
+            ]
+        )
 
     # ---------------------------------------------------------------- the next unit of money
 
@@ -233,8 +252,10 @@ class RobotProblem(ToleranceProblem):
         mean = self.machine.squares
         for drive, gear in enumerate(self.gears.gear_of):
             fitted = self.gears.fitted[drive]
-            weights = (fitted.backlash_factor**2 * mean["backlash"][drive] / 4.0,
-                       fitted.te_factor**2 * mean["wave"][drive])  # fmt: skip
+            weights = (
+                fitted.backlash_factor**2 * mean["backlash"][drive] / 4.0,
+                fitted.te_factor**2 * mean["wave"][drive],
+            )
             for name, (square, cost) in self.gears.slopes(self._of_gears(designs), gear).items():
                 fall = (weights[0] * square[0] + weights[1] * square[1]) / (2.0 * rms)
                 count = self.gears.counts[gear]
@@ -294,8 +315,7 @@ class RobotProblem(ToleranceProblem):
         if self.definition.nested:
             return {}
         own = [self.definition.link_references[name] for name in self.link_names]
-        return {"documents' reducers, reference links":
-                np.array([*own, *self.gears.document()])}  # fmt: skip
+        return {"documents' reducers, reference links": np.array([*own, *self.gears.document()])}
 
     # ---------------------------------------------------------------- told beside the front
 
@@ -312,8 +332,9 @@ class RobotProblem(ToleranceProblem):
     def _with(self, given: Settings, definition: Definition, **parameters: Value) -> RobotProblem:
         every = {**given.parameters, **parameters}
         # limits that the other machine may not reach are no reason not to say what it costs
-        settings = replace(given, parameters=every, definition=definition,
-                           variables=self._still(definition))  # fmt: skip
+        settings = replace(
+            given, parameters=every, definition=definition, variables=self._still(definition)
+        )
         return type(self)(settings)  # type: ignore[call-arg]
 
     def _still(self, definition: Definition) -> dict[str, VariableSetting]:
@@ -346,8 +367,10 @@ class RobotProblem(ToleranceProblem):
         return found
 
     def assumptions(self) -> tuple[Assumption, ...]:
-        own = [Assumption(f"reducers.{one.key}", one.reducer.source, "", "whose costs they are")
-               for one in self.definition.drives]  # fmt: skip
+        own = [
+            Assumption(f"reducers.{one.key}", one.reducer.source, "", "whose costs they are")
+            for one in self.definition.drives
+        ]
         return (*super().assumptions(), *own)
 
     def remarks(self, front: pd.DataFrame) -> tuple[str, ...]:
@@ -357,5 +380,7 @@ class RobotProblem(ToleranceProblem):
         unproven = [one.key for one in self.definition.drives if not one.reducer.proven]
         if not unproven:
             return ()
-        return (f"reducers {', '.join(unproven)}: their fronts are points of a search, of which "
-                "nothing is proven: neither is anything of this problem",)  # fmt: skip
+        return (
+            f"reducers {', '.join(unproven)}: their fronts are points of a search, of which "
+            "nothing is proven: neither is anything of this problem",
+        )

@@ -14,18 +14,26 @@ def remarks_of(front: pd.DataFrame) -> tuple[str, ...]:
         return ()
     order = front["cost"].astype(float).argsort(kind="stable")
     row = front.iloc[int(order.iloc[len(front) // 2])]
-    values = {str(name): float(value) for name, value in row.items()
-              if str(name).startswith(("price_", "share_"))}  # fmt: skip
+    values = {
+        str(name): float(value)
+        for name, value in row.items()
+        if str(name).startswith(("price_", "share_"))
+    }
     price = _largest(values, "price_", "")
     share = _largest(values, "share_", "_percent")
     where = f"at cost {float(row['cost']):.4g} (A {float(row['pose_accuracy_mm']):.3g} mm)"
     bought = ", ".join(f"{name} {value:.3g} um" for name, value in price)
     held = ", ".join(f"{name} {value:.3g} %" for name, value in share)
-    return (f"{where} one more unit of cost lowers R most where it is spent on {bought}; the "
-            f"largest shares of R^2 are {held}",)  # fmt: skip
+    return (
+        f"{where} one more unit of cost lowers R most where it is spent on {bought}; the "
+        f"largest shares of R^2 are {held}",
+    )
 
 
 def _largest(values: dict[str, float], begins: str, ends: str) -> list[tuple[str, float]]:
-    own = [(name.removeprefix(begins).removesuffix(ends), value)
-           for name, value in values.items() if name.startswith(begins)]  # fmt: skip
+    own = [
+        (name.removeprefix(begins).removesuffix(ends), value)
+        for name, value in values.items()
+        if name.startswith(begins)
+    ]
     return sorted(own, key=lambda pair: -pair[1])[:MOST]

@@ -45,5 +45,9 @@ class Definition(definition.Definition):
 def default_definition(parameters: Mapping[str, Value]) -> Definition:
     """Links in 21 kinds, and reducers of document B."""
     given = completed(PARAMETERS, parameters)
-    return Definition(TWENTY_ONE, (documents_reducer(),) * 2, bool(number(given["nested"])),
-                      bool(number(given["per_drive"])))  # fmt: skip
+    return Definition(
+        TWENTY_ONE,
+        (documents_reducer(),) * 2,
+        bool(number(given["nested"])),
+        bool(number(given["per_drive"])),
+    )

@@ -61,9 +61,14 @@ def _variable(name: str, sources: tuple[str, ...]) -> Variable:
     reference = reference_of(sources[0])
     low, high = (reference * factor for factor in RANGE)
     return Variable(
-        name, unit_of(sources[0]), Kind.STANDARD_DEVIATION, low, high,
-        "standard deviation of each of " + ", ".join(sources), valid_low=1e-9,
-    )  # fmt: skip
+        name,
+        unit_of(sources[0]),
+        Kind.STANDARD_DEVIATION,
+        low,
+        high,
+        "standard deviation of each of " + ", ".join(sources),
+        valid_low=1e-9,
+    )
 
 
 def costs_of(grouping: Grouping) -> dict[str, CostCurve]:

@@ -81,8 +81,11 @@ class RobotJoint(RobotProblem):
         found = reducers or (documents_reducer(),) * 2
         definition = Definition(grouping, found, nested is not False, per_drive is not False)
         if not definition.nested and not all(one.proven for one in found):
-            top.fault("reducers", "nested = false needs reducers with tolerances of their own: "
-                      "name configurations of rv_backlash")  # fmt: skip
+            top.fault(
+                "reducers",
+                "nested = false needs reducers with tolerances of their own: "
+                "name configurations of rv_backlash",
+            )
             return None
         return RobotKind(definition)
 
@@ -117,8 +120,14 @@ class RobotJoint(RobotProblem):
                 f"rod {at + 1}": (OF_RODS, [elbow, end]),
             }
             for name, (stems, points) in kinds.items():
-                parts.append({"name": name, "kind": "link", "points": millimetres(points),
-                              "shares": self._shares(stems, at + 1)})  # fmt: skip
+                parts.append(
+                    {
+                        "name": name,
+                        "kind": "link",
+                        "points": millimetres(points),
+                        "shares": self._shares(stems, at + 1),
+                    }
+                )
         for at in range(JOINTS):  # on one column
             parts.append(
                 {
@@ -130,11 +139,18 @@ class RobotJoint(RobotProblem):
             )
         corners = [(a, 0.0, b) for a in ring.r for b in ring.z]
         ends = [p + np.array([r, 0.0, z]) for p in now.p]
-        platform = {"name": "platform", "kind": "tool", "shares": [],
-                    "points": millimetres([*ends, ends[0]])}  # fmt: skip
+        platform = {
+            "name": "platform",
+            "kind": "tool",
+            "shares": [],
+            "points": millimetres([*ends, ends[0]]),
+        }
         return {"parts": [*parts, platform], "poses": millimetres(corners)}
 
     def _shares(self, stems: tuple[str, ...], chain: int) -> list[str]:
         """Shares of the links' variables of a chain whose elementary errors begin so."""
-        return [share_name(name) for name, sources in self.definition.grouping.items()
-                if sources[0].startswith(stems) and f"_{chain}" in sources[0]]  # fmt: skip
+        return [
+            share_name(name)
+            for name, sources in self.definition.grouping.items()
+            if sources[0].startswith(stems) and f"_{chain}" in sources[0]
+        ]

@@ -39,11 +39,18 @@ def contact_problem(problem: RvBacklash) -> RvReducer:
 def verdicts(problem: RvBacklash, designs: Array) -> tuple[str, ...]:
     """What each full design (n, all variables) of the closed form does, from its verb on."""
     contact = contact_problem(problem)
-    rows = np.array([
-        [dict(zip(problem.names, design.tolist(), strict=True)).get(name, contact.fixed.get(name))
-         for name in contact.names]
-        for design in designs
-    ], dtype=float).reshape(len(designs), len(contact.names))  # fmt: skip
+    rows = np.array(
+        [
+            [
+                dict(zip(problem.names, design.tolist(), strict=True)).get(
+                    name, contact.fixed.get(name)
+                )
+                for name in contact.names
+            ]
+            for design in designs
+        ],
+        dtype=float,
+    ).reshape(len(designs), len(contact.names))
     coverage = 100.0 * problem.settings.propagation.coverage
     found = [contact.evaluation(row, searching=False) for row in rows]
     return tuple(

@@ -38,8 +38,9 @@ def deviations_of(problem: RvBacklash, designs: Array) -> Deviations:
     terms = dict(zip((*OTHERS, *TERMS), (*total.free, *total.clipped), strict=True))
     cumulants = {name: term.cumulants()[:2] for name, term in terms.items()}
     mean = np.sum([one[0] for one in cumulants.values()], axis=0) + problem.change.effective
-    each = {name: growth * np.sqrt(np.maximum(one[1], 0.0)) / ARCMIN
-            for name, one in cumulants.items()}  # fmt: skip
+    each = {
+        name: growth * np.sqrt(np.maximum(one[1], 0.0)) / ARCMIN for name, one in cumulants.items()
+    }
     return Deviations(mean / ARCMIN, each, np.zeros(len(designs)), upper=problem.limit)
 
 
@@ -76,8 +77,9 @@ def statement_of(problem: RvBacklash) -> str:
     """What is proven of an assured promise, in words."""
     promise = problem.settings.promise
     assert promise is not None
-    return (f"promised: {promise.words()}, by the geometric backlash and normal processes as "
-            "measured")  # fmt: skip
+    return (
+        f"promised: {promise.words()}, by the geometric backlash and normal processes as measured"
+    )
 
 
 def _with_row(feature: Feature, factor: float) -> Feature:

@@ -161,10 +161,15 @@ def grade_feature(problem: RvBacklash, k: float) -> Feature:
     means, variances = problem.total(designs).free[0].cumulants()[:2]
     costs = problem.settings.costs[name].cost(grades)
     ways = [
-        Way(Reciprocal(float(c), 0.0), 1.0, 1.0,
-            *_rows(float(m) / ARCMIN, float(np.sqrt(v)) / ARCMIN, k), choice=float(g))
+        Way(
+            Reciprocal(float(c), 0.0),
+            1.0,
+            1.0,
+            *_rows(float(m) / ARCMIN, float(np.sqrt(v)) / ARCMIN, k),
+            choice=float(g),
+        )
         for g, c, m, v in zip(grades, costs, means, variances, strict=True)
-    ]  # fmt: skip
+    ]
     return Feature("", tuple(ways), name)
 
 

@@ -46,8 +46,11 @@ def moved(problem: RvBacklash, designs: Array, total: ClippedSum) -> ClippedSum:
         if not problem.model.moves(name.removesuffix("_um")):
             continue
         q = 0.0 if term.quadratic is None else term.quadratic / x**2
-        terms[at] = replace(term, constant=term.constant + (term.linear / x + q * m) * m,
-                            linear=term.linear + 2.0 * q * m * x)  # fmt: skip
+        terms[at] = replace(
+            term,
+            constant=term.constant + (term.linear / x + q * m) * m,
+            linear=term.linear + 2.0 * q * m * x,
+        )
     return replace(total, clipped=tuple(terms))
 
 

@@ -99,8 +99,11 @@ def sum_of(problem: RvBacklash, cut: float) -> Sum | str:
         return "the eccentricity is made by machines, whose law is not bounded"
     for name, term in unit_terms(problem).items():
         cycloid += float(term.constant[0]) / ARCMIN
-        part = _bent(problem, name, term) if term.quadratic is not None else _straight(
-            problem, name, term, clipped=True)  # fmt: skip
+        part = (
+            _bent(problem, name, term)
+            if term.quadratic is not None
+            else _straight(problem, name, term, clipped=True)
+        )
         if isinstance(part, str):
             return part
         parts.append(part)
@@ -122,8 +125,14 @@ def _straight(problem: RvBacklash, name: str, term: Term, clipped: bool) -> Part
     if name in problem.made:
         return _machines(problem, name, linear, known[1])
     slope = linear * known[0] + (0.0 if clipped else float(term.constant[0]) / ARCMIN)
-    member = Member(problem.settings.costs[name], *ends(problem, name), abs(linear), known[1],
-                    slope=slope, top_slope=slope)  # fmt: skip
+    member = Member(
+        problem.settings.costs[name],
+        *ends(problem, name),
+        abs(linear),
+        known[1],
+        slope=slope,
+        top_slope=slope,
+    )
     return Part(name, (member,), clipped)
 
 
@@ -134,8 +143,20 @@ def _machines(problem: RvBacklash, name: str, linear: float, law: Even) -> Part:
     for piece in pieces_of(one, ends(problem, name), CELLS_OF_MEANS if moves else 1):
         values = linear * moves * piece.means
         (slope, mean), (top_slope, top) = piece.line(values, 1.0), piece.line(values, -1.0)
-        members.append(Member(piece.curve, piece.low, piece.high, abs(linear), law, mean, slope,
-                              top, top_slope, choice=piece.choice))  # fmt: skip
+        members.append(
+            Member(
+                piece.curve,
+                piece.low,
+                piece.high,
+                abs(linear),
+                law,
+                mean,
+                slope,
+                top,
+                top_slope,
+                choice=piece.choice,
+            )
+        )
     return Part(name, tuple(members), clipped=True, choice=one.choice)
 
 
@@ -150,8 +171,22 @@ def _bent(problem: RvBacklash, name: str, term: Term, cells: int = CELLS) -> Par
         cell = Cell(term.distribution, b, q, start, end, z)
         (slope, mean), (top_slope, top) = cell.mean_below, cell.mean_above
         curve = problem.settings.costs[name]
-        members.append(Member(curve, start, end, cell.spread, UNIFORM, mean, slope, top, top_slope,
-                              cell.least, cell.range, cell))  # fmt: skip
+        members.append(
+            Member(
+                curve,
+                start,
+                end,
+                cell.spread,
+                UNIFORM,
+                mean,
+                slope,
+                top,
+                top_slope,
+                cell.least,
+                cell.range,
+                cell,
+            )
+        )
     return Part(name, tuple(members), clipped=True, bent=True)
 
 
@@ -201,12 +236,27 @@ def _grades(problem: RvBacklash, cut: float) -> Part:
     ends_of_z = term.distribution.support
     units = term.distribution.quantile((np.arange(LEVELS) + 0.5) / LEVELS)
     members = []
-    for g, m, a, cost in zip(grades.tolist(), term.constant / ARCMIN, term.linear / ARCMIN,
-                             problem.settings.costs[name].cost(grades), strict=True):  # fmt: skip
+    for g, m, a, cost in zip(
+        grades.tolist(),
+        term.constant / ARCMIN,
+        term.linear / ARCMIN,
+        problem.settings.costs[name].cost(grades),
+        strict=True,
+    ):
         z = sorted((float(a) * ends_of_z[0], float(a) * ends_of_z[1]))
-        members.append(Member(Reciprocal(float(cost), 0.0), 1.0, 1.0, abs(float(a)) * width, law,
-                              mean=float(m + a * mean), least=float(m) + z[0],
-                              units=m + a * units, choice=g))  # fmt: skip
+        members.append(
+            Member(
+                Reciprocal(float(cost), 0.0),
+                1.0,
+                1.0,
+                abs(float(a)) * width,
+                law,
+                mean=float(m + a * mean),
+                least=float(m) + z[0],
+                units=m + a * units,
+                choice=g,
+            )
+        )
     return Part("", tuple(members), clipped=False, bent=known is None, choice=name)
 
 

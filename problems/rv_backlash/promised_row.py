@@ -61,8 +61,7 @@ class PromisedRow:
         """Slope and constant [arcmin] of the mean, slope of the standard deviation by t."""
         ways = self._ways(part, member)
         offset = min(way.offset[MEAN] if way.offset else 0.0 for way in ways)
-        return (min(way.linear[MEAN] for way in ways), offset,
-                min(way.spread[STD] for way in ways))  # fmt: skip
+        return (min(way.linear[MEAN] for way in ways), offset, min(way.spread[STD] for way in ways))
 
     def _ways(self, part: Part, member: Member) -> tuple[Way, ...]:
         """The way of the moments' form that a member is; all grades where it stands for all."""

@@ -133,11 +133,16 @@ def _safe(row: Row) -> list[Row]:
         return [row]
     lacking = 1.0 - row.probability
     return [
-        replace(row, probability=1.0 - lacking / share, kind="share", share=share,
-                output=row.output if share == 1.0 and not row.clipped
-                else f"{row.output} ({share:g})")
-        for share in (BELOW if row.clipped else ABOVE) if lacking / share <= 0.5
-    ]  # fmt: skip
+        replace(
+            row,
+            probability=1.0 - lacking / share,
+            kind="share",
+            share=share,
+            output=row.output if share == 1.0 and not row.clipped else f"{row.output} ({share:g})",
+        )
+        for share in (BELOW if row.clipped else ABOVE)
+        if lacking / share <= 0.5
+    ]
 
 
 def _form(
@@ -150,8 +155,10 @@ def _form(
     factors, surplus = np.zeros(len(total.parts)), None
     if promised is not None:
         factors, surplus = promised.doubt(total.parts)
-    features = [_feature(part, rows, promised, float(factor))
-                for part, factor in zip(total.parts, factors, strict=False)]  # fmt: skip
+    features = [
+        _feature(part, rows, promised, float(factor))
+        for part, factor in zip(total.parts, factors, strict=False)
+    ]
     features.append(_shift_feature(total.shift, rows))
     doubts = tuple(surplus if row.kind == "promise" else None for row in rows)
     return Form(
@@ -201,8 +208,17 @@ def _feature(part: Part, rows: list[Row], promised: PromisedRow | None, factor: 
     for member in part.members:
         each = [_coefficients(part, member, row, promised, factor) for row in rows]
         linear, offset, spread = zip(*each, strict=True)
-        ways.append(Way(member.curve, member.low, member.high, linear=linear, spread=spread,
-                        offset=offset, choice=member.choice))  # fmt: skip
+        ways.append(
+            Way(
+                member.curve,
+                member.low,
+                member.high,
+                linear=linear,
+                spread=spread,
+                offset=offset,
+                choice=member.choice,
+            )
+        )
     return Feature(part.variable, tuple(ways), part.choice)
 
 
@@ -240,11 +256,19 @@ def _means(part: Part, member: Member, row: Row) -> tuple[float, float]:
 
 def _shift_feature(shift: Shift, rows: list[Row]) -> Feature:
     """s on a scale that begins at 1: t = s - low + 1."""
-    sides = [0.0 if row.kind == "range" else
-             (1.0 if row.kind == "edge" or not row.clipped else -1.0) for row in rows]  # fmt: skip
+    sides = [
+        0.0 if row.kind == "range" else (1.0 if row.kind == "edge" or not row.clipped else -1.0)
+        for row in rows
+    ]
     start = shift.low - 1.0
-    way = Way(NONE, 1.0, 1.0 + shift.high - shift.low, tuple(sides), (0.0,) * len(rows),
-              offset=tuple(side * start for side in sides))  # fmt: skip
+    way = Way(
+        NONE,
+        1.0,
+        1.0 + shift.high - shift.low,
+        tuple(sides),
+        (0.0,) * len(rows),
+        offset=tuple(side * start for side in sides),
+    )
     return Feature(SHIFT, (way,))
 
 

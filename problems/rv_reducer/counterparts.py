@@ -98,5 +98,9 @@ def sentence(active: Active, geometry: ContactGeometry) -> str:
     if change == Change():
         return ""
     text = _IN_BEARINGS if change.bearing else COUNTERPARTS[active.effect.name][1]
-    return text.format(circle=change.circle, bearing=change.bearing, effective=change.effective,
-                       growth=100.0 * change.growth)  # fmt: skip
+    return text.format(
+        circle=change.circle,
+        bearing=change.bearing,
+        effective=change.effective,
+        growth=100.0 * change.growth,
+    )

@@ -123,5 +123,7 @@ def _lattice(geometry: ContactGeometry, name: str, positions: int) -> Iterator[s
             "the same phases of the mesh are met again and again"
         )
     better = nearest_prime(positions, geometry)
-    yield f"{name}: {positions} positions {why}, and the greatest backlash comes out too low; " \
-        f"take {better}"  # fmt: skip
+    yield (
+        f"{name}: {positions} positions {why}, and the greatest backlash comes out too low; "
+        f"take {better}"
+    )

@@ -10,20 +10,37 @@ from ..settings import Settings
 from .declared import DISC_TO_DISC, PARAMETERS, VARIABLES
 
 GEOMETRY = (
-    "pin_circle_radius_mm", "pin_radius_mm", "eccentricity_mm", "cycloid_teeth", "pins",
-    "reduction_ratio", "sun_pitch_radius_mm", "centre_distance_mm", "discs", "cranks",
+    "pin_circle_radius_mm",
+    "pin_radius_mm",
+    "eccentricity_mm",
+    "cycloid_teeth",
+    "pins",
+    "reduction_ratio",
+    "sun_pitch_radius_mm",
+    "centre_distance_mm",
+    "discs",
+    "cranks",
     "involute_stage",
-)  # fmt: skip
+)
 GEARS = (
-    "gear_runout_um", "base_pitch_deviation_um", "helix_deviation_um", "axis_parallelism_x_um",
-    "axis_parallelism_y_um", "centre_distance_deviation_um", "thickness_deviation_upper_um",
+    "gear_runout_um",
+    "base_pitch_deviation_um",
+    "helix_deviation_um",
+    "axis_parallelism_x_um",
+    "axis_parallelism_y_um",
+    "centre_distance_deviation_um",
+    "thickness_deviation_upper_um",
     "thickness_deviation_lower_um",
-)  # fmt: skip
+)
 STIFFNESS = ("normal_stiffness_N_per_mm", "series_stiffness_Nm_per_arcmin")
 TORQUES = ("rated_torque_Nm", "momentary_torque_Nm")
 OF_THE_STAGE = (
-    "reduction_ratio", "sun_pitch_radius_mm", "pressure_angle_deg", *GEARS, "involute_grade",
-)  # fmt: skip
+    "reduction_ratio",
+    "sun_pitch_radius_mm",
+    "pressure_angle_deg",
+    *GEARS,
+    "involute_grade",
+)
 """What means nothing without an involute stage."""
 DEFAULTS = {p.name: p.default for p in PARAMETERS}
 

@@ -35,32 +35,74 @@ def _unit(name: str) -> str:
 RIGID: tuple[Output, ...] = (
     Output("cost", "", "relative manufacturing cost, sum of the cost curves", low=0.0),
     *(one for name, meaning in MEASURED.items() for one in _spread(name, _unit(name), meaning)),
-    Output("backlash_rms_arcmin", "arcmin", "root mean square of the backlash over units and "
-           "positions", low=0.0),
-    Output("yield_percent", "%", "units whose largest backlash over the turn keeps "
-           "backlash_limit_arcmin", 100.0, larger_is_better=True, low=0.0, high=100.0),
-    Output("interference_probability", "", "probability of interference, as the parameter "
-           "interference defines it; play of the crank bearings included", low=0.0, high=1.0),
-    Output("interference_share_of_turn", "", "share of all positions of all units at which flanks "
-           "interfere", low=0.0, high=1.0),
-    Output("overlap_p95_arcmin", "arcmin", "overlap that 95 % of the units stay below at every "
-           "position", low=0.0),
+    Output(
+        "backlash_rms_arcmin",
+        "arcmin",
+        "root mean square of the backlash over units and positions",
+        low=0.0,
+    ),
+    Output(
+        "yield_percent",
+        "%",
+        "units whose largest backlash over the turn keeps backlash_limit_arcmin",
+        100.0,
+        larger_is_better=True,
+        low=0.0,
+        high=100.0,
+    ),
+    Output(
+        "interference_probability",
+        "",
+        "probability of interference, as the parameter "
+        "interference defines it; play of the crank bearings included",
+        low=0.0,
+        high=1.0,
+    ),
+    Output(
+        "interference_share_of_turn",
+        "",
+        "share of all positions of all units at which flanks interfere",
+        low=0.0,
+        high=1.0,
+    ),
+    Output(
+        "overlap_p95_arcmin",
+        "arcmin",
+        "overlap that 95 % of the units stay below at every position",
+        low=0.0,
+    ),
     Output("phi_1_arcmin", "arcmin", "mean backlash of the involute stage", low=0.0),
-    Output("radial_gap_mm", "mm", "clearance at tooth tip and root, dr_rp - dr_p", 0.03,
-           larger_is_better=True),
-    Output("modification_backlash_arcmin", "arcmin", "backlash that the modification itself leaves "
-           "(first order)"),
-)  # fmt: skip
+    Output(
+        "radial_gap_mm",
+        "mm",
+        "clearance at tooth tip and root, dr_rp - dr_p",
+        0.03,
+        larger_is_better=True,
+    ),
+    Output(
+        "modification_backlash_arcmin",
+        "arcmin",
+        "backlash that the modification itself leaves (first order)",
+    ),
+)
 UNDER_LOAD: tuple[Output, ...] = (
     *(one for name, meaning in ELASTIC.items() for one in _spread(name, _unit(name), meaning)),
-    Output("preload_torque_Nm_max", "Nm", "torque of the preloaded flanks without load, largest "
-           "over the turn: one-sided quantile over units", low=0.0),
-)  # fmt: skip
+    Output(
+        "preload_torque_Nm_max",
+        "Nm",
+        "torque of the preloaded flanks without load, largest "
+        "over the turn: one-sided quantile over units",
+        low=0.0,
+    ),
+)
 SAMPLED = (
     *(f"{name}{part}" for name in MEASURED for part in ("", "_mean", "_std")),
-    "backlash_rms_arcmin", "yield_percent", "interference_probability",
-    "interference_share_of_turn", "overlap_p95_arcmin",
-)  # fmt: skip
+    "backlash_rms_arcmin",
+    "yield_percent",
+    "interference_probability",
+    "interference_share_of_turn",
+    "overlap_p95_arcmin",
+)
 """Rigid outputs with a standard error."""
 
 

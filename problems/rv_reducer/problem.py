@@ -81,12 +81,17 @@ class RvReducer(PromisingUnits, Machined):
     grain = 8
     performance = SAMPLED_OUTPUTS - HOLD_INTERFERENCE.keys() - {"yield_percent"}
     default_algorithm = "exact"
-    drawn_again = frozenset(("_searched", "_reported", "_recent", "_verdicts", "_mixed",
-                             "_promised_units"))  # fmt: skip
+    drawn_again = frozenset(
+        ("_searched", "_reported", "_recent", "_verdicts", "_mixed", "_promised_units")
+    )
     reference_ga: ClassVar[Mapping[str, float]] = {
-        "population": 100, "generations": 80, "crossover": 0.9, "crossover_eta": 5.0,
-        "mutation": 0.1, "mutation_eta": 10.0,
-    }  # fmt: skip
+        "population": 100,
+        "generations": 80,
+        "crossover": 0.9,
+        "crossover_eta": 5.0,
+        "mutation": 0.1,
+        "mutation_eta": 10.0,
+    }
 
     def __init__(self, settings: Settings | None = None) -> None:
         super().__init__(settings)
@@ -170,8 +175,9 @@ class RvReducer(PromisingUnits, Machined):
         """Variables by name as good parts scatter, and by how much their means are off [um]."""
         own = self.effective(design[None, :])[0]
         row = {v.name: float(own[at]) for at, v in enumerate(type(self).variables)}
-        means = {stem(name): float(mean[0])
-                 for name, (_, mean) in self.as_made(design[None, :]).items()}  # fmt: skip
+        means = {
+            stem(name): float(mean[0]) for name, (_, mean) in self.as_made(design[None, :]).items()
+        }
         return row, means
 
     def populations(self, searching: bool) -> Populations:
@@ -328,8 +334,7 @@ class RvReducer(PromisingUnits, Machined):
     def coarser(self) -> RvReducer:
         """On at most 256 units at 31 positions, which no result of the search is tested on."""
         positions = nearest_prime(min(31, self.count("positions")), self.model.geometry)
-        small = {"search_units": min(256, self._search_units),
-                 "search_positions": positions}  # fmt: skip
+        small = {"search_units": min(256, self._search_units), "search_positions": positions}
         return RvReducer(replace(self.given, parameters=dict(self.given.parameters) | small))
 
     def interval(self, output: str) -> Interval:
@@ -357,8 +362,11 @@ class RvReducer(PromisingUnits, Machined):
     def faults(self) -> list[Fault]:
         ends = {name: super(RvReducer, self).interval(name) for name in ("dr_rp_mm", "dr_p_mm")}
         found = geometry.faults(self.model.geometry, self.given, ends)
-        return [*found, *priceless({one.name for one in self.free}, self.settings.costs),
-                *(size_faults(self.count, KEPT) or super().faults())]  # fmt: skip
+        return [
+            *found,
+            *priceless({one.name for one in self.free}, self.settings.costs),
+            *(size_faults(self.count, KEPT) or super().faults()),
+        ]
 
     def search_faults(self) -> list[Fault]:
         return unlimited(self.settings.limits, self.settings.parameters)

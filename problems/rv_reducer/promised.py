@@ -32,15 +32,24 @@ POSITION = "pin_position"
 
 def shifting(problem: PromisingUnits) -> NDArray[np.bool_]:
     """Which means (k,) of measured errors move what the units show."""
-    return np.array([problem.settings.variables[name].mid is not None and stem(name) != POSITION
-                     for name in problem.known], dtype=bool)  # fmt: skip
+    return np.array(
+        [
+            problem.settings.variables[name].mid is not None and stem(name) != POSITION
+            for name in problem.known
+        ],
+        dtype=bool,
+    )
 
 
 def deviations(problem: PromisingUnits, row: Mapping[str, float]) -> Array:
     """Standard deviations (k,) of the measured errors by the estimates."""
     laws = (problem.settings.variables[name].distribution for name in problem.known)
-    return np.array([law.sigma * row[name]  # type: ignore[union-attr]
-                     for law, name in zip(laws, problem.known, strict=True)])  # fmt: skip
+    return np.array(
+        [
+            law.sigma * row[name]  # type: ignore[union-attr]
+            for law, name in zip(laws, problem.known, strict=True)
+        ]
+    )
 
 
 def evaluation_at(
@@ -120,8 +129,11 @@ def mixed(problem: PromisingUnits, drawn: Populations, stream: int) -> Populatio
             variance, error = own.drawn(units, rng)
             law = problem.settings.variables[name].distribution
             off = error * law.sigma * problem.shifting[at]  # type: ignore[union-attr]
-            for key in (one for one in z if one.removesuffix("_radial").removesuffix("_tangential")
-                        == stem(name)):  # fmt: skip
+            for key in (
+                one
+                for one in z
+                if one.removesuffix("_radial").removesuffix("_tangential") == stem(name)
+            ):
                 z[key] = z[key] * np.sqrt(variance) + off
         sample = replace(found.sample, z=z)
         return replace(found, sample=sample, slopes=Slopes.of(found.lattice.geometry, sample))

@@ -62,8 +62,10 @@ class PromisingUnits(Judged):
 
     @cached_property
     def _mixed(self) -> dict[bool, Populations]:
-        return {one: promised.mixed(self, self.populations(one), stream)
-                for stream, one in enumerate((True, False), 1)}  # fmt: skip
+        return {
+            one: promised.mixed(self, self.populations(one), stream)
+            for stream, one in enumerate((True, False), 1)
+        }
 
     def shortfall(
         self, design: Array, scales: Array, shifts: Array, searching: bool = False

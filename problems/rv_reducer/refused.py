@@ -11,20 +11,28 @@ from ...errors import Fault
 from ..settings import Bound
 from .declared import DISC_TO_DISC
 
-HOLD_INTERFERENCE = {"interference_probability": 1.0, "interference_share_of_turn": 1.0,
-                     "overlap_p95_arcmin": np.inf, "preload_torque_Nm": np.inf,
-                     "preload_torque_Nm_max": np.inf, "preload_torque_Nm_mean": np.inf,
-                     }  # fmt: skip
+HOLD_INTERFERENCE = {
+    "interference_probability": 1.0,
+    "interference_share_of_turn": 1.0,
+    "overlap_p95_arcmin": np.inf,
+    "preload_torque_Nm": np.inf,
+    "preload_torque_Nm_max": np.inf,
+    "preload_torque_Nm_mean": np.inf,
+}
 """Outputs, a limit on any of which below these values holds interference."""
 
 
 def priceless(searched: Collection[str], costs: Collection[str]) -> list[Fault]:
     """Errors between discs that are searched without a cost: the tightest would be free."""
     return [
-        Fault(f"costs.{name}", f"is missing: {name} is searched, and nothing says what a tight one "
-              f"costs; give a curve, or fix it (variables.{name}.value = {value:.4g})")
-        for name, value in DISC_TO_DISC.items() if name in searched and name not in costs
-    ]  # fmt: skip
+        Fault(
+            f"costs.{name}",
+            f"is missing: {name} is searched, and nothing says what a tight one "
+            f"costs; give a curve, or fix it (variables.{name}.value = {value:.4g})",
+        )
+        for name, value in DISC_TO_DISC.items()
+        if name in searched and name not in costs
+    ]
 
 
 def unlimited(limits: Mapping[str, Bound], parameters: Mapping[str, Value]) -> list[Fault]:
@@ -32,7 +40,9 @@ def unlimited(limits: Mapping[str, Bound], parameters: Mapping[str, Value]) -> l
     held = [n for n in HOLD_INTERFERENCE if n in limits and limits[n].high < HOLD_INTERFERENCE[n]]
     if held or parameters["allow_interference"]:
         return []
-    text = ("is missing: without a limit on interference or preload the cheapest units all "
-            "interfere (cost 7 with 99.9 % of the units preloaded); set, for example, 0.05, or "
-            "parameters.allow_interference = true")  # fmt: skip
+    text = (
+        "is missing: without a limit on interference or preload the cheapest units all "
+        "interfere (cost 7 with 99.9 % of the units preloaded); set, for example, 0.05, or "
+        "parameters.allow_interference = true"
+    )
     return [Fault("limits.interference_probability", text)]

@@ -116,11 +116,15 @@ def sentence(active: Active, torque: float, speed: float) -> str:
     waves = waves_of([active], torque, speed)
     size, rest = abs(waves.wave) / ARCSEC, waves.rest / ARCSEC
     if size > 0.0:
-        found.append(f"every unit has {size:.4g} arcsec of order 40, which adds to that of the "
-                     "angles as a vector")  # fmt: skip
+        found.append(
+            f"every unit has {size:.4g} arcsec of order 40, which adds to that of the "
+            "angles as a vector"
+        )
     if rest > 0.0:
-        found.append(f"every unit has {rest:.4g} arcsec (half peak to peak) of other orders, which "
-                     "adds in full: an upper bound")  # fmt: skip
+        found.append(
+            f"every unit has {rest:.4g} arcsec (half peak to peak) of other orders, which "
+            "adds in full: an upper bound"
+        )
     if not found:
         return ""
     at = f", at {torque:g} Nm and {speed:g} rpm" if max(size, rest) > 0.0 else ""

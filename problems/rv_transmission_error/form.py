@@ -54,10 +54,19 @@ def form_of(problem: RvTransmissionError) -> Form | None:
     base = problem.influence.base_amplitude / ARCSEC
     ranges = {name: _range(problem, name) for name in DOCUMENT_MRAD}
     features = tuple(
-        Feature(name, (Way(problem.settings.costs[name], *ranges[name], (0.0,) * len(squares),
-                           tuple(np.sqrt(squares[:, at]).tolist())),))
+        Feature(
+            name,
+            (
+                Way(
+                    problem.settings.costs[name],
+                    *ranges[name],
+                    (0.0,) * len(squares),
+                    tuple(np.sqrt(squares[:, at]).tolist()),
+                ),
+            ),
+        )
         for at, name in enumerate(DOCUMENT_MRAD)
-    )  # fmt: skip
+    )
     relaxed = _relaxed(problem)
     left_out = f"; limits left out: {', '.join(relaxed)}" if relaxed else ""
     return Form(

@@ -202,7 +202,7 @@ class RvTransmissionError(ToleranceProblem):
         rows = np.repeat(super()._corners(), 2, axis=0)
         rows[:, self.names.index(declared.PRECISION)] = [
             *super().interval(declared.PRECISION),
-        ] * 2  # fmt: skip
+        ] * 2
         return rows
 
     def references(self) -> dict[str, Array]:

@@ -112,14 +112,23 @@ class Definition(definition.Definition):
 
     @property
     def link_variables(self) -> tuple[Variable, ...]:
-        kinds = {declared.error(kind, at): (at, *row)
-                 for at in range(1, len(self.joints) + 1)
-                 for kind, row in declared.ERRORS.items()}  # fmt: skip
+        kinds = {
+            declared.error(kind, at): (at, *row)
+            for at in range(1, len(self.joints) + 1)
+            for kind, row in declared.ERRORS.items()
+        }
         return tuple(
-            Variable(name, kinds[name][1], Kind.STANDARD_DEVIATION, one.low, one.high,
-                     f"standard deviation of the {kinds[name][2]} {kinds[name][0]}", valid_low=1e-9)
+            Variable(
+                name,
+                kinds[name][1],
+                Kind.STANDARD_DEVIATION,
+                one.low,
+                one.high,
+                f"standard deviation of the {kinds[name][2]} {kinds[name][0]}",
+                valid_low=1e-9,
+            )
             for name, one in self.errors.items()
-        )  # fmt: skip
+        )
 
     @property
     def link_costs(self) -> Mapping[str, CostCurve]:
@@ -137,8 +146,10 @@ class Definition(definition.Definition):
         table = {**completed(own, {}), **self.table, "joints": count}
         chain = [replace(p, default=table[p.name], source="") for p in own]
         chain = [replace(p, low=count, high=count) if p.name == "joints" else p for p in chain]
-        return (*chain, *(replace(p, default=PAYLOAD) if p.name == "payload_kg" else p
-                          for p in OF_ROBOTS))  # fmt: skip
+        return (
+            *chain,
+            *(replace(p, default=PAYLOAD) if p.name == "payload_kg" else p for p in OF_ROBOTS),
+        )
 
     @property
     def near(self) -> Array:

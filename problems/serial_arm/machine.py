@@ -35,8 +35,11 @@ class ArmMachine(Machine):
 
     @property
     def columns(self) -> list[list[int]]:
-        every = [declared.error(kind, at) for at in range(1, len(self.definition.joints) + 1)
-                 for kind in declared.ERRORS]  # fmt: skip
+        every = [
+            declared.error(kind, at)
+            for at in range(1, len(self.definition.joints) + 1)
+            for kind in declared.ERRORS
+        ]
         return [[every.index(name)] for name in self.definition.links]
 
     @property

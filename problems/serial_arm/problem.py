@@ -84,14 +84,29 @@ class SerialArmAllocation(RobotProblem):
         for at in range(len(chain.d)):
             knee = origin[at] + chain.d[at] * now.axes[middle, at]
             names = [share_name(name) for name in self.link_names if f"_{at + 1}_" in name]
-            parts.append({"name": f"link {at + 1}", "kind": "link", "shares": names,
-                          "points": millimetres([origin[at], knee, origin[at + 1]])})  # fmt: skip
+            parts.append(
+                {
+                    "name": f"link {at + 1}",
+                    "kind": "link",
+                    "shares": names,
+                    "points": millimetres([origin[at], knee, origin[at + 1]]),
+                }
+            )
         for at in self.definition.gearings:
-            parts.append({"name": f"joint {at + 1}", "kind": "joint",
-                          "shares": [f"share_joint_{at + 1}_percent"],
-                          "points": millimetres([origin[at]])})  # fmt: skip
-        tool = {"name": "tool", "kind": "tool", "shares": [],
-                "points": millimetres([origin[-1], now.tool[middle]])}  # fmt: skip
+            parts.append(
+                {
+                    "name": f"joint {at + 1}",
+                    "kind": "joint",
+                    "shares": [f"share_joint_{at + 1}_percent"],
+                    "points": millimetres([origin[at]]),
+                }
+            )
+        tool = {
+            "name": "tool",
+            "kind": "tool",
+            "shares": [],
+            "points": millimetres([origin[-1], now.tool[middle]]),
+        }
         return {"parts": [*parts, tool], "poses": millimetres(list(now.tool))}
 
     # ---------------------------------------------------------------- faults and assumptions
@@ -102,14 +117,20 @@ class SerialArmAllocation(RobotProblem):
     def _out_of_reach(self) -> list[Fault]:
         reached, machine = self.machine.reached, self.machine
         why = blocking(machine.chain, reached, *self.definition.ends)
-        found = [(at, f"is out of reach by {1e3 * reached.missing[at]:.3g} mm: {text}")
-                 for at, text in enumerate(why) if text]  # fmt: skip
+        found = [
+            (at, f"is out of reach by {1e3 * reached.missing[at]:.3g} mm: {text}")
+            for at, text in enumerate(why)
+            if text
+        ]
         return self._at_poses(found, "move or shrink the cell, or widen range_deg")
 
     def _singular(self) -> list[Fault]:
         alike = singular(self.machine.chain, self.machine.frames)
-        found = [(at, f"is singular: joints {text} move the tool alike")
-                 for at, text in enumerate(alike) if text]  # fmt: skip
+        found = [
+            (at, f"is singular: joints {text} move the tool alike")
+            for at, text in enumerate(alike)
+            if text
+        ]
         return self._at_poses(found, "move the cell, or give another posture (near_deg)")
 
     def _at_poses(self, found: list[tuple[int, str]], remedy: str) -> list[Fault]:
@@ -136,9 +157,14 @@ class SerialArmAllocation(RobotProblem):
         if "gravity" not in self.machine.flanks:
             return []
         lacking = [at for at, one in enumerate(self.definition.joints) if one.mass is None]
-        return [Fault(f"joint[{at}].mass_kg", "is missing: gravity holds flanks by the masses of "
-                      'the links; write 0 where there is none, or set parameters.flanks = "free"')
-                for at in lacking]  # fmt: skip
+        return [
+            Fault(
+                f"joint[{at}].mass_kg",
+                "is missing: gravity holds flanks by the masses of "
+                'the links; write 0 where there is none, or set parameters.flanks = "free"',
+            )
+            for at in lacking
+        ]
 
     def assumptions(self) -> tuple[Assumption, ...]:
         own, cell = self.definition, self.definition.cell
@@ -150,8 +176,15 @@ class SerialArmAllocation(RobotProblem):
             for name in ("cost_factor", "backlash_factor"):
                 if (value := getattr(one, name)) != 1.0:
                     reason = f"of the reducer of joint {key}, against the one it is priced by"
-                    found.append(Assumption(f"joint[{int(key) - 1}].reducer.{name}", value, "",
-                                            reason, "configuration"))  # fmt: skip
+                    found.append(
+                        Assumption(
+                            f"joint[{int(key) - 1}].reducer.{name}",
+                            value,
+                            "",
+                            reason,
+                            "configuration",
+                        )
+                    )
         return (*super().assumptions(), *found)
 
 

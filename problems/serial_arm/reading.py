@@ -38,8 +38,11 @@ def read_definition(top: Section) -> Definition | None:
     if not nested:
         for at, one in enumerate(joints):
             if one.gearing is not None and not one.gearing.reducer.proven:
-                top.item("joint", at).fault("reducer", "nested = false needs a reducer with "
-                    "tolerances of its own: name a configuration of rv_backlash")  # fmt: skip
+                top.item("joint", at).fault(
+                    "reducer",
+                    "nested = false needs a reducer with "
+                    "tolerances of its own: name a configuration of rv_backlash",
+                )
     if faults.new or cell is None:
         return None
     if not rows:
@@ -66,8 +69,10 @@ def _joint(section: Section) -> Joint:
     centre = _triple(section, "centre_of_mass_mm", MM)
     heavy = "mass_kg" in section or "mass" in section
     if heavy and "centre_of_mass_mm" not in section and mass != 0.0:
-        section.fault("centre_of_mass_mm", "is missing: a mass needs its centre [mm] in the frame "
-                      "after the joint, as [x, y, z]")  # fmt: skip
+        section.fault(
+            "centre_of_mass_mm",
+            "is missing: a mass needs its centre [mm] in the frame after the joint, as [x, y, z]",
+        )
     if not heavy and "centre_of_mass_mm" in section:
         section.fault("mass_kg", "is missing: a centre of mass needs the mass")
     low, high = _ends(section)
@@ -129,8 +134,7 @@ def _cell(top: Section, joints: int, table: dict[str, Value], usual: Cell | None
     if tool is not None:
         if "tool" in top:
             section.fault("tool_mm", "is given twice: here and as [tool]")
-        table |= {f"nominal_tool_{axis}_mm": value
-                  for axis, value in zip("xyz", tool, strict=True)}  # fmt: skip
+        table |= {f"nominal_tool_{axis}_mm": value for axis, value in zip("xyz", tool, strict=True)}
     if "cell" not in top and usual is None:
         top.fault("cell", "is missing: give centre_mm and side_mm of a cube, or poses")
         return None

@@ -18,10 +18,15 @@ from .definition import Definition, Gearing, Joint, LinkError
 def definition_tables(own: Definition, parameters: Mapping[str, Value]) -> dict[str, Any]:
     """`[[joint]]`, `[base]`, `[tool]`, `[cell]`, and the other parameters."""
     rows = [_joint(parameters, at, one) for at, one in enumerate(own.joints, 1)]
-    frames = {stem: _frame(stem, axes, parameters)
-              for stem, axes in (("base", declared.BASE), ("tool", declared.TOOL))}  # fmt: skip
-    left = {name: value for name, value in parameters.items()
-            if not name.startswith("nominal_") and name != "joints"}  # fmt: skip
+    frames = {
+        stem: _frame(stem, axes, parameters)
+        for stem, axes in (("base", declared.BASE), ("tool", declared.TOOL))
+    }
+    left = {
+        name: value
+        for name, value in parameters.items()
+        if not name.startswith("nominal_") and name != "joints"
+    }
     return {"parameters": left, "joint": rows, **frames, "cell": _cell(own.cell)}
 
 
@@ -34,8 +39,7 @@ def _joint(parameters: Mapping[str, Value], at: int, joint: Joint) -> dict[str, 
         found |= {"mass_kg": joint.mass, "centre_of_mass_mm": _scaled(joint.centre, MM)}
     found["range_deg"] = _scaled((joint.low, joint.high), declared.DEG)
     found["reducer"] = "none" if joint.gearing is None else _gearing(joint.gearing)
-    return found | {f"{kind}_{declared.ERRORS[kind][0]}": _error(one)
-                    for kind, one in joint.errors}  # fmt: skip
+    return found | {f"{kind}_{declared.ERRORS[kind][0]}": _error(one) for kind, one in joint.errors}
 
 
 def _gearing(one: Gearing) -> dict[str, Any]:
@@ -62,8 +66,10 @@ def _error(one: LinkError | None) -> dict[str, Any] | str:
 
 def _frame(stem: str, axes: tuple[str, ...], parameters: Mapping[str, Value]) -> dict[str, Any]:
     units = {axis: "deg" if axis[0] == "r" else "mm" for axis in axes}
-    return {f"{axis}_{unit}": parameters[f"nominal_{stem}_{axis}_{unit}"]
-            for axis, unit in units.items()}  # fmt: skip
+    return {
+        f"{axis}_{unit}": parameters[f"nominal_{stem}_{axis}_{unit}"]
+        for axis, unit in units.items()
+    }
 
 
 def _cell(cell: Cell) -> dict[str, Any]:
@@ -74,8 +80,12 @@ def _cell(cell: Cell) -> dict[str, Any]:
     if cell.near:
         found["near_deg"] = _scaled(cell.near, declared.DEG)
     if not cell.listed:
-        return found | {"centre_mm": _scaled(cell.centre, MM), "side_mm": cell.side / MM,
-                        "poses": cell.kind, "per_edge": cell.per_edge}  # fmt: skip
+        return found | {
+            "centre_mm": _scaled(cell.centre, MM),
+            "side_mm": cell.side / MM,
+            "poses": cell.kind,
+            "per_edge": cell.per_edge,
+        }
     key = "joints_deg" if cell.in_joints else "poses"
     return found | {key: [_row(row, cell.in_joints) for row in cell.listed]}
 

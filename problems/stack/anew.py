@@ -25,8 +25,11 @@ def with_statement(stack: Stack, statement: str) -> Stack:
 
 def promising(stack: Stack, promise: Promise) -> Stack:
     """The stack with a promise, whose limits take the place of those of the promise before."""
-    limits = {name: bound for name, bound in stack.given.limits.items()
-              if not name.split(".")[-1].endswith("yield_percent")}  # fmt: skip
+    limits = {
+        name: bound
+        for name, bound in stack.given.limits.items()
+        if not name.split(".")[-1].endswith("yield_percent")
+    }
     definition = replace(stack.definition, promise=promise)
     return type(stack)(replace(stack.given, definition=definition, limits=limits))
 
@@ -40,8 +43,9 @@ def cheapest_at(stack: Stack, levels: Mapping[str, float]) -> Stack:
 def with_knowledge(stack: Stack, known: Mapping[str, Knowledge]) -> Stack:
     """The stack with other knowledge of the processes of some measured parts, means included."""
     definition = stack.definition
-    parts = tuple(_part(part, known[part.name]) if part.name in known else part
-                  for part in definition.parts)  # fmt: skip
+    parts = tuple(
+        _part(part, known[part.name]) if part.name in known else part for part in definition.parts
+    )
     mechanisms = tuple(_mechanism(one, definition.parts, parts) for one in definition.mechanisms)
     anew = replace(definition, parts=parts, mechanisms=mechanisms)
     return type(stack)(replace(stack.given, definition=anew))
@@ -61,5 +65,9 @@ def _mechanism(one: Mechanism, before: tuple[Part, ...], parts: tuple[Part, ...]
     mids = one.mids
     if mids is not None and one.scale is not None:
         mids = mids + one.scale * [moved[at] for at in one.owner]
-    return replace(one, inputs=tuple(part.distribution for part in parts),
-                   centre=one.centre + float(shift), mids=mids)  # fmt: skip
+    return replace(
+        one,
+        inputs=tuple(part.distribution for part in parts),
+        centre=one.centre + float(shift),
+        mids=mids,
+    )

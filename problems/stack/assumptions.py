@@ -8,8 +8,9 @@ from ..assumptions import SAMPLED, told
 from .build import nominal_sum
 from .definition import Definition
 
-UNMEASURED = ("no part is measured: its scatter counts as known, and as normal where yields are "
-              "promised")  # fmt: skip
+UNMEASURED = (
+    "no part is measured: its scatter counts as known, and as normal where yields are promised"
+)
 
 
 def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
@@ -19,15 +20,20 @@ def assumptions_of(definition: Definition) -> tuple[Assumption, ...]:
         values = {"distribution": type(part.distribution).__name__, "unit": part.unit}
         if part.sample is not None:
             known = part.sample.statement(part.unit)
-            found.append(Assumption(f"part.{part.name}.measured", known, "",
-                                    told(definition.promise)))  # fmt: skip
+            found.append(
+                Assumption(f"part.{part.name}.measured", known, "", told(definition.promise))
+            )
         elif not part.sampled and told(definition.promise) == SAMPLED:
-            found.append(Assumption(f"part.{part.name}.process", type(part.distribution).__name__,
-                                    "", UNMEASURED))  # fmt: skip
+            found.append(
+                Assumption(
+                    f"part.{part.name}.process", type(part.distribution).__name__, "", UNMEASURED
+                )
+            )
         for machine, sample in samples_of(part.machines):
             place = f"part.{part.name}.machine.{machine}.measured"
-            found.append(Assumption(place, sample.statement(part.unit), "",
-                                    told(definition.promise)))  # fmt: skip
+            found.append(
+                Assumption(place, sample.statement(part.unit), "", told(definition.promise))
+            )
         for key, why in part.assumed.items():
             value = values.get(key) or str(part.stated.get(key, ""))
             found.append(Assumption(f"part.{part.name}.{key}", value, "", why))

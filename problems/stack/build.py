@@ -69,9 +69,14 @@ def _matrix(
         found[i, j] = found[j, i] = one.coefficient
     least = float(np.linalg.eigvalsh(found)[0])
     if least < -1e-10:
-        faults.append(Fault("correlation", "the matrix is not positive semidefinite (its smallest "
-                            f"eigenvalue is {least:.4g}): no parts can vary like this; make the "
-                            "coefficients smaller"))  # fmt: skip
+        faults.append(
+            Fault(
+                "correlation",
+                "the matrix is not positive semidefinite (its smallest "
+                f"eigenvalue is {least:.4g}): no parts can vary like this; make the "
+                "coefficients smaller",
+            )
+        )
         return None
     return found
 
@@ -83,8 +88,11 @@ def _with_sensitivities(
     each = np.array([part.sensitivities.get(requirement.key, 0.0) for part in parts])
     nominal = requirement.nominal
     if nominal is None:
-        missing = [part.name for part, slope in zip(parts, each, strict=True)
-                   if part.nominal is None and slope != 0.0]  # fmt: skip
+        missing = [
+            part.name
+            for part, slope in zip(parts, each, strict=True)
+            if part.nominal is None and slope != 0.0
+        ]
         if missing and bare.bounded:
             text = "is missing: lower and upper need it, or the nominal of every part (not given: "
             faults.append(Fault(f"{requirement.place}.nominal", f"{text}{', '.join(missing)})"))

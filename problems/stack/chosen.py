@@ -41,8 +41,12 @@ def level_of(measured: Sequence[Measured], promise: Promise, seed: int) -> Level
                 df.append(np.inf if known is None else known.df)
                 n.append(np.inf if known is None else known.n)
     ways = [_ways(part, at, bounded, owners) for at, part in enumerate(parts)]
-    found = calibrated(ways, Processes(np.array(df), np.array(n)), _aim(bounded, promise),
-                       np.random.default_rng([seed, len(parts)]))  # fmt: skip
+    found = calibrated(
+        ways,
+        Processes(np.array(df), np.array(n)),
+        _aim(bounded, promise),
+        np.random.default_rng([seed, len(parts)]),
+    )
     return found if found.sure else Level(NEVER, found.kept, found.without, sure=False)
 
 
@@ -82,8 +86,9 @@ def _ways(
         mean.append(made[1])
     spreads, means = np.concatenate(spread), np.concatenate(mean)
     each = np.array([one.linear.covariance[at, at] for one in bounded])
-    squares = np.array([np.sum(one.mechanism.sensitivities[one.mechanism.owners == at] ** 2)
-                        for one in bounded])  # fmt: skip
+    squares = np.array(
+        [np.sum(one.mechanism.sensitivities[one.mechanism.owners == at] ** 2) for one in bounded]
+    )
     slope = np.array([one.linear.slope[at] for one in bounded])
     moving = np.array([one.linear.mean[at] for one in bounded])
     return Ways(

@@ -42,8 +42,9 @@ def form_of(stack: Stack, gaussian: bool = False) -> Form | None:
     left_out = _left_out(stack, {row.output for row in rows})
     independent = np.array_equal(within, np.eye(len(kept)))
     quantiles = tuple(quantile_of(one, kept, settled, t) for one in rows)
-    rooted = [0.0 if one.probability else _square(one.spread, t, correlation, settled)
-              for one in rows]  # fmt: skip
+    rooted = [
+        0.0 if one.probability else _square(one.spread, t, correlation, settled) for one in rows
+    ]
     surpluses = tuple(surplus_of(one, kept, settled, t) for one in rows)
     names = [one.output for one in rows if one.most < np.inf and not one.promised]
     limited = any(one.most < np.inf for one in rows)

@@ -40,8 +40,11 @@ class PartCosts:
         """Least and largest cost: every part in its cheapest and its dearest process."""
         ends = np.zeros(2)
         for part in self.parts:
-            each = [process.curve.cost(np.array([process.high, process.low]))
-                    for process in part.processes if process.curve is not None]  # fmt: skip
+            each = [
+                process.curve.cost(np.array([process.high, process.low]))
+                for process in part.processes
+                if process.curve is not None
+            ]
             if each:
                 ends += part.count * np.array([np.min(each), np.max(each)])
         return float(ends[0]), float(ends[1])

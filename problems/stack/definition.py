@@ -134,8 +134,10 @@ class Part:
     @property
     def ends(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Tightest and loosest half-width of each process."""
-        return (np.array([p.low for p in self.processes]),
-                np.array([p.high for p in self.processes]))  # fmt: skip
+        return (
+            np.array([p.low for p in self.processes]),
+            np.array([p.high for p in self.processes]),
+        )
 
     @property
     def free_of_charge(self) -> bool:

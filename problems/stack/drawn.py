@@ -21,8 +21,10 @@ def drawn(part: Part) -> dict[str, str]:
 
 def labels_of(requirement: Requirement) -> dict[str, object]:
     """What readers know a requirement by: name, limits and their unit, description, drawing."""
-    found = {key: getattr(requirement, key)
-             for key in ("name", "lower", "upper", "unit", "description", "drawing")}  # fmt: skip
+    found = {
+        key: getattr(requirement, key)
+        for key in ("name", "lower", "upper", "unit", "description", "drawing")
+    }
     return {key: value for key, value in found.items() if value not in (None, "")}
 
 

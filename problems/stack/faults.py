@@ -48,10 +48,13 @@ def unit_faults(
     places = [("objectives.minimise", name) for name in objectives if name in VARIATIONS]
     places += [(f"limits.{name}", name) for name in limits if name in VARIATIONS]
     return [
-        Fault(place, f"{name} is over requirements of different units ({units}): name one of them, "
-              f"like {requirements[0].key}.{name}, or give all the same unit")
+        Fault(
+            place,
+            f"{name} is over requirements of different units ({units}): name one of them, "
+            f"like {requirements[0].key}.{name}, or give all the same unit",
+        )
         for place, name in places
-    ]  # fmt: skip
+    ]
 
 
 def size_faults(stack: Stack) -> list[Fault]:
@@ -96,9 +99,11 @@ def _off_limits(one: Measured, share: float) -> str:
     mechanism, unit = one.mechanism, one.requirement.unit
     above = mechanism.centre > mechanism.upper
     limit = f"above upper = {mechanism.upper:g}" if above else f"below lower = {mechanism.lower:g}"
-    return (f"is {mechanism.centre:g} {unit} at the nominal values, {limit}: whatever the "
-            f"tolerances, fewer than half of the units conform, and {share:g} % are asked for; "
-            "move the nominal values or the limits")  # fmt: skip
+    return (
+        f"is {mechanism.centre:g} {unit} at the nominal values, {limit}: whatever the "
+        f"tolerances, fewer than half of the units conform, and {share:g} % are asked for; "
+        "move the nominal values or the limits"
+    )
 
 
 def domain_faults(stack: Stack) -> list[Fault]:
@@ -111,8 +116,10 @@ def domain_faults(stack: Stack) -> list[Fault]:
         coverage = stack.settings.propagation.coverage
         width = half_width(one.mechanism, ends, stack.yields.searching, coverage)
         if not np.isfinite(width[0]):
-            text = ("the formula has no value for some units of the sample even at the tightest "
-                    "tolerances; tighten the ranges")  # fmt: skip
+            text = (
+                "the formula has no value for some units of the sample even at the tightest "
+                "tolerances; tighten the ranges"
+            )
             found.append(Fault(f"{one.requirement.place}.formula", text))
     return found
 
@@ -135,10 +142,12 @@ def range_faults(stack: Stack) -> list[Fault]:
             if not least[limit.name][0] <= limit.high < own[limit.name][0]:
                 continue
             names = [f"{name}_t" for at, name in enumerate(limits) if moved[at] > low[at]]
-            text = (f"at most {limit.high:.6g} {limit.unit} contradicts the least tolerance that "
-                    f"limits.{', limits.'.join(names)} ask for: with it the least {limit.name} is "
-                    f"{own[limit.name][0]:.6g}, without it {least[limit.name][0]:.6g}; "
-                    "raise the one or lower the other")  # fmt: skip
+            text = (
+                f"at most {limit.high:.6g} {limit.unit} contradicts the least tolerance that "
+                f"limits.{', limits.'.join(names)} ask for: with it the least {limit.name} is "
+                f"{own[limit.name][0]:.6g}, without it {least[limit.name][0]:.6g}; "
+                "raise the one or lower the other"
+            )
             found.append(Fault(f"limits.{limit.name}", text))
     return found
 

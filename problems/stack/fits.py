@@ -37,8 +37,9 @@ def read_fits(top: Section, faults: list[Fault]) -> dict[str, str]:
 
 def _check(section: Section, names: list[str], known: list[str], found: dict[str, str]) -> None:
     if len(names) != 2 or names[0] == names[1]:
-        section.fault("parts", "must name two different parts, the hole first, got "
-                      f"{', '.join(names)}")  # fmt: skip
+        section.fault(
+            "parts", f"must name two different parts, the hole first, got {', '.join(names)}"
+        )
     for name in names:
         if name not in known:
             section.fault("parts", f'"{name}" is not a part{nearest(name, known)}')

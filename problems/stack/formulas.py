@@ -33,8 +33,11 @@ def with_formula(
     before = len(faults)
     faults += _name_faults(formula, parts, requirement)
     used = [any(piece in formula.names for piece in part.pieces) for part in parts]
-    faults += [Fault(f"part[{at}].nominal", f"is missing: the formula needs it (part {part.name})")
-               for at, part in enumerate(parts) if used[at] and part.nominal is None]  # fmt: skip
+    faults += [
+        Fault(f"part[{at}].nominal", f"is missing: the formula needs it (part {part.name})")
+        for at, part in enumerate(parts)
+        if used[at] and part.nominal is None
+    ]
     if len(faults) > before:
         return None
     gain, scale = _units(requirement, [part for part, one in zip(parts, used, strict=True) if one])
@@ -42,8 +45,9 @@ def with_formula(
     scales[used] = scale
     nominals = scales * np.array([part.nominal or 0.0 for part in parts])
     mids = nominals + scales * np.array([part.mean for part in parts])
-    found = replace(bare, formula=formula, mids=mids[bare.owners], scale=scales[bare.owners],
-                    gain=gain)  # fmt: skip
+    found = replace(
+        bare, formula=formula, mids=mids[bare.owners], scale=scales[bare.owners], gain=gain
+    )
     if why := _undefined(found, nominals[bare.owners], parts):
         faults.append(Fault(place, why))
         return None

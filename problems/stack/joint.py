@@ -53,8 +53,12 @@ def joint_intervals(
     found = {}
     for kind in VARIATIONS if each[0].requirement.key else ():
         ends = [(one.requirement.weight, intervals.get(one.name(kind))) for one in each]
-        known = [(weight * low, weight * high) for weight, pair in ends if pair is not None
-                 for low, high in [pair]]  # fmt: skip
+        known = [
+            (weight * low, weight * high)
+            for weight, pair in ends
+            if pair is not None
+            for low, high in [pair]
+        ]
         if len(known) == len(each):
             found[kind] = max(low for low, _ in known), max(high for _, high in known)
     return found

@@ -64,8 +64,10 @@ def ends_as_made(parts: Sequence[Part]) -> tuple[Tolerances, Tolerances]:
     low, high = (np.array([[one[side] for one in each] for each in ends]) for side in (0, 1))
     if not any(part.by_machine for part in parts):
         return low[:, 0].reshape(1, -1), high[:, 0].reshape(1, -1)
-    return (AsMade(*(low[:, at].reshape(1, -1) for at in range(3))),
-            AsMade(*(high[:, at].reshape(1, -1) for at in range(3))))  # fmt: skip
+    return (
+        AsMade(*(low[:, at].reshape(1, -1) for at in range(3))),
+        AsMade(*(high[:, at].reshape(1, -1) for at in range(3))),
+    )
 
 
 def _ends(part: Part) -> list[tuple[float, float]]:

@@ -151,8 +151,12 @@ class Measured:
         worst = float(self.linear.worst_case(low)[0]), float(self.linear.worst_case(high)[0])
         rss = self._rss_interval(spread_of(low)[0], spread_of(high)[0])
         shift = self._shift(low), self._shift(high)
-        found = {"worst_case": worst, "rss": rss, "yield_percent": (0.0, self._most_yield(low)),
-                 "shifted_rss": (rss[0] + shift[0], rss[1] + shift[1])}  # fmt: skip
+        found = {
+            "worst_case": worst,
+            "rss": rss,
+            "yield_percent": (0.0, self._most_yield(low)),
+            "shifted_rss": (rss[0] + shift[0], rss[1] + shift[1]),
+        }
         method = self.requirement.method
         if method in found:
             found["variation"] = found[method]
@@ -171,8 +175,12 @@ class Measured:
     def _still(self) -> bool:
         """Whether deviations are even and unimodal about a mean that no tolerance moves."""
         made = any(part.by_machine or part.alternatives for part in self.parts)
-        return (not made and isinstance(self.law, Law) and not np.any(self.law.mean)
-                and not np.any(self.linear.covariance < 0.0))  # fmt: skip
+        return (
+            not made
+            and isinstance(self.law, Law)
+            and not np.any(self.law.mean)
+            and not np.any(self.linear.covariance < 0.0)
+        )
 
     def _most_yield(self, tightest: Tolerances) -> float:
         """The largest yield [percent]: that of the tightest parts, where the mean stays within the

@@ -76,8 +76,15 @@ def _joint(requirements: Sequence[Requirement]) -> list[Output]:
     """Outputs over all of several requirements."""
     unit, found = common_unit(requirements), []
     if unit is not None:
-        found = [Output(kind, unit, f"largest {kind.replace('_', ' ')} of all requirements, each "
-                        "times its weight", low=0.0) for kind in VARIATIONS]  # fmt: skip
+        found = [
+            Output(
+                kind,
+                unit,
+                f"largest {kind.replace('_', ' ')} of all requirements, each times its weight",
+                low=0.0,
+            )
+            for kind in VARIATIONS
+        ]
     return found + _yields("yield_percent", "units that keep every requirement within its limits")
 
 
@@ -97,13 +104,23 @@ def _own(
         *_yields(own("yield_percent"), f"units with {name} within its limits"),
     ]
     if measured is None or measured.partial:
-        found.append(Output(own("domain_margin"), "", f"distance of {name} from the edge of its "
-                            "formula's domain, in units of that at the mid-limits",
-                            larger_is_better=True))  # fmt: skip
+        found.append(
+            Output(
+                own("domain_margin"),
+                "",
+                f"distance of {name} from the edge of its "
+                "formula's domain, in units of that at the mid-limits",
+                larger_is_better=True,
+            )
+        )
     return found + [
-        Output(own(f"contribution_{parts[at].name}_percent"), "percent",
-               f"share of part {parts[at].name} in the {of_what}") for at in shown
-    ]  # fmt: skip
+        Output(
+            own(f"contribution_{parts[at].name}_percent"),
+            "percent",
+            f"share of part {parts[at].name} in the {of_what}",
+        )
+        for at in shown
+    ]
 
 
 def _yields(name: str, meaning: str) -> list[Output]:

@@ -87,8 +87,10 @@ def _read(
         section.fault("distribution", text)
         return None
     if zone.machines and not (isinstance(distribution, Normal) and distribution.shift == 0.0):
-        section.fault("distribution", "must be normal and centred beside machines: state mean in "
-                      "[[part.machine]]")  # fmt: skip
+        section.fault(
+            "distribution",
+            "must be normal and centred beside machines: state mean in [[part.machine]]",
+        )
         return None
     sample = None
     if "measured" in section:
@@ -100,8 +102,9 @@ def _read(
     elif "distribution" not in section and not zone.machines:
         assumed["distribution"] = "normal; the configuration names none"
     part = _part(name, unit, distribution, zone, nominal, count, sensitivities, assumed)
-    return replace(part, geometry=labels[0], drawing=labels[1], characteristic=labels[2],
-                   sample=sample)  # fmt: skip
+    return replace(
+        part, geometry=labels[0], drawing=labels[1], characteristic=labels[2], sample=sample
+    )
 
 
 def _sample(
@@ -112,13 +115,15 @@ def _sample(
     for key in stated:
         section.fault(key, "is stated beside [part.measured], which tells it: keep one")
     if zone.machines or len(zone.processes) != 1:
-        section.fault("measured", "is of one process: a part with several takes its scatter from "
-                      "its machines or distribution")  # fmt: skip
+        section.fault(
+            "measured",
+            "is of one process: a part with several takes its scatter from "
+            "its machines or distribution",
+        )
         return None
     (process,) = zone.processes
     nominal = zone.nominal if nominal is None else nominal
-    found = read_sample(section, unit, nominal, zone.mid,
-                        process.high if zone.fixed else None)  # fmt: skip
+    found = read_sample(section, unit, nominal, zone.mid, process.high if zone.fixed else None)
     return None if stated else found
 
 
@@ -151,8 +156,11 @@ def _part(
 
 def _labels(section: Section) -> tuple[str, str, str]:
     """Geometrical characteristic, number of the drawing, number of the characteristic on it."""
-    return (section.text("geometry", SYMBOLS) or "", _number(section, "drawing"),
-            _number(section, "characteristic"))  # fmt: skip
+    return (
+        section.text("geometry", SYMBOLS) or "",
+        _number(section, "drawing"),
+        _number(section, "characteristic"),
+    )
 
 
 def _number(section: Section, key: str) -> str:

@@ -34,8 +34,9 @@ class Posterior:
     def _drawn(self, chosen: tuple[int, ...]) -> Draws:
         """Draws of the processes that make the parts."""
         none = np.ones(self.draws), np.zeros(self.draws)
-        pairs = [self._each.get((at, self._source(at, number)), none)
-                 for at, number in enumerate(chosen)]  # fmt: skip
+        pairs = [
+            self._each.get((at, self._source(at, number)), none) for at, number in enumerate(chosen)
+        ]
         variance, error = zip(*pairs, strict=True)
         return Draws(np.stack(variance, axis=1), np.stack(error, axis=1))
 
@@ -63,8 +64,10 @@ class Posterior:
         if made is None or not any(part.machines for part in self.parts if part.sampled):
             return [((0,) * len(self.parts), np.arange(len(t)))]
         ways, owner = np.unique(made, axis=0, return_inverse=True)
-        return [(tuple(one), np.flatnonzero(owner.ravel() == at))
-                for at, one in enumerate(ways.tolist())]  # fmt: skip
+        return [
+            (tuple(one), np.flatnonzero(owner.ravel() == at))
+            for at, one in enumerate(ways.tolist())
+        ]
 
     def assurance(self, of: Sequence[Measured], t: Tolerances, share: float) -> tuple[Array, Array]:
         """Probability [percent] (n,) that a share of the units keeps every requirement, its error.
@@ -94,21 +97,34 @@ class Posterior:
     def _portions(self, t: Tolerances) -> list[tuple[tuple[int, ...], NDArray[np.int64]]]:
         """Rows of designs that are looked at together, with the processes that they choose."""
         step = max(1, AT_ONCE // self.draws)
-        return [(chosen, rows[first : first + step]) for chosen, rows in self._choices(t)
-                for first in range(0, len(rows), step)]  # fmt: skip
+        return [
+            (chosen, rows[first : first + step])
+            for chosen, rows in self._choices(t)
+            for first in range(0, len(rows), step)
+        ]
 
     @property
     def _std(self) -> Array:
         """Standard deviations (p,) at t = 1 of parts that are known by samples, else 0."""
-        return np.array([p.distribution.sigma if p.sampled else 0.0  # type: ignore[attr-defined]
-                         for p in self.parts])  # fmt: skip
+        return np.array(
+            [
+                p.distribution.sigma if p.sampled else 0.0  # type: ignore[attr-defined]
+                for p in self.parts
+            ]
+        )
 
     def _sums(self, one: Measured, t: Tolerances) -> Sums:
         """The requirement as a sum of the deviations of the parts."""
         s, mechanism, linear = spread_of(t), one.mechanism, one.linear
         mean = mechanism.centre + mean_of(t) @ linear.slope + s @ linear.mean
-        return Sums(mean, s * np.sqrt(np.diag(linear.covariance)), s * linear.slope * self._std,
-                    np.zeros(len(s)), mechanism.lower, mechanism.upper)  # fmt: skip
+        return Sums(
+            mean,
+            s * np.sqrt(np.diag(linear.covariance)),
+            s * linear.slope * self._std,
+            np.zeros(len(s)),
+            mechanism.lower,
+            mechanism.upper,
+        )
 
     def _yields(self, one: Measured, t: Tolerances, chosen: tuple[int, ...]) -> Array:
         """Yields (n, draws)."""
@@ -117,8 +133,11 @@ class Posterior:
     def _slopes(self, one: Measured, t: Tolerances, chosen: tuple[int, ...]) -> Array:
         sums, drawn = self._sums(one, t), self._drawn(chosen)
         std, above, below = sums.ends(drawn)
-        bells = [np.where(np.isfinite(z), np.exp(-0.5 * np.where(np.isfinite(z), z, 0.0) ** 2), 0.0)
-                 / (np.sqrt(2.0 * np.pi) * std) for z in (above, below)]  # fmt: skip
+        bells = [
+            np.where(np.isfinite(z), np.exp(-0.5 * np.where(np.isfinite(z), z, 0.0) ** 2), 0.0)
+            / (np.sqrt(2.0 * np.pi) * std)
+            for z in (above, below)
+        ]
         far = [np.where(np.isfinite(z), z, 0.0) for z in (above, below)]
         by_mean = -(bells[0] - bells[1])
         by_std = -(bells[0] * far[0] - bells[1] * far[1])

@@ -113,11 +113,17 @@ class Stack(ToleranceProblem):
     def _completed(self, given: Settings) -> Settings:
         """Fixed tolerances, and processes without an alternative, are fixed variables."""
         fixed = {f"{p.name}_t": p.low for p in self.definition.parts if p.low == p.high}
-        fixed |= {f"{p.name}_process": 0.0 for p in self.definition.parts
-                  if p.alternatives and len(p.processes) == 1}  # fmt: skip
+        fixed |= {
+            f"{p.name}_process": 0.0
+            for p in self.definition.parts
+            if p.alternatives and len(p.processes) == 1
+        }
         settings = {name: VariableSetting(value=value) for name, value in fixed.items()}
-        limits = {one.name("domain_margin"): Bound(low=0.0)
-                  for one in self.measured if one.bound_to_domain}  # fmt: skip
+        limits = {
+            one.name("domain_margin"): Bound(low=0.0)
+            for one in self.measured
+            if one.bound_to_domain
+        }
         limits |= promise_limits(self.definition, given.limits)
         return super()._completed(
             replace(given, variables=settings | dict(given.variables), limits=limits)
@@ -162,9 +168,12 @@ class Stack(ToleranceProblem):
         return {
             f"{part.name}_t": wrong
             for part in self._parts
-            if (wrong := out_of_process(part, self.column(designs, f"{part.name}_t"),
-                                        self._chosen(designs, part)))
-        }  # fmt: skip
+            if (
+                wrong := out_of_process(
+                    part, self.column(designs, f"{part.name}_t"), self._chosen(designs, part)
+                )
+            )
+        }
 
     # ---------------------------------------------------------------- outputs
 
@@ -240,9 +249,12 @@ class Stack(ToleranceProblem):
         )
 
     def mechanism(self) -> dict[str, object]:
-        return super().mechanism() | {"requirements": [
-            labels_of(one.requirement) | {"centre": one.mechanism.centre} for one in self.measured
-        ]}  # fmt: skip
+        return super().mechanism() | {
+            "requirements": [
+                labels_of(one.requirement) | {"centre": one.mechanism.centre}
+                for one in self.measured
+            ]
+        }
 
     def drawn(self, name: str) -> Mapping[str, str]:
         return {f"{p.name}_t": drawn(p) for p in self._parts}.get(name, {})
@@ -333,8 +345,10 @@ class Stack(ToleranceProblem):
     @cached_property
     def ends_of_t(self) -> tuple[Array, Array]:
         """Tightest and loosest half-width (parts,)."""
-        return (np.array([part.low for part in self._parts]),
-                np.array([part.high for part in self._parts]))  # fmt: skip
+        return (
+            np.array([part.low for part in self._parts]),
+            np.array([part.high for part in self._parts]),
+        )
 
     @cached_property
     def ends_as_made(self) -> tuple[Tolerances, Tolerances]:

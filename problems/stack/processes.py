@@ -20,8 +20,10 @@ def out_of_process(part: Part, t: Array, chosen: NDArray[np.int64]) -> dict[int,
     for row, (own, at) in enumerate(zip(t, chosen, strict=True)) if part.alternatives else ():
         process = part.processes[at]
         if not process.low <= own <= process.high:
-            found[row] = (f"process {process.name} holds {process.low:g} to {process.high:g} "
-                          f"{part.unit}, got {own:g}")  # fmt: skip
+            found[row] = (
+                f"process {process.name} holds {process.low:g} to {process.high:g} "
+                f"{part.unit}, got {own:g}"
+            )
     return found
 
 
@@ -42,6 +44,8 @@ def samples_of(parts: Sequence[Part]) -> tuple[tuple[str, str, PartSample], ...]
     found: list[tuple[str, str, PartSample]] = []
     for part in parts:
         found += [] if part.sample is None else [(part.name, part.unit, part.sample)]
-        found += [(f"{part.name}, machine {machine}", part.unit, sample)
-                  for machine, sample in offers.samples_of(part.machines)]  # fmt: skip
+        found += [
+            (f"{part.name}, machine {machine}", part.unit, sample)
+            for machine, sample in offers.samples_of(part.machines)
+        ]
     return tuple(found)

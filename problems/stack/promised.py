@@ -40,19 +40,26 @@ class Promised:
         squares = np.bincount(one.mechanism.owners, slopes**2, minlength=len(each))
         alone = np.divide(each, squares, out=np.zeros_like(each), where=squares > 0.0)
         return tuple(
-            norm_of([part.known(min(number, len(part.processes) - 1)) for part in one.parts],
-                    each, one.linear.slope**2 * alone, self.promise.confidence, self.level,
-                    self.quantile if len(self.sides) == 1 else None)
+            norm_of(
+                [part.known(min(number, len(part.processes) - 1)) for part in one.parts],
+                each,
+                one.linear.slope**2 * alone,
+                self.promise.confidence,
+                self.level,
+                self.quantile if len(self.sides) == 1 else None,
+            )
             for number in range(max(len(part.processes) for part in one.parts))
-        )  # fmt: skip
+        )
 
     def norm(self, t: Tolerances) -> Norm:
         """The norm of designs by the processes that they choose."""
         if not isinstance(t, AsMade) or t.chosen is None or len(self.norms) == 1:
             return self.norms[0]
         at = t.chosen, np.arange(t.chosen.shape[1])
-        even, own, shared = (np.array([getattr(one, name) for one in self.norms])[at]
-                             for name in ("even", "own", "shared"))  # fmt: skip
+        even, own, shared = (
+            np.array([getattr(one, name) for one in self.norms])[at]
+            for name in ("even", "own", "shared")
+        )
         errors = [one.error for one in self.norms if one.error is not None]
         return Norm(even, own, shared, np.array(errors)[at] if errors else None)
 
@@ -60,8 +67,10 @@ class Promised:
     def sides(self) -> list[tuple[float, float]]:
         """Direction and distance of each limit from the mean that does not move with t."""
         mechanism = self.measured.mechanism
-        ends = [(1.0, mechanism.upper - mechanism.centre),
-                (-1.0, mechanism.centre - mechanism.lower)]  # fmt: skip
+        ends = [
+            (1.0, mechanism.upper - mechanism.centre),
+            (-1.0, mechanism.centre - mechanism.lower),
+        ]
         return [(side, room) for side, room in ends if np.isfinite(room)]
 
     @property

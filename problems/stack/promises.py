@@ -57,8 +57,10 @@ def promise_faults(definition: Definition, given: Mapping[str, Bound]) -> list[F
         text = "is of no requirement: none has lower or upper, without which there is no yield"
         found.append(Fault("promise", text))
     if definition.correlations and promise.statement != PLUG_IN:
-        text = (f"cannot be {promise.statement} beside [[correlation]]: what samples tell of "
-                "correlated parts is not known; state plug_in")  # fmt: skip
+        text = (
+            f"cannot be {promise.statement} beside [[correlation]]: what samples tell of "
+            "correlated parts is not known; state plug_in"
+        )
         found.append(Fault("promise.statement", text))
     return found
 
@@ -109,8 +111,11 @@ class Promises:
 
     def slopes(self, t: Tolerances, wanted: Collection[str]) -> dict[str, Array]:
         """Derivatives (n, parts) of promised yields that are wanted."""
-        return {name: one.slopes(t) for one in self.each
-                if (name := one.measured.name(PROMISED)) in wanted}  # fmt: skip
+        return {
+            name: one.slopes(t)
+            for one in self.each
+            if (name := one.measured.name(PROMISED)) in wanted
+        }
 
     def intervals(self, tightest: Tolerances) -> dict[str, Interval]:
         """Proven ends: an assured yield is largest at the tightest tolerances (1, parts)."""

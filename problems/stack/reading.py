@@ -86,8 +86,10 @@ def _uncorrelated(name: str, owners: dict[str, Part], parts: list[Part]) -> str:
     if name not in owners:
         return f'"{name}" is not a part{nearest(name, owners)}'
     if owners[name].by_machine:
-        return (f"{name} is made by machines: only parts whose scatter follows their tolerance can "
-                "be correlated")  # fmt: skip
+        return (
+            f"{name} is made by machines: only parts whose scatter follows their tolerance can "
+            "be correlated"
+        )
     if not isinstance(owners[name].distribution, Normal):
         return f"{name} is not normal: only normal parts can be correlated"
     return ""
@@ -102,8 +104,11 @@ def _either(requirement: Requirement, top: Section, parts: list[Part | None]) ->
     ]
     if requirement.formula:
         text = "is given beside requirement.formula: keep one of them"
-        return [Fault(f"part[{at}].sensitivity", text + names[at])
-                for at, one in enumerate(given) if one]  # fmt: skip
+        return [
+            Fault(f"part[{at}].sensitivity", text + names[at])
+            for at, one in enumerate(given)
+            if one
+        ]
     section = top.section("requirement")
     if not any(given):
         if "formula" in section and section.take("formula") != "":
@@ -111,5 +116,8 @@ def _either(requirement: Requirement, top: Section, parts: list[Part | None]) ->
         text = "is missing: give a formula, or a sensitivity for every part"
         return [Fault("requirement.formula", text)]
     text = "is missing: without a formula every part has one"
-    return [Fault(f"part[{at}].sensitivity", text + names[at])
-            for at, one in enumerate(given) if not one]  # fmt: skip
+    return [
+        Fault(f"part[{at}].sensitivity", text + names[at])
+        for at, one in enumerate(given)
+        if not one
+    ]

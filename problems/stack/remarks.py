@@ -33,11 +33,17 @@ WARNING_SAMPLES = 131_072
 
 def warnings_of(stack: Stack) -> tuple[str, ...]:
     """Unverified grades, formulas that leave their domain, linear models that mislead."""
-    found = [f"part {part.name}: {why}" for part in stack.definition.parts
-             for key, why in part.assumed.items() if key in ("grade", "fit")]  # fmt: skip
+    found = [
+        f"part {part.name}: {why}"
+        for part in stack.definition.parts
+        for key, why in part.assumed.items()
+        if key in ("grade", "fit")
+    ]
     found += [text for part in stack.definition.parts if (text := _impossible(part))]
-    each = [price_remark(part.name, part.processes, part.stated.get("price", {}))
-            for part in stack.definition.parts]  # fmt: skip
+    each = [
+        price_remark(part.name, part.processes, part.stated.get("price", {}))
+        for part in stack.definition.parts
+    ]
     found += [remark for remark in each if remark]
     for part in stack.definition.parts:
         for process in part.processes:
@@ -54,8 +60,9 @@ def warnings_of(stack: Stack) -> tuple[str, ...]:
             unit = f" {one.requirement.unit}".rstrip()
             sample = stack.yields.drawn(WARNING_SAMPLES)
             told = linearity_warnings(one.mechanism, one.linear, *_tried(stack, one), unit, sample)
-            found += [f"{one.requirement.key}: {text}" if one.requirement.key else text
-                      for text in told]  # fmt: skip
+            found += [
+                f"{one.requirement.key}: {text}" if one.requirement.key else text for text in told
+            ]
     return tuple(found)
 
 
@@ -68,9 +75,11 @@ def _impossible(part: Part) -> str:
     for t in (part.low, part.high):
         if 0.0 < t < low or t > high:
             hint = unit_hint(t, part.unit, low, high)
-            return (f"part {part.name}: a tolerance of {t:g} {part.unit} is "
-                    f"{'small' if t < low else 'large'} for a size of {size:g} {part.unit}"
-                    f"{hint}")  # fmt: skip
+            return (
+                f"part {part.name}: a tolerance of {t:g} {part.unit} is "
+                f"{'small' if t < low else 'large'} for a size of {size:g} {part.unit}"
+                f"{hint}"
+            )
     return ""
 
 
@@ -79,10 +88,14 @@ def _domain(one: Measured) -> str:
     name = one.name("domain_margin")
     designs = f"designs that do are infeasible ({name} below 0)"
     if not one.bound_to_domain:
-        designs = (f"{name} is below 0 for designs that do, and limits.{name} = 0 refuses them "
-                   f"({one.requirement.method} knows the formula by its slopes alone)")  # fmt: skip
-    return (f"{one.requirement.place}.formula leaves its domain within the widest tolerances: "
-            f"{one.mechanism.undefined}; {designs}; units that do are non-conforming")  # fmt: skip
+        designs = (
+            f"{name} is below 0 for designs that do, and limits.{name} = 0 refuses them "
+            f"({one.requirement.method} knows the formula by its slopes alone)"
+        )
+    return (
+        f"{one.requirement.place}.formula leaves its domain within the widest tolerances: "
+        f"{one.mechanism.undefined}; {designs}; units that do are non-conforming"
+    )
 
 
 def domain_remarks(measured: Sequence[Measured], front: pd.DataFrame) -> tuple[str, ...]:
@@ -92,10 +105,12 @@ def domain_remarks(measured: Sequence[Measured], front: pd.DataFrame) -> tuple[s
         name = one.name("domain_margin")
         below = int((front[name] < 0.0).sum()) if name in front and len(front) else 0
         if below:
-            found.append(f"{below} of {len(front)} points leave the domain of "
-                         f"{one.requirement.place}.formula at a corner of their own tolerances "
-                         f"({name} down to {front[name].min():.3g}, 0 at the edge): units there "
-                         "have no value and do not conform")  # fmt: skip
+            found.append(
+                f"{below} of {len(front)} points leave the domain of "
+                f"{one.requirement.place}.formula at a corner of their own tolerances "
+                f"({name} down to {front[name].min():.3g}, 0 at the edge): units there "
+                "have no value and do not conform"
+            )
     return tuple(found)
 
 

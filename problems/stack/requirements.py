@@ -10,8 +10,17 @@ from ...units import family
 from .definition import METHODS, Requirement
 
 _NAME = re.compile(r"[A-Za-z]\w*", re.ASCII)
-RESERVED = ("cost", "variation", "worst_case", "rss", "yield_percent", "yield_percent_error",
-            "domain_margin", "min", "max")  # fmt: skip
+RESERVED = (
+    "cost",
+    "variation",
+    "worst_case",
+    "rss",
+    "yield_percent",
+    "yield_percent_error",
+    "domain_margin",
+    "min",
+    "max",
+)
 """Names that a requirement cannot have: outputs of the whole stack, and keys of a limit."""
 
 
@@ -88,8 +97,10 @@ def _twice(requirements: list[Requirement]) -> list[Fault]:
     """A fault for every name that an earlier requirement has."""
     names = [one.key for one in requirements]
     return [
-        Fault(f"{one.place}.name", f'"{one.key}" is already the name of '
-              f"requirement[{names.index(one.key)}]")
+        Fault(
+            f"{one.place}.name",
+            f'"{one.key}" is already the name of requirement[{names.index(one.key)}]',
+        )
         for at, one in enumerate(requirements)
         if one.key in names[:at]
-    ]  # fmt: skip
+    ]

@@ -88,8 +88,11 @@ def rows_of(stack: Stack, gaussian: bool) -> list[Row]:
                 found += _row(stack, kind, one, kind, one.requirement.weight, gaussian)
     if not several and not any(row.output == "variation" for row in found):
         return []
-    found = [row for row in found if not several or row.output not in VARIATIONS
-             or _complete(row, found, stack)]  # fmt: skip
+    found = [
+        row
+        for row in found
+        if not several or row.output not in VARIATIONS or _complete(row, found, stack)
+    ]
     found += _yield_rows(stack) + _promise_rows(stack, gaussian)
     first = stack.measured[0]
     return found or _row(stack, first.name("rss"), first, "rss", 1.0, gaussian)
@@ -137,9 +140,14 @@ def signed(one: Measured) -> Array:
 
 
 def _at(
-    output: str, one: Measured, p: float, weight: float = 1.0, side: float = 0.0,
-    most: float = np.inf, z: float | None = None,
-) -> Row:  # fmt: skip
+    output: str,
+    one: Measured,
+    p: float,
+    weight: float = 1.0,
+    side: float = 0.0,
+    most: float = np.inf,
+    z: float | None = None,
+) -> Row:
     """side * mean + the p-quantile of the deviations: a root where all parts are normal, which may
     have another factor `z` than that of p.
     """
@@ -188,11 +196,20 @@ def _promise_rows(stack: Stack, gaussian: bool) -> list[Row]:
         if not np.any(linear.mean) and not _off_centre(one.measured):
             sides = [(1.0, min(room for _, room in sides))]
         found += [
-            Row(one.measured.name(PROMISED), one.measured, "rss", side * linear.mean, spread,
-                most=room, bias=side * linear.slope, doubt=_least(doubts),
-                by_process=None if len(norms) == 1 else wider, even_doubt=_alike(doubts))
+            Row(
+                one.measured.name(PROMISED),
+                one.measured,
+                "rss",
+                side * linear.mean,
+                spread,
+                most=room,
+                bias=side * linear.slope,
+                doubt=_least(doubts),
+                by_process=None if len(norms) == 1 else wider,
+                even_doubt=_alike(doubts),
+            )
             for side, room in sides
-        ]  # fmt: skip
+        ]
     return found
 
 
@@ -201,8 +218,11 @@ def _least(doubts: list[Surplus]) -> Surplus | None:
     if not doubts:
         return None
     own, shared, error = (_of_all(doubts, name) for name in ("own", "shared", "error"))
-    return Surplus(np.min(own, axis=0), np.min(shared, axis=0),
-                   error=None if doubts[0].error is None else np.min(error, axis=0))  # fmt: skip
+    return Surplus(
+        np.min(own, axis=0),
+        np.min(shared, axis=0),
+        error=None if doubts[0].error is None else np.min(error, axis=0),
+    )
 
 
 def _alike(doubts: list[Surplus]) -> bool:
@@ -248,8 +268,11 @@ def _kept_limits(one: Measured, output: str, p: float) -> list[Row]:
     if not moves and abs(off) <= CENTRED * half:
         return [middle]
     lines = tangents(p) if moves and law.covariance is not None else ()
-    rows = [_at(output, one, p, 1.0 / room, side, half + side * off / room, z)
-            for z, room in ((None, 1.0), *lines) for side in (1.0, -1.0)]  # fmt: skip
+    rows = [
+        _at(output, one, p, 1.0 / room, side, half + side * off / room, z)
+        for z, room in ((None, 1.0), *lines)
+        for side in (1.0, -1.0)
+    ]
     return [middle, *rows] if moves else rows
 
 
@@ -275,12 +298,15 @@ def surplus_of(row: Row, kept: list[int], settled: NDArray[np.bool_], t: Array) 
         return None
     square = (row.spread * t)[settled] ** 2
     error = np.zeros_like(doubt.own) if doubt.error is None else doubt.error
-    return Surplus(doubt.own[kept], doubt.shared[kept],
-                   float(np.sqrt(np.sum((doubt.own[settled] * square) ** 2))),
-                   float(doubt.shared[settled] @ square),
-                   error=None if doubt.error is None else error[kept],
-                   fixed_error=float(error[settled] @ square),
-                   fixed_even=float(square.sum()))  # fmt: skip
+    return Surplus(
+        doubt.own[kept],
+        doubt.shared[kept],
+        float(np.sqrt(np.sum((doubt.own[settled] * square) ** 2))),
+        float(doubt.shared[settled] @ square),
+        error=None if doubt.error is None else error[kept],
+        fixed_error=float(error[settled] @ square),
+        fixed_even=float(square.sum()),
+    )
 
 
 def shortfall(stack: Stack, row: str, designs: Array, found: Mapping[str, Array]) -> Array:
@@ -291,9 +317,11 @@ def shortfall(stack: Stack, row: str, designs: Array, found: Mapping[str, Array]
     least, t = least_yield(stack, row), stack.made(designs)
     if stack.promises is not None and (promised := stack.promises.row(row)) is not None:
         return promised.lacking(t)
-    laws = [one.law for one in stack.measured
-            if isinstance(one.law, Law) and one.mechanism.bounded
-            and row in (YIELD, one.name(YIELD))]  # fmt: skip
+    laws = [
+        one.law
+        for one in stack.measured
+        if isinstance(one.law, Law) and one.mechanism.bounded and row in (YIELD, one.name(YIELD))
+    ]
     if not laws or least <= 0.0:
         return np.zeros(len(designs))
     edge = np.sum([law.edge_density(t) for law in laws], axis=0)

@@ -67,16 +67,24 @@ def sensitivity_faults(
     for one in requirements:
         if one.formula and one.key in keys:
             text = f"is given beside {one.place}.formula: keep one of them"
-            found += [Fault(f"part[{at}].sensitivity.{one.key}", text + _name(table))
-                      for at, table in enumerate(tables) if one.key in _keys(table)]  # fmt: skip
+            found += [
+                Fault(f"part[{at}].sensitivity.{one.key}", text + _name(table))
+                for at, table in enumerate(tables)
+                if one.key in _keys(table)
+            ]
         elif not one.formula and one.key and one.key not in keys:
-            text = (f'"{one.key}" has no parts: give it a formula, or name it in the sensitivity '
-                    f"of a part, like sensitivity = {{ {one.key} = 1.0 }}")  # fmt: skip
+            text = (
+                f'"{one.key}" has no parts: give it a formula, or name it in the sensitivity '
+                f"of a part, like sensitivity = {{ {one.key} = 1.0 }}"
+            )
             found.append(Fault(one.place, text))
     if not any(one.formula for one in requirements):
         text = "is missing: no requirement depends on the part"
-        found += [Fault(f"part[{at}].sensitivity", text + _name(table))
-                  for at, table in enumerate(tables) if "sensitivity" not in table]  # fmt: skip
+        found += [
+            Fault(f"part[{at}].sensitivity", text + _name(table))
+            for at, table in enumerate(tables)
+            if "sensitivity" not in table
+        ]
     return found
 
 

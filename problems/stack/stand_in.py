@@ -13,5 +13,10 @@ def stand_in(table: Mapping[str, Any], at: int) -> Part:
     """A part with the names of a faulty one, so that the other tables can be judged."""
     name = table.get("name")
     processes = (Process(0.0, 1.0), Process(0.0, 1.0))
-    return Part(name if isinstance(name, str) else f"part_{at}", "", processes, Normal(),
-                alternatives="process" in table)  # fmt: skip
+    return Part(
+        name if isinstance(name, str) else f"part_{at}",
+        "",
+        processes,
+        Normal(),
+        alternatives="process" in table,
+    )

@@ -70,8 +70,10 @@ def searched_grades(
     curve = read_curve(section.section("cost")) if "cost" in section else None
     prices = _prices(section, grades or ())
     if ("cost" in section) == ("price" in section):
-        section.fault("cost", "give a cost curve of t, or price = { IT6 = 12.0, IT7 = 8.5 } by "
-                      "grade, one of them")  # fmt: skip
+        section.fault(
+            "cost",
+            "give a cost curve of t, or price = { IT6 = 12.0, IT7 = 8.5 } by grade, one of them",
+        )
     t = _half_widths(section, grades or (), unit, nominal)
     more = read_extras_by(section, grades or ())
     if grades is None or t is None or (curve is None) == (prices is None):
@@ -94,8 +96,10 @@ def price_remark(name: str, processes: tuple[Process, ...], prices: dict[str, An
     ]
     if not dear:
         return ""
-    return (f"the prices of {name} do not fall with coarser grades ({'; '.join(dear)}): the dearer "
-            "ones are never chosen")  # fmt: skip
+    return (
+        f"the prices of {name} do not fall with coarser grades ({'; '.join(dear)}): the dearer "
+        "ones are never chosen"
+    )
 
 
 def assumed_of(processes: tuple[Process, ...]) -> dict[str, str]:
@@ -109,13 +113,16 @@ def _range(section: Section) -> tuple[str, ...] | None:
         return None
     unknown = [name for name in names if name not in GRADES]
     for name in unknown:
-        section.fault("grade", f'"{name}" is not a grade{nearest(name, GRADES)}; one of '
-                      f"{', '.join(GRADES)}")  # fmt: skip
+        section.fault(
+            "grade", f'"{name}" is not a grade{nearest(name, GRADES)}; one of {", ".join(GRADES)}'
+        )
     if unknown:
         return None
     if len(names) != 2 or GRADES.index(names[0]) >= GRADES.index(names[1]):
-        section.fault("grade", "must be two grades, the finer one first, like "
-                      f'["IT5", "IT8"]; got {", ".join(names)}')  # fmt: skip
+        section.fault(
+            "grade",
+            f'must be two grades, the finer one first, like ["IT5", "IT8"]; got {", ".join(names)}',
+        )
         return None
     return GRADES[GRADES.index(names[0]) : GRADES.index(names[1]) + 1]
 

@@ -48,15 +48,24 @@ def _part(part: Part) -> dict[str, Any]:
         found["nominal"] = part.nominal
     if part.sensitivities:
         found["sensitivity"] = part.sensitivities.get("", dict(part.sensitivities))
-    found |= written(part.distribution) if part.sample is None else {
-        "measured": dict(part.sample.stated)}  # fmt: skip
-    labels = {"drawing": part.drawing, "characteristic": part.characteristic,
-              "geometry": part.geometry}  # fmt: skip
+    found |= (
+        written(part.distribution)
+        if part.sample is None
+        else {"measured": dict(part.sample.stated)}
+    )
+    labels = {
+        "drawing": part.drawing,
+        "characteristic": part.characteristic,
+        "geometry": part.geometry,
+    }
     found |= {key: value for key, value in labels.items() if value}
     if part.machines:
         own = [{"name": p.name} | _range(p) for p in part.processes if p.machine is None]
-        return found | ({"process": own} if own else {}) | {
-            "machine": [one.table() for one in part.machines]}  # fmt: skip
+        return (
+            found
+            | ({"process": own} if own else {})
+            | {"machine": [one.table() for one in part.machines]}
+        )
     if part.alternatives and part.stated:  # grades
         return found | dict(part.stated)
     if part.alternatives:

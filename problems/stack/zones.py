@@ -70,8 +70,9 @@ def read_tolerance(
         if grades is None:
             return None
         costs = {key: section.take(key) for key in COSTS if key in section}
-        return Tolerance(grades, alternatives=True, stated=stated_of(section) | costs,
-                         assumed=assumed_of(grades))  # fmt: skip
+        return Tolerance(
+            grades, alternatives=True, stated=stated_of(section) | costs, assumed=assumed_of(grades)
+        )
     if given == ["t_min"]:
         process = _process(section, unit)
         return None if process is None else Tolerance((process,))
@@ -92,8 +93,11 @@ def _process(section: Section, unit: str, name: str = "") -> Process | None:
         if key not in section:
             section.fault(key, "is missing: a tolerance is searched from t_min to t_max")
     if "cost" not in section:
-        section.fault("cost", 'is missing: give one, like { model = "reciprocal", a = 1.0, b = 0.1 '
-                      "}, or fix the tolerance")  # fmt: skip
+        section.fault(
+            "cost",
+            'is missing: give one, like { model = "reciprocal", a = 1.0, b = 0.1 '
+            "}, or fix the tolerance",
+        )
         curve = None
     else:
         curve = _read_cost(section)
@@ -117,8 +121,10 @@ def _narrowed(
     ends = max(low, curve.t[0]), min(high, curve.t[-1])
     if ends == (low, high) or ends[0] >= ends[1]:
         return low, high, ""
-    note = (f"costs are given from {curve.t[0]:g} to {curve.t[-1]:g} {unit}: the search from "
-            f"{low:g} to {high:g} is narrowed to {ends[0]:g} to {ends[1]:g}")  # fmt: skip
+    note = (
+        f"costs are given from {curve.t[0]:g} to {curve.t[-1]:g} {unit}: the search from "
+        f"{low:g} to {high:g} is narrowed to {ends[0]:g} to {ends[1]:g}"
+    )
     return *ends, note
 
 
@@ -135,8 +141,11 @@ def _check_cost(section: Section, key: str, curve: CostCurve | None, t: float, u
     with np.errstate(all="ignore"):
         cost = float(curve.cost(np.array([t]))[0])
     if not math.isfinite(cost):
-        section.fault(key, f"must have a finite cost, but {t:g} {unit} costs {cost:g} by its cost "
-                      f"curve ({name_of(curve)})")  # fmt: skip
+        section.fault(
+            key,
+            f"must have a finite cost, but {t:g} {unit} costs {cost:g} by its cost "
+            f"curve ({name_of(curve)})",
+        )
 
 
 def _alternatives(section: Section, unit: str, nominal: float | None) -> Tolerance | None:
@@ -158,8 +167,12 @@ def _alternatives(section: Section, unit: str, nominal: float | None) -> Toleran
     if both:
         return None
     assumed = "; ".join(one.assumed for one in offers if one.assumed)
-    return Tolerance((*own, *processes_of(offers)), alternatives=True, machines=offers,
-                     assumed={"machine": assumed} if assumed else {})  # fmt: skip
+    return Tolerance(
+        (*own, *processes_of(offers)),
+        alternatives=True,
+        machines=offers,
+        assumed={"machine": assumed} if assumed else {},
+    )
 
 
 def _fixed(

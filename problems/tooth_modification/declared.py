@@ -27,35 +27,86 @@ PARAMETERS: tuple[Parameter, ...] = (
     *(one for one in reducer.PARAMETERS if one.name in _SIZES),
     *(one for one in contact.PARAMETERS if one.name in _LOADED),
     Parameter(
-        "torque_Nm", 412.0, "Nm", "torque on the output", "rated torque, catalogue of the "
-        "RV-40E-121", low=0.0, high=1e5, open_low=True,
+        "torque_Nm",
+        412.0,
+        "Nm",
+        "torque on the output",
+        "rated torque, catalogue of the RV-40E-121",
+        low=0.0,
+        high=1e5,
+        open_low=True,
     ),
-)  # fmt: skip
+)
 
 VARIABLES: tuple[Variable, ...] = (
-    Variable("dr_rp_mm", "mm", Kind.NOMINAL, -0.08, 0.0, "equidistance modification", -0.040,
-             valid_low=-0.2, valid_high=0.0),
-    Variable("dr_p_mm", "mm", Kind.NOMINAL, -0.12, 0.0, "shift modification", -0.070,
-             valid_low=-0.2, valid_high=0.0),
-)  # fmt: skip
+    Variable(
+        "dr_rp_mm",
+        "mm",
+        Kind.NOMINAL,
+        -0.08,
+        0.0,
+        "equidistance modification",
+        -0.040,
+        valid_low=-0.2,
+        valid_high=0.0,
+    ),
+    Variable(
+        "dr_p_mm",
+        "mm",
+        Kind.NOMINAL,
+        -0.12,
+        0.0,
+        "shift modification",
+        -0.070,
+        valid_low=-0.2,
+        valid_high=0.0,
+    ),
+)
 
 OUTPUTS: tuple[Output, ...] = (
-    Output("backlash_arcmin", "arcmin", "backlash of rigid parts at the output, mean over a pin "
-           "pitch, by exact contact", 0.1),
-    Output("peak_mesh_force_N", "N", "largest force on a pin over a pin pitch, under the torque",
-           low=0.0),
+    Output(
+        "backlash_arcmin",
+        "arcmin",
+        "backlash of rigid parts at the output, mean over a pin pitch, by exact contact",
+        0.1,
+    ),
+    Output(
+        "peak_mesh_force_N",
+        "N",
+        "largest force on a pin over a pin pitch, under the torque",
+        low=0.0,
+    ),
     Output("mean_peak_force_N", "N", "mean over the pitch of the largest force on a pin", low=0.0),
     Output("pins_loaded", "", "pins of a disc that bear, mean over the pitch", low=0.0),
-    Output("stiffness_Nm_per_arcmin", "Nm_per_arcmin", "tangent stiffness of the unit under the "
-           "torque, mean over the pitch", larger_is_better=True, low=0.0),
-    Output("modification_backlash_arcmin", "arcmin", "backlash by the formula 2 (dr_rp - dr_p "
-           "sqrt(1-k1^2))/(e z_c) (g4)", 0.1),
-    Output("radial_gap_mm", "mm", "clearance at tooth tip and root, dr_rp - dr_p (g3)", 0.03,
-           larger_is_better=True),
+    Output(
+        "stiffness_Nm_per_arcmin",
+        "Nm_per_arcmin",
+        "tangent stiffness of the unit under the torque, mean over the pitch",
+        larger_is_better=True,
+        low=0.0,
+    ),
+    Output(
+        "modification_backlash_arcmin",
+        "arcmin",
+        "backlash by the formula 2 (dr_rp - dr_p sqrt(1-k1^2))/(e z_c) (g4)",
+        0.1,
+    ),
+    Output(
+        "radial_gap_mm",
+        "mm",
+        "clearance at tooth tip and root, dr_rp - dr_p (g3)",
+        0.03,
+        larger_is_better=True,
+    ),
     Output("clearance_min_mm", "mm", "least raw flank clearance", 0.03, larger_is_better=True),
-    Output("conjugate_clearance_min_mm", "mm", "least clearance after first contact (g5)", 0.03,
-           larger_is_better=True),
-)  # fmt: skip
+    Output(
+        "conjugate_clearance_min_mm",
+        "mm",
+        "least clearance after first contact (g5)",
+        0.03,
+        larger_is_better=True,
+    ),
+)
 
 COSTS: Mapping[str, CostCurve] = {}
 """Nothing costs: both modifications are ground in one pass."""

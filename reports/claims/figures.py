@@ -38,17 +38,27 @@ def table_figure(table: ComputedTable, chart: Chart) -> Figure:
     """The columns of a table as its chart says."""
     figure = new_figure(height=3.8)
     axes = figure.add_subplot()
-    columns = {one.name: (one, np.asarray(values, dtype=float))
-               for one, values in zip(table.columns, table.values, strict=True)
-               if one.name in (chart.x, *chart.y)}  # fmt: skip
+    columns = {
+        one.name: (one, np.asarray(values, dtype=float))
+        for one, values in zip(table.columns, table.values, strict=True)
+        if one.name in (chart.x, *chart.y)
+    }
     across, x = columns[chart.x]
     for at, name in enumerate(chart.y):
         _draw(axes, chart.kind, x, *columns[name], COLOURS[at % len(COLOURS)])
     for label, place in chart.marks.items():
         if isfinite(place):
             axes.axvline(place, color="black", linestyle="--", linewidth=1.0)
-            axes.annotate(label, (place, 0.98), xycoords=("data", "axes fraction"), rotation=90,
-                          ha="right", va="top", fontsize="small", parse_math=False)  # fmt: skip
+            axes.annotate(
+                label,
+                (place, 0.98),
+                xycoords=("data", "axes fraction"),
+                rotation=90,
+                ha="right",
+                va="top",
+                fontsize="small",
+                parse_math=False,
+            )
     axes.set_xlabel(_label(across))
     axes.set_ylabel(_label(columns[chart.y[0]][0]) if len(chart.y) == 1 else "")
     if len(chart.y) > 1:

@@ -24,8 +24,10 @@ MEANING = (
 
 def claims_page(result: ClaimsResult) -> str:
     """The whole page; every text that comes from outside is escaped."""
-    drawn = {one.name: picture(one.name.replace(".", "_"), one.figure, one.caption)
-             for one in figures(result)}  # fmt: skip
+    drawn = {
+        one.name: picture(one.name.replace(".", "_"), one.figure, one.caption)
+        for one in figures(result)
+    }
     parts = [section("Verdicts", f"<p>{escape(MEANING)}</p>\n{_counts(result)}")]
     # tables in `detail` have their whole height: their reasons are long
     failed = _failed(result.table)
@@ -48,37 +50,45 @@ def _counts(result: ClaimsResult) -> str:
 def _failed(claims: pd.DataFrame) -> str:
     """The claims that do not hold, in short."""
     own = claims[claims["verdict"] == "not reproduced"]
-    return table(pd.DataFrame({
-        "document": own["document"],
-        "claim": own["id"],
-        "printed": [_printed(row) for row in own.to_dict("records")],
-        "computed": own["computed"].map(_numbers),
-        "unit": own["unit"],
-        "reason": own["reason"],
-    }))  # fmt: skip
+    return table(
+        pd.DataFrame(
+            {
+                "document": own["document"],
+                "claim": own["id"],
+                "printed": [_printed(row) for row in own.to_dict("records")],
+                "computed": own["computed"].map(_numbers),
+                "unit": own["unit"],
+                "reason": own["reason"],
+            }
+        )
+    )
 
 
 def _document(one: Document, claims: pd.DataFrame) -> str:
     own = claims[claims["document"] == one.name]
-    frame = pd.DataFrame({
-        "claim": own["id"],
-        "place": own["place"],
-        "quantity": own["quantity"],
-        "printed": [_printed(row) for row in own.to_dict("records")],
-        "computed": own["computed"].map(_numbers),
-        "standard error": [
-            _numbers(errors) if any(errors) else "" for errors in own["standard_error"]
-        ],
-        "deviation": own["deviation"].map(_numbers),
-        "unit": own["unit"],
-        "tolerance": [
-            f"{shown(row['tolerance'])}: {row['tolerance_reason']}" if row["tolerance_reason"]
-            else "" for row in own.to_dict("records")
-        ],
-        "verdict": own["verdict"],
-        "reason": own["reason"],
-        "ambiguous": own["ambiguous"],
-    })  # fmt: skip
+    frame = pd.DataFrame(
+        {
+            "claim": own["id"],
+            "place": own["place"],
+            "quantity": own["quantity"],
+            "printed": [_printed(row) for row in own.to_dict("records")],
+            "computed": own["computed"].map(_numbers),
+            "standard error": [
+                _numbers(errors) if any(errors) else "" for errors in own["standard_error"]
+            ],
+            "deviation": own["deviation"].map(_numbers),
+            "unit": own["unit"],
+            "tolerance": [
+                f"{shown(row['tolerance'])}: {row['tolerance_reason']}"
+                if row["tolerance_reason"]
+                else ""
+                for row in own.to_dict("records")
+            ],
+            "verdict": own["verdict"],
+            "reason": own["reason"],
+            "ambiguous": own["ambiguous"],
+        }
+    )
     marks = [word == "not reproduced" for word in own["verdict"]]
     about = f"<p>{escape(one.reference)}</p>\n" if one.reference else ""
     return section(f"Document {one.name}: {one.title}", about + table(frame, marks))

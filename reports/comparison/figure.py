@@ -23,10 +23,17 @@ def comparison_figure(result: Comparison) -> Figure:
         front = run.front.sort_values(names, kind="stable")
         y = front[names[1]] if len(names) > 1 else [float(at)] * len(front)
         line = DASHES[at % len(DASHES)] if len(result.objectives) == 2 else "none"
-        axes.plot(front[names[0]], y, linestyle=line, linewidth=1.0, markersize=3.5,
-                  marker=MARKERS[at % len(MARKERS)], color=COLOURS[at % len(COLOURS)],
-                  markerfacecolor="white" if at % 2 else COLOURS[at % len(COLOURS)],
-                  label=f"{run.label}, {len(front)} points".lstrip("_"))  # fmt: skip
+        axes.plot(
+            front[names[0]],
+            y,
+            linestyle=line,
+            linewidth=1.0,
+            markersize=3.5,
+            marker=MARKERS[at % len(MARKERS)],
+            color=COLOURS[at % len(COLOURS)],
+            markerfacecolor="white" if at % 2 else COLOURS[at % len(COLOURS)],
+            label=f"{run.label}, {len(front)} points".lstrip("_"),
+        )
     axes.set_xlabel(axis_label(result.objectives[0]))
     if len(names) > 1:
         axes.set_ylabel(axis_label(result.objectives[1]))

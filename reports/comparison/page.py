@@ -47,15 +47,26 @@ def _fronts(result: Comparison) -> str:
 
 def _content(result: Comparison, each: int) -> dict[str, Any]:
     names = [axis.name for axis in result.objectives]
-    return {"objectives": [_axis(axis) for axis in result.objectives], "runs": [
-        {"label": run.label, "aims": [
-            run.front.reset_index(drop=True).iloc[thinned(run.front, names, [], each)][n].tolist()
-            for n in names
-        ]}
-        for run in result.runs
-    ]}  # fmt: skip
+    return {
+        "objectives": [_axis(axis) for axis in result.objectives],
+        "runs": [
+            {
+                "label": run.label,
+                "aims": [
+                    run.front.reset_index(drop=True)
+                    .iloc[thinned(run.front, names, [], each)][n]
+                    .tolist()
+                    for n in names
+                ],
+            }
+            for run in result.runs
+        ],
+    }
 
 
 def _axis(axis: Axis) -> dict[str, str]:
-    return {"name": axis.name, "label": split_unit(axis.name)[0].replace("_", " "),
-            "unit": axis.unit}  # fmt: skip
+    return {
+        "name": axis.name,
+        "label": split_unit(axis.name)[0].replace("_", " "),
+        "unit": axis.unit,
+    }

@@ -26,8 +26,15 @@ def distribution_figure(result: GapResult, output: Axis) -> Figure | None:
     left = figure.add_gridspec(1, 2, width_ratios=(3.0, 1.4))
     axes, beside = (figure.add_subplot(left[0, at]) for at in range(2))
     for name, label, colour, style, width in LINES:
-        axes.step(rows[name], rows["share"], where="mid", color=colour, linestyle=style,
-                  linewidth=width, label=label)  # fmt: skip
+        axes.step(
+            rows[name],
+            rows["share"],
+            where="mid",
+            color=colour,
+            linestyle=style,
+            linewidth=width,
+            label=label,
+        )
     axes.set_xlabel(words(output.name, output.unit))
     axes.set_ylabel("share of units below")
     axes.legend(frameon=False, fontsize="small")
@@ -40,8 +47,9 @@ def _distances(axes: Axes, result: GapResult, output: Axis) -> None:
     """How far the units are from the model before and after, and how far chance gets."""
     far = (result.gap_before[output.name], result.gap_after[output.name])
     axes.bar(["before", "after"], far, width=0.5, color=[BEFORE.colour, AFTER.colour])
-    axes.axhline(result.noise_floor[output.name], color="black", linestyle=":", linewidth=1.4,
-                 label="chance")  # fmt: skip
+    axes.axhline(
+        result.noise_floor[output.name], color="black", linestyle=":", linewidth=1.4, label="chance"
+    )
     axes.set_ylabel(words("distance from the population", output.unit))
     axes.legend(frameon=False, fontsize="small")
     plain(axes)

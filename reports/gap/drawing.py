@@ -16,8 +16,10 @@ def drawing_section(drawing: Drawing | None) -> str:
     if drawing is None:
         return ""
     said = [drawing.assumed] if drawing.assumed else []
-    said.append(f"Model {drawing.model}; geometry from {drawing.geometry_from}; allocation from "
-                f"{drawing.allocation_from}.")  # fmt: skip
+    said.append(
+        f"Model {drawing.model}; geometry from {drawing.geometry_from}; allocation from "
+        f"{drawing.allocation_from}."
+    )
     if drawing.effects:
         said.append(f"Effects in the simulated units: {', '.join(drawing.effects)}.")
     geometry = [
@@ -25,10 +27,17 @@ def drawing_section(drawing: Drawing | None) -> str:
         for one in drawing.geometry
     ]
     zones = [
-        {"variable": one.variable, "value": one.value, "unit": one.unit, "means": one.kind,
-         "zone from": one.low, "to": one.high, "distribution": one.distribution}
+        {
+            "variable": one.variable,
+            "value": one.value,
+            "unit": one.unit,
+            "means": one.kind,
+            "zone from": one.low,
+            "to": one.high,
+            "distribution": one.distribution,
+        }
         for one in drawing.zones
-    ]  # fmt: skip
+    ]
     parts = [bullets(said), table(pd.DataFrame(geometry))]
     return "\n".join([*parts, table(pd.DataFrame(zones)) if zones else ""])
 

@@ -41,8 +41,17 @@ def words(name: str, unit: str = "") -> str:
 
 def shade(axes: Axes, low: float, high: float, label: str = "located here") -> None:
     """Marks the part of an axis where the gap was located: coloured and hatched."""
-    axes.axvspan(low, high, facecolor=REGION, edgecolor="#8a6d00", hatch="//", alpha=0.45,
-                 linewidth=0.0, zorder=0, label=label)  # fmt: skip
+    axes.axvspan(
+        low,
+        high,
+        facecolor=REGION,
+        edgecolor="#8a6d00",
+        hatch="//",
+        alpha=0.45,
+        linewidth=0.0,
+        zorder=0,
+        label=label,
+    )
 
 
 def legend(figure: Figure, panels: Iterable[Axes]) -> None:
@@ -52,7 +61,14 @@ def legend(figure: Figure, panels: Iterable[Axes]) -> None:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             found.setdefault(label, handle)
     states = [one.word for one in (BEFORE, AFTER, TAKEN)]
-    labels = sorted(found, key=lambda one: (one not in states, states.index(one) if one in states
-                                            else 0))  # fmt: skip
-    figure.legend([found[one] for one in labels], labels, loc="outside lower center",
-                  frameon=False, fontsize="small", ncols=min(len(found), 3))  # fmt: skip
+    labels = sorted(
+        found, key=lambda one: (one not in states, states.index(one) if one in states else 0)
+    )
+    figure.legend(
+        [found[one] for one in labels],
+        labels,
+        loc="outside lower center",
+        frameon=False,
+        fontsize="small",
+        ncols=min(len(found), 3),
+    )

@@ -49,11 +49,26 @@ def _scatter(axes: Axes, old: pd.DataFrame, new: pd.DataFrame, names: list[str])
     at = new.groupby(names).size().reset_index(name="count")
     flat = pd.Series(0.0, index=old.index), pd.Series(1.0, index=at.index)
     heights = (old[names[1]], at[names[1]]) if len(names) > 1 else flat
-    axes.plot(old[names[0]], heights[0], linestyle="none", marker=".", markersize=4.0, color=OLD,
-              label="record")  # fmt: skip
+    axes.plot(
+        old[names[0]],
+        heights[0],
+        linestyle="none",
+        marker=".",
+        markersize=4.0,
+        color=OLD,
+        label="record",
+    )
     size = 22.0 * at["count"] ** 0.8
-    axes.scatter(at[names[0]], heights[1], s=size, marker="D", facecolor="none", edgecolor=NEW,
-                 linewidth=1.2, label="next")  # fmt: skip
+    axes.scatter(
+        at[names[0]],
+        heights[1],
+        s=size,
+        marker="D",
+        facecolor="none",
+        edgecolor=NEW,
+        linewidth=1.2,
+        label="next",
+    )
 
 
 def next_section(planned: NextMeasurement | None, pictures: str) -> str:
@@ -70,23 +85,35 @@ def next_section(planned: NextMeasurement | None, pictures: str) -> str:
 
 def _pairs(planned: NextMeasurement) -> str:
     rows = [
-        {"rival": " + ".join(one.names), "of": " + ".join(one.instead_of),
-         "discrimination now": one.now, "expected": one.expected,
-         "chance that the right one fits better": one.chance,
-         "with as many like the present": one.alike,
-         "chance that one name is left": one.alone, "readings for 0.95": one.needed or None}
+        {
+            "rival": " + ".join(one.names),
+            "of": " + ".join(one.instead_of),
+            "discrimination now": one.now,
+            "expected": one.expected,
+            "chance that the right one fits better": one.chance,
+            "with as many like the present": one.alike,
+            "chance that one name is left": one.alone,
+            "readings for 0.95": one.needed or None,
+        }
         for one in planned.pairs
-    ]  # fmt: skip
+    ]
     return table(pd.DataFrame(rows), caption="Discrimination: squared, in noise units.")
 
 
 def _effects(planned: NextMeasurement) -> str:
     rows = [
-        {"effect": one.name, "parameter": one.parameter, "unit": one.unit, "looked for": one.amount,
-         "chance now": one.now, "chance then": one.then,
-         "with as many like the present": one.alike, "seen from, now": one.least_now,
-         "seen from, then": one.least_then}
+        {
+            "effect": one.name,
+            "parameter": one.parameter,
+            "unit": one.unit,
+            "looked for": one.amount,
+            "chance now": one.now,
+            "chance then": one.then,
+            "with as many like the present": one.alike,
+            "seen from, now": one.least_now,
+            "seen from, then": one.least_then,
+        }
         for one in planned.effects
-    ]  # fmt: skip
+    ]
     caption = "Chance of being seen above the threshold of the whole library."
     return table(pd.DataFrame(rows), caption=caption)

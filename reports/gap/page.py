@@ -88,7 +88,9 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
     pictures = {name: picture(name, figure, caption) for name, figure, caption in every}
     sections = {
         "The gap before and after": _those(pictures, "distribution")
-        + _those(pictures, "residuals") + _gaps(result) + population_table(result),
+        + _those(pictures, "residuals")
+        + _gaps(result)
+        + population_table(result),
         "What was simulated": drawing_section(result.drawing),
         "Verdict": _verdict(result),
         "Where": _where(result),
@@ -106,11 +108,12 @@ def gap_page(result: GapResult, drawn: Sequence[Drawn] | None = None) -> str:
         "Summary": summary_table(result.summary),
         "Configuration": f"<pre>{escape(result.configuration)}</pre>",
         "Corrected configuration": f"<pre>{escape(result.corrected)}</pre>",
-    }  # fmt: skip
+    }
     told = [
         section(title, folded("Show", body) if title in FOLDED else body)
-        for title, body in sections.items() if body.replace(NONE, "").strip()
-    ]  # fmt: skip
+        for title, body in sections.items()
+        if body.replace(NONE, "").strip()
+    ]
     return document(result.title, "\n".join(told), head=_head(result))
 
 
@@ -132,13 +135,18 @@ def _before_after(result: GapResult, name: str) -> str:
     floor = result.noise_floor.get(name)
     noise = f"; noise alone leaves {shown(floor)}" if floor is not None else ""
     measure = str(result.summary.get("gap_is", RMSE))
-    return (f"{name.replace('_', ' ')}: {shown(before)} before, {shown(after)} after [{unit}] "
-            f"({measure}{noise}).")  # fmt: skip
+    return (
+        f"{name.replace('_', ' ')}: {shown(before)} before, {shown(after)} after [{unit}] "
+        f"({measure}{noise})."
+    )
 
 
 def _drawn(result: GapResult) -> Iterator[Drawn]:
-    kinds = (("residuals", residuals_figure), ("spectrum", spectrum_figure),
-             ("distribution", distribution_figure))  # fmt: skip
+    kinds = (
+        ("residuals", residuals_figure),
+        ("spectrum", spectrum_figure),
+        ("distribution", distribution_figure),
+    )
     for output in result.outputs:
         for kind, draw in kinds:
             figure = draw(result, output)
@@ -168,8 +176,11 @@ def _those(pictures: Mapping[str, str], kind: str) -> str:
 def _verdict(result: GapResult) -> str:
     lines = [VERDICTS.get(result.verdict, result.verdict)]
     lines += [f"{one.name}: {one.cause}" for one in result.effects]
-    lines += [f"{one.name}: {number} stands at its physical bound"
-              for one in result.effects for number in one.at_bound]  # fmt: skip
+    lines += [
+        f"{one.name}: {number} stands at its physical bound"
+        for one in result.effects
+        for number in one.at_bound
+    ]
     lines += [f"without a name: {one}" for one in result.remainder]
     lines += [str(one) for one in result.gate.outputs]
     return bullets(lines)
@@ -178,31 +189,54 @@ def _verdict(result: GapResult) -> str:
 def _gaps(result: GapResult) -> str:
     units = {one.name: one.unit for one in result.outputs} | {"total": "noise units"}
     rows = [
-        {"output": name, "unit": units.get(name, ""), "before": before,
-         "after": result.gap_after.get(name), "noise floor": result.noise_floor.get(name)}
+        {
+            "output": name,
+            "unit": units.get(name, ""),
+            "before": before,
+            "after": result.gap_after.get(name),
+            "noise floor": result.noise_floor.get(name),
+        }
         for name, before in result.gap_before.items()
-    ]  # fmt: skip
+    ]
     return table(pd.DataFrame(rows), caption=f"{result.summary.get('gap_is', RMSE)}.")
 
 
 def _where(result: GapResult) -> str:
     rows = [
-        {"output": one.output, "variable": one.variable, "kind": one.kind, "from": one.low,
-         "to": one.high, "unit": one.unit, "order": one.order, "direction": one.direction,
-         "share of the gap": one.share, "evidence": one.statistic, "noise reaches": one.threshold}
+        {
+            "output": one.output,
+            "variable": one.variable,
+            "kind": one.kind,
+            "from": one.low,
+            "to": one.high,
+            "unit": one.unit,
+            "order": one.order,
+            "direction": one.direction,
+            "share of the gap": one.share,
+            "evidence": one.statistic,
+            "noise reaches": one.threshold,
+        }
         for one in result.where
-    ]  # fmt: skip
+    ]
     return table(pd.DataFrame(rows))
 
 
 def _steps(result: GapResult) -> str:
     rows = [
-        {"step": one.number, "action": one.action, "name": one.name, "accepted": one.accepted,
-         "held-out RMSE over noise": one.held_out, "held-out gain": one.held_out_gain,
-         "its standard error": one.held_out_error, "gain": one.gain, "threshold": one.threshold,
-         "why": one.reason}
+        {
+            "step": one.number,
+            "action": one.action,
+            "name": one.name,
+            "accepted": one.accepted,
+            "held-out RMSE over noise": one.held_out,
+            "held-out gain": one.held_out_gain,
+            "its standard error": one.held_out_error,
+            "gain": one.gain,
+            "threshold": one.threshold,
+            "why": one.reason,
+        }
         for one in result.steps
-    ]  # fmt: skip
+    ]
     found = pd.DataFrame(rows)
     found = found[[name for name in found if found[name].notna().any()]]
     return table(found, [one.accepted for one in result.steps])
@@ -214,10 +248,16 @@ def _effects(result: GapResult) -> str:
 
 def _effect(one: FoundEffect) -> str:
     rows = [
-        {"parameter": p.name, "value": p.value, "90 % from": p.low, "to": p.high, "unit": p.unit,
-         "meaning": p.meaning}
+        {
+            "parameter": p.name,
+            "value": p.value,
+            "90 % from": p.low,
+            "to": p.high,
+            "unit": p.unit,
+            "meaning": p.meaning,
+        }
         for p in one.parameters
-    ]  # fmt: skip
+    ]
     evidence = [
         f"explains {shown(one.gain)} where noise alone reaches {shown(one.threshold)}",
         f"held-out squared error falls by {shown(one.held_out_gain)} "
@@ -236,11 +276,17 @@ def _effect(one: FoundEffect) -> str:
 
 def _remainder(result: GapResult) -> str:
     rows = [
-        {"output": one.output, "variables": ", ".join(one.variables), "shape": one.shape,
-         "rms": one.rms, "unit": one.unit, "over the noise": one.ratio, "share of the gap":
-         one.share}
+        {
+            "output": one.output,
+            "variables": ", ".join(one.variables),
+            "shape": one.shape,
+            "rms": one.rms,
+            "unit": one.unit,
+            "over the noise": one.ratio,
+            "share of the gap": one.share,
+        }
         for one in result.remainder
-    ]  # fmt: skip
+    ]
     terms = [f"in the corrected model, without a name: {one}" for one in result.unresolved]
     return table(pd.DataFrame(rows)) + bullets(terms)
 
@@ -259,8 +305,10 @@ def _rival(one: Rival) -> str:
     mine, other = " + ".join(one.names), " + ".join(one.instead_of)
     lines = [f"fits worse by {shown(one.distance)} (likelihood, and ln n per further parameter)"]
     if one.correlation == one.correlation:
-        lines.append(f"what both do on these rows, beside all else that is fitted, correlates by "
-                     f"{one.correlation:.3f}")  # fmt: skip
+        lines.append(
+            f"what both do on these rows, beside all else that is fitted, correlates by "
+            f"{one.correlation:.3f}"
+        )
     lines.append(f"next measurement: {one.measurement}")
     lines += [
         f"vary {name} from {shown(low)} to {shown(high)}"
@@ -273,18 +321,30 @@ def _rival(one: Rival) -> str:
 
 def _recalibrated(result: GapResult) -> str:
     rows = [
-        {"parameter": one.name, "before": one.before, "after": one.after, "unit": one.unit,
-         "tolerance": one.tolerance, "at its end": one.at_bound}
+        {
+            "parameter": one.name,
+            "before": one.before,
+            "after": one.after,
+            "unit": one.unit,
+            "tolerance": one.tolerance,
+            "at its end": one.at_bound,
+        }
         for one in result.gate.recalibrated
-    ]  # fmt: skip
+    ]
     return table(pd.DataFrame(rows))
 
 
 def _detectable(result: GapResult) -> str:
     rows = [
-        {"effect": one.name, "family": one.family, "smallest rms": one.rms, "unit": one.unit,
-         "parameter": one.parameter, "value": one.value}
+        {
+            "effect": one.name,
+            "family": one.family,
+            "smallest rms": one.rms,
+            "unit": one.unit,
+            "parameter": one.parameter,
+            "value": one.value,
+        }
         for one in result.gate.detectable
-    ]  # fmt: skip
+    ]
     unseen = ", ".join(result.gate.unseen)
     return table(pd.DataFrame(rows)) + (f"<p>{UNSEEN}: {escape(unseen)}.</p>" if unseen else "")

@@ -24,9 +24,11 @@ def path_figure(result: GapResult) -> Figure | None:
     threshold, on a logarithmic axis. None without steps.
     """
     batch = len(result.units) > 0
-    measured = {one.number: one.gain / one.threshold if batch else one.held_out
-                for one in result.steps
-                if not batch or (one.gain > 0.0 and one.threshold > 0.0)}  # fmt: skip
+    measured = {
+        one.number: one.gain / one.threshold if batch else one.held_out
+        for one in result.steps
+        if not batch or (one.gain > 0.0 and one.threshold > 0.0)
+    }
     steps = [one for one in result.steps if isfinite(measured.get(one.number, nan))]
     if not steps:
         return None
@@ -35,14 +37,33 @@ def path_figure(result: GapResult) -> Figure | None:
     axes = figure.add_subplot()
     places = range(len(steps))
     kept = [at for at in places if steps[at].accepted]
-    axes.plot([at_step[at] for at in kept], kept, color=AFTER.colour, marker="o", linewidth=1.4,
-              linestyle="none" if batch else "-", label="accepted")  # fmt: skip
+    axes.plot(
+        [at_step[at] for at in kept],
+        kept,
+        color=AFTER.colour,
+        marker="o",
+        linewidth=1.4,
+        linestyle="none" if batch else "-",
+        label="accepted",
+    )
     refused = [at for at in places if not steps[at].accepted]
     if refused:
-        axes.plot([at_step[at] for at in refused], refused, linestyle="none", marker="D",
-                  color="#555555", markerfacecolor="none", label="not accepted")  # fmt: skip
-    axes.axvline(1.0, color="black", linestyle=":", linewidth=1.4,
-                 label="what a step must gain" if batch else "noise floor")  # fmt: skip
+        axes.plot(
+            [at_step[at] for at in refused],
+            refused,
+            linestyle="none",
+            marker="D",
+            color="#555555",
+            markerfacecolor="none",
+            label="not accepted",
+        )
+    axes.axvline(
+        1.0,
+        color="black",
+        linestyle=":",
+        linewidth=1.4,
+        label="what a step must gain" if batch else "noise floor",
+    )
     axes.set_yticks(places, [_label(one) for one in steps], fontsize="small")
     axes.invert_yaxis()
     if batch:

@@ -18,12 +18,22 @@ def population_table(result: GapResult) -> str:
     if not result.population:
         return ""
     rows = [
-        {"model": one.model, "output": one.output, "aspect": one.aspect, "statistic": one.statistic,
-         "unit": one.unit, "simulated": one.simulated, "measured": one.measured,
-         "difference": one.difference, "90 % from": one.low, "to": one.high,
-         "chance reaches": one.chance, "verdict": one.verdict}
+        {
+            "model": one.model,
+            "output": one.output,
+            "aspect": one.aspect,
+            "statistic": one.statistic,
+            "unit": one.unit,
+            "simulated": one.simulated,
+            "measured": one.measured,
+            "difference": one.difference,
+            "90 % from": one.low,
+            "to": one.high,
+            "chance reaches": one.chance,
+            "verdict": one.verdict,
+        }
         for one in result.population
-    ]  # fmt: skip
+    ]
     return table(pd.DataFrame(rows), [one.differs for one in result.population], CAPTION)
 
 
@@ -34,12 +44,20 @@ def attribution_table(result: GapResult) -> str:
 
 def _attribution(one: Attribution) -> str:
     rows = [
-        {"input": c.input, "amount": c.amount, "90 % from": c.low, "to": c.high, "unit": c.unit,
-         "in tolerances": c.share_of_tolerance, "explains worse by": c.distance,
-         "excluded because": c.excluded_because, "parts to measure": c.parts or None,
-         "units that would tell": c.readings or None}
+        {
+            "input": c.input,
+            "amount": c.amount,
+            "90 % from": c.low,
+            "to": c.high,
+            "unit": c.unit,
+            "in tolerances": c.share_of_tolerance,
+            "explains worse by": c.distance,
+            "excluded because": c.excluded_because,
+            "parts to measure": c.parts or None,
+            "units that would tell": c.readings or None,
+        }
         for c in one.candidates
-    ]  # fmt: skip
+    ]
     marks = [not c.excluded_because for c in one.candidates]
     head = f"{one.kind}: {one.verdict}" if one.kind else one.verdict
     below = table(pd.DataFrame(rows), marks) if rows else ""

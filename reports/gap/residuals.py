@@ -67,9 +67,10 @@ def thinned(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _regions(where: Sequence[Region], output: str, variable: str) -> list[Region]:
     return [
-        one for one in where
+        one
+        for one in where
         if one.output == output and one.variable == variable and isfinite(one.low + one.high)
-    ]  # fmt: skip
+    ]
 
 
 def _panel(
@@ -82,13 +83,27 @@ def _panel(
     rest = frame[f"{output.name}_{mark.word}"].to_numpy(dtype=float)
     limit = _limit(frame, output)
     axes.axhline(0.0, color="black", linewidth=0.8)
-    axes.plot(places[~wrong], rest[~wrong], linestyle="none", marker=mark.marker, markersize=3.0,
-              color=mark.colour, markerfacecolor=mark.face, markeredgewidth=0.7,
-              label=mark.word)  # fmt: skip
+    axes.plot(
+        places[~wrong],
+        rest[~wrong],
+        linestyle="none",
+        marker=mark.marker,
+        markersize=3.0,
+        color=mark.colour,
+        markerfacecolor=mark.face,
+        markeredgewidth=0.7,
+        label=mark.word,
+    )
     if wrong.any():
-        axes.plot(places[wrong], np.clip(rest[wrong], -limit, limit), linestyle="none", marker="+",
-                  markersize=7.0, color="black",
-                  label="outlier (at the edge: beyond it)")  # fmt: skip
+        axes.plot(
+            places[wrong],
+            np.clip(rest[wrong], -limit, limit),
+            linestyle="none",
+            marker="+",
+            markersize=7.0,
+            color="black",
+            label="outlier (at the edge: beyond it)",
+        )
     if ticks:
         _means_of_labels(axes, np.rint(places[~wrong]), rest[~wrong])
     else:
@@ -124,8 +139,13 @@ def _means(axes: Axes, places: NDArray[np.float64], rest: NDArray[np.float64]) -
     order = np.argsort(places, kind="stable")
     groups = [one for one in np.array_split(order, MEANS) if len(one) >= LEAST]
     if len(groups) == MEANS and len(np.unique(places)) > MEANS:
-        axes.plot([places[one].mean() for one in groups], [rest[one].mean() for one in groups],
-                  color="black", linewidth=1.6, label=MEAN)  # fmt: skip
+        axes.plot(
+            [places[one].mean() for one in groups],
+            [rest[one].mean() for one in groups],
+            color="black",
+            linewidth=1.6,
+            label=MEAN,
+        )
 
 
 def _means_of_labels(axes: Axes, codes: NDArray[np.float64], rest: NDArray[np.float64]) -> None:

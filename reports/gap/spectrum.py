@@ -27,17 +27,25 @@ def spectrum_figure(result: GapResult, output: Axis) -> Figure | None:
         return None
     figure = new_figure(height=4.4)
     panels = figure.subplots(2, 1, sharex=True, sharey=True)
-    located = [one.order for one in result.where
-               if one.output == output.name and isfinite(one.order)]  # fmt: skip
+    located = [
+        one.order for one in result.where if one.output == output.name and isfinite(one.order)
+    ]
     for axes, mark in zip(panels, (BEFORE, AFTER), strict=True):
         for order in located:
             shade(axes, order - WIDE, order + WIDE)
         axes.vlines(rows["order"], 0.0, rows[mark.word], color=mark.colour, linewidth=1.0)
         if rows["threshold"].notna().any():
-            axes.plot(rows["order"], rows["threshold"], color="black", linestyle=":", linewidth=1.2,
-                      label="what noise alone reaches")  # fmt: skip
-        _label_peaks(axes, rows["order"].tolist(), rows[mark.word].tolist(),
-                     rows["threshold"].tolist())  # fmt: skip
+            axes.plot(
+                rows["order"],
+                rows["threshold"],
+                color="black",
+                linestyle=":",
+                linewidth=1.2,
+                label="what noise alone reaches",
+            )
+        _label_peaks(
+            axes, rows["order"].tolist(), rows[mark.word].tolist(), rows["threshold"].tolist()
+        )
         axes.set_ylabel(f"{mark.word} [{output.unit}]" if output.unit else mark.word)
     panels[1].set_xlabel("order [waves per turn]")
     legend(figure, panels)
@@ -50,9 +58,17 @@ def _label_peaks(axes: Axes, orders: list[float], sizes: list[float], limits: li
     """The highest local peaks above the threshold."""
     inner = range(len(sizes))
     peaks = [
-        at for at in inner
+        at
+        for at in inner
         if sizes[at] > limits[at] and sizes[at] == max(sizes[max(0, at - 4) : at + 5])
-    ]  # fmt: skip
+    ]
     for at in sorted(peaks, key=lambda one: -sizes[one])[:HIGHEST]:
-        axes.annotate(f"{orders[at]:g}", (orders[at], sizes[at]), fontsize="small", ha="center",
-                      va="bottom", xytext=(0, 1), textcoords="offset points")  # fmt: skip
+        axes.annotate(
+            f"{orders[at]:g}",
+            (orders[at], sizes[at]),
+            fontsize="small",
+            ha="center",
+            va="bottom",
+            xytext=(0, 1),
+            textcoords="offset points",
+        )

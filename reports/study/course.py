@@ -21,11 +21,21 @@ def course_figure(result: StudyResult, key: str) -> Figure:
     own = result.courses[result.courses["key"] == key]
     for at, (name, part) in enumerate(own.groupby("level", sort=False)):
         colour = COLOURS[at % len(COLOURS)]
-        axes.fill_between(part["generation"], part["low"].to_numpy(dtype=float),
-                          part["high"].to_numpy(dtype=float), color=colour, alpha=0.22,
-                          linewidth=0)  # fmt: skip
-        axes.plot(part["generation"], part["median"], color=colour, linewidth=1.3,
-                  label=f"{short(key)} {level(name)}")  # fmt: skip
+        axes.fill_between(
+            part["generation"],
+            part["low"].to_numpy(dtype=float),
+            part["high"].to_numpy(dtype=float),
+            color=colour,
+            alpha=0.22,
+            linewidth=0,
+        )
+        axes.plot(
+            part["generation"],
+            part["median"],
+            color=colour,
+            linewidth=1.3,
+            label=f"{short(key)} {level(name)}",
+        )
     _draw_optimum(axes, own)
     low, high = own["median"].min(), own["median"].max()
     axes.set_yscale("log" if wide(low, high) else "linear")
@@ -39,8 +49,13 @@ def course_figure(result: StudyResult, key: str) -> Figure:
 def _draw_optimum(axes: Axes, own: pd.DataFrame) -> None:
     known = np.unique(own["optimum"].dropna())
     for at, value in enumerate(known):
-        axes.axhline(value, color="black", linestyle="--", linewidth=1.0,
-                     label="exact optimum" if not at else None)  # fmt: skip
+        axes.axhline(
+            value,
+            color="black",
+            linestyle="--",
+            linewidth=1.0,
+            label="exact optimum" if not at else None,
+        )
 
 
 def course_caption(result: StudyResult, key: str) -> str:
@@ -48,6 +63,8 @@ def course_caption(result: StudyResult, key: str) -> str:
     own = result.courses[result.courses["key"] == key]
     share = 100 * own["level_of_interval"].iloc[0]
     exact = "; the dashed line is the exact optimum" if own["optimum"].notna().any() else ""
-    return (f"{result.course_of} by generation at {own['level'].nunique()} levels of {key}, the "
-            f"other settings as in the run: median of {own['n'].max()} seeds and its {share:.0f} % "
-            f"interval{exact}.")  # fmt: skip
+    return (
+        f"{result.course_of} by generation at {own['level'].nunique()} levels of {key}, the "
+        f"other settings as in the run: median of {own['n'].max()} seeds and its {share:.0f} % "
+        f"interval{exact}."
+    )

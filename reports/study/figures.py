@@ -30,10 +30,13 @@ def figures(result: StudyResult) -> list[Named]:
         for key in result.courses["key"].unique()
     ]
     found += [
-        Named(f"response_{stem(one.name)}", response_figure(result, one),
-              response_caption(result, one))
+        Named(
+            f"response_{stem(one.name)}",
+            response_figure(result, one),
+            response_caption(result, one),
+        )
         for one in result.responses
-    ]  # fmt: skip
+    ]
     if len(result.sensitivity):
         found.append(Named("sensitivity", sensitivity_figure(result), sensitivity_caption(result)))
     return found

@@ -42,15 +42,16 @@ def study_page(result: StudyResult) -> str:
         _settings(result),
         *_courses(result, drawn),
         section("Responses", "\n".join(map(_drawing, _of(drawn, "response_")))),
-        section("Sensitivities", _sensitivities(result, drawn))
-        if len(result.sensitivity) else "",
+        section("Sensitivities", _sensitivities(result, drawn)) if len(result.sensitivity) else "",
         section("Tests", _tests(result.tests)),
         section("Medians", folded("Table", _medians(result))),
         section("Failed runs", _failed(result.table))
-        if (result.table["status"] == "failed").any() else "",
-        section("Configuration", folded("study.toml",
-                                        f"<pre>{escape(result.configuration)}</pre>")),
-    ]  # fmt: skip
+        if (result.table["status"] == "failed").any()
+        else "",
+        section(
+            "Configuration", folded("study.toml", f"<pre>{escape(result.configuration)}</pre>")
+        ),
+    ]
     body = "\n".join(one for one in parts if one)
     scripts = (own("common.js", "study.js"),) if len(result.medians) else ()
     return document(result.title, body, scripts, _head(result))
@@ -58,8 +59,9 @@ def study_page(result: StudyResult) -> str:
 
 def _head(result: StudyResult) -> str:
     """What is recommended, and how sure that is."""
-    about = "".join(f"<p>{escape(line)}</p>\n"
-                    for line in mechanism_lines({"mechanism": result.mechanism}))  # fmt: skip
+    about = "".join(
+        f"<p>{escape(line)}</p>\n" for line in mechanism_lines({"mechanism": result.mechanism})
+    )
     if not result.recommendations:
         return f'{about}<p class="asked">No setting is recommended.</p>'
     lines = "".join(
@@ -75,19 +77,24 @@ def _settings(result: StudyResult) -> str:
         return ""
     names = [one.name for one in result.responses]
     keys = [str(name) for name in result.design.columns][:KEYS]
-    rows = {(str(row["response"]), int(row["point"])): row
-            for row in result.medians.to_dict("records")}  # fmt: skip
+    rows = {
+        (str(row["response"]), int(row["point"])): row for row in result.medians.to_dict("records")
+    }
     points = sorted({point for _, point in rows})[:POINTS]
     content = {
         "keys": [{"name": key, "label": short(key)} for key in keys],
-        "responses": [{"name": one.name, "label": one.name.replace("_", " "),
-                       "larger": one.larger_is_better} for one in result.responses],
+        "responses": [
+            {"name": one.name, "label": one.name.replace("_", " "), "larger": one.larger_is_better}
+            for one in result.responses
+        ],
         "points": [
-            {"levels": [result.design[key].loc[point] for key in keys],
-             "medians": [_interval(rows.get((name, point))) for name in names]}
+            {
+                "levels": [result.design[key].loc[point] for key in keys],
+                "medians": [_interval(rows.get((name, point))) for name in names],
+            }
             for point in points
         ],
-    }  # fmt: skip
+    }
     rest = len({point for _, point in rows}) - len(points)
     more = f'<p class="hint">{rest} more settings are in medians.csv.</p>' if rest else ""
     return section("Settings", f'<div id="settings"></div>{more}\n{data(content)}')

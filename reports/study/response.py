@@ -45,19 +45,44 @@ def _draw(
     places, labels = _places(result.design.loc[points, key.key], key)
     if len(result.design) <= MOST:
         runs = result.table[result.table["point"].isin(points)]
-        axes.plot(places.loc[runs["point"]], runs[response.name], linestyle="none", marker="o",
-                  markersize=2.2, color="#888888", alpha=0.5, markeredgewidth=0)  # fmt: skip
+        axes.plot(
+            places.loc[runs["point"]],
+            runs[response.name],
+            linestyle="none",
+            marker="o",
+            markersize=2.2,
+            color="#888888",
+            alpha=0.5,
+            markeredgewidth=0,
+        )
     some = own.loc[points]
     order = places.sort_values(kind="stable").index
     joined = "-" if result.kind == "one_at_a_time" and not key.categorical else "none"
     reach = np.abs(some[["low", "high"]].to_numpy(dtype=float).T - some["median"].to_numpy())
-    axes.errorbar(places.loc[points], some["median"], yerr=np.nan_to_num(reach), linestyle="none",
-                  marker="o", markersize=4, capsize=2.5, linewidth=1.1, color=COLOUR)  # fmt: skip
-    axes.plot(places.loc[order], some.loc[order, "median"], linestyle=joined, linewidth=0.9,
-              color=COLOUR)  # fmt: skip
+    axes.errorbar(
+        places.loc[points],
+        some["median"],
+        yerr=np.nan_to_num(reach),
+        linestyle="none",
+        marker="o",
+        markersize=4,
+        capsize=2.5,
+        linewidth=1.1,
+        color=COLOUR,
+    )
+    axes.plot(
+        places.loc[order], some.loc[order, "median"], linestyle=joined, linewidth=0.9, color=COLOUR
+    )
     if some["median"].isna().any():
-        axes.text(0.5, 0.97, "no median: half of the runs\ndid not get there", fontsize="small",
-                  ha="center", va="top", transform=axes.transAxes)  # fmt: skip
+        axes.text(
+            0.5,
+            0.97,
+            "no median: half of the runs\ndid not get there",
+            fontsize="small",
+            ha="center",
+            va="top",
+            transform=axes.transAxes,
+        )
     if response.best is not None:
         axes.axhline(response.best, color="black", linestyle="--", linewidth=1.0)
     if labels:
@@ -78,8 +103,9 @@ def _points(result: StudyResult, key: Varied) -> pd.Index:
     if result.kind != "one_at_a_time":
         return result.design.index
     others = [one for one in result.varied if one.key != key.key]
-    same = pd.DataFrame({one.key: result.design[one.key] == one.base for one in others},
-                        index=result.design.index)  # fmt: skip
+    same = pd.DataFrame(
+        {one.key: result.design[one.key] == one.base for one in others}, index=result.design.index
+    )
     return result.design.index[same.all(axis=1)]
 
 
@@ -97,5 +123,7 @@ def response_caption(result: StudyResult, response: Response) -> str:
     best = "" if response.best is None else "; the dashed line is the best there can be"
     share = 100 * result.medians["level"].iloc[0]
     keys = ", ".join(one.key for one in result.varied)
-    return (f"{response.name} against {keys}: {runs}circles are medians with {share:.0f} % "
-            f"bootstrap intervals{best}.")  # fmt: skip
+    return (
+        f"{response.name} against {keys}: {runs}circles are medians with {share:.0f} % "
+        f"bootstrap intervals{best}."
+    )

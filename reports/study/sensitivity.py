@@ -11,19 +11,27 @@ from ...records import StudyResult
 from ..drawing import new_figure, plain
 from .words import short
 
-TITLES = MappingProxyType({
-    "S1": "alone (S1)",
-    "ST": "with all it takes part in (ST)",
-    "mu_star": "mean size of its effect (mu*)",
-    "sigma": "spread of its effect (sigma)",
-    "anova_share": "share of the variance of a run",
-    "noise_share": "share of noise",
-})  # fmt: skip
+TITLES = MappingProxyType(
+    {
+        "S1": "alone (S1)",
+        "ST": "with all it takes part in (ST)",
+        "mu_star": "mean size of its effect (mu*)",
+        "sigma": "spread of its effect (sigma)",
+        "anova_share": "share of the variance of a run",
+        "noise_share": "share of noise",
+    }
+)
 FIRST, SECOND, NOISE = "#1f5fa8", "#c4501b", "#666666"
-COLOURS = MappingProxyType({
-    "S1": FIRST, "ST": SECOND, "mu_star": FIRST, "sigma": SECOND, "anova_share": FIRST,
-    "noise_share": NOISE,
-})  # fmt: skip
+COLOURS = MappingProxyType(
+    {
+        "S1": FIRST,
+        "ST": SECOND,
+        "mu_star": FIRST,
+        "sigma": SECOND,
+        "anova_share": FIRST,
+        "noise_share": NOISE,
+    }
+)
 HEIGHT = 0.3
 """Height [inch] of a row."""
 
@@ -38,11 +46,19 @@ def sensitivity_figure(result: StudyResult) -> Figure:
         own = result.sensitivity[result.sensitivity["response"] == name].reset_index(drop=True)
         for statistic, part in own.groupby("statistic", sort=False):
             sides = np.abs(part[["low", "high"]].to_numpy().T - part["value"].to_numpy())
-            axes.errorbar(part["value"], part.index, xerr=sides, linestyle="none", marker="o",
-                          capsize=3, color=COLOURS[str(statistic)],
-                          label=TITLES[str(statistic)])  # fmt: skip
-        axes.set_yticks(range(len(own)), [short(key) or "noise" for key in own["key"]],
-                        fontsize="small")  # fmt: skip
+            axes.errorbar(
+                part["value"],
+                part.index,
+                xerr=sides,
+                linestyle="none",
+                marker="o",
+                capsize=3,
+                color=COLOURS[str(statistic)],
+                label=TITLES[str(statistic)],
+            )
+        axes.set_yticks(
+            range(len(own)), [short(key) or "noise" for key in own["key"]], fontsize="small"
+        )
         axes.axvline(0.0, color="black", linewidth=0.8)
         axes.invert_yaxis()
         axes.set_title(name.replace("_", " "), fontsize="medium", loc="left")
@@ -54,5 +70,7 @@ def sensitivity_figure(result: StudyResult) -> Figure:
 def sensitivity_caption(result: StudyResult) -> str:
     """What the figure shows."""
     share = 100 * result.sensitivity["level"].iloc[0]
-    return (f"Sensitivities with {share:.0f} % intervals, the noise of the runs taken out and "
-            "shown for itself: an interval that holds 0 is not told from nothing.")  # fmt: skip
+    return (
+        f"Sensitivities with {share:.0f} % intervals, the noise of the runs taken out and "
+        "shown for itself: an interval that holds 0 is not told from nothing."
+    )

@@ -72,8 +72,15 @@ class Computed:
         grains = max(1, -(-self.rows.count // self.grain))
         each = -(-grains // BLOCKS) if block_rows is None else -(-block_rows // self.grain)
         digest = hashlib.sha256(self.configuration.encode()).hexdigest()
-        return About(self.command, digest, self.rows.digest, version("tolevo"), self.quality,
-                     self.rows.count, each * self.grain)  # fmt: skip
+        return About(
+            self.command,
+            digest,
+            self.rows.digest,
+            version("tolevo"),
+            self.quality,
+            self.rows.count,
+            each * self.grain,
+        )
 
 
 def computed(
@@ -186,8 +193,14 @@ def _tasks(table: Computed, store: BlockStore, total: int, apart: bool) -> Itera
             table.rows.part(at, min(at + table.grain, stop))
             for at in range(start, stop, table.grain)
         ]
-        yield Block(f"{name}-{number}", version("tolevo"), content, number, start // table.grain,
-                    tuple(rows))  # fmt: skip
+        yield Block(
+            f"{name}-{number}",
+            version("tolevo"),
+            content,
+            number,
+            start // table.grain,
+            tuple(rows),
+        )
 
 
 def perform(task: Block) -> bytes:

@@ -125,8 +125,11 @@ def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
     own = asdict(about)
     other = [CALLED[name] for name in CALLED if there.get(name) != own[name]]
     if other:
-        raise refuse("--resume", f"{path} holds blocks of {' and of '.join(other)}; "
-                     "name another file, or give --overwrite")  # fmt: skip
+        raise refuse(
+            "--resume",
+            f"{path} holds blocks of {' and of '.join(other)}; "
+            "name another file, or give --overwrite",
+        )
     return About(**{**own, "block_rows": int(there["block_rows"])})
 
 

@@ -100,11 +100,13 @@ class BlockTable(BlockStore):
             there = unsealed_record(loads(self._store.meta(TABLE)))
         except ValueError as error:
             raise refuse(place, f"{self._where} cannot be read: {error}") from error
-        raise_all([
-            Fault(place, f"{self._where} belongs to {text}; {self._store.backend.other}")
-            for name, text in CALLED.items()
-            if there.get(name) != own[name]
-        ])  # fmt: skip
+        raise_all(
+            [
+                Fault(place, f"{self._where} belongs to {text}; {self._store.backend.other}")
+                for name, text in CALLED.items()
+                if there.get(name) != own[name]
+            ]
+        )
         return About(**{**own, "block_rows": int(there["block_rows"])})
 
 

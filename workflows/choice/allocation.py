@@ -15,10 +15,32 @@ from .notation import inspection, notation, plain, process_of
 from .roughness import SHARE, roughness
 
 Array = NDArray[np.float64]
-COLUMNS = ("choice", "point", "variable", "meaning", "kind", "unit", "nominal", "mid", "unrounded",
-           "rounded", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation", "grade",
-           "symbol", "drawing", "characteristic", "rounding", "notation", "process",
-           "roughness_Ra_um", "cpk_wanted", "inspection")  # fmt: skip
+COLUMNS = (
+    "choice",
+    "point",
+    "variable",
+    "meaning",
+    "kind",
+    "unit",
+    "nominal",
+    "mid",
+    "unrounded",
+    "rounded",
+    "lower_limit",
+    "upper_limit",
+    "lower_deviation",
+    "upper_deviation",
+    "grade",
+    "symbol",
+    "drawing",
+    "characteristic",
+    "rounding",
+    "notation",
+    "process",
+    "roughness_Ra_um",
+    "cpk_wanted",
+    "inspection",
+)
 
 
 def allocation(
@@ -55,8 +77,15 @@ def allocation(
             )
     columns = [*COLUMNS, *(["model"] if problem.model_statement else [])]
     found = pd.DataFrame(rows, columns=columns)
-    numbers = ("nominal", "mid", "lower_limit", "upper_limit", "lower_deviation", "upper_deviation",
-               "roughness_Ra_um")  # fmt: skip
+    numbers = (
+        "nominal",
+        "mid",
+        "lower_limit",
+        "upper_limit",
+        "lower_deviation",
+        "upper_deviation",
+        "roughness_Ra_um",
+    )
     return found.astype(dict.fromkeys(numbers, float))
 
 

@@ -50,8 +50,17 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
         if own is not None:
             known = np.isfinite(own[rows]) & (source == "estimate")
             price, source = np.where(known, own[rows], price), np.where(known, "front", source)
-        frames.append(pd.DataFrame({"point": rows, "output": name, "price": price,
-                                    "source": source, "spread_percent": left}))  # fmt: skip
+        frames.append(
+            pd.DataFrame(
+                {
+                    "point": rows,
+                    "output": name,
+                    "price": price,
+                    "source": source,
+                    "spread_percent": left,
+                }
+            )
+        )
     return pd.concat(frames, ignore_index=True)
 
 
@@ -139,6 +148,7 @@ def front_slopes(front: pd.DataFrame, name: str) -> Array | None:
     high = order[np.minimum(places + NEIGHBOURS, len(order) - 1)]
     run = values[high] - values[low]
     found = np.full(len(order), np.nan)
-    found[order] = np.divide(cost[low] - cost[high], run, out=np.full_like(run, np.nan),
-                             where=run > 0.0)  # fmt: skip
+    found[order] = np.divide(
+        cost[low] - cost[high], run, out=np.full_like(run, np.nan), where=run > 0.0
+    )
     return found

@@ -15,8 +15,17 @@ RULES: Kinds[ChoiceRule] = Kinds("rules", ChoiceRule)
 """The rules by name: entry points of `tolevo.rules`."""
 ONLY = "only"
 """Name of the choice where there is but one objective."""
-FIRST = ("knee", "knee_plane", "knee_bend", "knee_tradeoff", "nash", "pseudo_weights", "topsis",
-         "cheapest_within_limits", "best_for_budget")  # fmt: skip
+FIRST = (
+    "knee",
+    "knee_plane",
+    "knee_bend",
+    "knee_tradeoff",
+    "nash",
+    "pseudo_weights",
+    "topsis",
+    "cheapest_within_limits",
+    "best_for_budget",
+)
 """The order of our own; those of plugins follow in the order of the alphabet."""
 
 
@@ -43,8 +52,10 @@ def chosen(points: Points, notes: list[str] | None = None) -> dict[str, int]:
                 raise ValueError(f"chose row {at} of a front of {len(values)} points")
         except (InputError, *PLUGIN_FAULTS) as error:
             if notes is not None:
-                notes.append(f'the choice rule "{name}" of {origin("rules", name)} is left out: '
-                             f"{_reason(error)}")  # fmt: skip
+                notes.append(
+                    f'the choice rule "{name}" of {origin("rules", name)} is left out: '
+                    f"{_reason(error)}"
+                )
             continue
         if at is not None:
             found[name] = at

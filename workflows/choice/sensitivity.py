@@ -31,12 +31,18 @@ def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
             cost = points.cost + (factor - 1.0) * part
             found = chosen(_with_cost(points, cost))
             rows += [
-                {"choice": rule, "curve": curve, "factor": factor, "point": at,
-                 "same": at == usual.get(rule), "cost": cost[at],
-                 "cost_kept": cost[usual[rule]] if rule in usual else np.nan}
+                {
+                    "choice": rule,
+                    "curve": curve,
+                    "factor": factor,
+                    "point": at,
+                    "same": at == usual.get(rule),
+                    "cost": cost[at],
+                    "cost_kept": cost[usual[rule]] if rule in usual else np.nan,
+                }
                 | _others(points, at)
                 for rule, at in found.items()
-            ]  # fmt: skip
+            ]
     table = pd.DataFrame(rows)
     return table.sort_values("choice", kind="stable", ignore_index=True) if rows else table
 

@@ -13,8 +13,28 @@ from ...units import converted
 from .settings import IT_GRADES, PREFERRED, ChoiceSettings, Step
 
 Array = NDArray[np.float64]
-R20 = (1.0, 1.12, 1.25, 1.4, 1.6, 1.8, 2.0, 2.24, 2.5, 2.8, 3.15, 3.55, 4.0, 4.5, 5.0, 5.6, 6.3,
-       7.1, 8.0, 9.0)  # fmt: skip
+R20 = (
+    1.0,
+    1.12,
+    1.25,
+    1.4,
+    1.6,
+    1.8,
+    2.0,
+    2.24,
+    2.5,
+    2.8,
+    3.15,
+    3.55,
+    4.0,
+    4.5,
+    5.0,
+    5.6,
+    6.3,
+    7.1,
+    8.0,
+    9.0,
+)
 """Preferred numbers, basic series R20 (ISO 3:1973)."""
 SHARE = 0.01
 """Step of a nominal value by default, at most this share of its range."""
@@ -103,8 +123,13 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
         if name not in free:
             found.append(Fault(place, "is fixed in this run: there is nothing to round"))
         elif step == IT_GRADES and size_mm(problem, free[name]) is None:
-            found.append(Fault(place, 'has no nominal size of at most 500 mm to look up a grade by:'
-                               ' give a step, a list, or "R20"'))  # fmt: skip
+            found.append(
+                Fault(
+                    place,
+                    "has no nominal size of at most 500 mm to look up a grade by:"
+                    ' give a step, a list, or "R20"',
+                )
+            )
         elif isinstance(step, tuple):
             low, high = problem.interval(name)
             if not any(low <= one <= high for one in step):

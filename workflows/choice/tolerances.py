@@ -29,8 +29,10 @@ def tolerances(
     of its variable.
     """
     free = {v.name for v in problem.free}
-    return tuple(_record(problem, v, v.name in free, rules.get(v.name, "fixed"),
-                         values.get(v.name, {})) for v in problem.variables)  # fmt: skip
+    return tuple(
+        _record(problem, v, v.name in free, rules.get(v.name, "fixed"), values.get(v.name, {}))
+        for v in problem.variables
+    )
 
 
 def _record(
@@ -52,13 +54,16 @@ def _record(
         "mid": mid if v.kind is Kind.HALF_WIDTH else None,
         "um": _um(v) if v.tolerance else None,
         "rule": rule,
-        "orderable": [[value, name] for value, name in sorted(values.items())
-                      if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)],
+        "orderable": [
+            [value, name]
+            for value, name in sorted(values.items())
+            if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)
+        ],
         "grades": _grades(problem, v),
         "process": f"{v.name.removesuffix('_t')}_process",
         "costs": [_paid(curve) | {"count": count} for curve, count in problem.curves_of(v.name)],
         **problem.drawn(v.name),
-    }  # fmt: skip
+    }
 
 
 def _paid(curve: CostCurve) -> dict[str, Any]:
@@ -80,5 +85,7 @@ def _grades(problem: ToleranceProblem, v: Variable) -> list[list[Any]]:
     size = size_mm(problem, v)
     if size is None:
         return []
-    return [[grade, float(f"{converted(0.5 * grade_um(grade, size), 'um', v.unit):.12g}")]
-            for grade in GRADES]  # fmt: skip
+    return [
+        [grade, float(f"{converted(0.5 * grade_um(grade, size), 'um', v.unit):.12g}")]
+        for grade in GRADES
+    ]

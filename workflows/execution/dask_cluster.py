@@ -166,7 +166,10 @@ def _other_versions(client: Any, place: str) -> list[Fault]:
         if there != own:
             found.setdefault(str(there), []).append(name)
     return [
-        Fault(place, f"{len(names)} workers (the first is {names[0]}) have tolevo {there}, this is "
-                     f"tolevo {own}: install the same everywhere")
+        Fault(
+            place,
+            f"{len(names)} workers (the first is {names[0]}) have tolevo {there}, this is "
+            f"tolevo {own}: install the same everywhere",
+        )
         for there, names in found.items()
-    ]  # fmt: skip
+    ]

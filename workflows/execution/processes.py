@@ -48,8 +48,9 @@ class Processes(Executor):
                     if attempt < ATTEMPTS:
                         busy[lane.submit(function, task)] = task, lane, attempt + 1
                         continue
-                    result = Lost(f"its process was lost {attempt} times (killed, or out of "
-                                  "memory)")  # fmt: skip
+                    result = Lost(
+                        f"its process was lost {attempt} times (killed, or out of memory)"
+                    )
                 free.append(lane)
                 yield task, result
 

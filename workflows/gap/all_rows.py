@@ -54,8 +54,12 @@ def _noise(end: Ending, full: GapData, at: int, left: Array) -> Noise:
         size = _size(full, left, good)
     scale = 1.0 if name in full.std else float(np.sqrt(np.mean((left[good] / size[good]) ** 2)))
     scale = searched.level if searched.source == "configuration" else scale
-    found = Noise(size * scale, searched.source, good=None if good.all() else good,
-                  varies_with=searched.varies_with)  # fmt: skip
+    found = Noise(
+        size * scale,
+        searched.source,
+        good=None if good.all() else good,
+        varies_with=searched.varies_with,
+    )
     return replace(found, rho=_neighbours(np.where(good, left / found.sigma, 0.0)))
 
 

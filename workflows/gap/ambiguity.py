@@ -61,10 +61,15 @@ def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
     rest = [one for k, one in enumerate(fit.members) if k not in mine]
     q = fitter.spanned(rest)
     a, b = (
-        beside(sum((fitter.white(of.members[k]) @ of.coefficients[k] for k in which),
-                   np.zeros(len(fitter.y))), q)
+        beside(
+            sum(
+                (fitter.white(of.members[k]) @ of.coefficients[k] for k in which),
+                np.zeros(len(fitter.y)),
+            ),
+            q,
+        )
         for of, which in ((fit, mine), (other.fit, theirs))
-    )  # fmt: skip
+    )
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / size if size > 0.0 else float("nan")
 

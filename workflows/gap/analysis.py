@@ -210,8 +210,13 @@ def without(analysis: Analysis, name: str, believed: str = "") -> Analysis:
     ground, found = analysis.ground, analysis.selection
     sure = analysis.believed | ({believed} if believed else set())
     fit, names = analysis.fit, analysis.fit.names
-    curve = as_curve(ground.search.fitter, fit, names.index(name), names.index(believed),
-                     analysis.setup.data) if believed else None  # fmt: skip
+    curve = (
+        as_curve(
+            ground.search.fitter, fit, names.index(name), names.index(believed), analysis.setup.data
+        )
+        if believed
+        else None
+    )
     settling = Settling(
         ground.search, ground.generic, analysis.setup.data, ground.empty, found.accepted, sure
     )
@@ -223,9 +228,12 @@ def without(analysis: Analysis, name: str, believed: str = "") -> Analysis:
 
 
 def _answer(
-    ground: Ground, settling: Settling, found: Selection, done: Settled,
+    ground: Ground,
+    settling: Settling,
+    found: Selection,
+    done: Settled,
     barred: frozenset[str] = frozenset(),
-) -> Analysis:  # fmt: skip
+) -> Analysis:
     """The analysis that ends with a settled fit; the instrument first among twins."""
     search, fit = ground.search, done.fit
     named = names_of(fit.members)
@@ -243,8 +251,15 @@ def _answer(
     struck = tuple(one for one in found.named if one in done.struck)
     verdict = Judged(named, (), done.left, done.significant)
     seen = bool(ground.left.evidence.max(initial=0.0) > search.thresholds.generic)
-    return Analysis(ground, ground, replace(found, fit=fit, steps=steps), verdict, tuple(others),
-                    bool(fit.members or found.named) or seen, struck=struck)  # fmt: skip
+    return Analysis(
+        ground,
+        ground,
+        replace(found, fit=fit, steps=steps),
+        verdict,
+        tuple(others),
+        bool(fit.members or found.named) or seen,
+        struck=struck,
+    )
 
 
 def _about(setup: Setup, search: Search, fit: Fit) -> Setup:
@@ -313,8 +328,16 @@ def concluded(
         search = bare.search
         verdict = judged(search, found.fit, generic, bare.empty)
         others = rivals(search, found.fit, verdict.kept)
-    return Analysis(bare, ground, found, verdict, tuple(others),
-                    bool(found.fit.members or wider or odd) or seen, wider, odd)  # fmt: skip
+    return Analysis(
+        bare,
+        ground,
+        found,
+        verdict,
+        tuple(others),
+        bool(found.fit.members or wider or odd) or seen,
+        wider,
+        odd,
+    )
 
 
 def _beside_scatter(
@@ -337,8 +360,15 @@ def _beside_scatter(
     if wider:
         ground, best = bare.with_scatter(wider[0]), wider[0]
         found = replace(found, fit=ground.search.fitter.refined(found.fit.members))
-        found = beside(ground.search, before, found, best.candidate.name, best.gain, best.threshold,
-                       best.held_out)  # fmt: skip
+        found = beside(
+            ground.search,
+            before,
+            found,
+            best.candidate.name,
+            best.gain,
+            best.threshold,
+            best.held_out,
+        )
     return ground, found, wider
 
 

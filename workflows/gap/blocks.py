@@ -217,8 +217,9 @@ class Training:
 
     def _as_grid(self, groups: Groups) -> Grid:
         parts = [groups.grams(rows) for rows in self.rows]
-        grams = tuple(whole - np.stack(each) for whole, *each in
-                      zip(groups.grams(), *parts, strict=True))  # fmt: skip
+        grams = tuple(
+            whole - np.stack(each) for whole, *each in zip(groups.grams(), *parts, strict=True)
+        )
         return Grid(groups, grams, self._with_record(groups.columns))
 
     def _with_record(self, columns: Array) -> Array:

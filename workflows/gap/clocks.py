@@ -35,8 +35,10 @@ def in_time(frame: pd.DataFrame, columns: Sequence[Column], notes: list[str]) ->
         frame = _sorted(frame, time, own)
         steps = _steps(frame, time, own)
     if own:
-        notes.append(f"{time} begins anew in each {SESSION}: rows are in the order of the sessions "
-                     "in the file, and effects of time count within a session")  # fmt: skip
+        notes.append(
+            f"{time} begins anew in each {SESSION}: rows are in the order of the sessions "
+            "in the file, and effects of time count within a session"
+        )
     if same := int((steps == 0).sum()):
         notes.append(f"{time} stands still at {same} rows: their order is that of the file")
     usual = float(np.median(steps)) if len(steps) else 0.0
@@ -57,8 +59,10 @@ def late(frame: pd.DataFrame, columns: Sequence[Column]) -> list[str]:
         if column.role is Role.TIME and column.name in frame:
             first, span = float(frame[column.name].min()), float(np.ptp(frame[column.name]))
             if abs(first) > LATE * span:
-                found.append(f"{column.name} begins at {first:g} {column.unit}: wear and creep "
-                             "count from 0; subtract what had passed before")  # fmt: skip
+                found.append(
+                    f"{column.name} begins at {first:g} {column.unit}: wear and creep "
+                    "count from 0; subtract what had passed before"
+                )
     return found
 
 
@@ -73,9 +77,14 @@ def clock_faults(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> 
         back = np.flatnonzero(np.diff(t) < 0.0) + 1
         if 0 < len(back) <= max(1.0, FEW * len(t)):
             rows = ", ".join(str(part.index[at]) for at in back[:5])
-            found.append(Fault(f"{place}: column {time}", f"is set back within {SESSION} {label}, "
-                               f"at row {rows}: a session has one clock; give what follows a "
-                               f"{SESSION} of its own, or one time from end to end"))  # fmt: skip
+            found.append(
+                Fault(
+                    f"{place}: column {time}",
+                    f"is set back within {SESSION} {label}, "
+                    f"at row {rows}: a session has one clock; give what follows a "
+                    f"{SESSION} of its own, or one time from end to end",
+                )
+            )
     return found
 
 

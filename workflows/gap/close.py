@@ -191,9 +191,12 @@ def _snapped(x: Array, low: Array, high: Array) -> Array:
 
 
 def _with_errors(
-    found: Corrected, spaces: tuple[Space, Space], at: tuple[Array, Array],
-    jacobian: Array, left: Array,
-) -> Corrected:  # fmt: skip
+    found: Corrected,
+    spaces: tuple[Space, Space],
+    at: tuple[Array, Array],
+    jacobian: Array,
+    left: Array,
+) -> Corrected:
     """A corrected model at numbers in their scales, with its covariance from the derivatives and
     the residual there; `spaces` are that of the noise, and that of the fit.
     """
@@ -211,8 +214,9 @@ def _residual(
     """Whitened residual (N,) and distance from the tolerances, of numbers (k,) in their scale."""
     measured = setup.data.whole(setup.data.measured)
     free = np.array([one.kind == "free" for one in model.numbers], dtype=bool)
-    middle = np.array([nominal(setup.plan, one.name) if one.kind == "free" else 0.0
-                       for one in model.numbers])  # fmt: skip
+    middle = np.array(
+        [nominal(setup.plan, one.name) if one.kind == "free" else 0.0 for one in model.numbers]
+    )
 
     def residual(x: Array) -> Array:
         predicted = model.predicted(setup.data, x * scale)
@@ -262,9 +266,7 @@ def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Correcte
     return _with_errors(found, (space, space), (x, scale), jacobian, left)
 
 
-def _derivatives(
-    residual: Callable[[Array], Array], x: Array, left: Array, high: Array
-) -> Array:  # fmt: skip
+def _derivatives(residual: Callable[[Array], Array], x: Array, left: Array, high: Array) -> Array:
     """Derivatives (N, k) of a residual that is `left` (N,) at numbers x (k,), below `high`."""
     found = np.empty((len(left), len(x)), order="F")
     for k in range(len(x)):

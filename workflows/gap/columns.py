@@ -25,8 +25,10 @@ def told_apart(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
     """Sentences about columns that are constant, equal, or follow each other."""
     numbers = [c.name for c in columns if not c.text and str(c.role) != "repeat"]
     still = [name for name in numbers if np.ptp(frame[name].to_numpy(dtype=float)) == 0.0]
-    notes = [f"{name} is the same in every row: effects that depend on it cannot be seen"
-             for name in still]  # fmt: skip
+    notes = [
+        f"{name} is the same in every row: effects that depend on it cannot be seen"
+        for name in still
+    ]
     moving = [name for name in numbers if name not in still]
     if len(moving) < 2:
         return notes
@@ -36,8 +38,10 @@ def told_apart(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
     for i, k in close:
         one, other = moving[i], moving[k]
         same = "is a copy of" if alike(frame[one], frame[other]) else "follows"
-        notes.append(f"{one} {same} {other}: what depends on the one cannot be told from what "
-                     "depends on the other")  # fmt: skip
+        notes.append(
+            f"{one} {same} {other}: what depends on the one cannot be told from what "
+            "depends on the other"
+        )
     if not close:
         notes += _collinear(frame[moving])
     return notes
@@ -50,5 +54,7 @@ def _collinear(frame: pd.DataFrame) -> list[str]:
     if values[0] > 1e-3:
         return []
     mine = [name for name, x in zip(frame.columns, vectors[:, 0], strict=True) if abs(x) > 0.1]
-    return [f"{', '.join(mine)} are collinear: what depends on one cannot be told from what "
-            "depends on the others together"]  # fmt: skip
+    return [
+        f"{', '.join(mine)} are collinear: what depends on one cannot be told from what "
+        "depends on the others together"
+    ]

@@ -46,8 +46,11 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
     if zero := _zero(plan, model):
         found["zero"] = zero
     terms = [_unresolved(one, model) for one in model.members if is_term(one)]
-    more = [{"name": one.name, "parameters": model.effect(one.name)} for one in model.members
-            if not is_term(one)]  # fmt: skip
+    more = [
+        {"name": one.name, "parameters": model.effect(one.name)}
+        for one in model.members
+        if not is_term(one)
+    ]
     # first: what moves units is not stretched with their scatter
     first = [{"name": one.candidate.name, "parameters": one.numbers} for one in scatter]
     effects = [*first, *found.get("effect", []), *plan.tables.get("effect", []), *more]
@@ -86,8 +89,10 @@ def in_problem(
         does = plan.counterparts(text)
     except InputError as error:
         why = "; ".join(f"{one.place}: {one.message}" for one in error.faults)
-        return tuple(replace(one, in_problem=False, counterpart=f"{name} does not take it: {why}")
-                     for one in effects)  # fmt: skip
+        return tuple(
+            replace(one, in_problem=False, counterpart=f"{name} does not take it: {why}")
+            for one in effects
+        )
     none = f"no counterpart in {name}: the allocation does not change"
     return tuple(
         replace(one, in_problem=bool(does.get(one.name)), counterpart=does.get(one.name) or none)
@@ -103,8 +108,11 @@ def _unresolved(member: Member, model: Corrected) -> dict[str, Any]:
 
 def _zero(plan: GapPlan, model: Corrected) -> dict[str, float]:
     """What the instrument adds to each output: known before, and fitted."""
-    fitted = {one.name: float(value) for one, value in zip(model.numbers, model.values, strict=True)
-              if one.kind == "zero"}  # fmt: skip
+    fitted = {
+        one.name: float(value)
+        for one, value in zip(model.numbers, model.values, strict=True)
+        if one.kind == "zero"
+    }
     names = dict.fromkeys([*plan.zero, *fitted])
     return {name: plan.zero.get(name, 0.0) + fitted.get(name, 0.0) for name in names}
 

@@ -24,9 +24,13 @@ def distance(law: Law, units: Array) -> float:
 
 
 def floor(
-    law: Law, count: int, rng: np.random.Generator, share: float = FLOOR, centred: bool = False,
+    law: Law,
+    count: int,
+    rng: np.random.Generator,
+    share: float = FLOOR,
+    centred: bool = False,
     scaled: bool = False,
-) -> float:  # fmt: skip
+) -> float:
     """Distance that a share of the batches of `count` units, drawn from the law, stay below;
     `centred`: about the mean of each batch; `scaled`: as wide as the law as well.
     """

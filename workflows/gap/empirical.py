@@ -107,8 +107,11 @@ def _formulas(curve: Curve) -> Iterator[Formula]:
         yield from _magnitudes(float(np.abs(curve.x).max()), odd)
     for middle in np.linspace(curve.x.min(), curve.x.max(), 33):
         for width in np.ptp(curve.x) * np.geomspace(0.03, 0.5, 10):
-            yield Formula(f"{{b}} exp(-(({{x}} - {middle:.4g})/{width:.3g})^2)",
-                          partial(_bump, middle=middle, width=width), 2)  # fmt: skip
+            yield Formula(
+                f"{{b}} exp(-(({{x}} - {middle:.4g})/{width:.3g})^2)",
+                partial(_bump, middle=middle, width=width),
+                2,
+            )
 
 
 def _magnitudes(largest: float, odd: bool) -> Iterator[Formula]:
@@ -117,10 +120,14 @@ def _magnitudes(largest: float, odd: bool) -> Iterator[Formula]:
     for power in np.geomspace(0.2, 4.0, 40):
         yield Formula(f"{{b}} {sign}|{{x}}|^{power:.3g}", partial(_power, power=power, odd=odd), 1)
     for size in largest * np.geomspace(0.02, 3.0, 30):
-        yield Formula(f"{{b}} {sign}(1 - exp(-|{{x}}|/{size:.3g}))",
-                      partial(_saturating, size=size, odd=odd), 1)  # fmt: skip
-        yield Formula(f"{{b}} {sign}ln(1 + |{{x}}|/{size:.3g})",
-                      partial(_logarithm, size=size, odd=odd), 1)  # fmt: skip
+        yield Formula(
+            f"{{b}} {sign}(1 - exp(-|{{x}}|/{size:.3g}))",
+            partial(_saturating, size=size, odd=odd),
+            1,
+        )
+        yield Formula(
+            f"{{b}} {sign}ln(1 + |{{x}}|/{size:.3g})", partial(_logarithm, size=size, odd=odd), 1
+        )
 
 
 def _wave(x: Array) -> Array:

@@ -199,17 +199,34 @@ def _pure(of: Remainder) -> float | None:
 
 
 def remainders(
-    residuals: Sequence[Array], kept: Sequence[Array], forms: tuple[Form, ...],
-    generic: Groups, inputs: Mapping[str, Array], trends: Sequence[str],
-    repeats: NDArray[np.int64] | None, known: Sequence[tuple[Array, str] | None],
-    laws: Sequence[float], resolutions: Sequence[float],
-) -> list[Remainder]:  # fmt: skip
+    residuals: Sequence[Array],
+    kept: Sequence[Array],
+    forms: tuple[Form, ...],
+    generic: Groups,
+    inputs: Mapping[str, Array],
+    trends: Sequence[str],
+    repeats: NDArray[np.int64] | None,
+    known: Sequence[tuple[Array, str] | None],
+    laws: Sequence[float],
+    resolutions: Sequence[float],
+) -> list[Remainder]:
     """One record per output."""
     slow = tuple(form.variable in trends for form in forms)
     return [
-        Remainder(residual, columns, forms, generic, inputs, slow, repeats,
-                  None if given is None else given[0],
-                  "estimated" if given is None else given[1], law, least)
-        for residual, columns, given, law, least in
-        zip(residuals, kept, known, laws, resolutions, strict=True)
-    ]  # fmt: skip
+        Remainder(
+            residual,
+            columns,
+            forms,
+            generic,
+            inputs,
+            slow,
+            repeats,
+            None if given is None else given[0],
+            "estimated" if given is None else given[1],
+            law,
+            least,
+        )
+        for residual, columns, given, law, least in zip(
+            residuals, kept, known, laws, resolutions, strict=True
+        )
+    ]

@@ -111,8 +111,9 @@ class Fitter:
         """
         parts = [self.q, *(unit(self.white(one)) for one in members)]
         keys = [("free",), *(one.key for one in members)]
-        with_groups = np.vstack([self._product(groups, *pair)
-                                 for pair in zip(keys, parts, strict=True)])  # fmt: skip
+        with_groups = np.vstack(
+            [self._product(groups, *pair) for pair in zip(keys, parts, strict=True)]
+        )
         z = np.hstack(parts)
         with_y = self._product(groups, ("record",), self.y[:, None])[0]
         return Beside.of(z.T @ z, z.T @ self.y).gains(groups, with_groups, with_y)
@@ -152,8 +153,7 @@ class Fitter:
         split = np.split(found, np.cumsum([self.base.shape[1], *sizes])[:-1])
         rss = float(residual @ residual)
         price = sum(one.candidate.price(self.penalty) for one in members)
-        return Fit(tuple(members), rss, rss + price, tuple(split[1:]), split[0],
-                   residual)  # fmt: skip
+        return Fit(tuple(members), rss, rss + price, tuple(split[1:]), split[0], residual)
 
     def _bounds(self, members: Sequence[Member]) -> tuple[Array, Array]:
         free = np.full(self.base.shape[1], np.inf)
@@ -212,9 +212,17 @@ class Fitter:
 
         losses: list[float] = []
         simplex = _simplex(len(free))
-        best = optimize.minimize(loss, simplex[0], method="Nelder-Mead",
-                                 options={"maxiter": 40 * len(free), "xatol": 0.01, "fatol": 0.01,
-                                          "initial_simplex": simplex})  # fmt: skip
+        best = optimize.minimize(
+            loss,
+            simplex[0],
+            method="Nelder-Mead",
+            options={
+                "maxiter": 40 * len(free),
+                "xatol": 0.01,
+                "fatol": 0.01,
+                "initial_simplex": simplex,
+            },
+        )
         if best.fun >= losses[0]:  # where it began
             return member, -losses[0]
         return Member(candidate, shape(best.x)), -float(best.fun)

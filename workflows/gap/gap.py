@@ -163,8 +163,10 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
     table = residual_table(end, data)
     outputs = data.outputs
     noise = {o.name: n.level for o, n in zip(outputs, bare.noises, strict=True)}
-    which = {side: {o.name: table[f"{o.name}_{side}"].to_numpy() for o in outputs}
-             for side in ("before", "after")}  # fmt: skip
+    which = {
+        side: {o.name: table[f"{o.name}_{side}"].to_numpy() for o in outputs}
+        for side in ("before", "after")
+    }
     gap = gaps(end)
     attribution = attribution_of(end)
     text = corrected_toml(plan, end.model, analysis.scatter[:1])
@@ -202,7 +204,7 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
         next_measurement=planned.record if planned else None,
         next_points=planned.points if planned else None,
         drawing=plan.drawing,
-    )  # fmt: skip
+    )
 
 
 def _summary(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -> dict[str, object]:
@@ -247,8 +249,10 @@ def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
         if noise.varies_with:
             found.append(f"{output.name}: the size of the noise follows {noise.varies_with}")
         if noise.rho > 0.3:
-            found.append(f"{output.name}: the noise is autocorrelated ({noise.rho:.2f} from one "
-                         "reading to the next)")  # fmt: skip
+            found.append(
+                f"{output.name}: the noise is autocorrelated ({noise.rho:.2f} from one "
+                "reading to the next)"
+            )
     if end.rows:
         found += uneven_delays(analysis.search.fitter, end.fit, end.setup.data)
     if lost := struck_of(analysis):
@@ -271,10 +275,16 @@ def lines_of(result: GapResult) -> tuple[str, ...]:
         floor = result.noise_floor[output.name]
         lines.append(words.format(output.name, before, after, output.unit, floor))
     lines += [f"effect {one}" for one in result.effects]
-    lines += [f"at its physical bound: {name} of {one.name}"
-              for one in result.effects for name in one.at_bound]  # fmt: skip
-    lines += [f"in the problem: {one.name}: {one.counterpart}"
-              for one in result.effects if one.counterpart]  # fmt: skip
+    lines += [
+        f"at its physical bound: {name} of {one.name}"
+        for one in result.effects
+        for name in one.at_bound
+    ]
+    lines += [
+        f"in the problem: {one.name}: {one.counterpart}"
+        for one in result.effects
+        if one.counterpart
+    ]
     lines += [f"rival {one}" for one in result.rivals]
     lines += [f"remainder: {one}" for one in result.remainder]
     if not result.remainder:

@@ -42,8 +42,16 @@ USUAL = (1.0, 2.0, 4.0)
 CYCLES = tuple(np.arange(0.75, 8.1, 0.25).tolist())
 """Cycles over the record that are tried."""
 POWERS = (0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)
-SMOOTH = (Role.TORQUE, Role.FORCE, Role.SPEED, Role.TEMPERATURE, Role.TIME, Role.PAYLOAD,
-          Role.POSITION, Role.INPUT)  # fmt: skip
+SMOOTH = (
+    Role.TORQUE,
+    Role.FORCE,
+    Role.SPEED,
+    Role.TEMPERATURE,
+    Role.TIME,
+    Role.PAYLOAD,
+    Role.POSITION,
+    Role.INPUT,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,8 +325,14 @@ def _modulated(data: GapData, column: Column, angle: Array) -> list[tuple[Form, 
                 if power == 2 and other.role is Role.DIRECTION:
                     continue
                 size = (x / np.abs(x).max()) ** power
-                form = Form("order", column.name, order=order, more=(other.name,),
-                            by=other.name, by_power=power)  # fmt: skip
+                form = Form(
+                    "order",
+                    column.name,
+                    order=order,
+                    more=(other.name,),
+                    by=other.name,
+                    by_power=power,
+                )
                 found.append((form, wave * size[:, None]))
     return found
 

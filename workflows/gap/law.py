@@ -40,8 +40,13 @@ def estimated(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
     smooth = KDEUnivariate(drawn - middle)
     smooth.fit(bw=SMOOTHED * std, gridsize=CELLS, cut=0.5 / SMOOTHED)
     chance = np.maximum(smooth.density, LEAST / std)
-    return Law(float(smooth.support[0]), float(np.ptp(smooth.support)) / (CELLS - 1),
-               np.log(chance), std, mean)  # fmt: skip
+    return Law(
+        float(smooth.support[0]),
+        float(np.ptp(smooth.support)) / (CELLS - 1),
+        np.log(chance),
+        std,
+        mean,
+    )
 
 
 def law_of(plan: GapPlan, name: str) -> Law:

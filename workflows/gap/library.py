@@ -30,8 +30,15 @@ OURS = "tolevo "
 """What the origin of an effect of this package begins with."""
 ELSEWHERE = ("population", "manipulator", "assembly")
 """Families of effects that act in models of their own."""
-MOVING = (Role.ANGLE, Role.TORQUE, Role.FORCE, Role.SPEED, Role.DIRECTION, Role.TIME,
-          Role.TEMPERATURE)  # fmt: skip
+MOVING = (
+    Role.ANGLE,
+    Role.TORQUE,
+    Role.FORCE,
+    Role.SPEED,
+    Role.DIRECTION,
+    Role.TIME,
+    Role.TEMPERATURE,
+)
 """Roles of a bench, as the effects of a drive need them."""
 BEND = 2.5
 """What the first nonlinear parameter of an effect must gain."""
@@ -160,8 +167,10 @@ class Columns:
     def _of_term(self, effect: Unresolved) -> Array:
         """Of a term without a name, which acts at one output."""
         found = effect.columns(self.data.readings)
-        parts = [found if o.name == effect.term.output else np.zeros_like(found)
-                 for o in self.data.outputs]  # fmt: skip
+        parts = [
+            found if o.name == effect.term.output else np.zeros_like(found)
+            for o in self.data.outputs
+        ]
         return np.concatenate(parts)
 
     def _by_rows(self, effect: InsideSeveral, shape: Mapping[str, float]) -> Array:
@@ -193,13 +202,17 @@ class Columns:
         if action.reading and data.target.population:
             return zero  # rounding moves no mean of units that differ by more
         if action.reading:
-            return np.concatenate([
-                action.reading[o.name](self._read[o.name]) - self._read[o.name]
-                if o.name in action.reading else zero
-                for o in data.outputs
-            ])  # fmt: skip
-        return np.concatenate([np.asarray(action.output.get(o.name, zero), dtype=float)
-                               for o in data.outputs])  # fmt: skip
+            return np.concatenate(
+                [
+                    action.reading[o.name](self._read[o.name]) - self._read[o.name]
+                    if o.name in action.reading
+                    else zero
+                    for o in data.outputs
+                ]
+            )
+        return np.concatenate(
+            [np.asarray(action.output.get(o.name, zero), dtype=float) for o in data.outputs]
+        )
 
     def _of_units(self, act: Callable[[Array, float, np.random.Generator], Array]) -> Array:
         """What an effect on a population does to units that are all at the mean."""
@@ -276,8 +289,10 @@ def _matters(effect: Effect, why: str, data: GapData) -> bool:
     if data.target.population or effect.family in ELSEWHERE or not roles & set(MOVING):
         return False
     if set(effect.needs) <= roles:
-        return why not in (Effect.own_reason(effect, data.target), "its traces are not in the "
-                           "readings")  # fmt: skip
+        return why not in (
+            Effect.own_reason(effect, data.target),
+            "its traces are not in the readings",
+        )
     return data.target.model == "table"
 
 
@@ -333,8 +348,9 @@ def _of_lots(one: Candidate, lots: Iterable[str], target: Target) -> tuple[Effec
 
 def carried(active: Iterable[Active], target: Target) -> float:
     """By how much effects on the scatter move the mean of a population."""
-    return sum(one.effect.carried(one.values, target) for one in active
-               if isinstance(one.effect, OfUnits))  # fmt: skip
+    return sum(
+        one.effect.carried(one.values, target) for one in active if isinstance(one.effect, OfUnits)
+    )
 
 
 def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:

@@ -62,8 +62,9 @@ class BatchLikelihood:
     def scale(self) -> Array:
         """Of each parameter (k,), in its unit."""
         unit = self.target.outputs[0].unit
-        return np.array([self.law.std if unit and one.unit == unit else 1.0
-                         for one in self.numbers])  # fmt: skip
+        return np.array(
+            [self.law.std if unit and one.unit == unit else 1.0 for one in self.numbers]
+        )
 
     def _kind(self, at: int) -> Kind:
         one, scale = self.numbers[at], float(self.scale[at])
@@ -111,10 +112,12 @@ class BatchLikelihood:
             return -self(x, p)
 
         found = optimize.minimize(
-            worse, min(starts, key=worse), method="Nelder-Mead",
+            worse,
+            min(starts, key=worse),
+            method="Nelder-Mead",
             bounds=[self._kind(at).bounds for at in range(len(self.numbers))],
             options={"xatol": 1e-4, "fatol": 1e-3},
-        )  # fmt: skip
+        )
         return np.asarray(found.x)
 
     def tried(self, at: Array) -> list[Array]:

@@ -77,8 +77,10 @@ class Groups:
 
     def some(self, groups: NDArray[np.int64]) -> Groups:
         """Only these groups."""
-        parts = [np.arange(s, s + m) for s, m in
-                 zip(self.starts[groups], self.sizes[groups], strict=True)]  # fmt: skip
+        parts = [
+            np.arange(s, s + m)
+            for s, m in zip(self.starts[groups], self.sizes[groups], strict=True)
+        ]
         sizes = self.sizes[groups]
         starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
         at = np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
@@ -141,8 +143,9 @@ class Groups:
         for block, gram in zip(self._blocks, each, strict=True):
             p = projected[..., block.at]
             left = gram - np.einsum("...rgm,...rgk->...gmk", p, p)
-            gains[..., block.which] = _gains_of(gram, left, products[..., block.at],
-                                                self.one_sided[block.which])  # fmt: skip
+            gains[..., block.which] = _gains_of(
+                gram, left, products[..., block.at], self.one_sided[block.which]
+            )
         return gains
 
     def gains(self, residuals: Array) -> Array:

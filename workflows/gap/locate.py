@@ -49,8 +49,9 @@ def regions(
         explained = max(float(np.sum((taken.T @ residual) ** 2)) - taken.shape[1], float(gains[at]))
         beyond = max(beyond, explained)
         low, high = _ends(setup, fitter, generic, at, q, residual, explained)
-        found.append(_region(setup, generic, at, low, high, explained / beyond,
-                             float(level[at]), limit))  # fmt: skip
+        found.append(
+            _region(setup, generic, at, low, high, explained / beyond, float(level[at]), limit)
+        )
         q, residual = np.hstack([q, taken]), beside(residual, taken)
         more, product = products(groups, taken, residual)
         projected = np.vstack([projected, more])
@@ -63,24 +64,33 @@ def _flexible(generic: Remaining, at: int) -> NDArray[np.int64]:
 
     def same(other: Form) -> bool:
         if (other.variable, other.more, other.direction) != (
-            form.variable, form.more, form.direction,
-        ):  # fmt: skip
+            form.variable,
+            form.more,
+            form.direction,
+        ):
             return False
         if form.kind == "order":
             near = other.kind == "order" and abs(other.order - form.order) < BESIDE
             return near and (other.by, other.by_power) == (form.by, form.by_power)
         return other.kind in OVER_INPUT and form.kind in OVER_INPUT
 
-    mine = [same(one) and generic.outputs[k] == generic.outputs[at]
-            for k, one in enumerate(generic.forms)]  # fmt: skip
+    mine = [
+        same(one) and generic.outputs[k] == generic.outputs[at]
+        for k, one in enumerate(generic.forms)
+    ]
     mine[at] = True
     return np.flatnonzero(mine)
 
 
 def _ends(
-    setup: Setup, fitter: Fitter, generic: Remaining, at: int, q: Array, residual: Array,
+    setup: Setup,
+    fitter: Fitter,
+    generic: Remaining,
+    at: int,
+    q: Array,
+    residual: Array,
     explained: float,
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float]:
     """The interval of its variable in which a form shows; nan where it has none."""
     form = generic.forms[at]
     x = along(setup, form.variable) if form.kind in OVER_INPUT else None
@@ -119,9 +129,15 @@ def _sign(setup: Setup) -> Array:
 
 
 def _region(
-    setup: Setup, generic: Remaining, at: int, low: float, high: float, share: float,
-    level: float, limit: float,
-) -> Region:  # fmt: skip
+    setup: Setup,
+    generic: Remaining,
+    at: int,
+    low: float,
+    high: float,
+    share: float,
+    level: float,
+    limit: float,
+) -> Region:
     form, output = generic.forms[at], setup.data.outputs[int(generic.outputs[at])]
     column = next((c for c in setup.data.inputs if c.name == form.variable), None)
     unit = "" if column is None else column.unit

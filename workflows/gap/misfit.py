@@ -65,9 +65,11 @@ def of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], floa
     own, other = (np.diag(one.covariance) for one in (model, plain))
     chance = np.maximum(other - own, LEAST_CHANCE * other)
     sure = away**2 > SURE**2 * chance
-    return {(one.owner, one.name): EITHER * float(square)
-            for one, square, odd in zip(model.numbers, away**2, sure, strict=True)
-            if odd and np.isfinite(square)}  # fmt: skip
+    return {
+        (one.owner, one.name): EITHER * float(square)
+        for one, square, odd in zip(model.numbers, away**2, sure, strict=True)
+        if odd and np.isfinite(square)
+    }
 
 
 def _fitted(member: Member) -> list[EffectParameter]:

@@ -45,10 +45,14 @@ def uneven_delays(fitter: Fitter, fit: Fit, data: GapData) -> list[str]:
 
 def _said(name: str, delays: Array) -> str:
     kinds = ("rise above the median", "fall above it", "rise below it", "fall below it")
-    parts = ", ".join(f"{one:.3g} s where readings {kind}"
-                      for one, kind in zip(delays.tolist(), kinds, strict=True))  # fmt: skip
-    return (f"{name} is not one delay: {parts}. A channel that is late is so everywhere; this may "
-            "be a part of the loop that has no name")  # fmt: skip
+    parts = ", ".join(
+        f"{one:.3g} s where readings {kind}"
+        for one, kind in zip(delays.tolist(), kinds, strict=True)
+    )
+    return (
+        f"{name} is not one delay: {parts}. A channel that is late is so everywhere; this may "
+        "be a part of the loop that has no name"
+    )
 
 
 def _uneven(

@@ -14,14 +14,35 @@ from ...problems.settings import Labels
 from ...tables import ColumnUse
 
 ROLES = (
-    "angle", "torque", "force", "direction", "speed", "temperature", "time", "unit", "lot",
-    "payload", "position", "repeat", "input", "measured", "predicted", "std", "ignore",
-)  # fmt: skip
+    "angle",
+    "torque",
+    "force",
+    "direction",
+    "speed",
+    "temperature",
+    "time",
+    "unit",
+    "lot",
+    "payload",
+    "position",
+    "repeat",
+    "input",
+    "measured",
+    "predicted",
+    "std",
+    "ignore",
+)
 """The roles that `[columns]` gives."""
 ROLE_UNITS = {
-    "angle": ("rad", "m"), "torque": ("N m",), "force": ("N",), "speed": ("rpm", "m/s"),
-    "temperature": ("degC",), "time": ("s",), "payload": ("kg",), "position": ("m",),
-}  # fmt: skip
+    "angle": ("rad", "m"),
+    "torque": ("N m",),
+    "force": ("N",),
+    "speed": ("rpm", "m/s"),
+    "temperature": ("degC",),
+    "time": ("s",),
+    "payload": ("kg",),
+    "position": ("m",),
+}
 """The units in which effects see a column of a role; the second is that of what moves along a line.
 """
 

@@ -74,8 +74,10 @@ def _scaled(data: GapData) -> Iterator[str]:
             continue
         factor = _factor(data.measured[output.name], data.predicted[output.name])
         if factor > FACTOR or 0.0 < factor < 1.0 / FACTOR:
-            yield (f"is the unit of {output.name} or that of its prediction wrong? They go "
-                   f"together, but it is {factor:.4g} times as large")  # fmt: skip
+            yield (
+                f"is the unit of {output.name} or that of its prediction wrong? They go "
+                f"together, but it is {factor:.4g} times as large"
+            )
 
 
 def _stiff(data: GapData) -> Iterator[str]:
@@ -92,8 +94,10 @@ def _stiff(data: GapData) -> Iterator[str]:
         if spread > 0.0 and abs(slope) * np.std(load) > FOLLOWS * np.std(y):
             said = unlikely(1.0 / slope, output.unit, "N" if role is Role.FORCE else "Nm")
             if said:
-                yield (f"{_said(data, role)} Or that of {output.name}? It follows the load as of a "
-                       f"stiffness of {said}")  # fmt: skip
+                yield (
+                    f"{_said(data, role)} Or that of {output.name}? It follows the load as of a "
+                    f"stiffness of {said}"
+                )
 
 
 def unlikely(stiffness: float, unit: str, load: str, more: float = 1.0) -> str:
@@ -120,8 +124,10 @@ def unlikely_numbers(fit: Fit, data: GapData) -> list[str]:
         load = "Nm" if Role.TORQUE in data.readings else "N"
         for output, size in zip(member.candidate.effect.reached(data.target), sizes, strict=False):
             if size > 0.0 and (said := unlikely(1.0 / float(size), output.unit, load, BESIDE)):
-                found.append(f"the stiffness of torsional_compliance in {output.name} is {said}: "
-                             "are the units right?")  # fmt: skip
+                found.append(
+                    f"the stiffness of torsional_compliance in {output.name} is {said}: "
+                    "are the units right?"
+                )
     return found
 
 

@@ -126,8 +126,11 @@ class Batch:
     def levels(self) -> tuple[str, ...]:
         """The names that move every unit alike, the process before the instrument."""
         book = self.search.book
-        found = [one.candidate.effect for at, one in enumerate(book.members)
-                 if not one.candidate.unread and _same(book.raw.of(at))]  # fmt: skip
+        found = [
+            one.candidate.effect
+            for at, one in enumerate(book.members)
+            if not one.candidate.unread and _same(book.raw.of(at))
+        ]
         return tuple(one.name for one in sorted(found, key=lambda e: e.family == INSTRUMENT))
 
     def moving(self, fit: Fit) -> list[Member]:
@@ -262,9 +265,16 @@ def _tried(batch: Batch, units: Units, candidate: Candidate, level: str) -> Scat
     if Role.LOT in data.readings and isinstance(candidate.effect, OfUnits):
         values |= candidate.effect.beside_lots
     return Scatter(
-        candidate, data.target, values, ends, gain, np.nan, _held_out(units, centred, free),
-        price - 2.0 * used(x, at), beside=level if apart else "",
-    )  # fmt: skip
+        candidate,
+        data.target,
+        values,
+        ends,
+        gain,
+        np.nan,
+        _held_out(units, centred, free),
+        price - 2.0 * used(x, at),
+        beside=level if apart else "",
+    )
 
 
 def _held_out(units: Units, centred: BatchLikelihood, start: Array) -> Improvement:

@@ -35,10 +35,12 @@ def spread_of_units(plan: GapPlan, data: GapData, end: Ending) -> pd.DataFrame:
     shares = (np.arange(count) + 0.5) / count
     sides = {"measured": data.measured, "before": before, "after": after}
     parts = [
-        pd.DataFrame({"output": one.name, "share": shares}
-                     | {side: np.quantile(of[one.name], shares) for side, of in sides.items()})
+        pd.DataFrame(
+            {"output": one.name, "share": shares}
+            | {side: np.quantile(of[one.name], shares) for side, of in sides.items()}
+        )
         for one in data.outputs
-    ]  # fmt: skip
+    ]
     return pd.concat(parts, ignore_index=True)
 
 
@@ -48,8 +50,14 @@ def _drawn(
     """Units (m,) at the inputs of the data, each visited as often."""
     table = data.readings.table
     runs = [
-        predicted(model, plan.model_name, table, effects,
-                  np.random.default_rng([plan.seed, 9, number]), plan.zero)
+        predicted(
+            model,
+            plan.model_name,
+            table,
+            effects,
+            np.random.default_rng([plan.seed, 9, number]),
+            plan.zero,
+        )
         for number in range(-(-DRAWN // len(data)))
-    ]  # fmt: skip
+    ]
     return {one.name: np.concatenate([run[one.name] for run in runs]) for one in data.outputs}

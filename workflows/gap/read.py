@@ -106,8 +106,10 @@ def checked_table(
         if c.name not in frame and c not in (TIME, REPEAT)
     ]
     if SESSION in spare and SESSION in frame:
-        notes.append(f"a {SESSION} may have a level of its own; [validation] blocks = "
-                     f'"{SESSION}" would hold out one after the other')  # fmt: skip
+        notes.append(
+            f"a {SESSION} may have a level of its own; [validation] blocks = "
+            f'"{SESSION}" would hold out one after the other'
+        )
     notes += [*told_apart(frame, there), *late(frame, there), *_said_of(unused)]
     data = assembled(plan, frame, there, outputs, predictions, stds, notes)
     if faults := range_faults(plan, data, place):
@@ -162,8 +164,13 @@ def _block_faults(
         close = nearest(name, map(str, given.columns))
         return [Fault(key, f'{place} has no column "{name}"{close}; name one, or "auto"')]
     if name in frame and len(frame) and len(set(frame[name])) == 1:
-        return [Fault(key, f'{name} is the same in every row of {place}: there is nothing to hold '
-                      'out; name another column, or "auto"')]  # fmt: skip
+        return [
+            Fault(
+                key,
+                f"{name} is the same in every row of {place}: there is nothing to hold "
+                'out; name another column, or "auto"',
+            )
+        ]
     return []
 
 
@@ -201,8 +208,9 @@ def _needed(
 
 def _ignored(plan: GapPlan, given: pd.DataFrame) -> list[str]:
     """Columns of a table whose role is `ignore`, but the one that it is validated by."""
-    return [n for n, c in plan.columns.items()
-            if c.role == "ignore" and n in given and n != plan.blocks]  # fmt: skip
+    return [
+        n for n, c in plan.columns.items() if c.role == "ignore" and n in given and n != plan.blocks
+    ]
 
 
 def _missing_outputs(
@@ -214,8 +222,9 @@ def _missing_outputs(
         names = ", ".join(o.name for o in plan.model.outputs)
         found.append(Fault(place, f"holds none of the measured outputs: {names}"))
     if plan.model is None:
-        found += [Fault(place, f"column {o.name} is missing") for o in outputs
-                  if o.name not in given]  # fmt: skip
+        found += [
+            Fault(place, f"column {o.name} is missing") for o in outputs if o.name not in given
+        ]
     return found
 
 
@@ -228,13 +237,17 @@ def _dropped(
         return frame, faults
     others = [one for one in faults if one not in cells]
     if not plan.drop_bad_rows:
-        return frame, [*faults, Fault("data.drop_bad_rows", "set it to true to leave these rows "
-                                      "out")]  # fmt: skip
+        return frame, [
+            *faults,
+            Fault("data.drop_bad_rows", "set it to true to leave these rows out"),
+        ]
     bad = frame.isna().any(axis=1) | (frame == "").any(axis=1)
     shown = ", ".join(str(at) for at in frame.index[bad][:10])
     more = ", ..." if bad.sum() > 10 else ""
-    notes.append(f"{int(bad.sum())} rows with a cell that is no finite number were dropped, as "
-                 f"asked: rows {shown}{more}")  # fmt: skip
+    notes.append(
+        f"{int(bad.sum())} rows with a cell that is no finite number were dropped, as "
+        f"asked: rows {shown}{more}"
+    )
     return frame[~bad], others
 
 
@@ -251,8 +264,13 @@ def _content_faults(
     found = []
     count = 1 + len(plan.free) + len(outputs)
     if len(frame) < max(LEAST, 2 * count):
-        found.append(Fault(place, f"has {len(frame)} rows; {count - 1} free numbers of the model "
-                           f"and the noise need at least {max(LEAST, 2 * count)}"))  # fmt: skip
+        found.append(
+            Fault(
+                place,
+                f"has {len(frame)} rows; {count - 1} free numbers of the model "
+                f"and the noise need at least {max(LEAST, 2 * count)}",
+            )
+        )
     for column in columns:
         if column.role is Role.DIRECTION and column.name in frame:
             bad = ~frame[column.name].isin([-1.0, 1.0]) & frame[column.name].notna()
@@ -266,8 +284,13 @@ def _content_faults(
         if output.name in frame:
             found += _measured_faults(frame, output.name, predictions.get(output.name), place)
     if not found and not _varies(plan, frame, columns):
-        found.append(Fault(place, "no input varies: every row is the same reading again, and no "
-                           "cause can be told; vary an input, or add time_s"))  # fmt: skip
+        found.append(
+            Fault(
+                place,
+                "no input varies: every row is the same reading again, and no "
+                "cause can be told; vary an input, or add time_s",
+            )
+        )
     return found
 
 
@@ -329,7 +352,10 @@ def finite_faults(predicted: Mapping[str, Any], rows: Any, place: str = "data") 
     found = []
     for name, values in predicted.items():
         bad = np.flatnonzero(~np.isfinite(values))
-        text = {int(rows[at]): "the model has no finite prediction here: outside of its range; "
-                "remove the row" for at in bad}  # fmt: skip
+        text = {
+            int(rows[at]): "the model has no finite prediction here: outside of its range; "
+            "remove the row"
+            for at in bad
+        }
         found += tables.cell_faults(place, name, text)
     return found

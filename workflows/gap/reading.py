@@ -35,8 +35,10 @@ def as_read(setup: Setup, fit: Fit | None = None) -> Setup:
         parts = np.split(setup.residual, len(outputs))
         notes = [_coarse(setup, o, x) for o, x in zip(outputs, parts, strict=True)]
         setup = replace(setup, notes=(*setup.notes, *(one for one in notes if one)))
-        more = {o.name: np.full(len(x), np.median(x) if o.name in setup.data.zeros else 0.0)
-                for o, x in zip(outputs, parts, strict=True)}  # fmt: skip
+        more = {
+            o.name: np.full(len(x), np.median(x) if o.name in setup.data.zeros else 0.0)
+            for o, x in zip(outputs, parts, strict=True)
+        }
     else:
         total = setup.base[:, setup.prior :] @ fit.free[setup.prior :]
         for member, size in zip(fit.members, fit.coefficients, strict=True):

@@ -17,15 +17,22 @@ def moved_far(end: Ending) -> str:
     model = end.model
     pairs = zip(model.numbers, model.errors.tolist(), strict=True)
     errors = {one.name: float(error) for one, error in pairs if one.kind == "free"}
-    return said((one.name, one.after - one.before, one.tolerance, errors[one.name])
-                for one in recalibrated(end))  # fmt: skip
+    return said(
+        (one.name, one.after - one.before, one.tolerance, errors[one.name])
+        for one in recalibrated(end)
+    )
 
 
 def said(moves: Iterable[tuple[str, float, float, float]]) -> str:
     """The same of names, moves, tolerances and standard errors."""
-    far = [name for name, move, tolerance, error in moves
-           if abs(move) > max(FAR * tolerance, SURE * error)]  # fmt: skip
+    far = [
+        name
+        for name, move, tolerance, error in moves
+        if abs(move) > max(FAR * tolerance, SURE * error)
+    ]
     if not far:
         return ""
-    return (f"recalibrated by more than {100 * FAR:.0f} % of its tolerance: {', '.join(far)}; with "
-            "an empty [free] that would be a gap, and named where the library has it")  # fmt: skip
+    return (
+        f"recalibrated by more than {100 * FAR:.0f} % of its tolerance: {', '.join(far)}; with "
+        "an empty [free] that would be a gap, and named where the library has it"
+    )

@@ -35,8 +35,11 @@ def terms_of(end: Ending) -> tuple[UnresolvedTerm, ...]:
         effect = _effect(one)
         table = effect.term.table(effect.coefficients(end.model.effect(one.name)))
         gain = fitter.fit(end.fit.without(at)).rss - end.fit.rss
-        found.append(UnresolvedTerm(effect.term.output, effect.term.variables, shape(effect.term),
-                                    gain, table))  # fmt: skip
+        found.append(
+            UnresolvedTerm(
+                effect.term.output, effect.term.variables, shape(effect.term), gain, table
+            )
+        )
     return tuple(found)
 
 
@@ -65,8 +68,17 @@ def _of_scatter(end: Ending) -> tuple[Remainder, ...]:
     text = f"{odd.ratio:.2f} times the standard deviation of the population"
     text = f"another shape than the population's, {text}" if odd.stretched else text
     share = min(1.0, (odd.distance / max(whole, 1e-300)) ** 2)
-    return (Remainder(output.name, ("scatter of the units",), text, odd.distance, output.unit,
-                      odd.distance / odd.limit, share),)  # fmt: skip
+    return (
+        Remainder(
+            output.name,
+            ("scatter of the units",),
+            text,
+            odd.distance,
+            output.unit,
+            odd.distance / odd.limit,
+            share,
+        ),
+    )
 
 
 def _beyond(end: Ending) -> float:
@@ -115,9 +127,14 @@ def _of_forms(end: Ending) -> tuple[Remainder, ...]:
         text = f"a level of its own in each {form.variable}" if form.shape == LEVELS else text
         text += ", opposite in the two directions" if form.direction else ""
         found[key] = Remainder(
-            one.name, (form.variable, *form.more), text, ratio * _level(end, output), one.unit,
-            ratio, min(1.0, float(left.gains[at]) / _beyond(end)),
-        )  # fmt: skip
+            one.name,
+            (form.variable, *form.more),
+            text,
+            ratio * _level(end, output),
+            one.unit,
+            ratio,
+            min(1.0, float(left.gains[at]) / _beyond(end)),
+        )
     return tuple(found.values())
 
 
@@ -131,14 +148,16 @@ def shape(term: Term) -> str:
     """A term in words."""
     names = " and ".join(term.variables)
     kinds = {
-        "constant": "an offset", "spline": f"a smooth curve over {term.variable}",
+        "constant": "an offset",
+        "spline": f"a smooth curve over {term.variable}",
         "power": f"{term.variable} to the power {term.exponent:.3g}",
         "step": f"a step at {term.variable} = {term.zero:.4g}",
         "wave": f"a wave of order {term.order:g}",
         "swing": f"a swing of {term.order:g} cycles over {term.variable}",
-        "product": f"a product of {names}", "curve": f"a curve over {term.variable}",
+        "product": f"a product of {names}",
+        "curve": f"a curve over {term.variable}",
         "levels": f"a level of its own in each {term.variable}",
-    }  # fmt: skip
+    }
     found = kinds[term.shape].removesuffix(" to the power 1")
     if term.shape == "power":
         signs = (term.exponent % 2 == 1) == term.signed

@@ -149,14 +149,20 @@ def _faults(old: Identity, new: Identity) -> list[Fault]:
     undo = "undo the change, or start again with --overwrite"
     was, now = (flat(tomllib.loads(one.configuration)) for one in (old, new))
     found = [
-        Fault(key, f"is {_shown(now, key)}, but the analysis to resume has {_shown(was, key)}; "
-              f"{undo}")
+        Fault(
+            key, f"is {_shown(now, key)}, but the analysis to resume has {_shown(was, key)}; {undo}"
+        )
         for key in dict.fromkeys([*now, *was])
         if key != BUDGET and now.get(key) != was.get(key)
-    ]  # fmt: skip
+    ]
     if now[BUDGET] < was[BUDGET]:
-        found.append(Fault(BUDGET, f"is {now[BUDGET]}, but the analysis to resume had "
-                           f"{was[BUDGET]}: it may only grow; {undo}"))  # fmt: skip
+        found.append(
+            Fault(
+                BUDGET,
+                f"is {now[BUDGET]}, but the analysis to resume had "
+                f"{was[BUDGET]}: it may only grow; {undo}",
+            )
+        )
     if old.data != new.data:
         found.append(Fault("data", f"are not those of the analysis to resume; {undo}"))
     if old.version != new.version:

@@ -146,16 +146,20 @@ def _form_of(end: Ending, at: int) -> str:
     """
     members = end.fit.members
     mine = acts_in(members[at].candidate.effect.needs)
-    others = [k for k in end.named if mine and k != at
-              and mine <= acts_in(members[k].candidate.effect.needs)]  # fmt: skip
+    others = [
+        k
+        for k in end.named
+        if mine and k != at and mine <= acts_in(members[k].candidate.effect.needs)
+    ]
     return next((members[k].name for k in others if _is_form(end, at, k)), "")
 
 
 def _is_form(end: Ending, small: int, large: int) -> bool:
     """Whether what one member does may be the form of another one."""
     fitter, fit = end.analysis.search.fitter, end.fit
-    a, b = (beside(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q)
-            for k in (small, large))  # fmt: skip
+    a, b = (
+        beside(fitter.white(fit.members[k]) @ fit.coefficients[k], fitter.q) for k in (small, large)
+    )
     own, other = float(np.linalg.norm(a)), float(np.linalg.norm(b))
     alike = abs(float(a @ b)) / max(own * other, 1e-300)
     apart = own * np.sqrt(max(1.0 - alike**2, 0.0))
@@ -189,14 +193,23 @@ def gate(end: Ending) -> Gate:
         rows = slice(at * count, (at + 1) * count)
         raw = setup.residual[rows] - end.before.fitted[rows]
         limit = analysis.search.thresholds.generic
-        found.append(OutputGate(
-            output=output.name, unit=output.unit, noise=noise.level, noise_source=noise.source,
-            rmse=rmse(raw, noise.good), statistic=float(level), threshold=limit,
-            significant=bool(level > limit) or (analysis.significant and len(bare.noises) == 1),
-            autocorrelation=noise.rho, heteroscedastic=noise.varies_with,
-            outliers=noise.outliers, whiteness=whiteness(end.fit.residual[rows]),
-            uncertainty=noise.level * 2.0 / np.sqrt(count),
-        ))  # fmt: skip
+        found.append(
+            OutputGate(
+                output=output.name,
+                unit=output.unit,
+                noise=noise.level,
+                noise_source=noise.source,
+                rmse=rmse(raw, noise.good),
+                statistic=float(level),
+                threshold=limit,
+                significant=bool(level > limit) or (analysis.significant and len(bare.noises) == 1),
+                autocorrelation=noise.rho,
+                heteroscedastic=noise.varies_with,
+                outliers=noise.outliers,
+                whiteness=whiteness(end.fit.residual[rows]),
+                uncertainty=noise.level * 2.0 / np.sqrt(count),
+            )
+        )
     return Gate(tuple(found), recalibrated(end), *detectable(end))
 
 
@@ -210,10 +223,16 @@ def recalibrated(end: Ending) -> tuple[Recalibrated, ...]:
     """What became of the free parameters."""
     plan = end.setup.plan
     return tuple(
-        Recalibrated(name, "", nominal(plan, name), value, plan.free[name],
-                     abs(value - nominal(plan, name)) > 0.98 * plan.free[name])
+        Recalibrated(
+            name,
+            "",
+            nominal(plan, name),
+            value,
+            plan.free[name],
+            abs(value - nominal(plan, name)) > 0.98 * plan.free[name],
+        )
         for name, value in end.model.free().items()
-    )  # fmt: skip
+    )
 
 
 def detectable(end: Ending) -> tuple[tuple[Detectable, ...], tuple[str, ...]]:
@@ -250,10 +269,15 @@ def scores(end: Ending) -> tuple[Score, ...]:
     """Stage 3 as records: every effect alone beside the model's parameters, best first."""
     search = end.analysis.bare.search
     return tuple(
-        Score(one.member.name, one.member.candidate.effect.family, one.gain,
-              search.thresholds.library, dict(one.member.shape))
+        Score(
+            one.member.name,
+            one.member.candidate.effect.family,
+            one.gain,
+            search.thresholds.library,
+            dict(one.member.shape),
+        )
         for one in scan(search.fitter, search.white, search.book, ())
-    )  # fmt: skip
+    )
 
 
 def effects(end: Ending, spread: Spread | None) -> tuple[FoundEffect, ...]:
@@ -325,9 +349,12 @@ def _meaning(one: EffectParameter) -> str:
 
 
 def _ends(
-    end: Ending, owner: str, one: EffectParameter, values: Mapping[str, float],
+    end: Ending,
+    owner: str,
+    one: EffectParameter,
+    values: Mapping[str, float],
     spread: Spread | None,
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float]:
     """The interval of a number; one that was chosen has no width."""
     if one.choices:
         return values[one.name], values[one.name]
@@ -344,11 +371,21 @@ def rival_records(
     for at, one in enumerate(end.analysis.others):
         measurement = planned.get((one.names, one.instead_of))
         if measurement is None:
-            measurement = separating(end.setup, levels, end.fit, one.fit) if at < SEPARATED else \
-                found[0].measurement  # fmt: skip
+            measurement = (
+                separating(end.setup, levels, end.fit, one.fit)
+                if at < SEPARATED
+                else found[0].measurement
+            )
         distance = round(one.distance, 9) + 0.0
-        found.append(Rival(one.names, one.instead_of, distance, measurement,
-                           correlation(end.analysis.search.fitter, end.fit, one)))  # fmt: skip
+        found.append(
+            Rival(
+                one.names,
+                one.instead_of,
+                distance,
+                measurement,
+                correlation(end.analysis.search.fitter, end.fit, one),
+            )
+        )
     if end.twin:
         found.append(Rival(("lot_mixture",), ("lot_offset",), 0.0, Measurement(SUPPLIERS)))
     for other in end.analysis.scatter[1:]:

@@ -37,8 +37,10 @@ class Dictionary:
     def places(self) -> dict[str, tuple[int, int]]:
         """Where the grid of each name begins, and where it has ended."""
         names = [one.name for one in self.members]
-        return {one: (names.index(one), names.index(one) + names.count(one))
-                for one in dict.fromkeys(names)}  # fmt: skip
+        return {
+            one: (names.index(one), names.index(one) + names.count(one))
+            for one in dict.fromkeys(names)
+        }
 
     def white(self, space: Space) -> Groups:
         """The same in whitened space."""
@@ -66,9 +68,13 @@ class Thresholds:
 
 
 def thresholds(
-    library: Groups, generic: Groups, q: Array, simulations: int, rate: float,
+    library: Groups,
+    generic: Groups,
+    q: Array,
+    simulations: int,
+    rate: float,
     rng: np.random.Generator,
-) -> Thresholds:  # fmt: skip
+) -> Thresholds:
     """From simulated noise records (N, simulations) in whitened space, scale fitted in each."""
     named, forms = library.orthonormal(q), generic.orthonormal(q)
     tops, levels = [], []

@@ -25,10 +25,13 @@ SAME = 0.02
 
 
 def searching(
-    setup: Setup, noises: Sequence[Noise], book: Dictionary, raw: Groups,
+    setup: Setup,
+    noises: Sequence[Noise],
+    book: Dictionary,
+    raw: Groups,
     which: NDArray[np.int64],
     known: Thresholds | None,
-) -> tuple[Search, Remaining]:  # fmt: skip
+) -> tuple[Search, Remaining]:
     """The search in the space of this noise."""
     plan = setup.plan
     space = Space(tuple(noises), setup.prior)
@@ -37,8 +40,9 @@ def searching(
     generic = Groups(space.whiten(raw.columns), raw.starts, raw.one_sided)
     if known is None:
         rng = np.random.default_rng([plan.seed, 2])
-        known = thresholds(white, generic, fitter.q, plan.settings.simulations,
-                           plan.settings.false_rate, rng)  # fmt: skip
+        known = thresholds(
+            white, generic, fitter.q, plan.settings.simulations, plan.settings.false_rate, rng
+        )
     labels = np.tile(block_labels(setup.data), len(setup.data.outputs))
     roles = {c.name: c.role for c in setup.data.target.columns}
     forms = tuple(setup.forms) * len(setup.data.outputs)
@@ -52,8 +56,10 @@ def noise_of(setup: Setup, contributions: Sequence[Array]) -> tuple[Noise, ...]:
     """The noise of each output beside the model and the effects' columns (N, m)."""
     outputs = setup.data.outputs
     q = len(outputs)
-    kept = [np.column_stack(parts) for parts in zip(
-        *(np.split(x, q) for x in (setup.base, *contributions)), strict=True)]  # fmt: skip
+    kept = [
+        np.column_stack(parts)
+        for parts in zip(*(np.split(x, q) for x in (setup.base, *contributions)), strict=True)
+    ]
     of = remainders(
         np.split(setup.residual, q),
         kept,
@@ -91,7 +97,9 @@ def spread_of(noises: Sequence[Noise]) -> float:
 def alike(one: Sequence[Noise], other: Sequence[Noise]) -> bool:
     """Whether two estimates of the noise are as good as the same."""
     return all(
-        abs(a.level / b.level - 1.0) < SAME and abs(a.rho - b.rho) < SAME
-        and a.outliers == b.outliers and a.varies_with == b.varies_with
+        abs(a.level / b.level - 1.0) < SAME
+        and abs(a.rho - b.rho) < SAME
+        and a.outliers == b.outliers
+        and a.varies_with == b.varies_with
         for a, b in zip(one, other, strict=True)
-    )  # fmt: skip
+    )

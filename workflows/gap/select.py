@@ -145,8 +145,18 @@ def select(search: Search, quick: bool = False) -> Selection:
         better = improvement(before, after, search.labels)
         if not better.real:
             rejected.add(frozenset(new))
-            _note(steps, search, fit, after, "reject", name, False,
-                  "rows the fit never saw are not predicted better", gain, better)  # fmt: skip
+            _note(
+                steps,
+                search,
+                fit,
+                after,
+                "reject",
+                name,
+                False,
+                "rows the fit never saw are not predicted better",
+                gain,
+                better,
+            )
             continue
         real |= dict.fromkeys(new, better)
         _note(steps, search, grown, after, "add", name, True, BOTH, gain, better)
@@ -164,9 +174,14 @@ def select(search: Search, quick: bool = False) -> Selection:
 
 
 def beside(
-    search: Search, before: Selection, after: Selection, name: str, gain: float, limit: float,
+    search: Search,
+    before: Selection,
+    after: Selection,
+    name: str,
+    gain: float,
+    limit: float,
     better: Improvement,
-) -> Selection:  # fmt: skip
+) -> Selection:
     """The path of a selection, of a name that was found by likelihood, and of what remains of the
     selection beside it.
     """
@@ -178,8 +193,16 @@ def beside(
     come = [one for one in after.fit.names if one not in before.fit.names]
     for action, names in (("drop", gone), ("add", come)):
         if names:
-            _note(steps, search, after.fit, tested, action, ", ".join(names), True,
-                  f"fitted again beside {name}")  # fmt: skip
+            _note(
+                steps,
+                search,
+                after.fit,
+                tested,
+                action,
+                ", ".join(names),
+                True,
+                f"fitted again beside {name}",
+            )
             steps[-1] = replace(steps[-1], names=(*after.fit.names, name))
     return replace(after, steps=tuple(steps))
 
@@ -212,8 +235,11 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
     pairs: list[Fit] = []
     for first in firsts:
         members = (*fit.members, first.member)
-        seconds = [one for one in search.open(members)
-                   if frozenset([first.member.name, one.member.name]) not in rejected]  # fmt: skip
+        seconds = [
+            one
+            for one in search.open(members)
+            if frozenset([first.member.name, one.member.name]) not in rejected
+        ]
         if not seconds or first.gain + seconds[0].gain < TWO * limit:
             continue
         pairs.append(search.fitter.fit([*members, seconds[0].member]))
@@ -222,8 +248,10 @@ def masked(search: Search, fit: Fit, rejected: set[frozenset[str]]) -> Fit | Non
     best = min(fits, key=lambda one: one.score, default=None)
     if best is None or fit.rss - best.rss < TWO * limit or best.score > fit.score:
         return None
-    alone = [search.fitter.fit(best.without(k)).rss - best.rss
-             for k in range(len(fit.members), len(best.members))]  # fmt: skip
+    alone = [
+        search.fitter.fit(best.without(k)).rss - best.rss
+        for k in range(len(fit.members), len(best.members))
+    ]
     return best if min(alone) > limit else None
 
 
@@ -270,9 +298,17 @@ def _dropped(search: Search, fit: Fit) -> Fit | None:
 
 
 def _note(
-    steps: list[Step], search: Search, fit: Fit, tested: HeldOut, action: str, name: str,
-    accepted: bool, reason: str, gain: float = np.nan, better: Improvement | None = None,
-) -> None:  # fmt: skip
+    steps: list[Step],
+    search: Search,
+    fit: Fit,
+    tested: HeldOut,
+    action: str,
+    name: str,
+    accepted: bool,
+    reason: str,
+    gain: float = np.nan,
+    better: Improvement | None = None,
+) -> None:
     count = max(search.fitter.space.count, 1)
     steps.append(
         Step(
@@ -306,8 +342,11 @@ def concluding(
     gone = [one for one in selection.named if one not in named]
     come = [one for one in named if one not in selection.named]
     terms = [labels[one] for one in fit.names if one in labels]
-    for action, names, why in (("drop", gone, NO_FORM), ("add", come, BESIDE),
-                               ("add", terms, TERM)):  # fmt: skip
+    for action, names, why in (
+        ("drop", gone, NO_FORM),
+        ("add", come, BESIDE),
+        ("add", terms, TERM),
+    ):
         if names:
             _note(steps, search, fit, tested, action, ", ".join(names), True, why)
             steps[-1] = replace(steps[-1], names=named)

@@ -157,13 +157,17 @@ def _said(
     if way == "reading":
         what = f"Turned, it is {ratio:.3g} times nearer to its prediction"
         more = f" with {best.name}" if best.name else ""
-        return (f"{head}{what}{more}; give it sense = -1 if a positive reading means the opposite "
-                "of docs/conventions.md")  # fmt: skip
+        return (
+            f"{head}{what}{more}; give it sense = -1 if a positive reading means the opposite "
+            "of docs/conventions.md"
+        )
     needs = {role for one in library if one.name == best.name for role in one.effect.needs}
     acting = [c.name for c in data.target.columns if c.role in needs]
     of = f", or {' or '.join(acting)}," if acting else ""
     of_what = f" ({best.name} first)" if best.name else ""
-    return (f"{head}With the opposite sign of the gap the effects of the library{of_what} leave "
-            f"{ratio:.3g} times less. If {output} and its prediction{of} count against "
-            "docs/conventions.md, give them sense = -1; if not, the simulation has too much of "
-            "it")  # fmt: skip
+    return (
+        f"{head}With the opposite sign of the gap the effects of the library{of_what} leave "
+        f"{ratio:.3g} times less. If {output} and its prediction{of} count against "
+        "docs/conventions.md, give them sense = -1; if not, the simulation has too much of "
+        "it"
+    )

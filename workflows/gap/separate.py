@@ -27,11 +27,13 @@ WIDER = 1.6
 CERTAIN = 12.0
 """Squared distance in noise units from which explanations are told apart."""
 UNSEEN = {
-    frozenset(["viscous_friction", "read_out_lag"]):
-        "record runs that accelerate: a lag follows the speed itself, friction the torque it needs",
-    frozenset(["gauge_bias", "process_mean_shift"]):
-        "measure a reference unit, or some units on a second gauge: a bias stays, a shift does not",
-}  # fmt: skip
+    frozenset(
+        ["viscous_friction", "read_out_lag"]
+    ): "record runs that accelerate: a lag follows the speed itself, friction the torque it needs",
+    frozenset(
+        ["gauge_bias", "process_mean_shift"]
+    ): "measure a reference unit, or some units on a second gauge: a bias stays, a shift does not",
+}
 
 
 @dataclass(frozen=True)
@@ -114,9 +116,13 @@ def _difference(setup: Setup, levels: Array, design: Design, fit: Fit, other: Fi
     data = _at(setup.data, design.table)
     columns = Columns(data, predictor(setup.plan, data) if setup.plan.model else _nothing(data))
     level = np.repeat(levels, len(data))
-    mine = sum((columns.of(m.candidate, m.shape) @ c
-                for m, c in zip(fit.members, fit.coefficients, strict=True)),
-               np.zeros(len(level)))  # fmt: skip
+    mine = sum(
+        (
+            columns.of(m.candidate, m.shape) @ c
+            for m, c in zip(fit.members, fit.coefficients, strict=True)
+        ),
+        np.zeros(len(level)),
+    )
     free = [columns.of(m.candidate, m.shape) for m in other.members]
     ones = np.zeros((len(level), len(data.outputs)))
     for k in range(len(data.outputs)):

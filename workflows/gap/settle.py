@@ -227,11 +227,17 @@ class Settling:
         if len(named) >= search.settings.effects_at_most:
             return
         starts = [(fit, limit)]
-        starts += [(search.fitter.fit(fit.without(k)), limit)
-                   for k, one in enumerate(fit.members) if is_term(one)]  # fmt: skip
+        starts += [
+            (search.fitter.fit(fit.without(k)), limit)
+            for k, one in enumerate(fit.members)
+            if is_term(one)
+        ]
         for start, needed in starts:
-            found = [one for one in search.open(start.members)
-                     if one.gain > needed and one.member.name not in barred]  # fmt: skip
+            found = [
+                one
+                for one in search.open(start.members)
+                if one.gain > needed and one.member.name not in barred
+            ]
             for one in search.refined(start.members, found)[:TRIED]:
                 if start.rss - one.rss > max(needed, self.least) and one.score < fit.score - 1e-3:
                     yield one

@@ -177,8 +177,13 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
     half = np.array([plan.free[name] for name in names])
     measured = data.whole(data.measured)
     zeros = zeros_of(data)
-    scale = np.repeat([max(float(np.std(data.measured[o.name] - predicted[o.name])), 1e-300)
-                       for o in data.outputs], len(data))  # fmt: skip
+    scale = np.repeat(
+        [
+            max(float(np.std(data.measured[o.name] - predicted[o.name])), 1e-300)
+            for o in data.outputs
+        ],
+        len(data),
+    )
     q = basis(zeros / scale[:, None])
 
     population = data.target.population
@@ -189,9 +194,14 @@ def recalibrated(plan: GapPlan, data: GapData, predicted: Mapping[str, Array]) -
             return np.append(np.sqrt(len(data)) * np.mean((measured - moved) / scale), x)
         return beside((measured - moved) / scale, q)
 
-    found = optimize.least_squares(left, np.zeros(len(names)), bounds=(-1.0, 1.0), max_nfev=25,
-                                   diff_step=[1e-3],
-                                   loss="linear" if population else "soft_l1")  # fmt: skip
+    found = optimize.least_squares(
+        left,
+        np.zeros(len(names)),
+        bounds=(-1.0, 1.0),
+        max_nfev=25,
+        diff_step=[1e-3],
+        loss="linear" if population else "soft_l1",
+    )
     return dict(zip(names, (middle + found.x * half).tolist(), strict=True))
 
 

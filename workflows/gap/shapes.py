@@ -28,8 +28,16 @@ def shape_records(end: Ending) -> tuple[Shape, ...]:
     fit = search.fitter.fit([end.fit.members[at] for at in end.named])
     left = left_over(fit, search.fitter, generic)
     lost = struck_of(analysis)
-    found = shapes(end.setup, search.fitter, generic, analysis.judged, left, fit,
-                   search.thresholds.generic, lost)  # fmt: skip
+    found = shapes(
+        end.setup,
+        search.fitter,
+        generic,
+        analysis.judged,
+        left,
+        fit,
+        search.thresholds.generic,
+        lost,
+    )
     if end.verdict == "unnamed" and end.setup.plan.settings.empirical:
         found = tuple(_with_formula(end, one, fit) for one in found)
     return (*odd, *found)
@@ -76,5 +84,13 @@ def _of_misfit(end: Ending, odd: Misfit) -> Shape:
         f"their mean{width} where chance reaches {odd.limit:.3g}; their standard deviation is "
         f"{odd.ratio:.2f} times as large"
     )
-    return Shape(output.name, "population", "scatter of the units", odd.distance, output.unit, text,
-                 torque="none", direction="none")  # fmt: skip
+    return Shape(
+        output.name,
+        "population",
+        "scatter of the units",
+        odd.distance,
+        output.unit,
+        text,
+        torque="none",
+        direction="none",
+    )

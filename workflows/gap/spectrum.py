@@ -20,9 +20,12 @@ NODES = 1e-9
 
 
 def spectrum(
-    data: GapData, before: dict[str, Array], after: dict[str, Array], noise: dict[str, float],
+    data: GapData,
+    before: dict[str, Array],
+    after: dict[str, Array],
+    noise: dict[str, float],
     limit: float,
-) -> pd.DataFrame:  # fmt: skip
+) -> pd.DataFrame:
     """Amplitude of each order in the residuals (n,) by output, and what noise reaches there.
 
     `limit` is a threshold on minus the logarithm of a chance. Empty without an angle.
@@ -35,13 +38,17 @@ def spectrum(
     parts = []
     for output in data.outputs:
         level = noise[output.name] * np.sqrt(4.0 * limit / len(rows))
-        parts.append(pd.DataFrame({
-            "output": output.name,
-            "order": orders,
-            "before": amplitudes(angle, orders, before[output.name][rows]),
-            "after": amplitudes(angle, orders, after[output.name][rows]),
-            "threshold": level,
-        }))  # fmt: skip
+        parts.append(
+            pd.DataFrame(
+                {
+                    "output": output.name,
+                    "order": orders,
+                    "before": amplitudes(angle, orders, before[output.name][rows]),
+                    "after": amplitudes(angle, orders, after[output.name][rows]),
+                    "threshold": level,
+                }
+            )
+        )
     return pd.concat(parts, ignore_index=True)
 
 

@@ -84,13 +84,15 @@ def bootstrap(
     with executor_of(workers) as executor:
         size = max(1, min(CHUNK, len(open_) // (4 * max(1, executor.workers))))
         name = secrets.token_hex(8)
-        chunks = iter([
-            Chunk(tuple(open_[at : at + size]), name) for at in range(0, len(open_), size)
-        ])  # fmt: skip
+        chunks = iter(
+            [Chunk(tuple(open_[at : at + size]), name) for at in range(0, len(open_), size)]
+        )
         for chunk, found in executor.completed(task, lambda: next(chunks, None)):
             if isinstance(found, Lost):
-                raise RunError(f"{chunk.called}: {found.reason}; what has ended is kept in "
-                               f"{kept.path}, go on with --resume")  # fmt: skip
+                raise RunError(
+                    f"{chunk.called}: {found.reason}; what has ended is kept in "
+                    f"{kept.path}, go on with --resume"
+                )
             kept.keep(found)
             done, left = len(kept.found) - had, len(kept.missing(count))
             tell(GapProgress(PHASE, count - left, count, (time.monotonic() - begin) * left / done))

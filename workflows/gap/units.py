@@ -16,8 +16,9 @@ LEAST = 12
 """Rows, or units of a batch, below which nothing can be told from noise."""
 
 
-def numbered(cells: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]
-             ) -> pd.DataFrame:  # fmt: skip
+def numbered(
+    cells: pd.DataFrame, columns: Sequence[Column], place: str, notes: list[str]
+) -> pd.DataFrame:
     """The cells with a number for each unit: labels such as RG20-1203 are numbered as they come,
     unless the model takes names, and where no column tells the units apart every row is one.
     """
@@ -56,20 +57,25 @@ def one_per_unit(
     number = frame.groupby(labels, sort=False, dropna=False).ngroup().to_numpy()
     units, rows = len(np.unique(number)), len(frame)
     if units < LEAST:
-        text = f"holds {units} units in {rows} rows: cannot tell with n = {units}; a batch needs " \
-               f"at least {LEAST} units"  # fmt: skip
+        text = (
+            f"holds {units} units in {rows} rows: cannot tell with n = {units}; a batch needs "
+            f"at least {LEAST} units"
+        )
         return frame, [Fault(place, text)]
     repeat = next((c.name for c in columns if c.role is Role.REPEAT and c.name in frame), None)
     if units < rows and repeat is None:
-        notes.append(f"{rows - units} rows repeat the label of a unit: each is taken for a unit of "
-                     "its own; a column repeat says that a unit was measured again")  # fmt: skip
+        notes.append(
+            f"{rows - units} rows repeat the label of a unit: each is taken for a unit of "
+            "its own; a column repeat says that a unit was measured again"
+        )
     if repeat is None:
         return frame, []
     if units < rows:
         notes.append(f"{rows} readings of {units} units: each unit is the mean of its readings")
     merged = frame.drop(columns=repeat).groupby(number, sort=True)
-    found = merged.agg({name: "first" if name in labels else "mean"
-                        for name in frame.columns if name != repeat})  # fmt: skip
+    found = merged.agg(
+        {name: "first" if name in labels else "mean" for name in frame.columns if name != repeat}
+    )
     return found.set_axis(frame.index[~pd.Series(number).duplicated().to_numpy()]), []
 
 
@@ -89,6 +95,8 @@ def too_few(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[
     if name is None or name not in frame or frame.empty:
         return []
     units = frame[name].nunique()
-    text = f"holds {units} units in {len(frame)} rows: cannot tell with n = {units}; give at " \
-           f"least {SEVERAL} units"  # fmt: skip
+    text = (
+        f"holds {units} units in {len(frame)} rows: cannot tell with n = {units}; give at "
+        f"least {SEVERAL} units"
+    )
     return [Fault(place, text)] if units < SEVERAL else []

@@ -93,9 +93,18 @@ def _product(base: Term, form: Form, data: GapData, columns: dict[str, Column]) 
     p, q = form.powers
     ends = [origin(columns[n]) for n in (form.variable, other)]
     sizes = [float(np.abs(v - z).max()) for v, z in zip((x, y), ends, strict=True)]
-    return replace(base, shape="power", exponent=float(p), signed=p == 1, zero=ends[0],
-                   scale=sizes[0], times=other, times_exponent=float(q), times_zero=ends[1],
-                   times_scale=sizes[1])  # fmt: skip
+    return replace(
+        base,
+        shape="power",
+        exponent=float(p),
+        signed=p == 1,
+        zero=ends[0],
+        scale=sizes[0],
+        times=other,
+        times_exponent=float(q),
+        times_zero=ends[1],
+        times_scale=sizes[1],
+    )
 
 
 def _wave(base: Term, form: Form, data: GapData) -> Term:
@@ -151,8 +160,9 @@ def _within(q: NDArray[Any], fitter: Fitter, named: Sequence[Member]) -> list[Ar
 
 
 def _mixed(term: Term, data: GapData, mix: Array) -> Member:
-    return _member(Unresolved(term, mix if mix.shape[1] < term.count or term.count > 1 else None),
-                   data)  # fmt: skip
+    return _member(
+        Unresolved(term, mix if mix.shape[1] < term.count or term.count > 1 else None), data
+    )
 
 
 def _member(effect: Unresolved, data: GapData) -> Member:

@@ -17,11 +17,18 @@ from .scan import Left, Remaining
 from .setup import Setup
 
 FAMILIES = {
-    Role.TORQUE: "load", Role.FORCE: "load", Role.ANGLE: "geometry by angle",
-    Role.SPEED: "speed", Role.TEMPERATURE: "temperature, time", Role.TIME: "temperature, time",
-    Role.UNIT: "population", Role.LOT: "population", Role.PAYLOAD: "load",
-    Role.POSITION: "position", Role.DIRECTION: "load",
-}  # fmt: skip
+    Role.TORQUE: "load",
+    Role.FORCE: "load",
+    Role.ANGLE: "geometry by angle",
+    Role.SPEED: "speed",
+    Role.TEMPERATURE: "temperature, time",
+    Role.TIME: "temperature, time",
+    Role.UNIT: "population",
+    Role.LOT: "population",
+    Role.PAYLOAD: "load",
+    Role.POSITION: "position",
+    Role.DIRECTION: "load",
+}
 
 
 def of_inside(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]:
@@ -35,8 +42,17 @@ def of_inside(setup: Setup, fit: Fit, table: pd.DataFrame) -> tuple[Region, ...]
         low, high = densest(after, change)
         squares = float(np.mean(table[f"{output.name}_before"] ** 2))
         left = float(np.mean(table[f"{output.name}_after"] ** 2))
-        found.append(Region(output.name, f"{PREDICTED}{output.name}", "interval", output.unit, low,
-                            high, share=1.0 - left / max(squares, 1e-300)))  # fmt: skip
+        found.append(
+            Region(
+                output.name,
+                f"{PREDICTED}{output.name}",
+                "interval",
+                output.unit,
+                low,
+                high,
+                share=1.0 - left / max(squares, 1e-300),
+            )
+        )
     return tuple(found)
 
 
@@ -78,9 +94,15 @@ def densest(x: Array, curve: Array, part: float = 0.6) -> tuple[float, float]:
 
 
 def shapes(
-    setup: Setup, fitter: Fitter, generic: Remaining, verdict: Judged, left: Left, fit: Fit,
-    limit: float, near: tuple[str, ...],
-) -> tuple[Shape, ...]:  # fmt: skip
+    setup: Setup,
+    fitter: Fitter,
+    generic: Remaining,
+    verdict: Judged,
+    left: Left,
+    fit: Fit,
+    limit: float,
+    near: tuple[str, ...],
+) -> tuple[Shape, ...]:
     """What is left without a name beside the fit of what keeps its name."""
     found: dict[tuple[int, str], Shape] = {}
     for at in left.best:
@@ -94,9 +116,14 @@ def shapes(
 
 
 def _shape(
-    setup: Setup, fitter: Fitter, generic: Remaining, form: Form, at: int, fit: Fit,
+    setup: Setup,
+    fitter: Fitter,
+    generic: Remaining,
+    form: Form,
+    at: int,
+    fit: Fit,
     near: tuple[str, ...],
-) -> Shape:  # fmt: skip
+) -> Shape:
     output = setup.data.outputs[int(generic.outputs[at])]
     curve = curve_of(setup, generic, at, fitter.q, fit.residual)
     amplitude = float(np.abs(curve).max() if form.kind == "distribution" else 0.5 * np.ptp(curve))
@@ -133,8 +160,10 @@ def _parity(setup: Setup, curve: Array) -> str:
     if not ((load < 0).any() and (load > 0).any()):
         return "unknown"
     size = np.abs(load) / np.abs(load).max()
-    odd, even = (_explained(np.column_stack([s * size**p for p in (0.0, 0.5, 1.0, 2.0)]), curve)
-                 for s in (np.sign(load), np.ones_like(load)))  # fmt: skip
+    odd, even = (
+        _explained(np.column_stack([s * size**p for p in (0.0, 0.5, 1.0, 2.0)]), curve)
+        for s in (np.sign(load), np.ones_like(load))
+    )
     return "odd" if odd > even else "even"
 
 
@@ -145,12 +174,13 @@ def _explained(columns: Array, curve: Array) -> float:
 
 def _text(form: Form, amplitude: float, unit: str, torque: str, near: tuple[str, ...]) -> str:
     """One sentence about a form."""
-    where = {"order": f"a wave of order {form.order:g}",
-             "distribution": "an offset of all units",
-             "direction": "an offset that changes sign with the direction",
-             "product": f"a product of {form.variable} and {', '.join(form.more)}",
-             "trend": f"a change along {form.variable}"}.get(
-                 form.kind, f"a dependence on {form.variable}")  # fmt: skip
+    where = {
+        "order": f"a wave of order {form.order:g}",
+        "distribution": "an offset of all units",
+        "direction": "an offset that changes sign with the direction",
+        "product": f"a product of {form.variable} and {', '.join(form.more)}",
+        "trend": f"a change along {form.variable}",
+    }.get(form.kind, f"a dependence on {form.variable}")
     parts = [f"{where}, amplitude {amplitude:.3g} {unit}".rstrip()]
     if form.kind == "power":
         parts.append(f"about its power {form.order:.3g}")

@@ -87,8 +87,12 @@ def _effect(one: FoundEffect) -> dict[str, Any]:
         "family": one.family,
         "cause": one.cause,
         "parameters": {
-            p.name: {"value": p.value, "interval": [p.low, p.high], "unit": p.unit,
-                     "meaning": p.meaning}
+            p.name: {
+                "value": p.value,
+                "interval": [p.low, p.high],
+                "unit": p.unit,
+                "meaning": p.meaning,
+            }
             for p in one.parameters
         },
         "in_problem": one.in_problem,
@@ -102,7 +106,7 @@ def _effect(one: FoundEffect) -> dict[str, Any]:
             "bootstrap_frequency": one.frequency,
             "at_bound": list(one.at_bound),
         },
-    }  # fmt: skip
+    }
 
 
 def _rival(one: Rival) -> dict[str, Any]:

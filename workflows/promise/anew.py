@@ -35,10 +35,16 @@ def cheapest_at(problem: ToleranceProblem, levels: Mapping[str, float]) -> Toler
 def known_of(problem: ToleranceProblem) -> dict[str, Knowledge]:
     """What samples tell of parts or variables, by name; of machines it is left out."""
     if isinstance(problem, Stack):
-        return {part.name: part.sample.knowledge for part in problem.definition.parts
-                if part.sample is not None}  # fmt: skip
-    return {name: own.sample.knowledge for name, own in problem.settings.variables.items()
-            if own.sample is not None}  # fmt: skip
+        return {
+            part.name: part.sample.knowledge
+            for part in problem.definition.parts
+            if part.sample is not None
+        }
+    return {
+        name: own.sample.knowledge
+        for name, own in problem.settings.variables.items()
+        if own.sample is not None
+    }
 
 
 def with_knowledge(problem: ToleranceProblem, known: Mapping[str, Knowledge]) -> ToleranceProblem:
@@ -46,8 +52,10 @@ def with_knowledge(problem: ToleranceProblem, known: Mapping[str, Knowledge]) ->
     if isinstance(problem, Stack):
         return of_stacks.with_knowledge(problem, known)
     kinds = {v.name: v.kind for v in problem.variables}
-    anew = {name: _variable(problem.given.variables[name], kinds[name], own)
-            for name, own in known.items()}  # fmt: skip
+    anew = {
+        name: _variable(problem.given.variables[name], kinds[name], own)
+        for name, own in known.items()
+    }
     variables = dict(problem.given.variables) | anew
     return type(problem)(replace(problem.given, variables=variables))
 

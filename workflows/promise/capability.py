@@ -8,8 +8,21 @@ import pandas as pd
 
 from ...problems.tolerance_problem import ToleranceProblem
 
-KNOWN = ("part", "parts", "unit", "mean", "std", "made_to", "df", "type", "index", "value", "low",
-         "high", "departures")  # fmt: skip
+KNOWN = (
+    "part",
+    "parts",
+    "unit",
+    "mean",
+    "std",
+    "made_to",
+    "df",
+    "type",
+    "index",
+    "value",
+    "low",
+    "high",
+    "departures",
+)
 
 
 def capability_table(problem: ToleranceProblem) -> pd.DataFrame:
@@ -19,11 +32,20 @@ def capability_table(problem: ToleranceProblem) -> pd.DataFrame:
     """
     rows: list[dict[str, Any]] = []
     for name, unit, sample in problem.samples():
-        base = {"part": name, "parts": len(sample.deviations), "unit": unit,
-                "mean": sample.knowledge.mean, "std": sample.knowledge.std,
-                "made_to": sample.made_to or None, "df": sample.knowledge.df, "type": sample.type,
-                "departures": "; ".join(one.text for one in sample.found)}  # fmt: skip
-        indices = [{"index": key, "value": one.value, "low": one.low, "high": one.high}
-                   for key, one in sample.indices.items()]  # fmt: skip
+        base = {
+            "part": name,
+            "parts": len(sample.deviations),
+            "unit": unit,
+            "mean": sample.knowledge.mean,
+            "std": sample.knowledge.std,
+            "made_to": sample.made_to or None,
+            "df": sample.knowledge.df,
+            "type": sample.type,
+            "departures": "; ".join(one.text for one in sample.found),
+        }
+        indices = [
+            {"index": key, "value": one.value, "low": one.low, "high": one.high}
+            for key, one in sample.indices.items()
+        ]
         rows += [base | one for one in indices or [{}]]
     return pd.DataFrame(rows, columns=list(KNOWN))

@@ -32,8 +32,16 @@ FIRST = 3
 """Characteristics whose gain is computed by re-optimisation."""
 PLACES = 16
 """Outcomes of the next sample, of equal probability."""
-COLUMNS = ("rank", "part", "parts_measured", "more_parts", "shadow_gain", "shadow_gain_percent",
-           "expected_gain", "expected_gain_percent")  # fmt: skip
+COLUMNS = (
+    "rank",
+    "part",
+    "parts_measured",
+    "more_parts",
+    "shadow_gain",
+    "shadow_gain_percent",
+    "expected_gain",
+    "expected_gain_percent",
+)
 
 
 def next_parts(
@@ -60,8 +68,18 @@ def next_parts(
     for rank, name in enumerate(ranked, 1):
         again = rank <= first and start is not None
         expected = expected_gain(problem, name, start) if again else np.nan
-        rows.append((rank, name, int(known[name].n), MORE, gains[name],
-                     100.0 * gains[name] / cost, expected, 100.0 * expected / cost))  # fmt: skip
+        rows.append(
+            (
+                rank,
+                name,
+                int(known[name].n),
+                MORE,
+                gains[name],
+                100.0 * gains[name] / cost,
+                expected,
+                100.0 * expected / cost,
+            )
+        )
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
@@ -76,11 +94,19 @@ def shadow_gain(problem: ToleranceProblem, name: str, start: Solved | None = Non
         return 0.0
     form, found = start
     before, after = (
-        spread_of(one, found.t[:, None, :] * np.stack(
-            [np.array([way.spread for way in feature.ways])[found.chosen[0, at]]
-             for at, feature in enumerate(one.features)], axis=1)[None]).value[0]
+        spread_of(
+            one,
+            found.t[:, None, :]
+            * np.stack(
+                [
+                    np.array([way.spread for way in feature.ways])[found.chosen[0, at]]
+                    for at, feature in enumerate(one.features)
+                ],
+                axis=1,
+            )[None],
+        ).value[0]
         for one in (form, anew)
-    )  # fmt: skip
+    )
     return float(found.multiplier[0] @ np.maximum(before - after, 0.0))
 
 
@@ -142,5 +168,6 @@ def with_more(known: Knowledge, ratio: float) -> Knowledge:
     gauge = known.difference
     if gauge is not None:
         gauge = replace(gauge, seen=gauge.gauge + share * gauge.own, seen_df=gauge.seen_df + MORE)
-    return replace(known, std=known.std * float(np.sqrt(share)), n=known.n + MORE, df=df,
-                   difference=gauge)  # fmt: skip
+    return replace(
+        known, std=known.std * float(np.sqrt(share)), n=known.n + MORE, df=df, difference=gauge
+    )

@@ -48,8 +48,10 @@ def promise_outcome(
     row, design = front.iloc[point], problem.designs_of(front.iloc[[point]])[0]
     levels = {name: float(row[name]) for name in problem.objectives if name != "cost"}
     own = cheapest_at(problem, levels)
-    least = {statement: _least(with_statement(own, statement), design, promise, levels)
-             for statement in STATEMENTS}  # fmt: skip
+    least = {
+        statement: _least(with_statement(own, statement), design, promise, levels)
+        for statement in STATEMENTS
+    }
     costs = by_statement(own, least)
     ranking = next_parts(with_statement(own, ASSURED), least=least[ASSURED])
     summary: dict[str, Any] = promise.table() | {
@@ -90,8 +92,11 @@ def _of_stack(problem: Stack, design: Array) -> dict[str, Any]:
     """What is found of the level of the norm, and by the Bayesian bootstrap."""
     found: dict[str, Any] = {}
     if problem.promises is not None and (level := problem.promises.level) is not None:
-        found |= {"level_percent": 100.0 * level.confidence, "level_sure": level.sure,
-                  "without_choice_percent": 100.0 * level.without}  # fmt: skip
+        found |= {
+            "level_percent": 100.0 * level.confidence,
+            "level_sure": level.sure,
+            "without_choice_percent": 100.0 * level.without,
+        }
     if shapely(problem):
         found["bootstrap_percent"] = bootstrapped(problem, design)
     return found
@@ -101,8 +106,12 @@ def _of_drawing(problem: ToleranceProblem, drawing: Array) -> dict[str, Any]:
     """Whether a rounded full design (all variables,) keeps the promise, and how surely."""
     own, found = drawing[None, :], problem.outputs_of(drawing[None, :])
     promised = promised_limits(problem)
-    kept = all(np.all(column <= 0.0) for limit in problem.limits if limit.name in promised
-               for column in limit.violations(problem.values(own, found, limit.name)))  # fmt: skip
+    kept = all(
+        np.all(column <= 0.0)
+        for limit in problem.limits
+        if limit.name in promised
+        for column in limit.violations(problem.values(own, found, limit.name))
+    )
     each = {name: float(value[0]) for name, value in found.items()}
     return {"rounded_kept": kept, f"rounded_{ASSURANCE}": _least_of(each, ASSURANCE)}
 
@@ -134,24 +143,30 @@ def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
     kept = float(summary[ASSURANCE])
     told = f"Promised: {words}"
     if summary["assured_withheld"] and summary["statement"] == ASSURED:
-        told += (f" (if all parts were normal; it is not called assured, for "
-                 f"{'; '.join(summary['assured_withheld'])})")  # fmt: skip
+        told += (
+            f" (if all parts were normal; it is not called assured, for "
+            f"{'; '.join(summary['assured_withheld'])})"
+        )
     told += f"; over what the samples leave open it is kept with a probability of {kept:.1f} %"
     if summary.get("kept") is False:
         told += ", less than the confidence that was asked for: it is not assured"
     if summary.get("rounded_kept") is False:
-        told += (f"; as rounded for the drawing it is not kept (probability "
-                 f"{float(summary[f'rounded_{ASSURANCE}']):.1f} %): state finer steps in "
-                 "[rounding]")  # fmt: skip
+        told += (
+            f"; as rounded for the drawing it is not kept (probability "
+            f"{float(summary[f'rounded_{ASSURANCE}']):.1f} %): state finer steps in "
+            "[rounding]"
+        )
     if "bootstrap_percent" in summary:
         told += f", by the Bayesian bootstrap {float(summary['bootstrap_percent']):.1f} %"
     by = costs.set_index("statement")["cost"]
     if by.empty:
         return f"{told}."
     if np.isfinite(by.get(ASSURED, np.nan)) and np.isfinite(by.iloc[0]):
-        told += (f". At the least cost the estimates alone would ask for {by.iloc[0]:.4g}, an "
-                 f"expected yield for {by.get('predictive', np.nan):.4g}, assurance for "
-                 f"{by[ASSURED]:.4g}")  # fmt: skip
+        told += (
+            f". At the least cost the estimates alone would ask for {by.iloc[0]:.4g}, an "
+            f"expected yield for {by.get('predictive', np.nan):.4g}, assurance for "
+            f"{by[ASSURED]:.4g}"
+        )
     elif not np.isfinite(by.get(ASSURED, np.nan)) and "kept" not in summary:
         told += ". There is no assured choice: even the tightest tolerances do not assure it"
     if summary["hangs_on"]:

@@ -56,8 +56,10 @@ def review(
     told = [f"promised: {promise.words()}"]
     told.append(f"when it was promised, at the drawing's values: {_worth(before, full)}")
     told.append(f"by the parts now: {_worth(now, _full(now, design))}")
-    told += [f"by the parts now the drawing breaks a limit: {one}"
-             for one in _broken(now, _full(now, design))]  # fmt: skip
+    told += [
+        f"by the parts now the drawing breaks a limit: {one}"
+        for one in _broken(now, _full(now, design))
+    ]
     anew = Least.none(before)
     if reset is not None:
         anew = cheapest(cheapest_at(reset, {}), _full(reset, design))
@@ -71,13 +73,18 @@ def review(
             f"({100.0 * abs(1.0 - anew.cost / cost):.2g} %), {_worth(reset, anew.design)}"
         )
     else:
-        told.append("no allocation keeps the promise by what the parts say now, even at the "
-                    "tightest tolerances")  # fmt: skip
+        told.append(
+            "no allocation keeps the promise by what the parts say now, even at the "
+            "tightest tolerances"
+        )
     then, latest = characteristics(before), characteristics(now)
     shown = [name for name, one in then.items() if name in made or not one.fixed or one.stated]
     saved = _savings(reset or before, design, anew.design)
-    rows = [_row(then[name], latest[name], design, anew.design, name in made)
-            | {"saving": saved[then[name].at]} for name in shown]  # fmt: skip
+    rows = [
+        _row(then[name], latest[name], design, anew.design, name in made)
+        | {"saving": saved[then[name].at]}
+        for name in shown
+    ]
     for name in made:
         sample = latest[name].sample
         told += [f"{name} {one.text}" for one in (sample.found if sample is not None else ())]
@@ -90,8 +97,11 @@ def review(
 
 def _full(problem: ToleranceProblem, design: Mapping[str, float]) -> Array:
     """A full design (all variables,) with the tolerances of the drawing."""
-    found = (problem.corner(tight=True) if isinstance(problem, Stack)
-             else problem.complete(problem.xl[None, :])[0])  # fmt: skip
+    found = (
+        problem.corner(tight=True)
+        if isinstance(problem, Stack)
+        else problem.complete(problem.xl[None, :])[0]
+    )
     for at, name in enumerate(problem.names):
         found[at] = problem.fixed.get(name, float(design.get(name, found[at])))
     return found
@@ -112,11 +122,18 @@ def _worth(problem: ToleranceProblem, design: Array) -> str:
     """Yield by the estimates and assurance of a full design, the least of all requirements."""
     found, promise = problem.outputs_of(design[None, :]), problem.promise
     assert promise is not None
-    each = {name: min(float(value[0]) for key, value in found.items()
-                      if key.split(".")[-1] == name and np.isfinite(value[0]))
-            for name in (promise.of, ASSURANCE)}  # fmt: skip
-    return (f"{each[promise.of]:.4g} % conform by the estimates, the promise is kept with a "
-            f"probability of {each[ASSURANCE]:.1f} %")  # fmt: skip
+    each = {
+        name: min(
+            float(value[0])
+            for key, value in found.items()
+            if key.split(".")[-1] == name and np.isfinite(value[0])
+        )
+        for name in (promise.of, ASSURANCE)
+    }
+    return (
+        f"{each[promise.of]:.4g} % conform by the estimates, the promise is kept with a "
+        f"probability of {each[ASSURANCE]:.1f} %"
+    )
 
 
 def _broken(problem: ToleranceProblem, design: Array) -> list[str]:
@@ -151,17 +168,27 @@ def characteristics(problem: ToleranceProblem) -> dict[str, Characteristic]:
     """The parts of a stack, or the tolerances of another problem, by name."""
     if isinstance(problem, Stack):
         names = [f"{part.name}_t" for part in problem.definition.parts]
-        return {part.name: Characteristic(part.name, part.unit, problem.names.index(t), t,
-                                          part.sample, _capability(part.distribution),
-                                          part.fixed, stated=True)
-                for part, t in zip(problem.definition.parts, names, strict=True)}  # fmt: skip
+        return {
+            part.name: Characteristic(
+                part.name,
+                part.unit,
+                problem.names.index(t),
+                t,
+                part.sample,
+                _capability(part.distribution),
+                part.fixed,
+                stated=True,
+            )
+            for part, t in zip(problem.definition.parts, names, strict=True)
+        }
     found = {}
     for at, v in enumerate(problem.variables):
         own = problem.settings.variables[v.name]
         if v.tolerance and not v.integer:
             cp = np.nan if own.distribution is None else _capability(own.distribution)
-            found[v.name] = Characteristic(v.name, v.unit, at, v.name, own.sample, cp,
-                                           v.name in problem.fixed)  # fmt: skip
+            found[v.name] = Characteristic(
+                v.name, v.unit, at, v.name, own.sample, cp, v.name in problem.fixed
+            )
     return found
 
 
@@ -217,8 +244,10 @@ def _since(
         ratio = float(np.var(b, ddof=1) / np.var(a, ddof=1))
         tail = float(stats.f.cdf(ratio, len(b) - 1, len(a) - 1))
         if 2.0 * min(tail, 1.0 - tail) < CHANGED:
-            told.append(f"{name} scatters {np.sqrt(ratio):.2g} times as much as the earlier parts "
-                        f"(by chance: {2.0 * min(tail, 1.0 - tail):.2g})")  # fmt: skip
+            told.append(
+                f"{name} scatters {np.sqrt(ratio):.2g} times as much as the earlier parts "
+                f"(by chance: {2.0 * min(tail, 1.0 - tail):.2g})"
+            )
         moved = stats.ttest_ind(b, a, equal_var=False)
         if float(moved.pvalue) < CHANGED:
             told.append(

@@ -26,8 +26,7 @@ def withheld(problem: ToleranceProblem) -> list[str]:
 
 def shapely(stack: Stack) -> bool:
     """Whether a measured part is not normal, as far as the tests tell."""
-    return any(part.sample is not None and _shaped(part.sample)
-               for part in stack.definition.parts)  # fmt: skip
+    return any(part.sample is not None and _shaped(part.sample) for part in stack.definition.parts)
 
 
 def bootstrapped(stack: Stack, design: Array) -> float:
@@ -46,8 +45,10 @@ def bootstrapped(stack: Stack, design: Array) -> float:
             slopes = one.mechanism.sensitivities[one.mechanism.owners == at] * t[at]
             powers = np.array([np.sum(slopes**k) for k in (1, 2, 3, 4)])
             each.append(own * powers)
-        ends = (one.mechanism.lower - one.mechanism.centre,
-                one.mechanism.upper - one.mechanism.centre)  # fmt: skip
+        ends = (
+            one.mechanism.lower - one.mechanism.centre,
+            one.mechanism.upper - one.mechanism.centre,
+        )
         found.append(kept(each, ends, share))
     return 100.0 * min(found, default=float("nan"))
 

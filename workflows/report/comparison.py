@@ -32,8 +32,9 @@ def compared(runs: Mapping[str, RunResult]) -> tuple[Comparison | None, tuple[st
         if sorted(own) == sorted(names):
             alike[label] = run
         else:
-            said.append(f"{label}: minimises {', '.join(own)}, and {first} {', '.join(names)}: "
-                        "left out")  # fmt: skip
+            said.append(
+                f"{label}: minimises {', '.join(own)}, and {first} {', '.join(names)}: left out"
+            )
     if len(alike) < 2:
         return None, tuple(said)
     ideal, nadir, note = _box(alike, names)
@@ -61,10 +62,14 @@ def _box(runs: Mapping[str, RunResult], names: list[str]) -> tuple[np.ndarray, n
             ends.append(np.array([of_fronts(values, axis=0) for values in own]))
     ideal, nadir = ends[0].min(axis=0), ends[1].max(axis=0)
     same = bool(np.all(ends[0] == ideal) and np.all(ends[1] == nadir))
-    note = "Hypervolumes are measured in the box that all runs share." if same else (
-        "The runs have different boxes of ideal and nadir: hypervolumes are measured in the one "
-        "that holds all, and differ from those of the runs themselves."
-    )  # fmt: skip
+    note = (
+        "Hypervolumes are measured in the box that all runs share."
+        if same
+        else (
+            "The runs have different boxes of ideal and nadir: hypervolumes are measured in the box "
+            "that contains all of them, and differ from those of the runs themselves."
+        )
+    )
     return ideal, np.maximum(nadir, ideal + 1e-12), note
 
 
@@ -74,8 +79,11 @@ def _table(
     rows = []
     for label, run in runs.items():
         values = run.front[names].to_numpy(dtype=float)
-        row = {"run": label, "points": len(values),
-               "hypervolume": hypervolume(values, ideal, nadir)}  # fmt: skip
+        row = {
+            "run": label,
+            "points": len(values),
+            "hypervolume": hypervolume(values, ideal, nadir),
+        }
         row |= {f"least {name}": low for name, low in zip(names, values.min(axis=0), strict=True)}
         row |= {key: run.summary.get(key) for key in ("evaluations", "seconds", "status", "seed")}
         statement = run.summary.get("model_statement")
@@ -101,7 +109,9 @@ def _equal(runs: Mapping[str, RunResult], objectives: tuple[Axis, ...]) -> pd.Da
         return pd.DataFrame()
     rows = []
     for level in np.linspace(low, high, LEVELS):
-        costs = {label: front.loc[front[others[0]] <= level, COST].min()
-                 for label, front in fronts.items()}  # fmt: skip
+        costs = {
+            label: front.loc[front[others[0]] <= level, COST].min()
+            for label, front in fronts.items()
+        }
         rows.append({others[0]: level} | {f"cost, {label}": cost for label, cost in costs.items()})
     return pd.DataFrame(rows)

@@ -90,8 +90,9 @@ class Stored:
         except (ValueError, OSError) as error:  # pandas' own errors are ValueErrors
             self.remark(name, f"is no table ({str(error).strip()}): was it edited by hand?")
             return None
-        blank = {column: found[column].astype(object).fillna("") for column in TEXT
-                 if column in found}  # fmt: skip
+        blank = {
+            column: found[column].astype(object).fillna("") for column in TEXT if column in found
+        }
         return self.numbered(found.assign(**blank), name, numeric)
 
     def numbered(self, found: pd.DataFrame, name: str, numeric: Iterable[str]) -> pd.DataFrame:
@@ -128,9 +129,12 @@ class Stored:
         written = str(versions.get("tolevo", "")) if isinstance(versions, Mapping) else ""
         of_format = isinstance(format_, int) and format_ > known
         if of_format or _parts(written) > _parts(version("tolevo")):
-            self.remark(name, f"was written by a newer version ({written or 'unknown'}, format "
-                        f"{format_}; this is {version('tolevo')}, format {known}): what it has "
-                        "beyond that is not shown; update tolevo")  # fmt: skip
+            self.remark(
+                name,
+                f"was written by a newer version ({written or 'unknown'}, format "
+                f"{format_}; this is {version('tolevo')}, format {known}): what it has "
+                "beyond that is not shown; update tolevo",
+            )
 
 
 def _parts(text: str) -> tuple[int, ...]:

@@ -80,10 +80,15 @@ def stored_run(stored: Stored) -> RunResult | None:
     return RunResult(
         title=str(summary.get("title") or stored.folder.resolve().name),
         front=front,
-        references=_with(references, ("label", "feasible", "violated_limits"), "references.csv",
-                         stored),
-        convergence=_with(convergence, ("evaluations", "hypervolume", "feasible_fraction"),
-                          "convergence.csv", stored),
+        references=_with(
+            references, ("label", "feasible", "violated_limits"), "references.csv", stored
+        ),
+        convergence=_with(
+            convergence,
+            ("evaluations", "hypervolume", "feasible_fraction"),
+            "convergence.csv",
+            stored,
+        ),
         summary=summary,
         objectives=objectives,
         variables=tuple(axis for axis in variables if axis.name in front),
@@ -93,7 +98,7 @@ def stored_run(stored: Stored) -> RunResult | None:
         tolerances=_tolerances(stored),
         overlays=_overlays(stored, [axis.name for axis in objectives]),
         **_optional(stored, len(front)),
-    )  # fmt: skip
+    )
 
 
 def _tolerances(stored: Stored) -> tuple[Mapping[str, Any], ...]:
@@ -104,8 +109,9 @@ def _tolerances(stored: Stored) -> tuple[Mapping[str, Any], ...]:
         found = json.loads(stored.text(TOLERANCES) or "")
     except ValueError:
         found = None
-    if isinstance(found, list) and all(isinstance(one, dict) and one.keys() >= NAMED
-                                       for one in found):  # fmt: skip
+    if isinstance(found, list) and all(
+        isinstance(one, dict) and one.keys() >= NAMED for one in found
+    ):
         return tuple(found)
     stored.remark(TOLERANCES, "is not what a run writes: was it edited by hand?")
     return ()
@@ -163,8 +169,9 @@ def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
     found: dict[str, pd.DataFrame | None] = {}
     for field, name in OPTIONAL.items():
         table = stored.table(name, needed=False)
-        missing = [column for column in NEEDED.get(field, ()) if table is not None
-                   and column not in table]  # fmt: skip
+        missing = [
+            column for column in NEEDED.get(field, ()) if table is not None and column not in table
+        ]
         if table is not None and missing:
             stored.remark(name, f"has no column {', '.join(missing)}; left out")
             table = None
@@ -172,8 +179,9 @@ def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
             rows = pd.to_numeric(table["point"], errors="coerce")
             inside = rows.between(0, points - 1)
             if not inside.all():
-                stored.remark(name, f"names points that front.csv has not ({points} rows): "
-                              "these are left out")  # fmt: skip
+                stored.remark(
+                    name, f"names points that front.csv has not ({points} rows): these are left out"
+                )
             table = table[inside].assign(point=rows[inside].astype("int64"))
         found[field] = table
     return found
@@ -182,16 +190,30 @@ def _optional(stored: Stored, points: int) -> dict[str, pd.DataFrame | None]:
 def _typed(summary: dict[str, Any], stored: Stored) -> dict[str, Any]:
     """The summary without values of a type that a run does not write."""
     kinds: dict[str, type | tuple[type, ...]] = {
-        "versions": dict, "ideal": dict, "nadir": dict, "axes": dict, "files": dict,
-        "choices": dict, "notes": list, "assumptions": list, "bars": list, "rounding": list,
-        "validity": list, "units": dict, "assumptions_at": dict,
-        "title": str, "answers": dict, "format": int, "mechanism": dict,
-    }  # fmt: skip
+        "versions": dict,
+        "ideal": dict,
+        "nadir": dict,
+        "axes": dict,
+        "files": dict,
+        "choices": dict,
+        "notes": list,
+        "assumptions": list,
+        "bars": list,
+        "rounding": list,
+        "validity": list,
+        "units": dict,
+        "assumptions_at": dict,
+        "title": str,
+        "answers": dict,
+        "format": int,
+        "mechanism": dict,
+    }
     for name, kind in kinds.items():
         if name in summary and not isinstance(summary[name], kind):
             stored.remark(SUMMARY, f"{name} is not what a run writes: was it edited by hand?")
-    return {name: value for name, value in summary.items()
-            if isinstance(value, kinds.get(name, object))}  # fmt: skip
+    return {
+        name: value for name, value in summary.items() if isinstance(value, kinds.get(name, object))
+    }
 
 
 def _axes(
@@ -224,6 +246,7 @@ def _bars(summary: Mapping[str, Any]) -> tuple[Bars, ...]:
     for one in summary.get("bars") or ():
         whole = isinstance(one, dict) and {"title", "unit", "labels", "values"} <= one.keys()
         if whole and len(one["labels"]) == len(one["values"]):
-            found.append(Bars(one["title"], one["unit"], tuple(one["labels"]),
-                              tuple(one["values"])))  # fmt: skip
+            found.append(
+                Bars(one["title"], one["unit"], tuple(one["labels"]), tuple(one["values"]))
+            )
     return tuple(found)

@@ -28,8 +28,10 @@ def remark_of(here: Standing) -> str:
         return f"is complete, but {here.holders} is at work here" if here.holders else ""
     if here.holders:
         return f"is missing: this result is unfinished, {here.holders} is at work on it"
-    return (f"is missing: this result of `tolevo {here.command}` is unfinished; run the same "
-            "command with --resume to go on")  # fmt: skip
+    return (
+        f"is missing: this result of `tolevo {here.command}` is unfinished; run the same "
+        "command with --resume to go on"
+    )
 
 
 def course(folder: Path) -> pd.DataFrame | None:
@@ -98,8 +100,13 @@ def _checked(folder: Path) -> dict[str, pd.DataFrame]:
             continue
         verdict = found.get("verdict") if isinstance(found, dict) else None
         if isinstance(verdict, dict):
-            rows.append({"claim": Path(name).stem, "verdict": str(verdict.get("word", "")),
-                         "reason": str(verdict.get("reason", ""))})  # fmt: skip
+            rows.append(
+                {
+                    "claim": Path(name).stem,
+                    "verdict": str(verdict.get("word", "")),
+                    "reason": str(verdict.get("reason", "")),
+                }
+            )
     return {"Claims checked so far": pd.DataFrame(rows)} if rows else {}
 
 

@@ -54,12 +54,17 @@ def row(document: str, claim: Claim, checked: Checked) -> dict[str, Any]:
         "lost": claim.lost,
         "recomputed_by": shown.by if shown else "",
         "readings": [
-            {"reading": one.states, "recomputed_by": one.by, "computed": list(one.computed),
-             "standard_error": list(one.standard_error), "deviation": list(one.deviation),
-             "holds": one.holds}
+            {
+                "reading": one.states,
+                "recomputed_by": one.by,
+                "computed": list(one.computed),
+                "standard_error": list(one.standard_error),
+                "deviation": list(one.deviation),
+                "holds": one.holds,
+            }
             for one in found.outcomes
         ],
-    }  # fmt: skip
+    }
 
 
 def tables_of(pairs: Pairs) -> dict[str, ComputedTable]:

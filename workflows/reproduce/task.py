@@ -68,9 +68,11 @@ def _read(task: ClaimTask, reading: Reading) -> tuple[Outcome, dict[str, Compute
         raise ModelError(f"claim {claim.id}, {reading.recipe.by}: {error}") from error
     except InputError as error:
         raise InputError(
-            [type(fault)(f"claim {claim.id}: {fault.place}", fault.message)
-             for fault in error.faults]
-        ) from error  # fmt: skip
+            [
+                type(fault)(f"claim {claim.id}: {fault.place}", fault.message)
+                for fault in error.faults
+            ]
+        ) from error
     return outcome(claim, reading, quantities), dict(found.tables)
 
 
@@ -78,8 +80,11 @@ def _in_unit(quantity: Quantity, unit: str) -> Quantity:
     """A quantity in the unit of its claim. Raises ValueError where it cannot be, or not finite."""
     own = _bare(quantity.unit)
     value = float(converted(quantity.value, own, _bare(unit)))
-    error = abs(float(converted(quantity.standard_error, own, _bare(unit))
-                      - converted(0.0, own, _bare(unit))))  # fmt: skip
+    error = abs(
+        float(
+            converted(quantity.standard_error, own, _bare(unit)) - converted(0.0, own, _bare(unit))
+        )
+    )
     if not isfinite(value):
         raise ValueError(f"the value is {value}")
     return Quantity(value, unit, error)

@@ -65,9 +65,11 @@ def outcome(claim: Claim, reading: Reading, quantities: Sequence[Quantity]) -> O
         computed,
         tuple(one.standard_error for one in quantities),
         deviation,
-        all(_excess(claim, value, away) <= 0.0 and _clear(claim, away, one.standard_error)
-            for value, away, one in zip(computed, deviation, quantities, strict=True)),
-    )  # fmt: skip
+        all(
+            _excess(claim, value, away) <= 0.0 and _clear(claim, away, one.standard_error)
+            for value, away, one in zip(computed, deviation, quantities, strict=True)
+        ),
+    )
 
 
 def verdict(claim: Claim, outcomes: Sequence[Outcome]) -> Verdict:
@@ -166,8 +168,10 @@ def _comparison(claim: Claim, found: Outcome) -> str:
         for value, one in zip(found.computed, found.deviation, strict=True)
     ):
         errors = with_unit(found.standard_error, claim.unit)
-        return (f"{computed} is {words} {printed} by {away}, which is less than two standard "
-                f"errors ({errors})")  # fmt: skip
+        return (
+            f"{computed} is {words} {printed} by {away}, which is less than two standard "
+            f"errors ({errors})"
+        )
     return f"{computed} is {'' if found.holds else 'not '}{words} {printed} (by {away})"
 
 

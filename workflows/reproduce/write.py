@@ -44,8 +44,9 @@ def flat(table: pd.DataFrame) -> pd.DataFrame:
 
 def told(result: ClaimsResult) -> dict[str, Any]:
     """`claims.json`."""
-    claims = [{str(key): value for key, value in row.items()}
-              for row in result.table.to_dict("records")]  # fmt: skip
+    claims = [
+        {str(key): value for key, value in row.items()} for row in result.table.to_dict("records")
+    ]
     return {
         "documents": [
             {

@@ -45,10 +45,12 @@ def sentences(found: list[dict[str, Any]]) -> tuple[str, ...]:
             told.append(f"{one['label']}: as cheap, at equal R and equal other requirements")
             continue
         side = "more" if one["more_percent"] >= 0.0 else "less"
-        told.append(f"{one['label']}: the least cost of the point in the middle of the front would "
-                    f"be {one['cost']:.4g} instead of {one['this']:.4g}, "
-                    f"{abs(one['more_percent']):.3g} % {side}, at equal R and equal other "
-                    "requirements")  # fmt: skip
+        told.append(
+            f"{one['label']}: the least cost of the point in the middle of the front would "
+            f"be {one['cost']:.4g} instead of {one['this']:.4g}, "
+            f"{abs(one['more_percent']):.3g} % {side}, at equal R and equal other "
+            "requirements"
+        )
     return tuple(told)
 
 
@@ -58,8 +60,12 @@ def _least(one: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[Any]) 
     if form is None:
         return None
     names = {*asked.objectives, *(limit.name for limit in asked.limits)}
-    limits = np.array([float(row[name]) if {name, form.stands.get(name, "")} & names else np.inf
-                       for name in form.outputs])  # fmt: skip
+    limits = np.array(
+        [
+            float(row[name]) if {name, form.stands.get(name, "")} & names else np.inf
+            for name in form.outputs
+        ]
+    )
     used = np.isfinite(limits)
     if not np.any(used):
         return None

@@ -71,8 +71,9 @@ class Words:
         largest = {o.name for o in self.problem.outputs if o.larger_is_better}
         each = [f"{'largest' if n in largest else 'least'} {words(n)}" for n in self.names]
         goal = " against ".join(each).capitalize()
-        given = set(self.problem.given.limits) | (set() if self.problem.given.limits else
-                                                  set(self.problem.default_limits))  # fmt: skip
+        given = set(self.problem.given.limits) | (
+            set() if self.problem.given.limits else set(self.problem.default_limits)
+        )
         given |= promised_limits(self.problem)
         limits = [self.limit(one) for one in self.problem.limits if one.count and one.name in given]
         others = sum(one.count > 0 for one in self.problem.limits) - len(limits)
@@ -81,8 +82,10 @@ class Words:
             limits.append(f"{others} {plural} that the problem sets itself")
         kept = f", with {', '.join(limits)}" if limits else ", without limits"
         tolerances = sum(v.tolerance for v in self.problem.free)
-        return (f"{goal}{kept}; {tolerances} tolerances searched"
-                f"{self._more(len(self.problem.free) - tolerances)}.")  # fmt: skip
+        return (
+            f"{goal}{kept}; {tolerances} tolerances searched"
+            f"{self._more(len(self.problem.free) - tolerances)}."
+        )
 
     @staticmethod
     def _more(count: int) -> str:
@@ -98,12 +101,16 @@ class Words:
         front = self.result.front
         row = front.iloc[self.point]
         if len(front) == 1:
-            limited = [o.name for o in self.problem.limits if o.name in front
-                       and o.name not in self.names]  # fmt: skip
+            limited = [
+                o.name for o in self.problem.limits if o.name in front and o.name not in self.names
+            ]
             more = f" (with {self.row(row, limited)})" if limited else ""
             return f"Found: {self.row(row)}{more}."
-        ends = ", ".join(f"{words(n)} {front[n].min():.4g} to {front[n].max():.4g} "
-                         f"{self.units.get(n, '')}".rstrip() for n in self.names)  # fmt: skip
+        ends = ", ".join(
+            f"{words(n)} {front[n].min():.4g} to {front[n].max():.4g} "
+            f"{self.units.get(n, '')}".rstrip()
+            for n in self.names
+        )
         choices = self.result.choices
         rule = "" if choices is None or choices.empty else str(choices["choice"].iloc[0])
         return f"Found: {len(front)} allocations, {ends}; the {words(rule)} has {self.row(row)}."
@@ -126,17 +133,24 @@ class Words:
         label, broken = str(row["label"]), str(row["violated_limits"]).split()
         own = f"The published allocation ({label}) has {self.row(row)}"
         if broken:
-            values = ", ".join(f"{self.value(n, float(row[n]))} instead of "
-                               f"{self.limit(self._limit(n)).removeprefix(words(n)).strip()}"
-                               for n in broken)  # fmt: skip
+            values = ", ".join(
+                f"{self.value(n, float(row[n]))} instead of "
+                f"{self.limit(self._limit(n)).removeprefix(words(n)).strip()}"
+                for n in broken
+            )
             gains = self._gains(row, "relaxed_")
             if not gains:
                 return f"{own}, but breaks the limits ({values}): it cannot be compared."
             return f"{own}, but breaks the limits ({values}): at the same looser limits {gains}."
         gains = self._gains(row, "")
-        return f"{own} and keeps all limits: {gains}." if gains else (
-            f"{own} and keeps all limits; no point of the front is as good in every other "
-            "objective.")  # fmt: skip
+        return (
+            f"{own} and keeps all limits: {gains}."
+            if gains
+            else (
+                f"{own} and keeps all limits; no point of the front is as good in every other "
+                "objective."
+            )
+        )
 
     def _limit(self, name: str) -> Limit:
         return next(one for one in self.problem.limits if one.name == name)
@@ -150,8 +164,11 @@ class Words:
                 if self.names == [COST]:
                     side = "lower" if value >= 0.0 else "higher"
                     return f"the least cost that was found is {distance_words(abs(value))} {side}"
-                at = "the same cost" if name != COST else (
-                    "equal " + " and ".join(words(n) for n in self.names if n != COST))  # fmt: skip
+                at = (
+                    "the same cost"
+                    if name != COST
+                    else ("equal " + " and ".join(words(n) for n in self.names if n != COST))
+                )
                 what = "an allocation that costs" if name == COST else f"a {words(name)} that is"
                 parts.append(f"{what} {distance_words(abs(value))} {side} at {at}")
         return "there is " + ", or ".join(parts) if parts else ""
@@ -176,16 +193,23 @@ class Words:
         priced = self._price(limit.name)
         if priced is not None:
             price, proven = priced
-            how = ("by the multiplier of the proven optimum" if proven else
-                   "estimated by the conditions of an optimum")  # fmt: skip
+            how = (
+                "by the multiplier of the proven optimum"
+                if proven
+                else "estimated by the conditions of an optimum"
+            )
             step = _step(limit)
             unit = f" {limit.unit}".rstrip()
             cost = f" {self.units[COST]}".rstrip()
-            return (f"{where} the limit of {text} binds: loosening it by {step:.3g}{unit} would "
-                    f"save about {price * step:.3g}{cost} ({how}).")  # fmt: skip
+            return (
+                f"{where} the limit of {text} binds: loosening it by {step:.3g}{unit} would "
+                f"save about {price * step:.3g}{cost} ({how})."
+            )
         relaxed = self._relaxed(limit.name)
-        return relaxed or (f"{where} the limit of {text} binds; what it costs is not known, for "
-                           "the model gives no derivative of it.")  # fmt: skip
+        return relaxed or (
+            f"{where} the limit of {text} binds; what it costs is not known, for "
+            "the model gives no derivative of it."
+        )
 
     def _price(self, name: str) -> tuple[float, bool] | None:
         found = self.result.prices
@@ -215,8 +239,10 @@ class Words:
                 text = self.limit(self._limit(name))
                 share = 100.0 * saved / float(row[COST])
                 loose = self.value(name, float(reference[name][label]))
-                return (f"The limit of {text} costs {saved:.3g} ({share:.3g} %) here against one "
-                        f"as loose as that of {label} ({loose}).")  # fmt: skip
+                return (
+                    f"The limit of {text} costs {saved:.3g} ({share:.3g} %) here against one "
+                    f"as loose as that of {label} ({loose})."
+                )
         return ""
 
     def proof(self, statement: Statement) -> str:
@@ -232,8 +258,10 @@ class Words:
         if len(gap) == 1 and most < EXACT:
             return f"Proven: this is the least cost within the limits ({statement})."
         if len(gap) == 1:
-            return (f"Proven: no allocation within the limits costs less than {percent(most)} "
-                    f"below this one ({statement}).")  # fmt: skip
+            return (
+                f"Proven: no allocation within the limits costs less than {percent(most)} "
+                f"below this one ({statement})."
+            )
         if most < EXACT:
             return f"Proven: every point of the front is optimal ({statement})."
         return (

@@ -43,8 +43,10 @@ def with_assumptions(
 
     own = result.front.iloc[[chosen[0]]]
     level = _aim(own, problem)
-    ends = [np.array([result.summary[end][name] for name in problem.objectives])
-            for end in ("ideal", "nadir")]  # fmt: skip
+    ends = [
+        np.array([result.summary[end][name] for name in problem.objectives])
+        for end in ("ideal", "nadir")
+    ]
     unit = np.maximum(ends[1] - ends[0], 1e-12)
     more = np.zeros(len(unit))
     if level is not None and level[0] in problem.objectives:
@@ -72,10 +74,15 @@ def _said(
     held = [name for name in problem.objectives if name != "cost"]
     found = {name: float(own[name].iloc[0]) for name in held}
     if not held:
-        found = {one.name: problem.settings.limits[one.name].high for one in problem.limits
-                 if one.name.startswith(RIGID)}  # fmt: skip
-    return {name: level[1] if level and level[0] == name and held else value
-            for name, value in found.items()}  # fmt: skip
+        found = {
+            one.name: problem.settings.limits[one.name].high
+            for one in problem.limits
+            if one.name.startswith(RIGID)
+        }
+    return {
+        name: level[1] if level and level[0] == name and held else value
+        for name, value in found.items()
+    }
 
 
 def assumptions_cost(

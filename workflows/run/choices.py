@@ -61,10 +61,13 @@ def _short(choices: pd.DataFrame, problem: ToleranceProblem) -> dict[str, object
 def _rounding(decisions: Decisions, plan: RunPlan) -> list[dict[str, str]]:
     """How each variable is rounded, and whether the configuration says so."""
     return [
-        {"variable": name, "rule": rule,
-         "set_by": "configuration" if name in plan.choice.steps else "default"}
+        {
+            "variable": name,
+            "rule": rule,
+            "set_by": "configuration" if name in plan.choice.steps else "default",
+        }
         for name, rule in decisions.rounding.items()
-    ]  # fmt: skip
+    ]
 
 
 def _axes(axes: tuple[Axis, ...]) -> list[dict[str, str]]:

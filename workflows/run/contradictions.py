@@ -51,31 +51,42 @@ def _below_half(problem: ToleranceProblem) -> list[Fault]:
     measured = problem.measured if isinstance(problem, Stack) else ()
     lawful = {one.name("yield_percent") for one in measured if isinstance(one.law, Law)}
     return [
-        Fault(f"limits.{limit.name}", f"asks for {limit.low:g} % of the units: a quantile below "
-              "one half is not convex and cannot be proven; ask for 50 % or more, or take another "
-              "algorithm than exact, whose run is not proven")
+        Fault(
+            f"limits.{limit.name}",
+            f"asks for {limit.low:g} % of the units: a quantile below "
+            "one half is not convex and cannot be proven; ask for 50 % or more, or take another "
+            "algorithm than exact, whose run is not proven",
+        )
         for limit in problem.limits
         if limit.name in lawful and 0.0 < limit.low < HALF
-    ]  # fmt: skip
+    ]
 
 
 def _too_dear(form: Form, limits: Array, most: float, bound: float) -> list[Fault]:
     """The limit on the cost, and those on requirements that it contradicts."""
     each = [_alone(form, at) for at in range(len(limits))]
-    dear = [float(least_cost(one, limits[None, at : at + 1]).bound[0])
-            for at, one in enumerate(each)]  # fmt: skip
+    dear = [
+        float(least_cost(one, limits[None, at : at + 1]).bound[0]) for at, one in enumerate(each)
+    ]
     rows = [at for at, cost in enumerate(dear) if cost > most] or list(range(len(limits)))
     names = list(dict.fromkeys(form.outputs[at] for at in rows))
     kept = ", ".join(f"limits.{name}" for name in names)
     least = max([bound, *(dear[at] for at in rows)])
-    faults = [Fault("limits.cost", f"at most {most:g} and {kept} contradict each other: with them "
-                    f"kept the least cost is {least:.6g}; raise the one or the other")]  # fmt: skip
+    faults = [
+        Fault(
+            "limits.cost",
+            f"at most {most:g} and {kept} contradict each other: with them "
+            f"kept the least cost is {least:.6g}; raise the one or the other",
+        )
+    ]
     for name in names:
         own = [at for at in rows if form.outputs[at] == name]
         reach = max(_reached(each[at], most) for at in own)
-        text = (f"at most {limits[own[0]]:g} and limits.cost, at most {most:g}, contradict each "
-                f"other: with the cost kept the least {name} is {reach:.6g}, with this limit the "
-                f"least cost is {max(dear[at] for at in own):.6g}")  # fmt: skip
+        text = (
+            f"at most {limits[own[0]]:g} and limits.cost, at most {most:g}, contradict each "
+            f"other: with the cost kept the least {name} is {reach:.6g}, with this limit the "
+            f"least cost is {max(dear[at] for at in own):.6g}"
+        )
         faults.append(Fault(f"limits.{name}", text))
     return faults
 
@@ -101,8 +112,11 @@ def _impossible(form: Form, limits: Array) -> list[Fault]:
     """Limits on requirements that no tolerances keep together."""
     least, names = tightest(form), ", ".join(dict.fromkeys(f"limits.{n}" for n in form.outputs))
     return [
-        Fault(f"limits.{name}", f"no tolerances keep {names} together: alone the least {name} is "
-              f"{least[at]:.6g}, the limit is {limits[at]:g}; raise one of them")
+        Fault(
+            f"limits.{name}",
+            f"no tolerances keep {names} together: alone the least {name} is "
+            f"{least[at]:.6g}, the limit is {limits[at]:g}; raise one of them",
+        )
         for at, name in enumerate(form.outputs)
         if name not in form.outputs[:at]
-    ]  # fmt: skip
+    ]

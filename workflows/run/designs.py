@@ -103,8 +103,10 @@ class Designs(Closing):
         if not self._content:
             self._content = pickle.dumps(self.problem)
         name = f"{self._name}-{self._batches}"
-        return [Part(f"{name}-{at}", version("tolevo"), self._content, at, x)
-                for at, x in enumerate(parts)]  # fmt: skip
+        return [
+            Part(f"{name}-{at}", version("tolevo"), self._content, at, x)
+            for at, x in enumerate(parts)
+        ]
 
     def _start(self, part: Array) -> None:
         """Start processes where some are free, and take those that have started."""

@@ -53,8 +53,9 @@ def with_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str]) ->
     if "cost" not in names or front.empty:
         return front
     second = next(name for name in names if name != "cost")
-    values = np.vstack([frame[["cost", second]].to_numpy(dtype=float)
-                        for frame in (front, other) if len(frame)])  # fmt: skip
+    values = np.vstack(
+        [frame[["cost", second]].to_numpy(dtype=float) for frame in (front, other) if len(frame)]
+    )
     best = values[nondominated(values)]
     own = front[["cost", second]].to_numpy(dtype=float)
     return front.assign(**{ABOVE: [above(row, best) for row in own]})
@@ -81,18 +82,26 @@ def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]
     distance = front[ABOVE].to_numpy(dtype=float)
     own, least = front[second].min(), other[second].min()
     middle, most = distance_words(np.median(distance)), distance_words(np.max(distance))
-    told = [f"nothing is proven of this problem; against the best known front, its own joined with "
-            f"that of {label}, the points cost {middle} more in the median and {most} at most at "
-            f"equal {second}"]  # fmt: skip
+    told = [
+        f"nothing is proven of this problem; against the best known front, its own joined with "
+        f"that of {label}, the points cost {middle} more in the median and {most} at most at "
+        f"equal {second}"
+    ]
     best = front[["cost", second]].to_numpy(dtype=float)
-    behind = [above(row, best) for row in other[["cost", second]].to_numpy(dtype=float)
-              if best[:, 1].min() <= row[1] <= best[:, 1].max()]  # fmt: skip
+    behind = [
+        above(row, best)
+        for row in other[["cost", second]].to_numpy(dtype=float)
+        if best[:, 1].min() <= row[1] <= best[:, 1].max()
+    ]
     if behind:
-        told.append(f"{label}: {len(other)} points, which cost {distance_words(np.median(behind))} "
-                    "more than this front in the median")  # fmt: skip
+        told.append(
+            f"{label}: {len(other)} points, which cost {distance_words(np.median(behind))} "
+            "more than this front in the median"
+        )
     if least > own * 1.001:
-        told.append(f"{label} finds nothing below {second} {least:.4g}; this front begins at "
-                    f"{own:.4g}")  # fmt: skip
+        told.append(
+            f"{label} finds nothing below {second} {least:.4g}; this front begins at {own:.4g}"
+        )
     elif own > least * 1.001:
         told.append(f"this front ends at {second} {own:.4g}; {label} reaches {least:.4g}")
     return told

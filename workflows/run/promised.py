@@ -49,5 +49,9 @@ def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
         return result
     answers = dict(result.answers) | {"promise": found.sentence}
     summary = dict(result.summary) | {"promise": found.summary, "answers": answers}
-    return replace(result, summary=summary, promise=found.costs if len(found.costs) else None,
-                   next_parts=found.next_parts if len(found.next_parts) else None)  # fmt: skip
+    return replace(
+        result,
+        summary=summary,
+        promise=found.costs if len(found.costs) else None,
+        next_parts=found.next_parts if len(found.next_parts) else None,
+    )

@@ -200,8 +200,10 @@ def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
     limits[row] = np.inf
     least = least_value(form, row, limits)
     cheapest = float(least_bounds(form, limits[None, :])[0])
-    ends = [(names[0], float(front[names[0]].min()), None if least is None else least.value),
-            ("cost", float(front["cost"].min()), cheapest)]  # fmt: skip
+    ends = [
+        (names[0], float(front[names[0]].min()), None if least is None else least.value),
+        ("cost", float(front["cost"].min()), cheapest),
+    ]
     return [
         f"end of the front: the least {name} is {found:.4g}; none below {proven:.4g} is possible "
         f"({_missing(found, proven)} missing at most)"
@@ -223,11 +225,15 @@ def proof_notes(front: pd.DataFrame, statement: Statement) -> list[str]:
     if not len(gap) or np.all(np.isnan(gap)):
         return [statement.text] if len(gap) else []
     if not statement.informative(gap):
-        return [f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it "
-                f"in the median, for it leaves out what holds them back ({statement})"]  # fmt: skip
-    return [f"proven: no allocation of equal or better other objectives costs less than the bound "
-            f"({statement}); the points lie {distance_words(np.nanmedian(gap))} above it in the "
-            f"median, {distance_words(np.nanmax(gap))} at most"]  # fmt: skip
+        return [
+            f"the bound is not informative: the points lie {np.nanmedian(gap):.3g} % above it "
+            f"in the median, for it leaves out what holds them back ({statement})"
+        ]
+    return [
+        f"proven: no allocation of equal or better other objectives costs less than the bound "
+        f"({statement}); the points lie {distance_words(np.nanmedian(gap))} above it in the "
+        f"median, {distance_words(np.nanmax(gap))} at most"
+    ]
 
 
 def percent(value: float) -> str:

@@ -79,13 +79,19 @@ def _table(problem: ToleranceProblem, form: Form, limits: Array, found: Optimum)
         unit = "" if np.isfinite(form.own_limits[at]) else units.get(name, "")
         top = [int(j) for j in np.argsort(-shares[at])[:DRIVEN] if shares[at, j] > 0.0]
         names = [f"{form.features[j].variable} {100.0 * shares[at, j]:.0f} %" for j in top]
-        rows.append({
-            "requirement": name, "unit": unit, "limit": limits[at], "value": values[at],
-            "multiplier_cost_per_unit": multiplier[at],
-            "relaxed_by_percent": 100.0 * LOOSER,
-            "saves_at_least": least[at], "saves_at_most": most[at],
-            "drives": ", ".join(names),
-        })  # fmt: skip
+        rows.append(
+            {
+                "requirement": name,
+                "unit": unit,
+                "limit": limits[at],
+                "value": values[at],
+                "multiplier_cost_per_unit": multiplier[at],
+                "relaxed_by_percent": 100.0 * LOOSER,
+                "saves_at_least": least[at],
+                "saves_at_most": most[at],
+                "drives": ", ".join(names),
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -130,8 +136,11 @@ def _drivers(form: Form, found: Optimum) -> pd.DataFrame:
     rows = []
     for j, feature in enumerate(form.features):
         first = int(np.argmax(np.abs(push[:, j])))
-        row = {"part": feature.variable, "t": found.t[0, j],
-               "driven_by": form.outputs[first] if whole[j] > 0.0 else ""}  # fmt: skip
+        row = {
+            "part": feature.variable,
+            "t": found.t[0, j],
+            "driven_by": form.outputs[first] if whole[j] > 0.0 else "",
+        }
         rows.append(row | _by_name(form, share[:, j]))
     return pd.DataFrame(rows)
 

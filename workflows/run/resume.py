@@ -54,11 +54,14 @@ def notes_of(checkpoint: Checkpoint, resume: bool) -> tuple[str, ...]:
 def _faults(found: Checkpoint, plan: RunPlan) -> list[Fault]:
     old, new = flat(tomllib.loads(found.identity)), flat(tomllib.loads(plan.configuration))
     other = [
-        Fault(key, f"is {_shown(new, key)}, but the run to resume has {_shown(old, key)}: only the "
-              "budget may differ; undo the change, or start again with --overwrite")
+        Fault(
+            key,
+            f"is {_shown(new, key)}, but the run to resume has {_shown(old, key)}: only the "
+            "budget may differ; undo the change, or start again with --overwrite",
+        )
         for key in dict.fromkeys([*new, *old])
         if not key.startswith(AFTERWARDS) and key not in BUDGET and new.get(key) != old.get(key)
-    ]  # fmt: skip
+    ]
     return other + (_shrunk(found, plan.budget) if found.saved() else _smaller(old, new))
 
 
@@ -78,11 +81,13 @@ def _shrunk(found: Checkpoint, budget: Budget) -> list[Fault]:
         return []
     used = {"generations": len(state["run.history"]), "evaluations": int(state["run.counts"][0])}
     return [
-        Fault(f"algorithm.{name}", f"is {limit}, but the run to resume has already used {count}: "
-              "a budget may only grow")
+        Fault(
+            f"algorithm.{name}",
+            f"is {limit}, but the run to resume has already used {count}: a budget may only grow",
+        )
         for name, count in used.items()
         if (limit := getattr(budget, name)) is not None and limit < count
-    ]  # fmt: skip
+    ]
 
 
 def _shown(values: Mapping[str, Any], key: str) -> str:

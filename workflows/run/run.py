@@ -126,8 +126,9 @@ def _run(
     summary |= measures(found, front, statement, exact)
     summary |= drawn(plan.problem, front) | ({"alternatives": otherwise} if otherwise else {})
     result = _result(plan, found, front, references, summary, proven, exact)
-    result = replace(with_choices(result, decisions, plan, exact), overlays=others,
-                     relaxed=_together(relaxed))  # fmt: skip
+    result = replace(
+        with_choices(result, decisions, plan, exact), overlays=others, relaxed=_together(relaxed)
+    )
     said = answers(result, plan.problem, statement)
     result = replace(result, summary={**result.summary, "answers": said})
     result = _with_more(result, plan.problem, found, cut, progress)
@@ -173,9 +174,15 @@ def _searched(
                 progress(state)
 
         found = search(
-            plan.problem, plan.algorithm, plan.budget, plan.seed, report, plan.engine, checkpoint,
+            plan.problem,
+            plan.algorithm,
+            plan.budget,
+            plan.seed,
+            report,
+            plan.engine,
+            checkpoint,
             designs.values,
-        )  # fmt: skip
+        )
         if not found.interrupted:
             sides.finish()
         return found, sides.fronts()
@@ -303,21 +310,27 @@ def _of_cost(axis: Axis) -> str:
 
 def _lines(result: RunResult, status: str, out: Path, told: Sequence[str]) -> tuple[str, ...]:
     """A short summary for the terminal; notes that are `told` by the answers are left out."""
-    lines = [f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
-             f"evaluations, {float(str(result.summary['seconds'])):.1f} s"]  # fmt: skip
+    lines = [
+        f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
+        f"evaluations, {float(str(result.summary['seconds'])):.1f} s"
+    ]
     lines += [*mechanism_lines(result.summary), *model_lines(result.summary)]
     lines += result.answers.values()
     for row in result.references.to_dict("records"):
         kept = "meets all limits" if row["feasible"] else f"breaks {row['violated_limits']}"
-        values = ", ".join(f"{axis.name} {row[axis.name]:.4g}" + _of_cost(axis)
-                           for axis in result.objectives)  # fmt: skip
+        values = ", ".join(
+            f"{axis.name} {row[axis.name]:.4g}" + _of_cost(axis) for axis in result.objectives
+        )
         lines.append(f"reference {row['label']}: {values}; {kept}")
     answered = told if "proof" in result.answers else ()
     lines += [f"note: {note}" for note in result.notes if note not in answered]
     if status == "no_feasible_point":
-        lines.append(f"the nearest miss is in {out / 'nearest_miss.csv'}; relax the limit it "
-                     "breaks, widen the ranges or raise the budget")  # fmt: skip
+        lines.append(
+            f"the nearest miss is in {out / 'nearest_miss.csv'}; relax the limit it "
+            "breaks, widen the ranges or raise the budget"
+        )
     if status == "interrupted":
-        lines.append("what was found until then is saved; run the same command with --resume to go "
-                     "on")  # fmt: skip
+        lines.append(
+            "what was found until then is saved; run the same command with --resume to go on"
+        )
     return tuple(lines)

@@ -35,8 +35,10 @@ def read_address(text: str) -> Address:
     if parts.scheme not in SCHEMES:
         raise ValueError(f"must begin with postgresql://: write {FORM}")
     if secret:
-        raise ValueError("has a password in it: take it out, and give it by the environment "
-                         "(PGPASSWORD) or a file that only you can read (~/.pgpass)")  # fmt: skip
+        raise ValueError(
+            "has a password in it: take it out, and give it by the environment "
+            "(PGPASSWORD) or a file that only you can read (~/.pgpass)"
+        )
     schemas = [value for key, value in query if key == "schema"]
     schema = schemas[-1] if schemas else SCHEMA
     if not NAME.fullmatch(schema):

@@ -44,5 +44,7 @@ def not_ours(error: Newer | Foreign, backend: Backend) -> str:
         return f"is no database of a study; {backend.other}"
     from .tables import FORMAT
 
-    return (f"was written by a newer version of tolevo (format {error.args[0]}, this one reads up "
-            f"to {FORMAT}): update tolevo, or {backend.other}")  # fmt: skip
+    return (
+        f"was written by a newer version of tolevo (format {error.args[0]}, this one reads up "
+        f"to {FORMAT}): update tolevo, or {backend.other}"
+    )

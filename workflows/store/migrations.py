@@ -42,8 +42,9 @@ def _leased(connection: Connection) -> None:
     connection.execute(DropTable(_OLD_CLAIMS))
     connection.execute(CreateTable(CLAIMS))
     old = _OLD_YARDSTICKS
-    rows = connection.execute(old.select().with_only_columns(
-        old.c.problem, cast(old.c.value, LargeBinary))).all()  # fmt: skip
+    rows = connection.execute(
+        old.select().with_only_columns(old.c.problem, cast(old.c.value, LargeBinary))
+    ).all()
     connection.execute(DropTable(old))
     connection.execute(CreateTable(YARDSTICKS))
     if rows:

@@ -68,8 +68,11 @@ class PostgreSQL(Backend):
 
     def mark(self, connection: Connection, version: int) -> None:
         row = self.insert(META).values(key=VERSION, value=str(version))
-        connection.execute(row.on_conflict_do_update(
-            index_elements=[META.c.key], set_={"value": row.excluded.value}))  # fmt: skip
+        connection.execute(
+            row.on_conflict_do_update(
+                index_elements=[META.c.key], set_={"value": row.excluded.value}
+            )
+        )
 
     def insert(self, table: Table) -> postgresql.Insert:
         return postgresql.insert(table)
@@ -87,9 +90,11 @@ class PostgreSQL(Backend):
 
     def transient(self, error: DBAPIError) -> bool:
         code = getattr(error.orig, "sqlstate", None)
-        return error.connection_invalidated or code in AGAIN or (
-            code is None and isinstance(error, OperationalError)
-        )  # fmt: skip
+        return (
+            error.connection_invalidated
+            or code in AGAIN
+            or (code is None and isinstance(error, OperationalError))
+        )
 
     def hindrance(self, error: BaseException) -> tuple[str, str] | None:
         cause = getattr(error, "orig", None) or error

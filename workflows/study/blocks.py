@@ -49,10 +49,12 @@ def monte_carlo(
     if count < 2:
         raise ValueError(f"samples must be more than one block of {size}, got {samples}")
     name = hashlib.sha256(pickle.dumps((total, coverage, limit, samples, seed, size))).hexdigest()
-    blocks = iter([
-        Block(f"{name[:24]}-{at}", at, part, size, total, coverage, limit)
-        for at, part in enumerate(np.random.SeedSequence(seed).spawn(count))
-    ])  # fmt: skip
+    blocks = iter(
+        [
+            Block(f"{name[:24]}-{at}", at, part, size, total, coverage, limit)
+            for at, part in enumerate(np.random.SeedSequence(seed).spawn(count))
+        ]
+    )
     found: dict[int, Propagated] = {}
     with executor:
         for block, result in executor.completed(propagated, lambda: next(blocks, None)):

@@ -18,10 +18,12 @@ from ..execution import Closing
 from .trial import RunRecord
 
 WHOLE = ("point", "replicate", "generation", "evaluations")
-SCHEMA = pa.schema([
-    (name, pa.int64() if name in WHOLE else pa.float64())
-    for name in ("point", "replicate", *CURVE)
-])  # fmt: skip
+SCHEMA = pa.schema(
+    [
+        (name, pa.int64() if name in WHOLE else pa.float64())
+        for name in ("point", "replicate", *CURVE)
+    ]
+)
 
 
 class Curves(Closing):
@@ -66,10 +68,12 @@ def curves_of(runs: Sequence[RunRecord]) -> pd.DataFrame:
     """The frame of the curves of runs."""
     lengths = [len(run.curve) for run in runs]
     values = np.concatenate([np.empty((0, len(CURVE))), *(run.curve for run in runs)])
-    frame = pd.DataFrame({
-        "point": np.repeat([run.point for run in runs], lengths),
-        "replicate": np.repeat([run.replicate for run in runs], lengths),
-    })  # fmt: skip
+    frame = pd.DataFrame(
+        {
+            "point": np.repeat([run.point for run in runs], lengths),
+            "replicate": np.repeat([run.replicate for run in runs], lengths),
+        }
+    )
     for place, name in enumerate(CURVE):
         frame[name] = values[:, place]
     return frame.astype(dict.fromkeys(WHOLE, np.int64))

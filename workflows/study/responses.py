@@ -62,14 +62,16 @@ def _feasible_fraction(run: Ended) -> float:
     return run.course.feasible / run.course.evaluations if run.course.evaluations else nan
 
 
-FORMULAS: MappingProxyType[str, Callable[[Ended], float]] = MappingProxyType({
-    "hypervolume_ratio": _hypervolume_ratio,
-    "hypervolume": _hypervolume,
-    "gap_percent": _gap_percent,
-    "evaluations_to_99": _evaluations_to_99,
-    "cpu_s_to_99": _cpu_s_to_99,
-    "feasible_fraction": _feasible_fraction,
-})  # fmt: skip
+FORMULAS: MappingProxyType[str, Callable[[Ended], float]] = MappingProxyType(
+    {
+        "hypervolume_ratio": _hypervolume_ratio,
+        "hypervolume": _hypervolume,
+        "gap_percent": _gap_percent,
+        "evaluations_to_99": _evaluations_to_99,
+        "cpu_s_to_99": _cpu_s_to_99,
+        "feasible_fraction": _feasible_fraction,
+    }
+)
 
 
 def needs_level(names: Iterable[str]) -> bool:

@@ -141,12 +141,16 @@ def gathered(
             runs, measure = database.of_point(point, plan.total), measures[setting.problem]
             curves.add(point, runs)
             rows += [(point, run.replicate, run.seed, run.status, run.reason) for run in runs]
-            responses += [[response_of(name, run, measure) for name in plan.settings.responses]
-                          for run in runs]  # fmt: skip
+            responses += [
+                [response_of(name, run, measure) for name in plan.settings.responses]
+                for run in runs
+            ]
     own = pd.DataFrame(rows, columns=["point", "replicate", "seed", "status", "reason"])
     columns = {"point": own["point"].to_numpy()}
-    columns |= {factor.key: plan.design[factor.key].to_numpy()[own["point"]]
-                for factor in plan.settings.factors}  # fmt: skip
+    columns |= {
+        factor.key: plan.design[factor.key].to_numpy()[own["point"]]
+        for factor in plan.settings.factors
+    }
     columns |= {name: own[name].to_numpy() for name in ("replicate", "seed", "status", "reason")}
     values = np.array(responses, dtype=float).reshape(len(own), -1)
     columns |= dict(zip(plan.settings.responses, values.T, strict=True))
@@ -165,8 +169,10 @@ def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool)
         lines.append(f"note: {times} runs failed with: {reason}")
     stopped = data.table.loc[data.table["status"] == STOPPED, "point"]
     if len(stopped):
-        lines.append(f"note: {stopped.nunique()} settings were stopped as they are behind beyond "
-                     f"chance, which saved {len(stopped)} of {len(data.table)} runs")  # fmt: skip
+        lines.append(
+            f"note: {stopped.nunique()} settings were stopped as they are behind beyond "
+            f"chance, which saved {len(stopped)} of {len(data.table)} runs"
+        )
     if not finished and not place.exclude():
         _check_same(plan, out)
         finished = True
@@ -180,8 +186,10 @@ def _written(plan: StudyPlan, data: StudyData, place: Ownership, finished: bool)
     write_text(out / TABLE, table)
     if len(failed) == len(data.table):
         reason = failed["reason"].iloc[0]
-        raise RunError(f"every run failed ({reason}): see study.csv; mend the cause, then "
-                       "start again with --overwrite")  # fmt: skip
+        raise RunError(
+            f"every run failed ({reason}): see study.csv; mend the cause, then "
+            "start again with --overwrite"
+        )
     lines += analysed(plan.settings, data, out)
     place.complete()
     return StudyOutcome("done", out, tuple(lines), data)
@@ -197,5 +205,7 @@ def _check_same(plan: StudyPlan, out: Path) -> None:
     except (OSError, ValueError):
         faults = [Fault("", "")]
     if faults:
-        raise RunError(f"{out} was taken by another study meanwhile; name another directory, or "
-                       "start again with --overwrite")  # fmt: skip
+        raise RunError(
+            f"{out} was taken by another study meanwhile; name another directory, or "
+            "start again with --overwrite"
+        )

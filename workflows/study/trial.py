@@ -145,9 +145,16 @@ def lost(job: Job, reason: str, responses: tuple[str, ...]) -> RunRecord:
 def ended(job: Job, status: str, reason: str, responses: tuple[str, ...]) -> RunRecord:
     """The record of a run of which nothing is known but why."""
     return RunRecord(
-        job.point, job.replicate, job.seed, status, reason, 0, nan,
-        dict.fromkeys(responses, nan), np.empty((0, len(CURVE))),
-    )  # fmt: skip
+        job.point,
+        job.replicate,
+        job.seed,
+        status,
+        reason,
+        0,
+        nan,
+        dict.fromkeys(responses, nan),
+        np.empty((0, len(CURVE))),
+    )
 
 
 def response_of(name: str, run: RunRecord, measure: Yardstick) -> float:

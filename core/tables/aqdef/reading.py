@@ -87,8 +87,10 @@ def _check(content: Content) -> None:
         content.faults.append(Fault(content.place, text))
     used = {one.part for one in content.characteristics.values()}
     for index in sorted(set(content.parts) - used) if len(content.parts) > 1 else ():
-        text = (f"part {index} has no characteristic: those of a part stand below its keys K1..., "
-                "before the next part")  # fmt: skip
+        text = (
+            f"part {index} has no characteristic: those of a part stand below its keys K1..., "
+            "before the next part"
+        )
         content.faults.append(Fault(content.place, text))
 
 
@@ -142,8 +144,10 @@ def _limit(
     # Decimals of the file, not of a sum of doubles: 25 - 0.004.
     by_deviation = round(nominal + off, 12)
     if stated is not None and not math.isclose(stated, by_deviation, rel_tol=NEAR, abs_tol=1e-12):
-        text = (f"{absolute} is {stated:.10g}, but the nominal {nominal:.10g} with the deviation "
-                f"{deviation} {off:.10g} is {by_deviation:.10g}")  # fmt: skip
+        text = (
+            f"{absolute} is {stated:.10g}, but the nominal {nominal:.10g} with the deviation "
+            f"{deviation} {off:.10g} is {by_deviation:.10g}"
+        )
         faults.append(Fault(place, text))
     return by_deviation if stated is None else stated
 

@@ -24,8 +24,9 @@ def table_of_aqdef(
     if not found:
         return None, faults
     labels = [one.label for one in found]
-    names = [one.label if labels.count(one.label) == 1 else f"{one.part} {one.label}"
-             for one in found]  # fmt: skip
+    names = [
+        one.label if labels.count(one.label) == 1 else f"{one.part} {one.label}" for one in found
+    ]
     rows = max(len(one.values) for one in found)
     if not rows:
         faults.append(Fault(place, "holds no values"))
@@ -37,11 +38,20 @@ def table_of_aqdef(
             columns[name] = [*texts, *[""] * (rows - len(texts))]
     cells = Columns(columns, range(1, rows + 1))
     units = {name: known_unit(one.unit) or "" for name, one in zip(names, found, strict=True)}
-    notes = [f"{name}: {sum(v is None for v in one.values)} values are missing or not valid"
-             for name, one in zip(names, found, strict=True) if None in one.values]  # fmt: skip
+    notes = [
+        f"{name}: {sum(v is None for v in one.values)} values are missing or not valid"
+        for name, one in zip(names, found, strict=True)
+        if None in one.values
+    ]
     stated = {name: unit for name, unit in units.items() if unit}
-    table = Table(cells, Dialect("aqdef", header=0), stated, tuple(notes), tuple(names),
-                  {name: name for name in columns})  # fmt: skip
+    table = Table(
+        cells,
+        Dialect("aqdef", header=0),
+        stated,
+        tuple(notes),
+        tuple(names),
+        {name: name for name in columns},
+    )
     return table, faults
 
 

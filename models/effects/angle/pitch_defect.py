@@ -53,9 +53,16 @@ class PitchDefect(OneColumn):
         return (
             quantity("position", "deg", middle, 0.0, 360.0, linear=False),
             quantity("width", "", width, 0.03, 0.25, linear=False),
-            quantity("form", "", "1: dies away, 2: ends at twice that width", BELL, ENDING,
-                     linear=False, choices=(BELL, ENDING)),
-        )  # fmt: skip
+            quantity(
+                "form",
+                "",
+                "1: dies away, 2: ends at twice that width",
+                BELL,
+                ENDING,
+                linear=False,
+                choices=(BELL, ENDING),
+            ),
+        )
 
     def missing(self, values: Mapping[str, float], target: Target) -> tuple[str, ...]:
         return tuple(one for one in super().missing(values, target) if one != "form")

@@ -41,8 +41,13 @@ class Law:
     def widened(self, growth: float) -> Law:
         """Every deviation 1 + growth times as large."""
         by = 1.0 + growth
-        return replace(self, low=by * self.low, step=by * self.step,
-                       log=self.log - np.log(by), std=by * self.std)  # fmt: skip
+        return replace(
+            self,
+            low=by * self.low,
+            step=by * self.step,
+            log=self.log - np.log(by),
+            std=by * self.std,
+        )
 
     def mixed(self, offset: float, share: float) -> Law:
         """A share of the units off by `offset`: the mean moves by share times offset."""

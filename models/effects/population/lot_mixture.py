@@ -17,9 +17,14 @@ from .law import Law
 from .units import OfUnits, number
 
 WITHIN = EffectParameter(
-    "within_lots", "", "1: units of one lot come from both suppliers; 0: whole lots do",
-    0.0, 1.0, linear=False, choices=(0.0, 1.0),
-)  # fmt: skip
+    "within_lots",
+    "",
+    "1: units of one lot come from both suppliers; 0: whole lots do",
+    0.0,
+    1.0,
+    linear=False,
+    choices=(0.0, 1.0),
+)
 
 
 class LotMixture(OfUnits):

@@ -25,18 +25,27 @@ def _torque(name: str, default: float, meaning: str) -> Parameter:
 
 
 PARAMETERS: tuple[Parameter, ...] = (
-    _assumed("normal_stiffness_N_per_mm", 2e5, "N_per_mm",
-             "normal stiffness of one pin contact", "linear; loads 5.4 pins of a disc at 412 N m"),
-    _assumed("series_stiffness_Nm_per_arcmin", 58.5, "Nm_per_arcmin",
-             "stiffness between one disc and the carrier: crank bearings, cranks, carrier",
-             "gives the catalogue's 108 N m/arcmin for the unit"),
+    _assumed(
+        "normal_stiffness_N_per_mm",
+        2e5,
+        "N_per_mm",
+        "normal stiffness of one pin contact",
+        "linear; loads 5.4 pins of a disc at 412 N m",
+    ),
+    _assumed(
+        "series_stiffness_Nm_per_arcmin",
+        58.5,
+        "Nm_per_arcmin",
+        "stiffness between one disc and the carrier: crank bearings, cranks, carrier",
+        "gives the catalogue's 108 N m/arcmin for the unit",
+    ),
     Parameter("discs", 2, "", "cycloid discs", "as in document A", assumed=True, low=1, high=4),
     Parameter("cranks", 2, "", "crankshafts", "as in document A", assumed=True, low=2, high=12),
     Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", _B, low=-1.0, high=1.0),
     Parameter("dr_p_mm", -0.070, "mm", "shift modification", _B, low=-1.0, high=1.0),
     _torque("rated_torque_Nm", 412.0, "rated torque"),
     _torque("momentary_torque_Nm", 2058.0, "momentary maximum torque; beyond it warned"),
-)  # fmt: skip
+)
 
 
 def loaded_contact(

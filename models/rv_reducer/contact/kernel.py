@@ -223,9 +223,14 @@ def balance(
                 x = wanted
                 if behind[d] > 0.0:
                     x = _bent(
-                        arms[d], gap[d], normal[d], behind[d], wanted,
-                        min(nearest, wanted), max(nearest, wanted),
-                    )  # fmt: skip
+                        arms[d],
+                        gap[d],
+                        normal[d],
+                        behind[d],
+                        wanted,
+                        min(nearest, wanted),
+                        max(nearest, wanted),
+                    )
                 held, stiffness = _pins(arms[d], gap[d], normal[d], x)
                 miss += held
                 rise += stiffness / (1.0 + stiffness * behind[d])
@@ -287,11 +292,16 @@ def rotations(
                 for j in range(gap.shape[1]):
                     _gap(
                         table[a, d, j],
-                        of_pins[0, d, j], of_pins[1, d, j], of_pins[2, d, j],
-                        x[d], y[d],
-                        of_discs[8, d], of_discs[9, d], of_discs[10, d],
+                        of_pins[0, d, j],
+                        of_pins[1, d, j],
+                        of_pins[2, d, j],
+                        x[d],
+                        y[d],
+                        of_discs[8, d],
+                        of_discs[9, d],
+                        of_discs[10, d],
                         gap[d, j],
-                    )  # fmt: skip
+                    )
             loads, play = torque[part, a].copy(), of_discs[7]
             k, behind = normal[part, a].T.copy(), compliance[part, a].T.copy()
             arms = table[a, :, :, 0].copy()
@@ -305,6 +315,12 @@ def rotations(
             for u in range(loads.size):
                 if wrong[u] > 0.0:
                     found[a, first + u] = balance(
-                        arms, gap[:, :, u].copy(), k[:, u].copy(), behind[:, u].copy(),
-                        turn[:, u].copy(), play[:, u].copy(), loads[u], direction,
-                    )  # fmt: skip
+                        arms,
+                        gap[:, :, u].copy(),
+                        k[:, u].copy(),
+                        behind[:, u].copy(),
+                        turn[:, u].copy(),
+                        play[:, u].copy(),
+                        loads[u],
+                        direction,
+                    )

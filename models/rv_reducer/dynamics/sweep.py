@@ -62,8 +62,9 @@ def faults(train: Train, torque: Array | float, speed: Array | float) -> list[Fa
     if not np.all(np.isfinite(torque)):
         found.append(Fault("torque", "must be finite, in N m"))
     if not np.all(np.isfinite(speed) & (np.asarray(speed) > 0.0)):
-        found.append(Fault("speed", "must be finite and above 0 rad/s; a sense of turning is not"
-                           " part of it"))  # fmt: skip
+        found.append(
+            Fault("speed", "must be finite and above 0 rad/s; a sense of turning is not part of it")
+        )
     return found
 
 
@@ -96,13 +97,16 @@ def warnings(
     points = Oscillator.of(mesh, train, np.asarray(torque), speeds)
     line = spectrum(mesh.equilibrium(np.asarray(torque))).amplitude[1:]
     excited = 1 + np.flatnonzero(np.abs(line) >= EXCITED * np.abs(line).max(initial=0.0))
-    missed = sorted({int(k) for k in excited if np.abs(line[k - 1]) > 0.0
-                     and _leapt(points, train, float(k))})  # fmt: skip
+    missed = sorted(
+        {int(k) for k in excited if np.abs(line[k - 1]) > 0.0 and _leapt(points, train, float(k))}
+    )
     if missed:
         orders = ", ".join(str(k) for k in missed[:5]) + (", ..." if len(missed) > 5 else "")
         width = float(np.max(2.0 * np.asarray(train.damping_ratio)))
-        said.append(f"the speeds do not resolve the resonance with order {orders}: near it their"
-                    f" steps must be below {100.0 * width:g} % (half-power width)")  # fmt: skip
+        said.append(
+            f"the speeds do not resolve the resonance with order {orders}: near it their"
+            f" steps must be below {100.0 * width:g} % (half-power width)"
+        )
     return tuple(said)
 
 

@@ -23,17 +23,36 @@ def _disc(axes: Single, disc: Single, circle: Single) -> tuple[Single, Single, S
     centre = turning * (ex + 1j * ey) + offset * (dx + 1j * dy)
     turned = pitch * (dx + 1j * dy)
     away = circle[0] + 1j * circle[1] - centre
-    terms = np.stack([
-        np.ones_like(disc[0]), disc[0], disc[1], away.real, away.imag, turned.real, turned.imag,
-    ]).astype(np.float32)  # fmt: skip
+    terms = np.stack(
+        [
+            np.ones_like(disc[0]),
+            disc[0],
+            disc[1],
+            away.real,
+            away.imag,
+            turned.real,
+            turned.imag,
+        ]
+    ).astype(np.float32)
     ahead = disc[3] - np.imag(around * (cx + 1j * cy))
     return terms, disc[2], ahead.astype(np.float32)
 
 
 def touch(
-    rows: Single, pins: Any, start: Any, stop: Any, axes: Single, across: Single, along: Single,
-    discs: Single, circle: Single, high: Single, low: Single, ahead: Any, behind: Any,
-) -> None:  # fmt: skip
+    rows: Single,
+    pins: Any,
+    start: Any,
+    stop: Any,
+    axes: Single,
+    across: Single,
+    along: Single,
+    discs: Single,
+    circle: Single,
+    high: Single,
+    low: Single,
+    ahead: Any,
+    behind: Any,
+) -> None:
     """As `compiled.touch`."""
     columns = [0, 1, 2, 4, 5, 6, 7]
     for first in range(0, across.shape[1], BLOCK):
@@ -60,9 +79,18 @@ def touch(
 
 
 def pull_back(
-    weight: Single, ahead: Any, behind: Any, rows: Single, pins: Any, disc_of: Any, axes: Single,
-    of_unit: Single, of_discs: Single, of_pins: Single, total: Any,
-) -> None:  # fmt: skip
+    weight: Single,
+    ahead: Any,
+    behind: Any,
+    rows: Single,
+    pins: Any,
+    disc_of: Any,
+    axes: Single,
+    of_unit: Single,
+    of_discs: Single,
+    of_pins: Single,
+    total: Any,
+) -> None:
     """As `compiled.pull_back`."""
     a, u = np.nonzero(weight)
     w = weight[a, u]
@@ -85,12 +113,14 @@ def pull_back(
             w * own[9],
             sw * _along(normal, of_unit[1, u] + 1j * of_unit[2, u]),
             sw * (_along(normal, (own[10] + 1j * own[11]) * disc) - own[12]),
-            sw * (np.imag((own[14] + 1j * own[15]) * crank)
-                  - _along(normal, 1j * eccentric * own[13])),
+            sw
+            * (
+                np.imag((own[14] + 1j * own[15]) * crank) - _along(normal, 1j * eccentric * own[13])
+            ),
             -sw * own[16],
             sw * row[1],
             sw * row[8],
-        ]  # fmt: skip
+        ]
         total += [float(np.sum(part, dtype=np.float64)) for part in parts]
 
 

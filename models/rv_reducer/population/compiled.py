@@ -46,15 +46,24 @@ def _disc(axes: Single, disc: Single, circle: Single, terms: Single) -> None:
 
 @_compiled
 def _nearest(
-    rows: Single, pins: Any, across: Single, along: Single, terms: Single, sign: float,
-    best: Single, which: Any,
-) -> None:  # fmt: skip
+    rows: Single,
+    pins: Any,
+    across: Single,
+    along: Single,
+    terms: Single,
+    sign: float,
+    best: Single,
+    which: Any,
+) -> None:
     """The least of sign * h over contacts, and its pin, by lane."""
     for i in range(rows.shape[0]):
         j = pins[i]
         gap, lever, radial, tangential = (
-            sign * rows[i, 0], sign * rows[i, 1], sign * rows[i, 2], sign * rows[i, 3],
-        )  # fmt: skip
+            sign * rows[i, 0],
+            sign * rows[i, 1],
+            sign * rows[i, 2],
+            sign * rows[i, 3],
+        )
         nx, ny, c, s = sign * rows[i, 4], sign * rows[i, 5], sign * rows[i, 6], sign * rows[i, 7]
         own, moved = across[j], along[j]
         place = np.int32(i)
@@ -69,9 +78,20 @@ def _nearest(
 
 @_compiled
 def touch(
-    rows: Single, pins: Any, start: Any, stop: Any, axes: Single, across: Single, along: Single,
-    discs: Single, circle: Single, high: Single, low: Single, ahead: Any, behind: Any,
-) -> None:  # fmt: skip
+    rows: Single,
+    pins: Any,
+    start: Any,
+    stop: Any,
+    axes: Single,
+    across: Single,
+    along: Single,
+    discs: Single,
+    circle: Single,
+    high: Single,
+    low: Single,
+    ahead: Any,
+    behind: Any,
+) -> None:
     """Fills the turns at first contact forward, `high`, and backward, `low` (positions, units).
 
     `ahead` and `behind` (positions, units) are the contacts, as rows of `rows` (contacts, 9).
@@ -114,9 +134,18 @@ def touch(
 
 @_compiled
 def pull_back(
-    weight: Single, ahead: Any, behind: Any, rows: Single, pins: Any, disc_of: Any, axes: Single,
-    of_unit: Single, of_discs: Single, of_pins: Single, total: Any,
-) -> None:  # fmt: skip
+    weight: Single,
+    ahead: Any,
+    behind: Any,
+    rows: Single,
+    pins: Any,
+    disc_of: Any,
+    axes: Single,
+    of_unit: Single,
+    of_discs: Single,
+    of_pins: Single,
+    total: Any,
+) -> None:
     """Adds to `total` (16) the slopes of sum(weight * (high - low)), as `gradient` orders them.
 
     `weight` (positions, units); `of_unit` (3, units), `of_discs` (discs, 17, units) and `of_pins`

@@ -112,12 +112,27 @@ class Elastic:
             used = (of_turn != 0.0) | (of_preload != 0.0) | (of_peak != 0.0)
             rows = np.flatnonzero(used.any(axis=1))
             kernel.pull_back(
-                of_turn[rows], of_preload[rows], of_peak[rows], found.which, self.table.values,
-                springs.lean, springs.stiff, springs.force, lattice.pin, lattice.start[rows],
-                lattice.stop[rows], lattice.directions[rows], *errors_of, springs.behind,
-                found.disc[case, rows], found.side[case, rows],
-                errors.of_unit, errors.of_discs, errors.of_pins, total,
-            )  # fmt: skip
+                of_turn[rows],
+                of_preload[rows],
+                of_peak[rows],
+                found.which,
+                self.table.values,
+                springs.lean,
+                springs.stiff,
+                springs.force,
+                lattice.pin,
+                lattice.start[rows],
+                lattice.stop[rows],
+                lattice.directions[rows],
+                *errors_of,
+                springs.behind,
+                found.disc[case, rows],
+                found.side[case, rows],
+                errors.of_unit,
+                errors.of_discs,
+                errors.of_pins,
+                total,
+            )
         total[NAMES.index("dr_rp")] *= 1e3  # from micrometres to millimetres
         return total
 
@@ -166,11 +181,25 @@ def elastic(
     springs, ratio = Springs.of(table, loading), lattice.geometry.output_ratio
     found = Balances.empty(len(torques), *lattice.shape, units.units)
     _kernel("compiled", engine).balances(
-        table.values, springs.stiff, springs.force, lattice.pin, lattice.start, lattice.stop,
-        lattice.directions, *_errors(units), springs.behind,
-        np.array(torques) / ratio, cases.get("rated", -1), found.disc, found.side, found.turn,
-        found.preload, found.peak, found.where, found.which,
-    )  # fmt: skip
+        table.values,
+        springs.stiff,
+        springs.force,
+        lattice.pin,
+        lattice.start,
+        lattice.stop,
+        lattice.directions,
+        *_errors(units),
+        springs.behind,
+        np.array(torques) / ratio,
+        cases.get("rated", -1),
+        found.disc,
+        found.side,
+        found.turn,
+        found.preload,
+        found.peak,
+        found.where,
+        found.which,
+    )
     values = {name: _value(name, cases, found, ratio) for name in outputs}
     return Elastic(lattice, table, units, springs, cases, found, values, engine)
 

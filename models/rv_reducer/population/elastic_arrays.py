@@ -32,9 +32,17 @@ def _terms(axes: Single, disc: Single, circle: Single) -> tuple[Array, Array, Ar
     around, pitch = own[8] + 1j * own[9], own[10] + 1j * own[11]
     away = circle[0] + 1j * circle[1] - turning * (ex + 1j * ey) - offset * (dx + 1j * dy)
     turned = pitch * (dx + 1j * dy)
-    terms = np.stack([
-        np.ones_like(own[0]), own[0], own[1], away.real, away.imag, turned.real, turned.imag,
-    ])  # fmt: skip
+    terms = np.stack(
+        [
+            np.ones_like(own[0]),
+            own[0],
+            own[1],
+            away.real,
+            away.imag,
+            turned.real,
+            turned.imag,
+        ]
+    )
     return terms, own[2], np.asarray(own[3] - np.imag(around * (cx + 1j * cy)))
 
 
@@ -72,11 +80,28 @@ class _Position:
 
 
 def balances(
-    rows: Single, stiff: Single, force: Single, pins: Any, start: Any, stop: Any, axes: Single,
-    across: Single, along: Single, discs: Single, circle: Single, behind: float, torques: Any,
-    rated: int, x: Single, side: Any, turn: Single, preload: Single, peak: Single, where: Any,
+    rows: Single,
+    stiff: Single,
+    force: Single,
+    pins: Any,
+    start: Any,
+    stop: Any,
+    axes: Single,
+    across: Single,
+    along: Single,
+    discs: Single,
+    circle: Single,
+    behind: float,
+    torques: Any,
+    rated: int,
+    x: Single,
+    side: Any,
+    turn: Single,
+    preload: Single,
+    peak: Single,
+    where: Any,
     which: Any,
-) -> None:  # fmt: skip
+) -> None:
     """As `elastic_compiled.balances`."""
     for a in range(len(start)):
         here = _Position(rows, pins, start[a], stop[a])
@@ -131,11 +156,30 @@ def _discs(mesh: Mesh, rotation: Array) -> tuple[Array, NDArray[np.int8]]:
 
 
 def pull_back(
-    of_turn: Single, of_preload: Single, of_peak: Single, which: Any, rows: Single, lean: Single,
-    stiff: Single, force: Single, pins: Any, start: Any, stop: Any, axes: Single, across: Single,
-    along: Single, discs: Single, circle: Single, behind: float, x: Single, side: Any,
-    of_unit: Single, of_discs: Single, of_pins: Single, total: Any,
-) -> None:  # fmt: skip
+    of_turn: Single,
+    of_preload: Single,
+    of_peak: Single,
+    which: Any,
+    rows: Single,
+    lean: Single,
+    stiff: Single,
+    force: Single,
+    pins: Any,
+    start: Any,
+    stop: Any,
+    axes: Single,
+    across: Single,
+    along: Single,
+    discs: Single,
+    circle: Single,
+    behind: float,
+    x: Single,
+    side: Any,
+    of_unit: Single,
+    of_discs: Single,
+    of_pins: Single,
+    total: Any,
+) -> None:
     """As `elastic_pull_back.pull_back`."""
     for a in range(len(start)):
         u = np.flatnonzero((of_turn[a] != 0) | (of_preload[a] != 0) | (of_peak[a] != 0))
@@ -149,9 +193,12 @@ def pull_back(
         direct = force[here.part, None] * of_peak[a, u] * star
         many, toward = len(discs), side[a][:, u]
         share = _shares(
-            here.by_disc(bears, many), here.by_disc(squeezed + direct, many), toward,
-            float(behind), of_turn[a, u],
-        )  # fmt: skip
+            here.by_disc(bears, many),
+            here.by_disc(squeezed + direct, many),
+            toward,
+            float(behind),
+            of_turn[a, u],
+        )
         through = share[here.disc] * bears - squeezed
         weight = through - direct
         lean_of = lean[here.part, None] * closed * (2.0 * through - direct)
@@ -162,9 +209,12 @@ def pull_back(
         total[3] -= np.sum(own[:, 1:2] * radius)
         for d in range(many):
             mine = here.disc == d
-            sums = np.stack([weight[mine].sum(axis=0), *(
-                own[mine, k] @ weight[mine] for k in (1, 2, 4, 5, 6, 7)
-            )])  # fmt: skip
+            sums = np.stack(
+                [
+                    weight[mine].sum(axis=0),
+                    *(own[mine, k] @ weight[mine] for k in (1, 2, 4, 5, 6, 7)),
+                ]
+            )
             _add_disc(sums, axes[a, d], of_discs[d][:, u], of_unit[:, u], toward[d], total)
 
 
@@ -196,10 +246,10 @@ def _add_disc(sums: Array, axes: Single, own: Single, unit: Single, side: Any, t
         10: _along(normal, unit[1] + 1j * unit[2]),
         11: _along(normal, (own[10] + 1j * own[11]) * disc) - weight * own[12],
         12: weight * np.imag((own[14] + 1j * own[15]) * crank)
-            - _along(normal, 1j * eccentric * own[13]),
+        - _along(normal, 1j * eccentric * own[13]),
         13: -weight * own[16],
         14: lever,
-    }  # fmt: skip
+    }
     for name, part in parts.items():
         total[name] += float(np.sum(part, dtype=np.float64))
 

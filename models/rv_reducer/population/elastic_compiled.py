@@ -79,9 +79,15 @@ def _bounds(gaps: Single, span: Any, low: Single, high: Single) -> None:
 
 @_compiled
 def _bearing(
-    gaps: Single, stiff: Single, first: int, last: int, sign: float, at: Single, rise: Single,
+    gaps: Single,
+    stiff: Single,
+    first: int,
+    last: int,
+    sign: float,
+    at: Single,
+    rise: Single,
     moment: Single,
-) -> None:  # fmt: skip
+) -> None:
     """Sums of stiffness and of stiffness times gap over the pins that bear at `at` (lanes)."""
     rise[:] = np.float32(0.0)
     moment[:] = np.float32(0.0)
@@ -97,10 +103,21 @@ def _bearing(
 
 @_compiled
 def _lanes(
-    gaps: Single, stiff: Single, spans: Any, terms: Single, low: Single, high: Single,
-    behind: float, torque: float, depth: Single, x: Single, side: Any, found: Single, wrong: Any,
+    gaps: Single,
+    stiff: Single,
+    spans: Any,
+    terms: Single,
+    low: Single,
+    high: Single,
+    behind: float,
+    torque: float,
+    depth: Single,
+    x: Single,
+    side: Any,
+    found: Single,
+    wrong: Any,
     work: Single,
-) -> None:  # fmt: skip
+) -> None:
     """Balance of every lane on one flank; `wrong` where that does not hold.
 
     `spans` (discs, 2, 2); `low`, `high`, `x`, `side` (discs, lanes); `depth` (lanes) is the turn
@@ -124,8 +141,9 @@ def _lanes(
         stiffness[:] = zero
         need[:] = size
         for d in range(discs):
-            _bearing(gaps, stiff, spans[d, flank, 0], spans[d, flank, 1], sign, x[d], rise[d],
-                     moment[d])  # fmt: skip
+            _bearing(
+                gaps, stiff, spans[d, flank, 0], spans[d, flank, 1], sign, x[d], rise[d], moment[d]
+            )
             for u in range(lanes):
                 turn = sign * terms[d, 7, u] - terms[d, 6, u]
                 bent = one / (one + rise[d, u] * behind)
@@ -177,9 +195,16 @@ def _pins(
 
 @_compiled
 def _bent(
-    gaps: Single, stiff: Single, spans: Any, d: int, u: int, behind: float, wanted: float,
-    low: float, high: float,
-) -> Any:  # fmt: skip
+    gaps: Single,
+    stiff: Single,
+    spans: Any,
+    d: int,
+    u: int,
+    behind: float,
+    wanted: float,
+    low: float,
+    high: float,
+) -> Any:
     """The turn x in [low, high] with x + behind M(x) = wanted."""
     x = 0.5 * (low + high)
     for _ in range(_STEPS):
@@ -225,9 +250,17 @@ def _rests(
 
 @_compiled
 def _loaded(
-    gaps: Single, stiff: Single, spans: Any, d: int, u: int, turned: float, play: float,
-    low: float, high: float, behind: float,
-) -> tuple[float, int, float, float, float]:  # fmt: skip
+    gaps: Single,
+    stiff: Single,
+    spans: Any,
+    d: int,
+    u: int,
+    turned: float,
+    play: float,
+    low: float,
+    high: float,
+    behind: float,
+) -> tuple[float, int, float, float, float]:
     """A disc that the carrier has turned to `turned`, between rests `low` and `high` of its pins.
 
     Its turn against the mesh, the flank that takes its torque, the torque of the forward flank, and
@@ -249,9 +282,18 @@ def _loaded(
 
 @_compiled
 def _balance(
-    gaps: Single, stiff: Single, spans: Any, u: int, terms: Single, rest: Single, behind: float,
-    torque: float, start: float, x: Single, side: Any,
-) -> tuple[float, float]:  # fmt: skip
+    gaps: Single,
+    stiff: Single,
+    spans: Any,
+    u: int,
+    terms: Single,
+    rest: Single,
+    behind: float,
+    torque: float,
+    start: float,
+    x: Single,
+    side: Any,
+) -> tuple[float, float]:
     """Turn and torque of the forward flanks of one unit; fills `x` and `side` (discs, lanes).
 
     Newton's method between bounds, from `start`; `rest` (2, discs, lanes) as of `_rests`.
@@ -269,9 +311,17 @@ def _balance(
         miss, rise, forward = -torque, 0.0, 0.0
         for d in range(discs):
             x[d, u], side[d, u], ahead, held, stiffness = _loaded(
-                gaps, stiff, spans, d, u, at + terms[d, 7, u], terms[d, 6, u], rest[0, d, u],
-                rest[1, d, u], behind,
-            )  # fmt: skip
+                gaps,
+                stiff,
+                spans,
+                d,
+                u,
+                at + terms[d, 7, u],
+                terms[d, 6, u],
+                rest[0, d, u],
+                rest[1, d, u],
+                behind,
+            )
             forward, miss, rise = forward + ahead, miss + held, rise + stiffness
         if abs(miss) <= 1e-9 * abs(torque) + 1e-9:
             break
@@ -307,9 +357,16 @@ def _open(
 
 @_compiled
 def _largest(
-    gaps: Single, force: Single, spans: Any, x: Single, place: int, peak: Single, where: Any,
-    which: Any, shift: int,
-) -> None:  # fmt: skip
+    gaps: Single,
+    force: Single,
+    spans: Any,
+    x: Single,
+    place: int,
+    peak: Single,
+    where: Any,
+    which: Any,
+    shift: int,
+) -> None:
     """Raises `peak` (lanes) to the largest pin force here, with its position and contact."""
     at = np.int32(place)
     for d in range(x.shape[0]):
@@ -325,11 +382,29 @@ def _largest(
 
 @_compiled
 def _cases(
-    gaps: Single, stiff: Single, force: Single, spans: Any, terms: Single, behind: float,
-    torques: Any, rated: int, place: int, shift: int, depth: Single, work: Single, low: Single,
-    high: Single, rest: Single, x: Single, side: Any, turn: Single, preload: Single, peak: Single,
-    where: Any, which: Any,
-) -> None:  # fmt: skip
+    gaps: Single,
+    stiff: Single,
+    force: Single,
+    spans: Any,
+    terms: Single,
+    behind: float,
+    torques: Any,
+    rated: int,
+    place: int,
+    shift: int,
+    depth: Single,
+    work: Single,
+    low: Single,
+    high: Single,
+    rest: Single,
+    x: Single,
+    side: Any,
+    turn: Single,
+    preload: Single,
+    peak: Single,
+    where: Any,
+    which: Any,
+) -> None:
     """The balances of all lanes at one position, whose contacts start at `shift`."""
     lanes, soft = turn.shape[1], np.float64(behind)
     wrong = np.empty(lanes, np.bool_)
@@ -338,12 +413,27 @@ def _cases(
         if torque == 0.0:
             _open(terms, low, high, x[case], side[case], found, wrong)
         else:
-            _lanes(gaps, stiff, spans, terms, low, high, behind, torque, depth[case], x[case],
-                   side[case], found, wrong, work)  # fmt: skip
+            _lanes(
+                gaps,
+                stiff,
+                spans,
+                terms,
+                low,
+                high,
+                behind,
+                torque,
+                depth[case],
+                x[case],
+                side[case],
+                found,
+                wrong,
+                work,
+            )
         for u in range(lanes):
             if wrong[u]:
-                found[u], forward = _balance(gaps, stiff, spans, u, terms, rest, soft, torque,
-                                             found[u], x[case], side[case])  # fmt: skip
+                found[u], forward = _balance(
+                    gaps, stiff, spans, u, terms, rest, soft, torque, found[u], x[case], side[case]
+                )
                 if torque == 0.0:
                     preload[u] = forward
         if case == rated:
@@ -352,11 +442,28 @@ def _cases(
 
 @_compiled
 def balances(
-    rows: Single, stiff: Single, force: Single, pins: Any, start: Any, stop: Any, axes: Single,
-    across: Single, along: Single, discs: Single, circle: Single, behind: float, torques: Any,
-    rated: int, x: Single, side: Any, turn: Single, preload: Single, peak: Single, where: Any,
+    rows: Single,
+    stiff: Single,
+    force: Single,
+    pins: Any,
+    start: Any,
+    stop: Any,
+    axes: Single,
+    across: Single,
+    along: Single,
+    discs: Single,
+    circle: Single,
+    behind: float,
+    torques: Any,
+    rated: int,
+    x: Single,
+    side: Any,
+    turn: Single,
+    preload: Single,
+    peak: Single,
+    where: Any,
     which: Any,
-) -> None:  # fmt: skip
+) -> None:
     """Balances of all units at all positions under `torques` (cases) on the discs.
 
     `stiff` [N m/arcmin] and `force` [N/arcmin] (contacts). Fills `x`, `side`
@@ -390,9 +497,28 @@ def balances(
             k = stiff[i : i + wide]
             _rests(gaps, k, spans, low, high, rest)
             _cases(
-                gaps, k, force[i : i + wide], spans, terms, behind, torques, rated, a, i, depth,
-                work, low, high, rest, place, toward, found, preload[a, first:last],
-                peak[first:last], where[first:last], which[first:last],
-            )  # fmt: skip
+                gaps,
+                k,
+                force[i : i + wide],
+                spans,
+                terms,
+                behind,
+                torques,
+                rated,
+                a,
+                i,
+                depth,
+                work,
+                low,
+                high,
+                rest,
+                place,
+                toward,
+                found,
+                preload[a, first:last],
+                peak[first:last],
+                where[first:last],
+                which[first:last],
+            )
             x[:, a, :, first:last], side[:, a, :, first:last] = place, toward
             turn[:, a, first:last] = found

@@ -58,9 +58,16 @@ def _closed(
 
 @_compiled
 def _collect(
-    closed: Single, stiff: float, force: float, contact: int, of_torque: Single, of_force: Single,
-    star: Any, rise: Single, fixed: Single,
-) -> Any:  # fmt: skip
+    closed: Single,
+    stiff: float,
+    force: float,
+    contact: int,
+    of_torque: Single,
+    of_force: Single,
+    star: Any,
+    rise: Single,
+    fixed: Single,
+) -> Any:
     """Adds one contact to the stiffness of its disc, and to what the functional takes from it.
 
     Whether it bears in any lane.
@@ -103,9 +110,19 @@ def _shares(
 
 @_compiled
 def _spread(
-    row: Single, lean: float, stiff: float, force: float, contact: int, closed: Single,
-    share: Single, of_torque: Single, of_force: Single, star: Any, kept: Single, sums: Single,
-) -> Any:  # fmt: skip
+    row: Single,
+    lean: float,
+    stiff: float,
+    force: float,
+    contact: int,
+    closed: Single,
+    share: Single,
+    of_torque: Single,
+    of_force: Single,
+    star: Any,
+    kept: Single,
+    sums: Single,
+) -> Any:
     """Adds one contact's weights to `sums` (7, lanes), and leaves them in `kept`.
 
     Returns the part by the shift modification, with which the lever arm grows by `lean` [1/mm]:
@@ -185,11 +202,30 @@ def _weighed(
 
 @_compiled
 def pull_back(
-    of_turn: Single, of_preload: Single, of_peak: Single, which: Any, rows: Single, lean: Single,
-    stiff: Single, force: Single, pins: Any, start: Any, stop: Any, axes: Single, across: Single,
-    along: Single, discs: Single, circle: Single, behind: float, x: Single, side: Any,
-    of_unit: Single, of_discs: Single, of_pins: Single, total: Any,
-) -> None:  # fmt: skip
+    of_turn: Single,
+    of_preload: Single,
+    of_peak: Single,
+    which: Any,
+    rows: Single,
+    lean: Single,
+    stiff: Single,
+    force: Single,
+    pins: Any,
+    start: Any,
+    stop: Any,
+    axes: Single,
+    across: Single,
+    along: Single,
+    discs: Single,
+    circle: Single,
+    behind: float,
+    x: Single,
+    side: Any,
+    of_unit: Single,
+    of_discs: Single,
+    of_pins: Single,
+    total: Any,
+) -> None:
     """Adds to `total` (16) the slopes of the weighted sum of what one load case shows.
 
     `of_turn`, `of_preload`, `of_peak` (positions, units) weigh the turn, the torque of the forward
@@ -224,8 +260,17 @@ def pull_back(
                     for i in range(start[a, d, flank], stop[a, d, flank]):
                         j, into = pins[i], closed[i - base, lanes]
                         _closed(rows[i], own[j], moved[j], terms, turned, flank, into)
-                        bearing[i - base] = _collect(into, stiff[i], force[i], i, taken, load, star,
-                                                     rise[d, lanes], fixed[d, lanes])  # fmt: skip
+                        bearing[i - base] = _collect(
+                            into,
+                            stiff[i],
+                            force[i],
+                            i,
+                            taken,
+                            load,
+                            star,
+                            rise[d, lanes],
+                            fixed[d, lanes],
+                        )
             _shares(rise, fixed, toward, behind, turn, share)
             for d in range(many):
                 sums[:] = zero
@@ -235,9 +280,18 @@ def pull_back(
                         if not bearing[i - base]:
                             continue
                         total[15] += _spread(
-                            rows[i], lean[i], stiff[i], force[i], i, closed[i - base, lanes],
-                            share[d, lanes], taken, load, star, kept[lanes], sums,
-                        )  # fmt: skip
+                            rows[i],
+                            lean[i],
+                            stiff[i],
+                            force[i],
+                            i,
+                            closed[i - base, lanes],
+                            share[d, lanes],
+                            taken,
+                            load,
+                            star,
+                            kept[lanes],
+                            sums,
+                        )
                         _add_pin(rows[i], kept[lanes], units, of_pins[:, pins[i]], total)
-                _add_disc(sums, axes[a, d], of_discs[d][:, units], by_unit, toward[d],
-                          total)  # fmt: skip
+                _add_disc(sums, axes[a, d], of_discs[d][:, units], by_unit, toward[d], total)

@@ -95,9 +95,17 @@ def pull_back(
     total = np.zeros(len(NAMES))
     name = ".compiled" if uses_numba(engine) else ".arrays"
     import_module(name, __package__).pull_back(
-        _single(weight[rows] / ratio), found.ahead[rows], found.behind[rows],
-        table.values, lattice.pin, lattice.disc, lattice.directions[rows],
-        slopes.of_unit, slopes.of_discs, slopes.of_pins, total,
-    )  # fmt: skip
+        _single(weight[rows] / ratio),
+        found.ahead[rows],
+        found.behind[rows],
+        table.values,
+        lattice.pin,
+        lattice.disc,
+        lattice.directions[rows],
+        slopes.of_unit,
+        slopes.of_discs,
+        slopes.of_pins,
+        total,
+    )
     total[14] *= 1e3
     return total

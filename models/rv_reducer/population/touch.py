@@ -50,9 +50,20 @@ def touch(lattice: Lattice, table: Table, units: Scaled, engine: Engine = "auto"
     )
     name = ".compiled" if uses_numba(engine) else ".arrays"
     import_module(name, __package__).touch(
-        table.values, lattice.pin, lattice.start, lattice.stop, lattice.directions,
-        units.across, units.along, discs, circle, found.high, found.low, found.ahead, found.behind,
-    )  # fmt: skip
+        table.values,
+        lattice.pin,
+        lattice.start,
+        lattice.stop,
+        lattice.directions,
+        units.across,
+        units.along,
+        discs,
+        circle,
+        found.high,
+        found.low,
+        found.ahead,
+        found.behind,
+    )
     return found
 
 

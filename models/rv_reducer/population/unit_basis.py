@@ -97,8 +97,11 @@ class UnitBasis:
         `means` [um] are by how much the means of errors are off their mid-limits; that of the
         position of the pins turns the unit.
         """
-        off = {name: self.mid.get(name, 0.0) + mean for name, mean in means.items()
-               if name != "pin_position"}  # fmt: skip
+        off = {
+            name: self.mid.get(name, 0.0) + mean
+            for name, mean in means.items()
+            if name != "pin_position"
+        }
         return UnitDesign(
             half_width={
                 error: row[name]

@@ -37,8 +37,9 @@ class Duel:
     @classmethod
     def of(cls, record: tuple[Said, Said], points: tuple[Said, Said], ahead: float) -> Duel:
         """Of what both say at the record and at the new readings, whitened."""
-        wide = tuple(_open(old.columns, new.columns) for old, new in zip(record, points,
-                                                                          strict=True))  # fmt: skip
+        wide = tuple(
+            _open(old.columns, new.columns) for old, new in zip(record, points, strict=True)
+        )
         apart = points[0].values - points[1].values
         r = np.asarray(np.linalg.qr(np.column_stack([apart, *wide]), mode="r"))
         first = 1 + wide[0].shape[1]
@@ -54,8 +55,9 @@ class Duel:
 
     def _ahead(self, times: float, by: float, right: int, wrong: int) -> float:
         """The chance that `right`, being so, ends up ahead."""
-        own, other = (np.eye(len(self.apart)) + times * self.wide[k] @ self.wide[k].T
-                      for k in (right, wrong))  # fmt: skip
+        own, other = (
+            np.eye(len(self.apart)) + times * self.wide[k] @ self.wide[k].T for k in (right, wrong)
+        )
         draws = np.random.default_rng(0).standard_normal((len(self.apart), DRAWN))
         sign = 1.0 if right == 0 else -1.0
         apart = sign * np.sqrt(times) * self.apart[:, None]

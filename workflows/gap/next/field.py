@@ -53,9 +53,9 @@ class Ahead:
     def __init__(self, setup: Setup, noises: Sequence[Noise], table: Table, base: Array) -> None:
         self.table, self.base = table, base
         self.columns: Columns = _Onward(setup, table)
-        self._space = Space(tuple(
-            replace(one, sigma=np.full(len(self), one.level), good=None) for one in noises
-        ))  # fmt: skip
+        self._space = Space(
+            tuple(replace(one, sigma=np.full(len(self), one.level), good=None) for one in noises)
+        )
 
     def __len__(self) -> int:
         return len(next(iter(self.table.values())))
@@ -92,8 +92,10 @@ class Field:
         together = np.column_stack([found.values, found.columns])
         parts = np.split(together, len(self.noises))
         shape = (-1, self.each, together.shape[1])
-        blocks = [_chained((part / noise.level).reshape(shape), noise.rho if self.each > 1 else 0.0)
-                  for part, noise in zip(parts, self.noises, strict=True)]  # fmt: skip
+        blocks = [
+            _chained((part / noise.level).reshape(shape), noise.rho if self.each > 1 else 0.0)
+            for part, noise in zip(parts, self.noises, strict=True)
+        ]
         whole = np.stack(blocks, axis=1).reshape(-1, together.shape[1])
         return Said(whole[:, 0], whole[:, 1:])
 

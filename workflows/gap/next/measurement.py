@@ -91,8 +91,10 @@ def _of_points(
     alike = like_now(end.setup, noises, len(new))
     kept = {id(pair.other) for pair in good}
     found = [separation(end, pair, new, alike) for pair in pairs]
-    found = [one if id(pair.other) in kept else _none(one, pair.other)
-             for one, pair in zip(found, pairs, strict=True)]  # fmt: skip
+    found = [
+        one if id(pair.other) in kept else _none(one, pair.other)
+        for one, pair in zip(found, pairs, strict=True)
+    ]
     return found, new, telling(place, (worth or pairs)[0].contests[0], chosen)
 
 
@@ -144,13 +146,17 @@ def _of_effects(end: Ending, wanted: NextPlan) -> Planned:
 
 
 def _planned(
-    end: Ending, new: Ahead | None, inputs: tuple[str, ...], pairs: tuple[Separation, ...],
-    effects: tuple[Sensitivity, ...], notes: tuple[str, ...], said: Mapping[Key, Measurement],
-) -> Planned:  # fmt: skip
+    end: Ending,
+    new: Ahead | None,
+    inputs: tuple[str, ...],
+    pairs: tuple[Separation, ...],
+    effects: tuple[Sensitivity, ...],
+    notes: tuple[str, ...],
+    said: Mapping[Key, Measurement],
+) -> Planned:
     if new is None:
         text = "; ".join(dict.fromkeys(one.text for one in pairs)) or NONE
-        return Planned(NextMeasurement(text, pairs=pairs, effects=effects, notes=notes),
-                       None, said)  # fmt: skip
+        return Planned(NextMeasurement(text, pairs=pairs, effects=effects, notes=notes), None, said)
     text = f"{len(new)} readings at the points in {FILE}"
     if effects:
         text += f": {effects[0]}"
@@ -163,8 +169,9 @@ def _measurement(one: Separation, new: Ahead | None, inputs: Sequence[str]) -> M
     """What stands beside a rival."""
     if new is None or not one.possible:
         return Measurement(one.text)
-    ends = {name: (float(np.min(new.table[name])), float(np.max(new.table[name])))
-            for name in inputs}  # fmt: skip
+    ends = {
+        name: (float(np.min(new.table[name])), float(np.max(new.table[name]))) for name in inputs
+    }
     rms = float(np.sqrt(max(one.expected - one.now, 0.0) / len(new)))
     return Measurement(f"{one.text} ({FILE})", ends, rms, one.needed)
 
@@ -177,10 +184,13 @@ def _reads(end: Ending, fit: Fit) -> bool:
     """Whether an effect in a fit acts on the reading itself, as rounding does."""
     data = end.setup.data
     return any(
-        bool(m.candidate.effect.act(data.readings, m.candidate.values(m.shape, c), data.target)
-             .reading)
+        bool(
+            m.candidate.effect.act(
+                data.readings, m.candidate.values(m.shape, c), data.target
+            ).reading
+        )
         for m, c in zip(fit.members, fit.coefficients, strict=True)
-    )  # fmt: skip
+    )
 
 
 def _count(place: Field, wanted: NextPlan) -> int:

@@ -151,8 +151,13 @@ def _corners(inputs: int) -> Array:
     """Corners of the unit box, those of pairs of inputs where there are too many."""
     if inputs <= CORNERS:
         return np.array(list(product((0.0, 1.0), repeat=inputs))).reshape(2**inputs, inputs)
-    pairs = [(i, j, a, b) for i in range(inputs) for j in range(i)
-             for a in (0.0, 1.0) for b in (0.0, 1.0)]  # fmt: skip
+    pairs = [
+        (i, j, a, b)
+        for i in range(inputs)
+        for j in range(i)
+        for a in (0.0, 1.0)
+        for b in (0.0, 1.0)
+    ]
     found = np.full((len(pairs), inputs), 0.5)
     for row, (i, j, a, b) in zip(found, pairs, strict=True):
         row[i], row[j] = a, b
@@ -173,8 +178,10 @@ def _edges(inputs: int) -> Array:
 
 def _visited(data: GapData, axes: tuple[Axis, ...]) -> dict[str, Array]:
     """Points of the record that lie in the box, evenly along it."""
-    table = {one.column.name: np.asarray(data.readings.table[one.column.name], dtype=float)
-             for one in axes}  # fmt: skip
+    table = {
+        one.column.name: np.asarray(data.readings.table[one.column.name], dtype=float)
+        for one in axes
+    }
     within = np.ones(len(data), dtype=bool)
     for one in axes:
         values = table[one.column.name]

@@ -44,8 +44,9 @@ class Sought:
 def wanted_effects(end: Ending, wanted: NextPlan) -> tuple[list[Sought], list[str]]:
     """The effects that were listed, or those nearest to the threshold; why others cannot be."""
     search = end.analysis.bare.search
-    found = {one.member.name: one.member for one in scan(search.fitter, search.white, search.book,
-                                                         ())}  # fmt: skip
+    found = {
+        one.member.name: one.member for one in scan(search.fitter, search.white, search.book, ())
+    }
     names = wanted.effects or tuple(wanted.amounts) or tuple(found)
     sought, notes = [], []
     listed = bool(wanted.effects or wanted.amounts)
@@ -140,5 +141,6 @@ def sensitivity(end: Ending, sought: Sought, new: Ahead, alike: Ahead) -> Sensit
     seen = abs(float(size[column])) * (np.sqrt(limit) + NINE_OF_TEN)
     least = [seen / float(np.sqrt(max(one, TINY))) for one in levels]
     one = candidate.linear[column]
-    return Sensitivity(candidate.name, one.name, one.unit, float(size[column]), now, then, like,
-                       least[0], least[1])  # fmt: skip
+    return Sensitivity(
+        candidate.name, one.name, one.unit, float(size[column]), now, then, like, least[0], least[1]
+    )

@@ -50,8 +50,12 @@ class Pair:
 
     def with_fit(self, fit: Fit, record: Said, contest: Contest) -> Pair:
         """The pair with one more value in play."""
-        return replace(self, fits=(*self.fits, fit), records=(*self.records, record),
-                       contests=(*self.contests, contest))  # fmt: skip
+        return replace(
+            self,
+            fits=(*self.fits, fit),
+            records=(*self.records, record),
+            contests=(*self.contests, contest),
+        )
 
     def least(self, chosen: Chosen) -> float:
         """Discrimination with these candidates, at the value that follows best."""
@@ -125,13 +129,16 @@ def variants(search: Search, fit: Fit) -> list[Fit]:
 def separation(end: Ending, pair: Pair, new: Ahead, alike: Ahead) -> Separation:
     """What the planned readings tell of a pair, and as many like the present ones."""
     fit, mine = end.fit, new.says(end.fit)
-    levels = [joined(pair.mine, record, mine, new.says(one))
-              for one, record in zip(pair.fits, pair.records, strict=True)]  # fmt: skip
+    levels = [
+        joined(pair.mine, record, mine, new.says(one))
+        for one, record in zip(pair.fits, pair.records, strict=True)
+    ]
     planned, like = (
-        Duel.of((pair.mine, pair.records[0]), (at.says(fit), at.says(pair.fits[0])),
-                pair.other.distance)
+        Duel.of(
+            (pair.mine, pair.records[0]), (at.says(fit), at.says(pair.fits[0])), pair.other.distance
+        )
         for at in (new, alike)
-    )  # fmt: skip
+    )
     now = min(distance(pair.mine, one) for one in pair.records)
     apart = end.analysis.search.settings.set_distance
     return told(pair.other, (now, min(levels)), (planned, like), len(new), apart)
@@ -144,8 +151,9 @@ def told(
     planned, alike = duels
     if levels[1] <= TIE:
         nan = float("nan")
-        return Separation(pair.names, pair.instead_of, *levels, nan, nan, nan, 0, NONE,
-                          possible=False)  # fmt: skip
+        return Separation(
+            pair.names, pair.instead_of, *levels, nan, nan, nan, 0, NONE, possible=False
+        )
     needed = count * planned.times_until(CERTAIN)
     readings = max(FEWEST, int(np.ceil(needed))) if np.isfinite(needed) else 0
     chance, like = planned.chance(), alike.chance()
@@ -154,8 +162,9 @@ def told(
         f"better ({like:.2f} with as many like the present ones); "
     )
     text += f"{readings} such readings for {CERTAIN}" if readings else f"no number brings {CERTAIN}"
-    return Separation(pair.names, pair.instead_of, *levels, chance, like,
-                      planned.chance(by=apart), readings, text)  # fmt: skip
+    return Separation(
+        pair.names, pair.instead_of, *levels, chance, like, planned.chance(by=apart), readings, text
+    )
 
 
 def joined(mine: Said, rival: Said, new_mine: Said, new_rival: Said) -> float:

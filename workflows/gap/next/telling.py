@@ -26,8 +26,11 @@ def telling(field: Field, contest: Contest, chosen: Chosen) -> tuple[str, ...]:
         values = np.asarray(field.data.readings.table[one.column.name], dtype=float)
         return max(_ratio(values, signed), _ratio(values, signed**2))
 
-    moving = [one for one in field.axes
-              if one.span.high > one.span.low and one.column.role is not Role.TIME]  # fmt: skip
+    moving = [
+        one
+        for one in field.axes
+        if one.span.high > one.span.low and one.column.role is not Role.TIME
+    ]
     return tuple(one.column.name for one in sorted(moving, key=told, reverse=True)[:2])
 
 

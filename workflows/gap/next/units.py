@@ -88,8 +88,9 @@ def _chance(
     """
     mine = 1.0 / (1.0 + np.exp(-0.5 * ahead))
     found = 0.0
-    for weight, (mean, variance), start in zip((mine, 1.0 - mine), moments, (ahead, -ahead),
-                                               strict=True):  # fmt: skip
+    for weight, (mean, variance), start in zip(
+        (mine, 1.0 - mine), moments, (ahead, -ahead), strict=True
+    ):
         gained = start + 2.0 * count * mean - by
         found += weight * ndtr(gained / np.sqrt(max(4.0 * count * variance, 1e-12)))
     return float(found)

@@ -52,8 +52,10 @@ def decided(weighed: Weighed, effect: str, output: str, unit: str) -> tuple[Attr
             text = f"{weighed.rival} explain the batch; no change of one input does"
             return (of("", "none", text),)
         best = max(weighed.tables.changes, key=lambda one: one.best[1])
-        text = "no admissible change of one input alone explains the batch; nearest is a " \
-               f"{best.kind} of {best.name}"  # fmt: skip
+        text = (
+            "no admissible change of one input alone explains the batch; nearest is a "
+            f"{best.kind} of {best.name}"
+        )
         return (of(best.kind, "none", text),)
     text = told(weighed, unit)
     if all(one.source is None for one in weighed.standing):
@@ -107,8 +109,10 @@ def _refused(end: Ending) -> str:
     if not end.setup.plan.settings.effects_at_most or count < LEAST_NAMED:
         return f"cannot tell with n = {count} which input it is due to"
     setup = end.analysis.bare.setup
-    if any(on_scatter(one.effect, one.values, setup.data.readings, setup.data.target)
-           for one in setup.plan.active):  # fmt: skip
+    if any(
+        on_scatter(one.effect, one.values, setup.data.readings, setup.data.target)
+        for one in setup.plan.active
+    ):
         return "cannot tell to which input: an effect on the scatter is in the model already"
     return ""
 
@@ -128,8 +132,11 @@ def trends(end: Ending) -> tuple[str, ...]:
 
 def _beside(end: Ending) -> str:
     """What is told of effects that are taken out before inputs are asked for."""
-    out = [name for name in end.fit.names
-           if name not in (*trends(end), *end.analysis.bare.batch.levels)]  # fmt: skip
+    out = [
+        name
+        for name in end.fit.names
+        if name not in (*trends(end), *end.analysis.bare.batch.levels)
+    ]
     return f"beside {', '.join(out)} nothing is left to attribute to an input" if out else ""
 
 

@@ -61,15 +61,21 @@ def _of_batch(end: Ending, model: str, stream: int) -> tuple[PopulationLine, ...
     order = unit_numbers(readings)[kept].astype(float)
     lots = between_lots(labels_of(readings[Role.LOT])[1][kept]) if Role.LOT in readings else None
     looks = looks_of(
-        output.unit, order, two_of(law),
-        unlike(law.histogram.ppf((np.arange(len(x)) + 0.5) / len(x))), lots,
-    )  # fmt: skip
+        output.unit,
+        order,
+        two_of(law),
+        unlike(law.histogram.ppf((np.arange(len(x)) + 0.5) / len(x))),
+        lots,
+    )
     settings, rng = setup.plan.settings, np.random.default_rng([setup.plan.seed, 14, stream])
     count = batches(len(x))
     drawn = law.histogram.rvs(size=(count, len(x)), random_state=rng)
     shown = setup.data.measured[output.name][kept] - x
-    offset = {"mean": float(shown.mean()), "median": float(shown.mean()),
-              "first to last unit": float(along(order)(shown[None])[0])}  # fmt: skip
+    offset = {
+        "mean": float(shown.mean()),
+        "median": float(shown.mean()),
+        "first to last unit": float(along(order)(shown[None])[0]),
+    }
     whole = Compared(looks, x, drawn, settings.false_rate, LEAST_NAMED)
     return whole.lines(model, output.name, offset, rng)
 
@@ -105,15 +111,20 @@ def _looks(unit: str, s: Array, order: Array) -> tuple[Look, ...]:
         return lambda x: of(s + x) - float(of(s[None])[0])
 
     moved = SHAPES if float(np.std(s)) > 0.0 else ()
-    return tuple(replace(one, of=beyond(one.of)) if one.name in moved else one
-                 for one in looks_of(unit, order, two_of())
-                 if one.name in (*PLAIN, *moved))  # fmt: skip
+    return tuple(
+        replace(one, of=beyond(one.of)) if one.name in moved else one
+        for one in looks_of(unit, order, two_of())
+        if one.name in (*PLAIN, *moved)
+    )
 
 
 def _shown(s: Array, order: Array) -> dict[str, float]:
     """The statistics of simulated values s (n,) that differences are added to."""
-    return {name: float(value[0]) for name, value in values_of(looks_of("", order), s[None]).items()
-            if name in (*PLAIN, *SHAPES)}  # fmt: skip
+    return {
+        name: float(value[0])
+        for name, value in values_of(looks_of("", order), s[None]).items()
+        if name in (*PLAIN, *SHAPES)
+    }
 
 
 def _drawn(one: Look, normal: Array) -> Look:
@@ -123,8 +134,21 @@ def _drawn(one: Look, normal: Array) -> Look:
 
 def _same(one: Look, model: str, output: str, value: float) -> PopulationLine:
     difference = low = high = chance = would_show = 0.0
-    return PopulationLine(model, output, one.aspect, one.name, one.unit, value, value, difference,
-                          low, high, chance, would_show, NONE)  # fmt: skip
+    return PopulationLine(
+        model,
+        output,
+        one.aspect,
+        one.name,
+        one.unit,
+        value,
+        value,
+        difference,
+        low,
+        high,
+        chance,
+        would_show,
+        NONE,
+    )
 
 
 def has_units(end: Ending) -> bool:

@@ -31,16 +31,22 @@ def inputs_instead(end: Ending, found: Sequence[Attribution]) -> tuple[Rival, ..
     shifts = [one for one in found if one.kind == "shift" and one.inputs and one.verdict != "none"]
     if not apart or not levels or not shifts or end.verdict not in ("named", "ambiguous"):
         return ()
-    nearest = min((one.distance for one in shifts[0].candidates if not one.excluded_because),
-                  default=0.0)  # fmt: skip
+    nearest = min(
+        (one.distance for one in shifts[0].candidates if not one.excluded_because), default=0.0
+    )
     return (Rival(levels[:1], (apart[0].name,), nearest, Measurement(shifts[0].text)),)
 
 
 def said(lines: Sequence[PopulationLine], attribution: Sequence[Attribution]) -> list[str]:
     """The summary: what differs before, and to which input it may be due."""
     before = [one for one in lines if one.model == "before"]
-    differ = [f"{one.output} {one.statistic} ({one.simulated:.4g}, measured {one.measured:.4g} "
-              f"{one.unit}".rstrip() + ")" for one in before if one.differs]  # fmt: skip
+    differ = [
+        f"{one.output} {one.statistic} ({one.simulated:.4g}, measured {one.measured:.4g} "
+        f"{one.unit}".rstrip()
+        + ")"
+        for one in before
+        if one.differs
+    ]
     found = []
     if differ:
         more = f" and {len(differ) - SHOWN} more" if len(differ) > SHOWN else ""

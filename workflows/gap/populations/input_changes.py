@@ -63,8 +63,10 @@ class Change:
         """Points of the grid that hold between them whatever an interval may hold."""
         inside = np.flatnonzero(self.log > self.log.max() - LIKELY)
         last = len(self.grid) - 1
-        return (float(self.grid[max(inside[0] - 1, 0)]),
-                float(self.grid[min(inside[-1] + 1, last)]))  # fmt: skip
+        return (
+            float(self.grid[max(inside[0] - 1, 0)]),
+            float(self.grid[min(inside[-1] + 1, last)]),
+        )
 
     @cached_property
     def _dense(self) -> tuple[Array, Array]:
@@ -141,8 +143,9 @@ class Tables:
         found = (*self._shifts(), *self._widenings(), *self._trends())
         top = max(float(one.log.max()) for one in found)
         fine: dict[tuple[str, bool, str], tuple[Array, Array]] = {}
-        return tuple(one if one.log.max() < top - NEAR else self._finely(one, fine)
-                     for one in found)  # fmt: skip
+        return tuple(
+            one if one.log.max() < top - NEAR else self._finely(one, fine) for one in found
+        )
 
     def _finely(
         self, one: Change, kept: dict[tuple[str, bool, str], tuple[Array, Array]]
@@ -173,8 +176,11 @@ class Tables:
         """Log densities (m, k) of the model with a zone wider, or a clipped input shifted."""
         if one.kind != "widening":
             return self.law.shifted(amounts)
-        return (self.law.blurred(amounts) if one.source is None
-                else self.law.widened(one.source, amounts))  # fmt: skip
+        return (
+            self.law.blurred(amounts)
+            if one.source is None
+            else self.law.widened(one.source, amounts)
+        )
 
     def _off(self, amounts: Array, over: Array | float = 1.0) -> Array:
         """Log likelihoods (m,) of readings that are off by amounts, or by as much times `over`."""
@@ -225,8 +231,9 @@ class Tables:
         """
         law, near = self.law, np.abs(SHIFTS) < 1.5
         off = (law.read_off(by) for by in SHIFTS[near][::3] * law.std)
-        tried = np.vstack([law.shifts[near][::2], *off, *(table[::2] for _, table in law.wider),
-                           law.noisy[1::2]])  # fmt: skip
+        tried = np.vstack(
+            [law.shifts[near][::2], *off, *(table[::2] for _, table in law.wider), law.noisy[1::2]]
+        )
         share = np.exp(law.base) * law.step
         kept = np.flatnonzero(share > LEAST)
         shares, rng = share[kept] / share[kept].sum(), np.random.default_rng([seed, 13])
@@ -243,8 +250,9 @@ class Tables:
 
     def between(self, table: Array, by: Array) -> Array:
         """Values of a table (m, k) over SHIFTS and the lattice at shifts (n,) and the units."""
-        row = np.clip(np.interp(by / self.law.std, SHIFTS, np.arange(len(SHIFTS))), 0.0,
-                      len(SHIFTS) - 1.001)  # fmt: skip
+        row = np.clip(
+            np.interp(by / self.law.std, SHIFTS, np.arange(len(SHIFTS))), 0.0, len(SHIFTS) - 1.001
+        )
         column = np.clip((self.y - self.law.x[0]) / self.law.step, 0.0, len(self.law.x) - 1.001)
         i, j = row.astype(np.int64), column.astype(np.int64)
         a, b = row - i, column - j

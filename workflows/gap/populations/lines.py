@@ -55,17 +55,27 @@ class Compared:
     ) -> tuple[PopulationLine, ...]:
         """One line per statistic; a difference is one beyond what any line reaches by chance."""
         simulated = values_of(self.looks, self.drawn)
-        measured = {name: float(value[0]) for name, value in
-                    values_of(self.looks, self.x[None]).items()}  # fmt: skip
+        measured = {
+            name: float(value[0]) for name, value in values_of(self.looks, self.x[None]).items()
+        }
         middle = {name: float(np.mean(value)) for name, value in simulated.items()}
         limits = self._limits(simulated, middle)
         drawn = rng.integers(0, len(self.x), (AGAIN, len(self.x)))
         again = values_of(tuple(one for one in self.looks if one.signed), self.x[drawn])
         return tuple(
-            self._line(one, model, output, middle[one.name], measured[one.name], offset,
-                       limits[one.name], simulated[one.name], again.get(one.name))
+            self._line(
+                one,
+                model,
+                output,
+                middle[one.name],
+                measured[one.name],
+                offset,
+                limits[one.name],
+                simulated[one.name],
+                again.get(one.name),
+            )
             for one in self.looks
-        )  # fmt: skip
+        )
 
     def _limits(self, simulated: dict[str, Array], middle: dict[str, float]) -> dict[str, float]:
         """How far each statistic gets from its mean by chance, all of them together (Sidak)."""
@@ -77,9 +87,17 @@ class Compared:
         return found
 
     def _line(
-        self, one: Look, model: str, output: str, simulated: float, measured: float,
-        offset: dict[str, float], limit: float, drawn: Array, again: Array | None,
-    ) -> PopulationLine:  # fmt: skip
+        self,
+        one: Look,
+        model: str,
+        output: str,
+        simulated: float,
+        measured: float,
+        offset: dict[str, float],
+        limit: float,
+        drawn: Array,
+        again: Array | None,
+    ) -> PopulationLine:
         difference = measured - simulated
         low = high = float("nan")
         if again is not None:
@@ -93,6 +111,18 @@ class Compared:
             text = f"cannot tell with n = {len(self.x)}"
         by = offset.get(one.name, 0.0)
         return PopulationLine(
-            model, output, one.aspect, one.name, one.unit, simulated + by, measured + by,
-            difference, low, high, limit, shows, text, bool(enough),
-        )  # fmt: skip
+            model,
+            output,
+            one.aspect,
+            one.name,
+            one.unit,
+            simulated + by,
+            measured + by,
+            difference,
+            low,
+            high,
+            limit,
+            shows,
+            text,
+            bool(enough),
+        )

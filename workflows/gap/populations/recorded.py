@@ -75,8 +75,9 @@ class Records:
     @property
     def inputs(self) -> tuple[Column, ...]:
         """Columns of numbers that the model works with."""
-        return tuple(c for c in self.end.setup.data.target.columns
-                     if c.role is Role.INPUT and not c.text)  # fmt: skip
+        return tuple(
+            c for c in self.end.setup.data.target.columns if c.role is Role.INPUT and not c.text
+        )
 
     @cached_property
     def zeros(self) -> tuple[Wrong, ...]:
@@ -111,8 +112,9 @@ class Records:
 
     def _fitted(self, column: Column, kind: str, size: float) -> Wrong:
         """The likeliest admissible amount, by Newton's method."""
-        low, high = (GAIN_LOW, GAIN_HIGH) if kind == "gain" else (-BIAS_AT_MOST * size,
-                                                                  BIAS_AT_MOST * size)  # fmt: skip
+        low, high = (
+            (GAIN_LOW, GAIN_HIGH) if kind == "gain" else (-BIAS_AT_MOST * size, BIAS_AT_MOST * size)
+        )
         step = STEP * (1.0 if kind == "gain" else size)
         amount, wanted, slope = 0.0, 0.0, np.zeros_like(self.y)
         for _ in range(NEWTON):
@@ -200,8 +202,10 @@ def of_recorded(end: Ending) -> tuple[Attribution, ...]:
 
 
 def _none(end: Ending, best: Wrong) -> Attribution:
-    text = "no input recorded wrongly explains these units alone; nearest is a " \
-           f"{best.kind} of {best.name}"  # fmt: skip
+    text = (
+        "no input recorded wrongly explains these units alone; nearest is a "
+        f"{best.kind} of {best.name}"
+    )
     return Attribution("", _outputs(end), best.kind, (), "none", (), text)
 
 
@@ -217,8 +221,9 @@ def _records_of(
     for kind in dict.fromkeys(one.kind for one in standing):
         mine = [one for one in (*records.wrong, *records.zeros) if one.kind == kind]
         mine.sort(key=lambda one: one.left)
-        some = tuple(_record(end, one, one in standing, one.left + records.price - top)
-                     for one in mine)  # fmt: skip
+        some = tuple(
+            _record(end, one, one in standing, one.left + records.price - top) for one in mine
+        )
         names = tuple(one.name for one in standing if one.kind == kind)
         found.append(Attribution(effect, _outputs(end), kind, names, verdict, some, text))
     return tuple(found)
@@ -228,9 +233,16 @@ def _record(end: Ending, one: Wrong, stands: bool, behind: float) -> InputChange
     half = float(ndtri(0.5 + 0.5 * end.setup.plan.settings.interval)) * one.error
     why = "" if stands else one.why or "it leaves the residual unexplained"
     return InputChange(
-        one.name, one.amount, one.amount - half, one.amount + half, one.unit, float("nan"),
-        max(behind, 0.0), why, READ_AGAIN if stands and one.is_input else 0,
-    )  # fmt: skip
+        one.name,
+        one.amount,
+        one.amount - half,
+        one.amount + half,
+        one.unit,
+        float("nan"),
+        max(behind, 0.0),
+        why,
+        READ_AGAIN if stands and one.is_input else 0,
+    )
 
 
 def _text(end: Ending, records: Records, standing: list[Wrong], alone: bool) -> str:

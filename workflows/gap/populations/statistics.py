@@ -92,8 +92,9 @@ def two_of(law: Law = NORMAL) -> Statistic:
     chance is simulated.
     """
     one, steps = law.standardised(LATTICE), law.std * np.array(STEPS)
-    ratios = np.array([law.mixed(by, p).standardised(LATTICE, p * by) - one
-                       for by in steps for p in SHARES])  # fmt: skip
+    ratios = np.array(
+        [law.mixed(by, p).standardised(LATTICE, p * by) - one for by in steps for p in SHARES]
+    )
 
     def gain(x: Array) -> Array:
         about = (x - x.mean(axis=1, keepdims=True)) / x.std(axis=1, keepdims=True)
@@ -103,9 +104,12 @@ def two_of(law: Law = NORMAL) -> Statistic:
 
 
 def looks_of(
-    unit: str, order: Array, mixture: Statistic | None = None, shape: Statistic | None = None,
+    unit: str,
+    order: Array,
+    mixture: Statistic | None = None,
+    shape: Statistic | None = None,
     lots: Statistic | None = None,
-) -> tuple[Look, ...]:  # fmt: skip
+) -> tuple[Look, ...]:
     """All of them on one output; those that are None are left out."""
     every = (
         Look("location", "mean", unit, lambda x: np.asarray(x.mean(axis=1))),

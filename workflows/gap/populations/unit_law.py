@@ -33,9 +33,9 @@ REACH = 6.0
 FACTORS = np.geomspace(0.3, 8.0, 22)
 NOISES = np.linspace(0.0, 2.0, 21)
 """Standard deviations of a gauge, in those of the units."""
-SHIFTS = np.concatenate([
-    np.arange(-REACH, -2.5, 0.1), np.arange(-2.5, 2.5, 0.03), np.arange(2.5, REACH, 0.1)
-])  # fmt: skip
+SHIFTS = np.concatenate(
+    [np.arange(-REACH, -2.5, 0.1), np.arange(-2.5, 2.5, 0.03), np.arange(2.5, REACH, 0.1)]
+)
 """In standard deviations of the units."""
 Integers = NDArray[np.int64]
 

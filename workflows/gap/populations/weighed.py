@@ -79,10 +79,17 @@ class Weighed:
         ends = one.interval(float(chdtri(1, 1.0 - self.level)))
         low, high = sorted(one.shown(end) for end in ends)
         return InputChange(
-            one.name, one.shown(amount), low, high, one.unit if one.source else unit,
-            one.share(amount), self.behind(one), "" if standing else self._why(one),
-            parts_of(one, amount) if standing else 0, self._readings(one) if standing else 0,
-        )  # fmt: skip
+            one.name,
+            one.shown(amount),
+            low,
+            high,
+            one.unit if one.source else unit,
+            one.share(amount),
+            self.behind(one),
+            "" if standing else self._why(one),
+            parts_of(one, amount) if standing else 0,
+            self._readings(one) if standing else 0,
+        )
 
     def _why(self, one: Change) -> str:
         """Why a change is excluded."""
@@ -90,8 +97,10 @@ class Weighed:
         if 2.0 * (self.top - log) > self.distance:
             return "the shape of the batch is another"
         if one.kind != "widening":
-            return f"it would need {abs(one.share(amount)):.3g} of its tolerance; its parts are " \
-                   "inspected"  # fmt: skip
+            return (
+                f"it would need {abs(one.share(amount)):.3g} of its tolerance; its parts are "
+                "inspected"
+            )
         if amount < one.low:
             return f"it would need {amount:.3g} of its tolerance, and parts are made to all of it"
         return f"it would need {amount:.3g} times its tolerance"

@@ -40,17 +40,47 @@ class AssemblyAdjustment(Calculation):
     reference = "document A, table of precision weights"
     sampled = False
     parameters = (
-        Parameter("reading", READINGS[0], "", "what the weight Q weighs", "document A",
-                  choices=READINGS),
-        Parameter("insertion", INSERTIONS[0], "", "whether a step adjusts before or after its part "
-                  "is put in", "document A", choices=INSERTIONS),
-        Parameter("eccentrics", ECCENTRICS[0], "", "crankshafts 1 and 2 act on eccentrics of one "
-                  "crank, or of a crank of their own", _FIT, assumed=True, choices=ECCENTRICS),
-        Parameter("absorption", 1.0, "", "share of an angle that reaches the contact", _FIT,
-                  assumed=True, low=0.0, high=10.0),
-        Parameter("floor_arcsec", 0.0, "arcsec", "amplitude of the transmission error that is not "
-                  "due to these angles", _FIT, assumed=True, low=0.0, high=1e3),
-    )  # fmt: skip
+        Parameter(
+            "reading", READINGS[0], "", "what the weight Q weighs", "document A", choices=READINGS
+        ),
+        Parameter(
+            "insertion",
+            INSERTIONS[0],
+            "",
+            "whether a step adjusts before or after its part is put in",
+            "document A",
+            choices=INSERTIONS,
+        ),
+        Parameter(
+            "eccentrics",
+            ECCENTRICS[0],
+            "",
+            "crankshafts 1 and 2 act on eccentrics of one crank, or of a crank of their own",
+            _FIT,
+            assumed=True,
+            choices=ECCENTRICS,
+        ),
+        Parameter(
+            "absorption",
+            1.0,
+            "",
+            "share of an angle that reaches the contact",
+            _FIT,
+            assumed=True,
+            low=0.0,
+            high=10.0,
+        ),
+        Parameter(
+            "floor_arcsec",
+            0.0,
+            "arcsec",
+            "amplitude of the transmission error that is not due to these angles",
+            _FIT,
+            assumed=True,
+            low=0.0,
+            high=1e3,
+        ),
+    )
     outputs = tuple(
         Output(f"{label}_{name}", _unit(name), f"{name.replace('_', ' ')} at {label}")
         for label in LABELS

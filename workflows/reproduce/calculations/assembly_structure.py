@@ -28,23 +28,41 @@ class AssemblyStructure(Calculation):
     reference = "document A, case study and general example"
     sampled = False
     parameters = (
-        Parameter("precision_weight", 10.0, "", "weight Q of the gains", "document A", low=0.0,
-                  high=1e9),
-        Parameter("absent_weight", 1000.0, "", "weight of adjusting a part that is not there",
-                  "document A", low=0.0, open_low=True, high=1e12),
-    )  # fmt: skip
+        Parameter(
+            "precision_weight", 10.0, "", "weight Q of the gains", "document A", low=0.0, high=1e9
+        ),
+        Parameter(
+            "absent_weight",
+            1000.0,
+            "",
+            "weight of adjusting a part that is not there",
+            "document A",
+            low=0.0,
+            open_low=True,
+            high=1e12,
+        ),
+    )
     outputs = (
         *(Output(f"flow_{a}_{b}", "1", f"F = B, row {a}, column {b}") for a, b in PAIRS),
         *(Output(f"weight_{a}_{b}", "1", f"R at step {a} of part {b}") for a, b in PAIRS),
         *(Output(f"adjustable_{a}_{b}", "1", f"T at step {a} of part {b}") for a, b in PAIRS),
-        *(Output(f"small_{a}_{b}", "1", f"matrix of one chain of two parts, row {a}, column {b}")
-          for a in (1, 2) for b in (1, 2)),
-        *(Output(f"observed_{a}_{b}", "1", f"C, row {a}, column {b}")
-          for a in (1, 2) for b in STEPS),
-        Output("absent_share_percent", "percent", "largest gain of a part that is not there yet, "
-               "of the largest gain of its step"),
+        *(
+            Output(f"small_{a}_{b}", "1", f"matrix of one chain of two parts, row {a}, column {b}")
+            for a in (1, 2)
+            for b in (1, 2)
+        ),
+        *(
+            Output(f"observed_{a}_{b}", "1", f"C, row {a}, column {b}")
+            for a in (1, 2)
+            for b in STEPS
+        ),
+        Output(
+            "absent_share_percent",
+            "percent",
+            "largest gain of a part that is not there yet, of the largest gain of its step",
+        ),
         Output("tolerances", "1", "number of tolerances of the four parts"),
-    )  # fmt: skip
+    )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         own = self.completed(values)

@@ -29,22 +29,38 @@ class BacklashStages(Calculation):
     reference = "document B, backlash calculation"
     sampled = False
     parameters = (
-        Parameter("crank_bearing_um", 2.0, "um", "clearance c of the crank-arm bearings, zone "
-                  "[0, c]", "document B: 2 in its table, 20 in its Monte Carlo", low=0.0,
-                  high=1e3),
-        Parameter("stagger_arcmin", 0.0, "arcmin", "turn of each disc, one ahead and one back",
-                  "document B", low=0.0, high=60.0),
-    )  # fmt: skip
+        Parameter(
+            "crank_bearing_um",
+            2.0,
+            "um",
+            "clearance c of the crank-arm bearings, zone [0, c]",
+            "document B: 2 in its table, 20 in its Monte Carlo",
+            low=0.0,
+            high=1e3,
+        ),
+        Parameter(
+            "stagger_arcmin",
+            0.0,
+            "arcmin",
+            "turn of each disc, one ahead and one back",
+            "document B",
+            low=0.0,
+            high=60.0,
+        ),
+    )
     outputs = tuple(
         one
         for stage in STAGES
         for one in (
             Output(f"{stage}_mean_arcmin", "arcmin", f"mean of the {stage} stage"),
             Output(f"{stage}_std_arcmin", "arcmin", f"standard deviation of the {stage} stage"),
-            Output(f"{stage}_variance_percent", "percent", f"share of the {stage} stage in the "
-                   "variance of the sum"),
+            Output(
+                f"{stage}_variance_percent",
+                "percent",
+                f"share of the {stage} stage in the variance of the sum",
+            ),
         )
-    )  # fmt: skip
+    )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         own = self.completed(values)

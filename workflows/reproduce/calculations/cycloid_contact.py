@@ -22,18 +22,20 @@ Array = NDArray[np.float64]
 PHASES = 72
 """Phases of an error that turns with its disc, among which the worst is sought."""
 
-MEANINGS: Mapping[str, str] = MappingProxyType({
-    "pin_circle_radius": "radius of the pin circle",
-    "pin_position_adverse": "position of pins along the circle, opposite on the two flanks",
-    "pin_hole_radius": "radius of the pin holes",
-    "pin_radius": "radius of the pins",
-    "pitch_worst_phase": "cumulative pitch error of the disc, at its worst phase",
-    "runout_worst_phase": "radial runout of the disc, at its worst phase",
-    "equidistance": "equidistance modification",
-    "shift": "shift modification",
-    "eccentricity": "eccentricity",
-    "crank_bearing": "clearance of the crank-arm bearings",
-})  # fmt: skip
+MEANINGS: Mapping[str, str] = MappingProxyType(
+    {
+        "pin_circle_radius": "radius of the pin circle",
+        "pin_position_adverse": "position of pins along the circle, opposite on the two flanks",
+        "pin_hole_radius": "radius of the pin holes",
+        "pin_radius": "radius of the pins",
+        "pitch_worst_phase": "cumulative pitch error of the disc, at its worst phase",
+        "runout_worst_phase": "radial runout of the disc, at its worst phase",
+        "equidistance": "equidistance modification",
+        "shift": "shift modification",
+        "eccentricity": "eccentricity",
+        "crank_bearing": "clearance of the crank-arm bearings",
+    }
+)
 """Change of backlash times e z_c per unit of each of these, for small errors."""
 
 
@@ -53,16 +55,20 @@ class Finite:
 
     def mean(self, name: str, shape: tuple[int, ...]) -> float:
         """Of an error that all pins or teeth have alike."""
-        ends = [self.backlash(PartErrors(**{name: np.full(shape, sign * self.step)})).mean()
-                for sign in (1.0, -1.0)]  # fmt: skip
+        ends = [
+            self.backlash(PartErrors(**{name: np.full(shape, sign * self.step)})).mean()
+            for sign in (1.0, -1.0)
+        ]
         return float(ends[0] - ends[1]) / (2.0 * self.step)
 
     def adverse_position(self) -> float:
         """Of pins displaced along the circle, on both flanks so that the gap opens."""
         phase = self.contact.geometry.phase(self.angles)[:, 0, :]
         side = np.sign(np.sin(phase))[:, None, :] * self.step  # a unit for every angle
-        ends = [np.diagonal(self.backlash(PartErrors(tangential_position=sign * side))).mean()
-                for sign in (-1.0, 1.0)]  # fmt: skip
+        ends = [
+            np.diagonal(self.backlash(PartErrors(tangential_position=sign * side))).mean()
+            for sign in (-1.0, 1.0)
+        ]
         return abs(float(ends[0] - ends[1])) / (2.0 * self.step)
 
     def worst_phase(self, name: str, size: float) -> float:
@@ -84,18 +90,34 @@ class CycloidContact(Calculation):
         Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", "document B"),
         Parameter("dr_p_mm", -0.070, "mm", "shift modification", "document B"),
         Parameter(
-            "step_um", 0.1, "um", "size of the error in the central differences",
-            "assumed: far below the modification", assumed=True, low=0.0, open_low=True, high=10.0,
+            "step_um",
+            0.1,
+            "um",
+            "size of the error in the central differences",
+            "assumed: far below the modification",
+            assumed=True,
+            low=0.0,
+            open_low=True,
+            high=10.0,
         ),
         Parameter(
-            "angles", 40, "", "crank angles over a pin pitch", "assumed", assumed=True, low=1,
+            "angles",
+            40,
+            "",
+            "crank angles over a pin pitch",
+            "assumed",
+            assumed=True,
+            low=1,
             high=1000,
         ),
         Parameter(
-            "true_levers", True, "", "lever arms of the modified profile; otherwise those of the "
-            "unmodified one", "geometry",
+            "true_levers",
+            True,
+            "",
+            "lever arms of the modified profile; otherwise those of the unmodified one",
+            "geometry",
         ),
-    )  # fmt: skip
+    )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         found = _sensitivities(_finite(self.completed(values)))

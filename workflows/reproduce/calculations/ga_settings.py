@@ -61,15 +61,22 @@ class GaSettings(Calculation):
         Output("a_evaluations", "1", "median of the evaluations until 99 %, with a"),
         Output("b_evaluations", "1", "the same with b"),
         Output("a_nearer_percent", "percent", "share of the seeds with which a ends nearer"),
-        Output("a_slower_percent", "percent", "share of the seeds with which a takes more "
-               "evaluations to 99 %"),
+        Output(
+            "a_slower_percent",
+            "percent",
+            "share of the seeds with which a takes more evaluations to 99 %",
+        ),
         Output("seeds", "1", "number of seeds"),
-    )  # fmt: skip
+    )
 
     def faults(self, values: Mapping[str, Value]) -> list[Fault]:
-        found = [] if values["study"] else [
-            fault for name in "ab" for fault in _misplaced(str(values["setting"]), name, values)
-        ]  # fmt: skip
+        found = (
+            []
+            if values["study"]
+            else [
+                fault for name in "ab" for fault in _misplaced(str(values["setting"]), name, values)
+            ]
+        )
         try:
             if values["study"]:
                 _of_study(values)
@@ -176,10 +183,15 @@ def _of_study(own: Mapping[str, Value]) -> tuple[Array, Array]:
     both = sides[0].merge(sides[1], on=[*others, "replicate"], suffixes=("_a", "_b"))
     if len(both) < 2:
         levels = ", ".join(f"{one:g}" for one in sorted(table[key].unique()))
-        raise refuse("study", f"{own['study']} has no two runs of {key} = {own['a']} and "
-                     f"{own['b']} alike in all else; it has {levels}")  # fmt: skip
-    a, b = (both[[f"{name}_{side}" for name in RESPONSES]].fillna(np.inf).to_numpy(dtype=float)
-            for side in "ab")  # fmt: skip
+        raise refuse(
+            "study",
+            f"{own['study']} has no two runs of {key} = {own['a']} and "
+            f"{own['b']} alike in all else; it has {levels}",
+        )
+    a, b = (
+        both[[f"{name}_{side}" for name in RESPONSES]].fillna(np.inf).to_numpy(dtype=float)
+        for side in "ab"
+    )
     return a, b
 
 

@@ -39,12 +39,17 @@ class ManipulatorDirections(Calculation):
     sampled = False
     parameters = declared.PARAMETERS
     outputs = (
-        *(Output(f"{group}_percent", "percent", f"sources fixed to the {group}, one by one")
-          for group in GROUPS),
+        *(
+            Output(f"{group}_percent", "percent", f"sources fixed to the {group}, one by one")
+            for group in GROUPS
+        ),
         Output("all_percent", "percent", "all sources, one by one"),
-        Output("base_together_percent", "percent", "base-fixed errors along x and y of one size "
-               "together"),
-    )  # fmt: skip
+        Output(
+            "base_together_percent",
+            "percent",
+            "base-fixed errors along x and y of one size together",
+        ),
+    )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         own = self.completed(values)
@@ -54,13 +59,15 @@ class ManipulatorDirections(Calculation):
         sizes = np.stack([_sizes(first_order(machine, r, z, phi)) for phi in around])
         change = _change(sizes).max(axis=0)  # of every source, at its worst pose and output
         found = {
-            f"{group}_percent": max(change[at] for at, name in enumerate(NAMES)
-                                    if name.startswith(stems))
+            f"{group}_percent": max(
+                change[at] for at, name in enumerate(NAMES) if name.startswith(stems)
+            )
             for group, stems in GROUPS.items()
-        }  # fmt: skip
+        }
         found["all_percent"] = max(found.values())
-        pairs = [(NAMES.index(f"origin_{i}_x_um"), NAMES.index(f"origin_{i}_y_um"))
-                 for i in (1, 2, 3)]  # fmt: skip
+        pairs = [
+            (NAMES.index(f"origin_{i}_x_um"), NAMES.index(f"origin_{i}_y_um")) for i in (1, 2, 3)
+        ]
         together = np.stack([np.hypot(sizes[..., a], sizes[..., b]) for a, b in pairs], axis=-1)
         found["base_together_percent"] = float(_change(together).max())
         table = ComputedTable(

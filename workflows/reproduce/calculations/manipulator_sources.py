@@ -101,8 +101,11 @@ def _counts(maps: Maps, names: list[str]) -> dict[str, Quantity]:
 
 def _slopes(names: list[str], slopes: Array) -> dict[str, Quantity]:
     """Squareness and yaw per relative rod length."""
-    places = {"rod_length_1_squareness": (1, 0), "rod_length_1_yaw": (1, 1),
-              "rod_length_3_yaw": (3, 1)}  # fmt: skip
+    places = {
+        "rod_length_1_squareness": (1, 0),
+        "rod_length_1_yaw": (1, 1),
+        "rod_length_3_yaw": (3, 1),
+    }
     return {
         name: Quantity(float(slopes[names.index(f"rod_length_{chain}"), at]) * MM / MRAD, "mrad/mm")
         for name, (chain, at) in places.items()

@@ -28,14 +28,29 @@ def _of_variable(one: Variable) -> Parameter:
     kind = "" if one.kind is Kind.NOMINAL else f" ({one.kind.value.split(' of ')[0]})"
     default = float(one.document or 0.0)
     source = one.assumed or "document B"
-    return Parameter(one.name, default, one.unit, one.meaning + kind, source, assumed, low=low,
-                     high=one.valid_high)  # fmt: skip
+    return Parameter(
+        one.name,
+        default,
+        one.unit,
+        one.meaning + kind,
+        source,
+        assumed,
+        low=low,
+        high=one.valid_high,
+    )
 
 
 def _of_law(one: Variable) -> Parameter:
     name = f"{stem(one.name)}_distribution"
-    return Parameter(name, SAME, "", f"distribution over units of {one.meaning}", "assumed",
-                     assumed=True, choices=(SAME, *PLAIN))  # fmt: skip
+    return Parameter(
+        name,
+        SAME,
+        "",
+        f"distribution over units of {one.meaning}",
+        "assumed",
+        assumed=True,
+        choices=(SAME, *PLAIN),
+    )
 
 
 def stem(name: str) -> str:
@@ -46,12 +61,28 @@ def stem(name: str) -> str:
 PARAMETERS: tuple[Parameter, ...] = (
     *(replace(one, default=PRINTED) if one.name == READING else one for one in declared.PARAMETERS),
     *(_of_variable(one) for one in declared.VARIABLES),
-    Parameter(COMMON, "uniform", "", "distribution of every error over units, where it has none of "
-              "its own", "assumed: document B names none", assumed=True, choices=PLAIN),
-    Parameter("cp", 1.0, "", "process capability of the distributions that have one (normal, "
-              "truncated normal, Rayleigh)", "assumed", assumed=True, low=0.0, open_low=True),
+    Parameter(
+        COMMON,
+        "uniform",
+        "",
+        "distribution of every error over units, where it has none of its own",
+        "assumed: document B names none",
+        assumed=True,
+        choices=PLAIN,
+    ),
+    Parameter(
+        "cp",
+        1.0,
+        "",
+        "process capability of the distributions that have one (normal, "
+        "truncated normal, Rayleigh)",
+        "assumed",
+        assumed=True,
+        low=0.0,
+        open_low=True,
+    ),
     *(_of_law(one) for one in RANDOM),
-)  # fmt: skip
+)
 
 
 def model_of(values: Mapping[str, Value]) -> BacklashModel:

@@ -20,8 +20,12 @@ from .results import output, quantities, tabulated
 COVERAGE = 0.9973
 SPREAD = 6.0
 """The histogram covers so many standard deviations about the mean, within what is possible."""
-SUMS = {"phi_1": "the involute stage", "phi_2": "the cycloid stage, below 0: interference",
-        "phi_3": "the output stage", "backlash": "phi_1 + max(0, phi_2) + phi_3"}  # fmt: skip
+SUMS = {
+    "phi_1": "the involute stage",
+    "phi_2": "the cycloid stage, below 0: interference",
+    "phi_3": "the output stage",
+    "backlash": "phi_1 + max(0, phi_2) + phi_3",
+}
 OUTPUTS = (
     *(output(f"{name}_mean_arcmin", f"mean of {text}") for name, text in SUMS.items()),
     *(output(f"{name}_std_arcmin", f"standard deviation of {text}") for name, text in SUMS.items()),
@@ -53,12 +57,20 @@ class ReducerMonteCarlo(Calculation):
     parameters = (
         *reducer_inputs.PARAMETERS,
         Parameter("units", 1000, "", "units drawn", "document B", low=2, high=1e9),
-        Parameter("lower_limit_arcmin", 0.0, "arcmin", "lower limit in Cp and Cpk: no unit has "
-                  "less than none", "assumed: document B names none", assumed=True, low=-1e4,
-                  high=1e4),
-        Parameter("bins", 50, "", "bins of the histogram", "assumed", assumed=True, low=1,
-                  high=10_000),
-    )  # fmt: skip
+        Parameter(
+            "lower_limit_arcmin",
+            0.0,
+            "arcmin",
+            "lower limit in Cp and Cpk: no unit has less than none",
+            "assumed: document B names none",
+            assumed=True,
+            low=-1e4,
+            high=1e4,
+        ),
+        Parameter(
+            "bins", 50, "", "bins of the histogram", "assumed", assumed=True, low=1, high=10_000
+        ),
+    )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         given = self.completed(values)

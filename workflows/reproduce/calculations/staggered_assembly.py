@@ -39,18 +39,23 @@ STATISTICS = {
 OUTPUTS = (
     *(output(name, f"{text}, staggered") for name, text in STATISTICS.items()),
     *(output(f"without_{name}", f"{text}, no stagger") for name, text in STATISTICS.items()),
-    output("stagger_for_every_unit_arcmin", "least stagger at which the zones allow no unit above "
-           "the limit; infinite where the other stages alone exceed it"),
+    output(
+        "stagger_for_every_unit_arcmin",
+        "least stagger at which the zones allow no unit above "
+        "the limit; infinite where the other stages alone exceed it",
+    ),
     output("turn_of_disc_arcmin", "the stagger: turn of each disc, one ahead and one back"),
     output("hole_offset_um", "for it: offset of a disc's bearing holes along their circle"),
     output("blank_angle_mrad", "or: angle at which the profile is machined to the holes"),
     output("blank_at_rim_um", "the same on the radius of the pin circle"),
     output("journal_phase_mrad", "or: phase of a disc's journals on all cranks"),
     output("journal_offset_um", "the same as a displacement of the journal's centre"),
-    output("contact_by_turn_arcmin", "what the contact model says that turned discs take from the "
-           "backlash of the discs"),
+    output(
+        "contact_by_turn_arcmin",
+        "what the contact model says that turned discs take from the backlash of the discs",
+    ),
     output("contact_by_journals_arcmin", "the same of discs on journals ahead and behind"),
-)  # fmt: skip
+)
 
 
 class StaggeredAssembly(Calculation):
@@ -66,13 +71,30 @@ class StaggeredAssembly(Calculation):
     outputs = OUTPUTS
     parameters = (
         *(one for one in reducer_inputs.PARAMETERS if one.name != "stagger_arcmin"),
-        Parameter("stagger_arcmin", 0.2, "arcmin", "turn of each disc, one ahead and one back, for "
-                  "the quantities", "document B: twice its delta'", low=0.0, high=60.0),
-        Parameter("stagger_most_arcmin", 0.6, "arcmin", "end of the sweep", "assumed", assumed=True,
-                  low=0.0, high=60.0, open_low=True),
-        Parameter("points", 31, "", "points of the sweep", "assumed", assumed=True, low=2,
-                  high=10_000),
-    )  # fmt: skip
+        Parameter(
+            "stagger_arcmin",
+            0.2,
+            "arcmin",
+            "turn of each disc, one ahead and one back, for the quantities",
+            "document B: twice its delta'",
+            low=0.0,
+            high=60.0,
+        ),
+        Parameter(
+            "stagger_most_arcmin",
+            0.6,
+            "arcmin",
+            "end of the sweep",
+            "assumed",
+            assumed=True,
+            low=0.0,
+            high=60.0,
+            open_low=True,
+        ),
+        Parameter(
+            "points", 31, "", "points of the sweep", "assumed", assumed=True, low=2, high=10_000
+        ),
+    )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         given = self.completed(values)

@@ -33,9 +33,11 @@ class TaskRingFigures(Calculation):
         own = self.completed(values)
         machine, ring = declared.manipulator(own), declared.task_ring(own)
         inside = np.all(np.abs(reach(machine, *grid(ring))) <= 1.0, axis=-1)
-        return Computed({
-            "inner_radius_mm": Quantity(ring.r[0] / MM, "mm"),
-            "length_mm": Quantity((ring.r[1] - ring.r[0]) / MM, "mm"),
-            "height_mm": Quantity((ring.z[1] - ring.z[0]) / MM, "mm"),
-            "reached_percent": Quantity(100.0 * float(np.mean(inside)), "percent"),
-        })  # fmt: skip
+        return Computed(
+            {
+                "inner_radius_mm": Quantity(ring.r[0] / MM, "mm"),
+                "length_mm": Quantity((ring.r[1] - ring.r[0]) / MM, "mm"),
+                "height_mm": Quantity((ring.z[1] - ring.z[0]) / MM, "mm"),
+                "reached_percent": Quantity(100.0 * float(np.mean(inside)), "percent"),
+            }
+        )

@@ -29,12 +29,27 @@ class ToleranceRatio(Calculation):
     reference = "document A, optimal tolerance allocation"
     sampled = False
     parameters = (
-        Parameter("composite", COMPOSITES[0], "", "composite error: sum of the four final angles, "
-                  "or their root sum of squares", "assumed: not printed", assumed=True,
-                  choices=COMPOSITES),
-        Parameter("exponent", 1.0, "", "b of the cost a/v^b", "assumed: not printed", assumed=True,
-                  low=0.0, open_low=True, high=10.0),
-    )  # fmt: skip
+        Parameter(
+            "composite",
+            COMPOSITES[0],
+            "",
+            "composite error: sum of the four final angles, or their root sum of squares",
+            "assumed: not printed",
+            assumed=True,
+            choices=COMPOSITES,
+        ),
+        Parameter(
+            "exponent",
+            1.0,
+            "",
+            "b of the cost a/v^b",
+            "assumed: not printed",
+            assumed=True,
+            low=0.0,
+            open_low=True,
+            high=10.0,
+        ),
+    )
     outputs = (
         Output("equal_costs", "1", "crankshaft over gear tolerance at equal costs"),
         Output("implied_gear_2", "1", "cost of gear 2 over the mean, that the printed table needs"),
@@ -55,9 +70,17 @@ class ToleranceRatio(Calculation):
         table = ComputedTable(
             "implied_costs",
             "Relative costs, mean 1, under which the printed allocation is the optimum",
-            (Axis("tolerance", ""), Axis("printed_mrad", "mrad"), Axis("implied_cost", "1"),
-             Axis("influence", "1")),
-            (np.array([f"{part} {axis}" for part in PARTS for axis in AXES]), printed, costs,
-             influence),
-        )  # fmt: skip
+            (
+                Axis("tolerance", ""),
+                Axis("printed_mrad", "mrad"),
+                Axis("implied_cost", "1"),
+                Axis("influence", "1"),
+            ),
+            (
+                np.array([f"{part} {axis}" for part in PARTS for axis in AXES]),
+                printed,
+                costs,
+                influence,
+            ),
+        )
         return Computed({name: Quantity(one, "1") for name, one in found.items()}, (table,))

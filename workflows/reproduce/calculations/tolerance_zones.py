@@ -50,20 +50,37 @@ PRINTED_UM: Mapping[str, tuple[float, float]] = {
     "shift": (0.0, 2.0),
 }
 """The document's table of practical zones; it has none for the eccentricity."""
-_SIZES = ("pin_circle_radius_mm", "pin_radius_mm", "eccentricity_mm", "cycloid_teeth", "pins",
-          "eccentricity_linear", "eccentricity_quadratic_per_mm")  # fmt: skip
+_SIZES = (
+    "pin_circle_radius_mm",
+    "pin_radius_mm",
+    "eccentricity_mm",
+    "cycloid_teeth",
+    "pins",
+    "eccentricity_linear",
+    "eccentricity_quadratic_per_mm",
+)
 
 
 def _zone(error: str) -> Parameter:
     text = f"initial bounds of the {error.replace('_', ' ')} error"
     most = declared.MAX_ECCENTRICITY_UM if error == "eccentricity" else 1000.0
-    return Parameter(f"{error}_zone_um", INITIAL_UM[error], "um", text, "assumed: the document "
-                     "prints none", assumed=True, low=-most, high=most)  # fmt: skip
+    return Parameter(
+        f"{error}_zone_um",
+        INITIAL_UM[error],
+        "um",
+        text,
+        "assumed: the document prints none",
+        assumed=True,
+        low=-most,
+        high=most,
+    )
 
 
 OUTPUTS = (
-    output("phi_2_arcmin", "least phi_2 within the bounds, modification included; below 0: "
-           "interference"),
+    output(
+        "phi_2_arcmin",
+        "least phi_2 within the bounds, modification included; below 0: interference",
+    ),
     output("bound_arcmin", "its proven lower bound"),
     output("gap_arcmin", "what the proof leaves open"),
     output("without_modification_arcmin", "the errors' part of it"),
@@ -78,7 +95,7 @@ OUTPUTS = (
     output("printed_zones_towards_optimum", "of these, with their middle towards the optimum"),
     output("printed_largest_share_arcmin", "the most that phi_2 spans over one printed zone"),
     output("printed_smallest_share_arcmin", "the least that it spans over one"),
-)  # fmt: skip
+)
 
 
 class ToleranceZones(Calculation):
@@ -91,11 +108,12 @@ class ToleranceZones(Calculation):
     outputs = OUTPUTS
     parameters = (
         *(one for one in declared.PARAMETERS if one.name in _SIZES),
-        Parameter("dr_rp_mm", -0.040, "mm", "equidistance modification", "document B", low=-1.0,
-                  high=1.0),
+        Parameter(
+            "dr_rp_mm", -0.040, "mm", "equidistance modification", "document B", low=-1.0, high=1.0
+        ),
         Parameter("dr_p_mm", -0.070, "mm", "shift modification", "document B", low=-1.0, high=1.0),
         *(_zone(error) for error in ERRORS),
-    )  # fmt: skip
+    )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         given = self.completed(values)

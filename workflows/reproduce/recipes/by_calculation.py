@@ -31,11 +31,14 @@ class ByCalculation(Recipe):
         computed = self._computed(rng)
         known = computed.quantities
         raise_all(
-            Fault(self.place, f'"{name}" is no quantity of {self.kind.name}{nearest(name, known)}; '
-                  f"it computes {', '.join(known)}")
+            Fault(
+                self.place,
+                f'"{name}" is no quantity of {self.kind.name}{nearest(name, known)}; '
+                f"it computes {', '.join(known)}",
+            )
             for name in self.quantities
             if name not in known
-        )  # fmt: skip
+        )
         tables = {f"{self.kind.name}_{table.name}": table for table in computed.tables}
         return Found(tuple(known[name] for name in self.quantities), tables)
 
@@ -50,9 +53,10 @@ class ByCalculation(Recipe):
 
     def shiftable(self) -> tuple[str, ...]:
         return tuple(
-            one.name for one in self.kind.parameters
+            one.name
+            for one in self.kind.parameters
             if isinstance(one.default, float) and not isinstance(one.default, bool)
-        )  # fmt: skip
+        )
 
     def unit_of(self, name: str) -> str | None:
         units = {one.name: one.unit for one in self.kind.parameters}

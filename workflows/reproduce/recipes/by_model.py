@@ -126,14 +126,16 @@ class ByModel(Recipe):
     def found(self, rng: np.random.Generator) -> Found:
         values = predicted(self.model(), self.name, self.table(), self.effects, rng)
         units = {output.name: output.unit for output in self.kind.outputs}
-        return Found(tuple(
-            Quantity(
-                self.statistic.of(values[name]),
-                self.statistic.unit(units[name]) or "1",
-                self.statistic.error(values[name]) if self.drawn else 0.0,
+        return Found(
+            tuple(
+                Quantity(
+                    self.statistic.of(values[name]),
+                    self.statistic.unit(units[name]) or "1",
+                    self.statistic.error(values[name]) if self.drawn else 0.0,
+                )
+                for name in self.outputs
             )
-            for name in self.outputs
-        ))  # fmt: skip
+        )
 
     @property
     def by(self) -> str:

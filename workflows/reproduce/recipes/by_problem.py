@@ -25,14 +25,16 @@ class ByProblem(Recipe):
         whole = self.problem.reported().outputs_of(np.array([self.design]))
         errors = {one.error_of: one.name for one in self.problem.outputs if one.error_of}
         units = {one.name: one.unit for one in self.problem.outputs}
-        return Found(tuple(
-            Quantity(
-                float(whole[name][0]),
-                units[name] or "1",
-                float(whole[errors[name]][0]) if name in errors else 0.0,
+        return Found(
+            tuple(
+                Quantity(
+                    float(whole[name][0]),
+                    units[name] or "1",
+                    float(whole[errors[name]][0]) if name in errors else 0.0,
+                )
+                for name in self.outputs
             )
-            for name in self.outputs
-        ))  # fmt: skip
+        )
 
     @property
     def by(self) -> str:

@@ -23,17 +23,21 @@ class Derivative(Recipe):
     step: float
 
     def found(self, rng: np.random.Generator) -> Found:
-        ends = [self.recipe.shifted(self.name, sign * self.step).found(deepcopy(rng)).quantities
-                for sign in (1.0, -1.0)]  # fmt: skip
+        ends = [
+            self.recipe.shifted(self.name, sign * self.step).found(deepcopy(rng)).quantities
+            for sign in (1.0, -1.0)
+        ]
         per = self.recipe.unit_of(self.name) or "1"
-        return Found(tuple(
-            Quantity(
-                (high.value - low.value) / (2.0 * self.step),
-                high.unit if per == "1" else f"({high.unit})/({per})",
-                float(np.hypot(high.standard_error, low.standard_error)) / (2.0 * self.step),
+        return Found(
+            tuple(
+                Quantity(
+                    (high.value - low.value) / (2.0 * self.step),
+                    high.unit if per == "1" else f"({high.unit})/({per})",
+                    float(np.hypot(high.standard_error, low.standard_error)) / (2.0 * self.step),
+                )
+                for high, low in zip(*ends, strict=True)
             )
-            for high, low in zip(*ends, strict=True)
-        ))  # fmt: skip
+        )
 
     @property
     def by(self) -> str:

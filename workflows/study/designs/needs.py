@@ -23,11 +23,14 @@ def replicate_faults(seeds: int, statistic: str) -> list[Fault]:
 def level_faults(factors: tuple[Factor, ...], kind: str) -> list[Fault]:
     """A fault of every factor that has no levels to go through."""
     return [
-        Fault(f"vary.{factor.key}", f"has one level or none: {kind} needs two or more; give a list "
-              "of values, or `levels` beside low and high")
+        Fault(
+            f"vary.{factor.key}",
+            f"has one level or none: {kind} needs two or more; give a list "
+            "of values, or `levels` beside low and high",
+        )
         for factor in factors
         if len(factor.grid()) < 2
-    ]  # fmt: skip
+    ]
 
 
 def small(name: str, value: int, least: int, statistic: str) -> list[Fault]:

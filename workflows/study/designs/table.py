@@ -62,11 +62,15 @@ def _bad_cells(factor: Factor, cells: pd.Series) -> dict[Any, str]:
         bad = given[~given.isin(factor.levels)]
         names = [str(level) for level in factor.levels]
         known = ", ".join(names)
-        return {at: f"must be one of {known}, got {_shown(value)}{nearest(str(value), names)}"
-                for at, value in bad.items()}  # fmt: skip
+        return {
+            at: f"must be one of {known}, got {_shown(value)}{nearest(str(value), names)}"
+            for at, value in bad.items()
+        }
     bad = given[(given < factor.low) | (given > factor.high)]
-    found = {at: f"must lie in [{factor.low:.10g}, {factor.high:.10g}], got {_shown(value)}"
-             for at, value in bad.items()}  # fmt: skip
+    found = {
+        at: f"must lie in [{factor.low:.10g}, {factor.high:.10g}], got {_shown(value)}"
+        for at, value in bad.items()
+    }
     if factor.integer:
         broken = given[given != np.floor(given)]
         found |= {

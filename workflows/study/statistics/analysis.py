@@ -85,11 +85,14 @@ def _notes(
             text = (
                 f"{runs.response}: {count} of {runs.array.size} runs did not get there within the"
             )
-            found.append(f"{text} budget of their setting; they count as worse than all others in "
-                         "ranks, and the response has no variance to be shared out")  # fmt: skip
+            found.append(
+                f"{text} budget of their setting; they count as worse than all others in "
+                "ranks, and the response has no variance to be shared out"
+            )
     if settings.seeds < 2:
-        found.append("one seed per setting: noise cannot be told from an effect, and nothing is "
-                     "tested")  # fmt: skip
+        found.append(
+            "one seed per setting: noise cannot be told from an effect, and nothing is tested"
+        )
     pairs = tested[tested["kind"] == "wilcoxon"] if len(tested) else tested
     counts = pairs.groupby("response").size() if len(pairs) else pd.Series(dtype=int)
     needed = max((pairs_needed(int(count)) for count in counts), default=0)

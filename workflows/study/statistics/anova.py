@@ -58,8 +58,11 @@ def model(design: pd.DataFrame, factors: tuple[Factor, ...]) -> Array:
         cells = design[factor.key]
         if not factor.ranged:
             kept = [one for one in factor.levels if (cells == one).any()][1:]
-            blocks.append(np.column_stack([(cells == one).astype(float) for one in kept])
-                          if kept else np.empty((len(design), 0)))  # fmt: skip
+            blocks.append(
+                np.column_stack([(cells == one).astype(float) for one in kept])
+                if kept
+                else np.empty((len(design), 0))
+            )
             continue
         x = cells.to_numpy(dtype=float)
         x = np.log(x) if factor.log else x

@@ -10,8 +10,17 @@ from .contrasts import Contrast
 from .medians import interval_of_median
 from .resampling import LEVEL
 
-COLUMNS = ("key", "level", "generation", "median", "low", "high", "level_of_interval", "n",
-           "optimum")  # fmt: skip
+COLUMNS = (
+    "key",
+    "level",
+    "generation",
+    "median",
+    "low",
+    "high",
+    "level_of_interval",
+    "n",
+    "optimum",
+)
 SHOWN = 80
 """Generations of a course at most."""
 

@@ -42,9 +42,16 @@ def interval_of_median(values: Array, rng: np.random.Generator) -> Array:
         else:
             batch = max(1, BATCH // values.size)
             found = bootstrap(
-                (values,), np.median, axis=1, vectorized=True, n_resamples=RESAMPLES, batch=batch,
-                confidence_level=LEVEL, method="percentile", rng=rng,
-            ).confidence_interval  # fmt: skip
+                (values,),
+                np.median,
+                axis=1,
+                vectorized=True,
+                n_resamples=RESAMPLES,
+                batch=batch,
+                confidence_level=LEVEL,
+                method="percentile",
+                rng=rng,
+            ).confidence_interval
             low, high = np.asarray(found.low), np.asarray(found.high)
         stacked = np.column_stack([middle, low, high])
     return np.where(np.isfinite(stacked), stacked, np.nan)

@@ -23,9 +23,22 @@ ALPHA = 0.05
 MOST = 12
 """Levels up to which all pairs are compared."""
 COLUMNS = (
-    "response", "key", "kind", "a", "b", "n", "statistic", "p", "p_holm", "effect", "difference",
-    "low", "high", "significant", "reason",
-)  # fmt: skip
+    "response",
+    "key",
+    "kind",
+    "a",
+    "b",
+    "n",
+    "statistic",
+    "p",
+    "p_holm",
+    "effect",
+    "difference",
+    "low",
+    "high",
+    "significant",
+    "reason",
+)
 
 
 def wilcoxon_tests(runs: Runs, found: list[Contrast], rng: np.random.Generator) -> pd.DataFrame:
@@ -41,8 +54,9 @@ def wilcoxon_tests(runs: Runs, found: list[Contrast], rng: np.random.Generator) 
         values = contrast.table(runs.array)
         for i, j in combinations(range(len(contrast.levels)), 2):
             pair = paired(values[:, i], values[:, j], rng)
-            rows.append({"key": contrast.key, "a": contrast.levels[i], "b": contrast.levels[j]}
-                        | pair)  # fmt: skip
+            rows.append(
+                {"key": contrast.key, "a": contrast.levels[i], "b": contrast.levels[j]} | pair
+            )
     return _judged(runs.response, "wilcoxon", rows, pairs_needed)
 
 
@@ -53,8 +67,14 @@ def paired(a: Array, b: Array, rng: np.random.Generator) -> dict[str, Any]:
     with np.errstate(invalid="ignore"):
         difference = np.where(a == b, 0.0, a - b)  # two runs that did not get there are equal
     moved = difference[difference != 0.0]
-    out: dict[str, Any] = {"n": len(a), "differ": len(moved), "statistic": np.nan, "p": 1.0,
-                           "effect": 0.0, "seeds": len(a)}  # fmt: skip
+    out: dict[str, Any] = {
+        "n": len(a),
+        "differ": len(moved),
+        "statistic": np.nan,
+        "p": 1.0,
+        "effect": 0.0,
+        "seeds": len(a),
+    }
     if len(a):
         middle = interval_of_median(difference[None], rng)[0]
         out |= dict(zip(("difference", "low", "high"), middle, strict=True))
@@ -93,12 +113,22 @@ def _friedman(values: Array) -> dict[str, Any]:
     ranks = rankdata(whole, axis=1) if seeds else whole
     same = bool(np.all(ranks == ranks[:, :1]))
     flat = seeds < 2 or same
-    out = {"n": seeds, "differ": 0 if same else seeds, "statistic": np.nan, "p": 1.0, "effect": 0.0,
-           "seeds": seeds, "least": min(1.0, float(factorial(levels)) ** (1 - seeds))}  # fmt: skip
+    out = {
+        "n": seeds,
+        "differ": 0 if same else seeds,
+        "statistic": np.nan,
+        "p": 1.0,
+        "effect": 0.0,
+        "seeds": seeds,
+        "least": min(1.0, float(factorial(levels)) ** (1 - seeds)),
+    }
     if not flat:
         test = friedmanchisquare(*ranks.T)
-        out |= {"statistic": float(test.statistic), "p": float(test.pvalue),
-                "effect": float(test.statistic) / (seeds * (levels - 1))}  # fmt: skip
+        out |= {
+            "statistic": float(test.statistic),
+            "p": float(test.pvalue),
+            "effect": float(test.statistic) / (seeds * (levels - 1)),
+        }
     return out
 
 

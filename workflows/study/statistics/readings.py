@@ -17,21 +17,36 @@ def verdicts(readings: tuple[Reading, ...], tests: pd.DataFrame) -> tuple[Verdic
         row = _row(reading, tests)
         verdict, because = _verdict(reading, row)
         words = f"{reading.figure}, “{reading.says}”: {verdict}. {because}"
-        found.append(Verdict(reading.figure, reading.key, (reading.a, reading.b),
-                             reading.response, verdict, words))  # fmt: skip
+        found.append(
+            Verdict(
+                reading.figure,
+                reading.key,
+                (reading.a, reading.b),
+                reading.response,
+                verdict,
+                words,
+            )
+        )
     return tuple(found)
 
 
 def _row(reading: Reading, tests: pd.DataFrame) -> dict[str, Any] | None:
     """The comparison of the two levels, turned so that `a` comes first."""
-    of_key = tests[(tests["kind"] == "wilcoxon") & (tests["key"] == reading.key)
-                   & (tests["response"] == reading.response)]  # fmt: skip
+    of_key = tests[
+        (tests["kind"] == "wilcoxon")
+        & (tests["key"] == reading.key)
+        & (tests["response"] == reading.response)
+    ]
     for row in of_key.to_dict("records"):
         if (row["a"], row["b"]) == (reading.a, reading.b):
             return {str(name): value for name, value in row.items()}
         if (row["a"], row["b"]) == (reading.b, reading.a):
-            turned = {"effect": -row["effect"], "difference": -row["difference"],
-                      "low": -row["high"], "high": -row["low"]}  # fmt: skip
+            turned = {
+                "effect": -row["effect"],
+                "difference": -row["difference"],
+                "low": -row["high"],
+                "high": -row["low"],
+            }
             return {str(name): value for name, value in row.items()} | turned
     return None
 
@@ -51,16 +66,22 @@ def _verdict(reading: Reading, row: dict[str, Any] | None) -> tuple[str, str]:
         return "not shown", f"{evidence}: no difference is shown."
     larger = row["effect"] > 0
     better = larger == (reading.response in LARGER_IS_BETTER)
-    return ("holds" if better == reading.better else "does not hold: it is the other way round",
-            f"{evidence}.")  # fmt: skip
+    return (
+        "holds" if better == reading.better else "does not hold: it is the other way round",
+        f"{evidence}.",
+    )
 
 
 def _evidence(reading: Reading, row: dict[str, Any]) -> str:
     """The comparison in words."""
-    size = (f"{reading.response} at {reading.a} less that at {reading.b} is "
-            f"{row['difference']:.3g}{_interval(row)} in the median")  # fmt: skip
-    return (f"{size} (rank correlation {row['effect']:.2f}, p = {row['p_holm']:.2g} after Holm, "
-            f"{row['n']} seeds)")  # fmt: skip
+    size = (
+        f"{reading.response} at {reading.a} less that at {reading.b} is "
+        f"{row['difference']:.3g}{_interval(row)} in the median"
+    )
+    return (
+        f"{size} (rank correlation {row['effect']:.2f}, p = {row['p_holm']:.2g} after Holm, "
+        f"{row['n']} seeds)"
+    )
 
 
 def _interval(row: dict[str, Any]) -> str:

@@ -50,8 +50,9 @@ def recommendation(
         return Recommendation(response.name, best, settings, False, UNKNOWN, text)
     if best == reference:
         text = f"{named} is the best of {len(design)}; nothing is to be changed"
-        return Recommendation(response.name, best, settings, False, UNKNOWN,
-                              f"{response.name}: {text}.")  # fmt: skip
+        return Recommendation(
+            response.name, best, settings, False, UNKNOWN, f"{response.name}: {text}."
+        )
     found = paired(judged[best], judged[reference], rng)
     improves = (found["effect"] > 0) == runs.larger_is_better
     shown = bool(found["p"] <= ALPHA and improves and found["least"] <= ALPHA)
@@ -74,8 +75,16 @@ def _recovered(
         return np.asarray(np.divide(gained, missed, out=np.zeros_like(gained), where=missed > 0.0))
 
     pair = (best[both], reference[both])
-    around = bootstrap(pair, share, paired=True, vectorized=True, n_resamples=RESAMPLES,
-                       confidence_level=LEVEL, method="percentile", rng=rng)  # fmt: skip
+    around = bootstrap(
+        pair,
+        share,
+        paired=True,
+        vectorized=True,
+        n_resamples=RESAMPLES,
+        confidence_level=LEVEL,
+        method="percentile",
+        rng=rng,
+    )
     low, high = around.confidence_interval
     return float(share(pair[0][None], pair[1][None])[0]), float(low), float(high)
 
@@ -95,16 +104,27 @@ def _sentence(
         return f"{response.name}: {what} is the best seen; there is no other seed to judge it by."
     if not shown:
         missing = pairs_needed(1)
-        why = (f"; at least {2 * missing} seeds are needed" if found["least"] > ALPHA
-               else "" if improves else ", and on those it is the worse one")  # fmt: skip
-        return (f"{response.name}: {what} is the best seen, but {half} do not show that it beats "
-                f"{named} (p = {found['p']:.2g}){why}.")  # fmt: skip
-    text = (f"{response.name}: {what} beats {named} on {half} (p = {found['p']:.2g}, rank "
-            f"correlation {abs(found['effect']):.2f})")  # fmt: skip
+        why = (
+            f"; at least {2 * missing} seeds are needed"
+            if found["least"] > ALPHA
+            else ""
+            if improves
+            else ", and on those it is the worse one"
+        )
+        return (
+            f"{response.name}: {what} is the best seen, but {half} do not show that it beats "
+            f"{named} (p = {found['p']:.2g}){why}."
+        )
+    text = (
+        f"{response.name}: {what} beats {named} on {half} (p = {found['p']:.2g}, rank "
+        f"correlation {abs(found['effect']):.2f})"
+    )
     if np.isnan(recovered[0]):
         return f"{text}."
-    return (f"{text} and recovers {100 * recovered[0]:.0f} % [{100 * recovered[1]:.0f}, "
-            f"{100 * recovered[2]:.0f}] of what that misses of the best possible.")  # fmt: skip
+    return (
+        f"{text} and recovers {100 * recovered[0]:.0f} % [{100 * recovered[1]:.0f}, "
+        f"{100 * recovered[2]:.0f}] of what that misses of the best possible."
+    )
 
 
 def _plain(value: Any) -> str:

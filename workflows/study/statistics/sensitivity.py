@@ -71,8 +71,10 @@ def _variances(
     else:
         names = [contrast.key for contrast in found]
         parts = [key_shares(values, contrast, rng) for contrast in found]
-        value, low, high = (np.concatenate([getattr(one, side) for one in parts])
-                            for side in ("value", "low", "high"))  # fmt: skip
+        value, low, high = (
+            np.concatenate([getattr(one, side) for one in parts])
+            for side in ("value", "low", "high")
+        )
         shares = Estimates(value, low, high)
     return _rows([(name, "anova_share") for name in names], shares, complete(values).shape[1])
 

@@ -158,8 +158,12 @@ class Database(Store):
 
     def keep_yardstick(self, problem: int, found: Yardstick) -> None:
         """Keep what has been found of a problem."""
-        record = {"ideal": found.box.ideal, "nadir": found.box.nadir, "value": found.value,
-                  "bound": found.bound}  # fmt: skip
+        record = {
+            "ideal": found.box.ideal,
+            "nadir": found.box.nadir,
+            "value": found.value,
+            "bound": found.bound,
+        }
         value = json.dumps(sealed_record(record, of=str(problem))).encode()
         row = self.backend.insert(YARDSTICKS).values(problem=problem, value=value)
         text = row.on_conflict_do_update(

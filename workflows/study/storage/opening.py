@@ -84,8 +84,9 @@ def _sound(backend: Backend, plan: StudyPlan, prefix: str) -> tuple[Database, tu
         raise
     return database, (
         (f"{_named(wrong, plan)} of {backend.where} had been changed and are done again",)
-        if wrong else ()
-    )  # fmt: skip
+        if wrong
+        else ()
+    )
 
 
 def _database(backend: Backend, plan: StudyPlan, prefix: str = "") -> Database:
@@ -168,8 +169,9 @@ def _recovered(
     path = backend.path
     identity, rows, holes = _salvaged(path, plan)
     if not rows:
-        raise refuse(str(path), f"is damaged ({error}) and none of its runs can be read: "
-                     f"{backend.anew}")  # fmt: skip
+        raise refuse(
+            str(path), f"is damaged ({error}) and none of its runs can be read: {backend.anew}"
+        )
     identity = identity or _configuration_beside(path)
     aside = _put_aside(path)
     database = _database(SqliteFile(path), plan)
@@ -177,8 +179,10 @@ def _recovered(
         database.set_meta({IDENTITY: identity, SEAL: _digest(identity, "")})
     database.insert(rows)
     again = f"; {_named(holes, plan)} could not be read and are done again" if holes else ""
-    return database, (f"{path} was damaged ({error}): {len(rows)} runs in it are whole{again}; the "
-                      f"damaged file is kept as {aside.name}",)  # fmt: skip
+    return database, (
+        f"{path} was damaged ({error}): {len(rows)} runs in it are whole{again}; the "
+        f"damaged file is kept as {aside.name}",
+    )
 
 
 def _salvaged(path: Path, plan: StudyPlan) -> tuple[str, list[Row], list[int]]:

@@ -14,8 +14,16 @@ from ..records import RESPONSES
 from ..trial import RunRecord
 
 COLUMNS = (
-    "point", "replicate", "seed", "status", "reason", "evaluations", "cpu_s", *RESPONSES, "curve",
-)  # fmt: skip
+    "point",
+    "replicate",
+    "seed",
+    "status",
+    "reason",
+    "evaluations",
+    "cpu_s",
+    *RESPONSES,
+    "curve",
+)
 """Columns of a run beside its number and its checksum."""
 Row = tuple[Any, ...]
 
@@ -26,9 +34,17 @@ def row_of(number: int, run: RunRecord, wanted: tuple[str, ...]) -> Row:
     curve = zlib.compress(np.ascontiguousarray(run.curve, dtype="<f8").tobytes(), 1)
     reason = run.reason.encode("utf-8", "replace").decode().replace("\0", "\ufffd")
     row = (
-        number, run.point, run.replicate, run.seed, run.status, reason, run.evaluations,
-        _null(run.cpu_s), *values, curve,
-    )  # fmt: skip
+        number,
+        run.point,
+        run.replicate,
+        run.seed,
+        run.status,
+        reason,
+        run.evaluations,
+        _null(run.cpu_s),
+        *values,
+        curve,
+    )
     return (*row, checksum(row))
 
 
