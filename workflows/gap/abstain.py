@@ -39,18 +39,18 @@ class Judged:
 
 def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
     """Names that a freer form in the same variable displaces, or leaves much beside, are lost."""
-    left = left_over(fit, search.fitter, generic)
-    significant = _large(search, fit, left, empty)
+    residual_forms = left_over(fit, search.fitter, generic)
+    significant = _large(search, fit, residual_forms, empty)
     lost = set(displaced(search, fit, generic))
     for at in significant[:20]:
         lost |= _touched(search, fit, generic, at)
     if lost:
         lost |= _only_beside(search, fit, generic, lost)
     kept = tuple(k for k in range(len(fit.members)) if k not in lost)
-    return Judged(kept, tuple(sorted(lost)), left, significant)
+    return Judged(kept, tuple(sorted(lost)), residual_forms, significant)
 
 
-def significant_forms(search: Search, left: Left) -> tuple[int, ...]:
+def significant_forms(search: Search, residual_forms: Left) -> tuple[int, ...]:
     """The forms that are left beyond chance and above the practical limit, the strongest first.
 
     What the effects explain does not matter: a remainder is tested against the noise.
@@ -58,14 +58,18 @@ def significant_forms(search: Search, left: Left) -> tuple[int, ...]:
     least = search.fitter.space.count * search.settings.practical_limit**2
     limit = search.thresholds.generic
     return tuple(
-        int(at) for at in left.best if left.evidence[at] > limit and left.gains[at] > least
+        int(at)
+        for at in residual_forms.best
+        if residual_forms.evidence[at] > limit and residual_forms.gains[at] > least
     )
 
 
-def _large(search: Search, fit: Fit, left: Left, empty: Fit) -> tuple[int, ...]:
+def _large(search: Search, fit: Fit, residual_forms: Left, empty: Fit) -> tuple[int, ...]:
     """Those of them that are no small change of what the effects of units explain."""
     least = SMALL * max(empty.rss - fit.rss, 0.0)
-    return tuple(at for at in significant_forms(search, left) if left.gains[at] > least)
+    return tuple(
+        at for at in significant_forms(search, residual_forms) if residual_forms.gains[at] > least
+    )
 
 
 def structured(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> bool:
@@ -73,11 +77,11 @@ def structured(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> bool
     of them alike.
     """
     space = search.fitter.space
-    if any(abs(one.rho) * np.sqrt(space.readings) > FOLLOWS for one in space.noises):
+    if any(abs(noise.rho) * np.sqrt(space.readings) > FOLLOWS for noise in space.noises):
         return True
-    left = left_over(fit, search.fitter, generic)
-    found = _large(search, fit, left, empty)
-    return any(generic.forms[at].kind != "distribution" for at in found)
+    residual_forms = left_over(fit, search.fitter, generic)
+    large_forms = _large(search, fit, residual_forms, empty)
+    return any(generic.forms[at].kind != "distribution" for at in large_forms)
 
 
 def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
@@ -87,27 +91,27 @@ def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
     numbers = generic.white.sizes + np.array([more_numbers(form) for form in generic.forms])
     of_prediction = [form.variable.startswith(PREDICTED) for form in generic.forms]
     sets = [*((k,) for k in range(count)), *combinations(range(count), 2)]
-    for gone in sets:
-        others = tuple(one for k, one in enumerate(fit.members) if k not in gone)
-        less = search.fitter.fit(others)
-        gains = generic.gains(search.fitter, less)
-        score = less.score - gains + search.fitter.penalty * numbers + PRICE[len(gone)]
+    for removed in sets:
+        others = tuple(member for k, member in enumerate(fit.members) if k not in removed)
+        reduced_fit = search.fitter.fit(others)
+        gains = generic.gains(search.fitter, reduced_fit)
+        score = reduced_fit.score - gains + search.fitter.penalty * numbers + PRICE[len(removed)]
         score[of_prediction] = np.inf
-        by = fit.score - float(score.min())
-        while by > worst[0] and _is_part(search, fit, generic, int(np.argmin(score)), gone):
+        margin = fit.score - float(score.min())
+        while margin > worst[0] and _is_part(search, fit, generic, int(np.argmin(score)), removed):
             score[int(np.argmin(score))] = np.inf
-            by = fit.score - float(score.min())
-        if by > worst[0]:
-            worst = (by, gone)
+            margin = fit.score - float(score.min())
+        if margin > worst[0]:
+            worst = (margin, removed)
     return worst[1]
 
 
-def _is_part(search: Search, fit: Fit, generic: Remaining, at: int, gone: Sequence[int]) -> bool:
+def _is_part(search: Search, fit: Fit, generic: Remaining, at: int, removed: Sequence[int]) -> bool:
     """Whether a form is what members do with some of their numbers at 0: no other than theirs."""
     fitter = search.fitter
     form = beside(generic.white.of(at), fitter.q)
-    own = np.hstack([fitter.white(fit.members[k]) for k in gone])
-    q = basis(beside(own, fitter.q))
+    removed_columns = np.hstack([fitter.white(fit.members[k]) for k in removed])
+    q = basis(beside(removed_columns, fitter.q))
     return float(np.sum((q.T @ form) ** 2)) > PART * float(np.sum(form**2))
 
 
@@ -116,16 +120,16 @@ def _only_beside(search: Search, fit: Fit, generic: Remaining, lost: set[int]) -
     up for what a wrong form left.
     """
     fitter, kept = search.fitter, [k for k in range(len(fit.members)) if k not in lost]
-    less = fitter.fit([fit.members[k] for k in kept])
-    form = generic.white.of(int(left_over(less, fitter, generic).best[0]))
-    found = set()
+    reduced_fit = fitter.fit([fit.members[k] for k in kept])
+    form = generic.white.of(int(left_over(reduced_fit, fitter, generic).best[0]))
+    insignificant = set()
     for k in kept:
-        others = [fitter.white(fit.members[other]) for other in kept if other != k]
+        others = [fitter.white(fit.members[j]) for j in kept if j != k]
         q = basis(np.hstack([fitter.base, form, *others]))
-        own = basis(beside(fitter.white(fit.members[k]), q))
-        if float(np.sum((own.T @ beside(fitter.y, q)) ** 2)) < search.thresholds.library:
-            found.add(k)
-    return found
+        member_basis = basis(beside(fitter.white(fit.members[k]), q))
+        if float(np.sum((member_basis.T @ beside(fitter.y, q)) ** 2)) < search.thresholds.library:
+            insignificant.add(k)
+    return insignificant
 
 
 def more_numbers(form: Form) -> int:
@@ -140,25 +144,27 @@ def _touched(search: Search, fit: Fit, generic: Remaining, at: int) -> set[int]:
     if form.kind == "order":
         return {k for k in range(len(fit.members)) if _overlap(search, fit, generic, at, k) > 0.1}
     variables = {generic.roles.get(name) for name in (form.variable, *form.more)}
-    found = set()
-    for k, one in enumerate(fit.members):
-        mine = acts_in(one.candidate.effect.needs)
-        if (mine - {Role.DIRECTION}) & variables or (mine == {Role.DIRECTION} and form.direction):
-            found.add(k)
-    return found
+    touched = set()
+    for k, member in enumerate(fit.members):
+        roles = acts_in(member.candidate.effect.needs)
+        if (roles - {Role.DIRECTION}) & variables or (roles == {Role.DIRECTION} and form.direction):
+            touched.add(k)
+    return touched
 
 
 def acts_in(needs: Sequence[Role]) -> set[Role]:
     """The variables that an effect acts in; force stands for torque."""
-    found = set(needs)
-    if Role.TORQUE in found:
-        found.add(Role.FORCE)
-    return found
+    roles = set(needs)
+    if Role.TORQUE in roles:
+        roles.add(Role.FORCE)
+    return roles
 
 
 def _overlap(search: Search, fit: Fit, generic: Remaining, at: int, k: int) -> float:
     """Share of a member's contribution that lies in the span of a generic form."""
-    mine = beside(search.fitter.white(fit.members[k]) @ fit.coefficients[k], search.fitter.q)
+    contribution = beside(
+        search.fitter.white(fit.members[k]) @ fit.coefficients[k], search.fitter.q
+    )
     span = basis(beside(generic.white.of(at), search.fitter.q))
-    whole = float(np.sum(mine**2))
-    return float(np.sum((span.T @ mine) ** 2)) / max(whole, 1e-300)
+    total = float(np.sum(contribution**2))
+    return float(np.sum((span.T @ contribution) ** 2)) / max(total, 1e-300)

@@ -44,30 +44,30 @@ def _noises(end: Ending, full: GapData) -> list[Noise]:
     ]
 
 
-def _noise(end: Ending, full: GapData, at: int, left: Array) -> Noise:
+def _noise(end: Ending, full: GapData, at: int, residual: Array) -> Noise:
     """Of one output, from its residual (n,) beside the final model."""
-    name, searched = full.outputs[at].name, end.analysis.search.fitter.space.noises[at]
+    name, search_noise = full.outputs[at].name, end.analysis.search.fitter.space.noises[at]
     size = full.std[name] if name in full.std else np.ones(len(full))
-    good = outliers(left, size)
-    known = name in full.std or searched.source == "configuration"
-    if searched.varies_with and not known:
-        size = _size(full, left, good)
-    scale = 1.0 if name in full.std else float(np.sqrt(np.mean((left[good] / size[good]) ** 2)))
-    scale = searched.level if searched.source == "configuration" else scale
-    found = Noise(
+    good = outliers(residual, size)
+    known = name in full.std or search_noise.source == "configuration"
+    if search_noise.varies_with and not known:
+        size = _size(full, residual, good)
+    scale = 1.0 if name in full.std else float(np.sqrt(np.mean((residual[good] / size[good]) ** 2)))
+    scale = search_noise.level if search_noise.source == "configuration" else scale
+    noise = Noise(
         size * scale,
-        searched.source,
+        search_noise.source,
         good=None if good.all() else good,
-        varies_with=searched.varies_with,
+        varies_with=search_noise.varies_with,
     )
-    return replace(found, rho=_neighbours(np.where(good, left / found.sigma, 0.0)))
+    return replace(noise, rho=_neighbours(np.where(good, residual / noise.sigma, 0.0)))
 
 
-def _size(full: GapData, left: Array, good: np.ndarray) -> Array:
+def _size(full: GapData, residual: Array, good: np.ndarray) -> Array:
     """Its relative size (n,), where it follows an input."""
     rows = np.linspace(0, len(full) - 1, min(len(full), MOST)).astype(np.int64)
     inputs = values_of(full.some(rows))
-    follows = size_follows(left[rows], inputs, good[rows])
+    follows = size_follows(residual[rows], inputs, good[rows])
     if follows is None:
         return np.ones(len(full))
     x = values_of(full)[follows[0]]
@@ -77,5 +77,5 @@ def _size(full: GapData, left: Array, good: np.ndarray) -> Array:
 
 def _neighbours(white: Array) -> float:
     """Autocorrelation of one row with the next, 0 where it is no more than chance."""
-    found = float(white[1:] @ white[:-1] / max(float(white @ white), 1e-300))
-    return float(np.clip(found, 0.0, 0.99)) if found * np.sqrt(len(white)) > WANDERS else 0.0
+    rho = float(white[1:] @ white[:-1] / max(float(white @ white), 1e-300))
+    return float(np.clip(rho, 0.0, 0.99)) if rho * np.sqrt(len(white)) > WANDERS else 0.0

@@ -67,9 +67,9 @@ class Ground:
         """As a population."""
         return Batch(self.setup, self.search)
 
-    def with_scatter(self, one: Scatter) -> Ground:
+    def with_scatter(self, effect: Scatter) -> Ground:
         """The same about a model with an effect on the scatter in it."""
-        setup, fitter = carrying(self.setup, one), self.search.fitter
+        setup, fitter = carrying(self.setup, effect), self.search.fitter
         moved = fitter.space.whiten(self.setup.residual - setup.residual)
         search = replace(self.search, fitter=fitter.of_record(fitter.y - moved))
         return replace(self, setup=setup, search=search)
@@ -131,83 +131,85 @@ def analysed(setup: Setup) -> Analysis:
     """The loop, with the noise estimated again beside what was named."""
     setup = as_read(setup)
     noises = noise_of(setup, ())
-    book = dictionary(setup.library, setup.columns, spread_of(noises))
-    raw, which = stacked(setup.generic, len(setup.data.outputs))
-    search, generic = searching(setup, noises, book, raw, which, None)
-    found = select(search)
-    if max(one.rho for one in noises) > WANDERING:
-        found, noises, search, generic = _not_noise(
-            setup, (found, noises, search, generic), (book, raw, which)
+    effects = dictionary(setup.library, setup.columns, spread_of(noises))
+    forms, outputs = stacked(setup.generic, len(setup.data.outputs))
+    search, generic = searching(setup, noises, effects, forms, outputs, None)
+    selection = select(search)
+    if max(noise.rho for noise in noises) > WANDERING:
+        selection, noises, search, generic = _not_noise(
+            setup, (selection, noises, search, generic), (effects, forms, outputs)
         )
-    for _ in range(ROUNDS if found.fit.members else 0):
-        moved = _about(setup, search, found.fit) if setup.free else setup
-        moved = as_read(moved, found.fit)
+    for _ in range(ROUNDS if selection.fit.members else 0):
+        moved = _about(setup, search, selection.fit) if setup.free else setup
+        moved = as_read(moved, selection.fit)
         if moved is not setup:
-            setup, fit = read_again(moved, Space(tuple(noises), moved.prior), found.fit)
-            book = dictionary(setup.library, setup.columns, spread_of(noises))
-            found = replace(found, fit=fit)
-        noises = noise_of(setup, contributions(setup, found.fit))
-        search, generic = searching(setup, noises, book, raw, which, search.thresholds)
-        before, kept = found.fit.names, search.fitter.refined(found.fit.members)
-        found = select(search)
-        if kept.score < found.fit.score - BETTER:  # from nothing it went another way
-            found = found.ending_with(kept, search.tested(kept))
-        if found.fit.names == before:
+            setup, fit = read_again(moved, Space(tuple(noises), moved.prior), selection.fit)
+            effects = dictionary(setup.library, setup.columns, spread_of(noises))
+            selection = replace(selection, fit=fit)
+        noises = noise_of(setup, contributions(setup, selection.fit))
+        search, generic = searching(setup, noises, effects, forms, outputs, search.thresholds)
+        previous_names, kept_fit = selection.fit.names, search.fitter.refined(selection.fit.members)
+        selection = select(search)
+        if kept_fit.score < selection.fit.score - BETTER:  # from nothing it went another way
+            selection = selection.ending_with(kept_fit, search.tested(kept_fit))
+        if selection.fit.names == previous_names:
             break
     if not setup.data.target.population:
-        return _settled(setup, (found, noises, search, generic), (book, raw, which))
-    return _of_batch(setup, (found, noises, search, generic), (book, raw, which))
+        return _settled(setup, (selection, noises, search, generic), (effects, forms, outputs))
+    return _of_batch(setup, (selection, noises, search, generic), (effects, forms, outputs))
 
 
 def _of_batch(
-    setup: Setup, now: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
+    setup: Setup, state: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
 ) -> Analysis:
     """The final answer of a batch: units far out do not count, unless an effect on the scatter has
     them, and the batch is likelier with all of them so than without them as it is.
     """
-    found, noises, search, generic = now
-    first = concluded(setup, noises, search, generic, found)
-    out = noises[0].outliers
-    if not out or not setup.on_scatter:
-        return first
-    every = tuple(replace(one, good=None) for one in noises)
-    search, generic = searching(setup, every, *columns, search.thresholds)
-    again = concluded(setup, every, search, generic, select(search))
-    alone = 2.0 * np.log(FAR_OUT * first.bare.batch.law.std)
-    better = first.score + alone * out - again.score
-    return again if again.scatter and better > 0.0 else first
+    selection, noises, search, generic = state
+    without_outliers = concluded(setup, noises, search, generic, selection)
+    outlier_count = noises[0].outliers
+    if not outlier_count or not setup.on_scatter:
+        return without_outliers
+    all_noises = tuple(replace(noise, good=None) for noise in noises)
+    search, generic = searching(setup, all_noises, *columns, search.thresholds)
+    with_outliers = concluded(setup, all_noises, search, generic, select(search))
+    penalty_per_unit = 2.0 * np.log(FAR_OUT * without_outliers.bare.batch.law.std)
+    better = without_outliers.score + penalty_per_unit * outlier_count - with_outliers.score
+    return with_outliers if with_outliers.scatter and better > 0.0 else without_outliers
 
 
 def _settled(
-    setup: Setup, now: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
+    setup: Setup, state: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
 ) -> Analysis:
     """The final answer of rows, in the noise beside all that is in it."""
-    found, noises, search, generic = now
-    start = found.fit
+    selection, noises, search, generic = state
+    start = selection.fit
     turn = 0
     while True:
         turn += 1
-        empty = search.fitter.fit(())
-        settling = Settling(search, generic, setup.data, empty, found.accepted)
-        done = settling.settled(start)
-        if turn == SETTLED or not done.fit.members:  # beside nothing the noise is known
+        null_fit = search.fitter.fit(())
+        settling = Settling(search, generic, setup.data, null_fit, selection.accepted)
+        settled = settling.settled(start)
+        if turn == SETTLED or not settled.fit.members:  # beside nothing the noise is known
             break
-        anew = noise_of(setup, contributions(setup, done.fit))
-        if alike(noises, anew):
+        new_noises = noise_of(setup, contributions(setup, settled.fit))
+        if alike(noises, new_noises):
             break
-        noises = anew
+        noises = new_noises
         search, generic = searching(setup, noises, *columns, search.thresholds)
-        accepted = [search.fitter.fit(one.members) for one, _ in found.accepted]
-        found = replace(found, accepted=tuple((one, search.tested(one)) for one in accepted))
-        start = search.fitter.refined(done.fit.members)
-    return _answer(Ground(setup, tuple(noises), search, generic), settling, found, done)
+        accepted = [search.fitter.fit(fit.members) for fit, _ in selection.accepted]
+        selection = replace(
+            selection, accepted=tuple((fit, search.tested(fit)) for fit in accepted)
+        )
+        start = search.fitter.refined(settled.fit.members)
+    return _answer(Ground(setup, tuple(noises), search, generic), settling, selection, settled)
 
 
 def without(analysis: Analysis, name: str, believed: str = "") -> Analysis:
     """The analysis of rows without a name, all that is left fitted and tested again; what the name
     did may be the form of another one, which is `believed`: it stays as a curve without a name.
     """
-    ground, found = analysis.ground, analysis.selection
+    ground, selection = analysis.ground, analysis.selection
     sure = analysis.believed | ({believed} if believed else set())
     fit, names = analysis.fit, analysis.fit.names
     curve = (
@@ -218,46 +220,46 @@ def without(analysis: Analysis, name: str, believed: str = "") -> Analysis:
         else None
     )
     settling = Settling(
-        ground.search, ground.generic, analysis.setup.data, ground.empty, found.accepted, sure
+        ground.search, ground.generic, analysis.setup.data, ground.empty, selection.accepted, sure
     )
     barred = frozenset({name, *analysis.barred})
-    done = settling.again(fit, barred, () if curve is None else (curve,))
-    done = replace(done, struck=(*analysis.struck, *({name} & {*found.named})))
-    answer = _answer(ground, settling, found, done, barred)
+    settled = settling.again(fit, barred, () if curve is None else (curve,))
+    settled = replace(settled, struck=(*analysis.struck, *({name} & {*selection.named})))
+    answer = _answer(ground, settling, selection, settled, barred)
     return replace(answer, barred=barred, believed=sure)
 
 
 def _answer(
     ground: Ground,
     settling: Settling,
-    found: Selection,
-    done: Settled,
+    selection: Selection,
+    settled: Settled,
     barred: frozenset[str] = frozenset(),
 ) -> Analysis:
     """The analysis that ends with a settled fit; the instrument first among twins."""
-    search, fit = ground.search, done.fit
+    search, fit = ground.search, settled.fit
     named = names_of(fit.members)
     others = rivals(search, fit, named)
     if others and others[0].distance < -BETTER and not barred & {*others[0].names}:
-        other = search.fitter.refined(sorted(others[0].fit.members, key=is_term))
-        if settling.holds(other):
-            fit, named = other, names_of(other.members)
+        rival_fit = search.fitter.refined(sorted(others[0].fit.members, key=is_term))
+        if settling.holds(rival_fit):
+            fit, named = rival_fit, names_of(rival_fit.members)
             others = rivals(search, fit, named)
-    if (first := first_of_twins(fit, others, False)) is not None:
-        fit = search.fitter.fit(sorted(first.members, key=is_term))
+    if (preferred := first_of_twins(fit, others, False)) is not None:
+        fit = search.fitter.fit(sorted(preferred.members, key=is_term))
         others = rivals(search, fit, named)
-    labels = {one.name: label(one) for one in fit.members if is_term(one)}
-    steps = concluding(search, found, fit, labels)
-    struck = tuple(one for one in found.named if one in done.struck)
-    verdict = Judged(named, (), done.left, done.significant)
-    seen = bool(ground.left.evidence.max(initial=0.0) > search.thresholds.generic)
+    labels = {member.name: label(member) for member in fit.members if is_term(member)}
+    steps = concluding(search, selection, fit, labels)
+    struck = tuple(name for name in selection.named if name in settled.struck)
+    verdict = Judged(named, (), settled.left, settled.significant)
+    detected = bool(ground.left.evidence.max(initial=0.0) > search.thresholds.generic)
     return Analysis(
         ground,
         ground,
-        replace(found, fit=fit, steps=steps),
+        replace(selection, fit=fit, steps=steps),
         verdict,
         tuple(others),
-        bool(fit.members or found.named) or seen,
+        bool(fit.members or selection.named) or detected,
         struck=struck,
     )
 
@@ -265,7 +267,7 @@ def _answer(
 def _about(setup: Setup, search: Search, fit: Fit) -> Setup:
     """The setup about the joint fit, found in the full model: where columns are taken matters."""
     model = corrected(setup, search.fitter.space, fit)
-    active = [Active(one.candidate.effect, model.effect(one.name)) for one in model.members]
+    active = [Active(m.candidate.effect, model.effect(m.name)) for m in model.members]
     changes = changes_of(acting(active, setup.data.readings, setup.data.target))
     return moved_to(setup, {**setup.at, **model.free()}, changes)
 
@@ -274,25 +276,25 @@ State = tuple[Selection, tuple[Noise, ...], Search, Remaining]
 
 
 def _not_noise(
-    setup: Setup, now: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
+    setup: Setup, state: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
 ) -> State:
     """The state with names found as if the noise were white, where that is likelier by far.
 
     A strong effect along the path of the measurement looks like noise that wanders.
     """
-    found, noises, search, _ = now
-    white = tuple(replace(one, rho=0.0) for one in noises)
-    other, _ = searching(setup, white, *columns, search.thresholds)
-    tried = select(other, quick=True)
-    if not tried.fit.members:
-        return now
-    anew = noise_of(setup, contributions(setup, tried.fit))
-    again, generic = searching(setup, anew, *columns, search.thresholds)
-    fit = again.fitter.refined(tried.fit.members)
-    better = _minus_log(found.fit, search) - _minus_log(fit, again)
-    if better < search.thresholds.library:
-        return now
-    return select(again), anew, again, generic
+    selection, noises, search, _ = state
+    white = tuple(replace(noise, rho=0.0) for noise in noises)
+    white_search, _ = searching(setup, white, *columns, search.thresholds)
+    white_selection = select(white_search, quick=True)
+    if not white_selection.fit.members:
+        return state
+    new_noises = noise_of(setup, contributions(setup, white_selection.fit))
+    new_search, generic = searching(setup, new_noises, *columns, search.thresholds)
+    fit = new_search.fitter.refined(white_selection.fit.members)
+    gain = _minus_log(selection.fit, search) - _minus_log(fit, new_search)
+    if gain < search.thresholds.library:
+        return state
+    return select(new_search), new_noises, new_search, generic
 
 
 def _minus_log(fit: Fit, search: Search) -> float:
@@ -300,76 +302,76 @@ def _minus_log(fit: Fit, search: Search) -> float:
     total = fit.score - fit.rss
     n = search.fitter.space.readings
     for at, noise in enumerate(search.fitter.space.noises):
-        left = fit.residual[at * n : (at + 1) * n]
-        total += n * np.log(float(left @ left) / n) + 2.0 * float(np.sum(np.log(noise.sigma)))
+        r = fit.residual[at * n : (at + 1) * n]
+        total += n * np.log(float(r @ r) / n) + 2.0 * float(np.sum(np.log(noise.sigma)))
         total += (n - 1) * np.log(1.0 - noise.rho**2)
     return total
 
 
 def concluded(
-    setup: Setup, noises: Sequence[Noise], search: Search, generic: Remaining, found: Selection
+    setup: Setup, noises: Sequence[Noise], search: Search, generic: Remaining, selection: Selection
 ) -> Analysis:
     """What changes the scatter, rivals, forms that displace names, and what is left."""
     bare = Ground(setup, tuple(noises), search, generic)
-    ground, found, wider = _beside_scatter(bare, found)
+    ground, selection, scatter_effects = _beside_scatter(bare, selection)
     search = ground.search
-    verdict = judged(search, found.fit, generic, ground.empty)
-    others = rivals(search, found.fit, verdict.kept)
-    first = first_of_twins(found.fit, others, setup.data.target.population)
-    if first is not None:
-        found = replace(found, fit=first)
-        verdict = judged(search, first, generic, ground.empty)
-        others = rivals(search, first, verdict.kept)
-    seen = bool(bare.left.evidence.max(initial=0.0) > search.thresholds.generic)
-    odd = misfit(bare.batch, found.fit, next(iter(wider), None))
-    if odd is not None and odd.bent:
-        ground, wider = bare, ()
-        found = replace(found, fit=bare.batch.unmoved(found.fit))
+    verdict = judged(search, selection.fit, generic, ground.empty)
+    others = rivals(search, selection.fit, verdict.kept)
+    preferred = first_of_twins(selection.fit, others, setup.data.target.population)
+    if preferred is not None:
+        selection = replace(selection, fit=preferred)
+        verdict = judged(search, preferred, generic, ground.empty)
+        others = rivals(search, preferred, verdict.kept)
+    detected = bool(bare.left.evidence.max(initial=0.0) > search.thresholds.generic)
+    batch_misfit = misfit(bare.batch, selection.fit, next(iter(scatter_effects), None))
+    if batch_misfit is not None and batch_misfit.bent:
+        ground, scatter_effects = bare, ()
+        selection = replace(selection, fit=bare.batch.unmoved(selection.fit))
         search = bare.search
-        verdict = judged(search, found.fit, generic, bare.empty)
-        others = rivals(search, found.fit, verdict.kept)
+        verdict = judged(search, selection.fit, generic, bare.empty)
+        others = rivals(search, selection.fit, verdict.kept)
     return Analysis(
         bare,
         ground,
-        found,
+        selection,
         verdict,
         tuple(others),
-        bool(found.fit.members or wider or odd) or seen,
-        wider,
-        odd,
+        bool(selection.fit.members or scatter_effects or batch_misfit) or detected,
+        scatter_effects,
+        batch_misfit,
     )
 
 
 def _beside_scatter(
-    bare: Ground, found: Selection
+    bare: Ground, selection: Selection
 ) -> tuple[Ground, Selection, tuple[Scatter, ...]]:
     """The names once more beside what changes the scatter: a mixture moves the mean itself."""
-    ground, before = bare, found
-    if not bare.setup.laws or structured(bare.search, found.fit, bare.generic, bare.empty):
-        return bare, found, ()  # units that follow something do not scatter
-    fit, wider = _beside_any(bare, bare, found.fit)
-    for _ in range(ROUNDS if wider else 0):
-        ground = bare.with_scatter(wider[0])
-        names, found = found.fit.names, select(ground.search)
-        fit, wider = _beside_any(bare, ground, found.fit)
-        found = replace(found, fit=fit)
-        if not wider:  # what widened the units was a name that is no longer there
-            return bare, before, ()
+    ground, original = bare, selection
+    if not bare.setup.laws or structured(bare.search, selection.fit, bare.generic, bare.empty):
+        return bare, selection, ()  # units that follow something do not scatter
+    fit, scatter_effects = _beside_any(bare, bare, selection.fit)
+    for _ in range(ROUNDS if scatter_effects else 0):
+        ground = bare.with_scatter(scatter_effects[0])
+        names, selection = selection.fit.names, select(ground.search)
+        fit, scatter_effects = _beside_any(bare, ground, selection.fit)
+        selection = replace(selection, fit=fit)
+        if not scatter_effects:  # what widened the units was a name that is no longer there
+            return bare, original, ()
         if fit.names == names:
             break
-    if wider:
-        ground, best = bare.with_scatter(wider[0]), wider[0]
-        found = replace(found, fit=ground.search.fitter.refined(found.fit.members))
-        found = beside(
+    if scatter_effects:
+        ground, best = bare.with_scatter(scatter_effects[0]), scatter_effects[0]
+        selection = replace(selection, fit=ground.search.fitter.refined(selection.fit.members))
+        selection = beside(
             ground.search,
-            before,
-            found,
+            original,
+            selection,
             best.candidate.name,
             best.gain,
             best.threshold,
             best.held_out,
         )
-    return ground, found, wider
+    return ground, selection, scatter_effects
 
 
 def _beside_any(bare: Ground, ground: Ground, fit: Fit) -> tuple[Fit, tuple[Scatter, ...]]:
@@ -377,16 +379,16 @@ def _beside_any(bare: Ground, ground: Ground, fit: Fit) -> tuple[Fit, tuple[Scat
 
     A name that took the mean of a mixture for its own hides the mixture.
     """
-    fewer = [fit.without(at) for at in range(len(fit.members))]
-    tried = [fit, *(ground.search.fitter.fit(one) for one in fewer)]
-    tried += [ground.empty] if len(fewer) > 1 else []
+    reduced_sets = [fit.without(at) for at in range(len(fit.members))]
+    candidate_fits = [fit, *(ground.search.fitter.fit(reduced) for reduced in reduced_sets)]
+    candidate_fits += [ground.empty] if len(reduced_sets) > 1 else []
     best: tuple[float, Fit, tuple[Scatter, ...]] = (bare.batch.plain(fit), fit, ())
-    for one in tried:
-        found = scatter(bare.batch, one)
-        score = found[0].score + bare.batch.price(one) if found else np.inf
+    for candidate_fit in candidate_fits:
+        effects = scatter(bare.batch, candidate_fit)
+        score = effects[0].score + bare.batch.price(candidate_fit) if effects else np.inf
         if score < best[0]:
-            best = (score, one, found)
-    _, fit, found = best
-    if found and (members := bare.batch.with_level(fit, found[0])) != fit.members:
+            best = (score, candidate_fit, effects)
+    _, fit, effects = best
+    if effects and (members := bare.batch.with_level(fit, effects[0])) != fit.members:
         fit = ground.search.fitter.fit(members)
-    return fit, found
+    return fit, effects

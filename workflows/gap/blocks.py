@@ -54,12 +54,12 @@ class HeldOut:
     @cached_property
     def fitted(self) -> Array:
         """Predictions of the effects and the free parameters there (N,), in the outputs' units."""
-        found = np.zeros(len(self.white))
-        for one in self.folds:
-            of, base = self.fitter.columns.of, self.fitter.raw_base
-            raw = [base, *(of(member.candidate, member.shape) for member in one.members)]
-            found[one.rows] = np.hstack([part[one.rows] for part in raw]) @ one.coefficients
-        return found
+        predicted = np.zeros(len(self.white))
+        for fold in self.folds:
+            columns_of, base = self.fitter.columns.of, self.fitter.raw_base
+            raw = [base, *(columns_of(member.candidate, member.shape) for member in fold.members)]
+            predicted[fold.rows] = np.hstack([part[fold.rows] for part in raw]) @ fold.coefficients
+        return predicted
 
     def squares(self, labels: NDArray[np.int64]) -> Array:
         """Sum of squares in each block."""
@@ -71,38 +71,40 @@ def held_out(training: Training, members: Sequence[Member]) -> HeldOut:
     fitter, count = training.fitter, training.count
     white, folds = np.zeros(count), []
     known: dict[tuple[object, ...], tuple[Array, Trained]] = {}
-    for rows, chosen in zip(training.rows, training.chosen(members), strict=True):
-        key = tuple(one.key for one in chosen)
+    for rows, fold_members in zip(training.rows, training.chosen(members), strict=True):
+        key = tuple(member.key for member in fold_members)
         if key not in known:
-            x = np.hstack([fitter.base, *(fitter.white(one) for one in chosen)])
+            x = np.hstack([fitter.base, *(fitter.white(member) for member in fold_members)])
             known[key] = x, Trained.of(x, fitter.y)
         x, trained = known[key]
-        found = _admissible(trained.without(rows, fitter.y), chosen, x, fitter.y, rows)
-        white[rows] = fitter.y[rows] - x[rows] @ found
-        folds.append(Fold(rows, tuple(chosen), found))
+        coefficients = _admissible(trained.without(rows, fitter.y), fold_members, x, fitter.y, rows)
+        white[rows] = fitter.y[rows] - x[rows] @ coefficients
+        folds.append(Fold(rows, tuple(fold_members), coefficients))
     return HeldOut(white, fitter, tuple(folds))
 
 
-def _admissible(found: Array, members: Sequence[Member], x: Array, y: Array, out: Rows) -> Array:
+def _admissible(
+    coefficients: Array, members: Sequence[Member], x: Array, y: Array, out: Rows
+) -> Array:
     """Coefficients (k,) within the bounds of the effects, fitted to all rows but `out`; those of
     effects whose size is in a nonlinear parameter are free.
     """
-    bounds = [one.candidate.bounds for one in members if not one.candidate.alone]
-    sizes = [1 if one.candidate.alone else len(one.candidate.linear) for one in members]
-    own = np.repeat([not one.candidate.alone for one in members], sizes)
-    low, high = np.full(len(found), -np.inf), np.full(len(found), np.inf)
-    at = len(found) - len(own) + np.flatnonzero(own)
+    bounds = [member.candidate.bounds for member in members if not member.candidate.alone]
+    sizes = [1 if member.candidate.alone else len(member.candidate.linear) for member in members]
+    is_bounded = np.repeat([not member.candidate.alone for member in members], sizes)
+    low, high = np.full(len(coefficients), -np.inf), np.full(len(coefficients), np.inf)
+    at = len(coefficients) - len(is_bounded) + np.flatnonzero(is_bounded)
     if not len(at):
-        return found
+        return coefficients
     low[at], high[at] = (np.concatenate(ends) for ends in zip(*bounds, strict=True))
-    if (found >= low).all() and (found <= high).all():
-        return found
-    seen = np.ones(len(x), dtype=bool)
-    seen[out] = False
+    if (coefficients >= low).all() and (coefficients <= high).all():
+        return coefficients
+    training = np.ones(len(x), dtype=bool)
+    training[out] = False
     size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
-    q, r = np.linalg.qr(x[seen] / size)
+    q, r = np.linalg.qr(x[training] / size)
     ends = (low * size, high * size)
-    return np.asarray(optimize.lsq_linear(r, q.T @ y[seen], ends, method="bvls").x / size)
+    return np.asarray(optimize.lsq_linear(r, q.T @ y[training], ends, method="bvls").x / size)
 
 
 @dataclass(frozen=True)
@@ -130,9 +132,9 @@ class Trained:
 
     def without(self, out: Rows, y: Array) -> Array:
         """Coefficients of a fit that never saw the rows `out`."""
-        mine = self.q[out]
-        gram = np.eye(len(self.product)) - mine.T @ mine
-        turned = np.linalg.lstsq(gram, self.product - mine.T @ y[out], rcond=1e-12)[0]
+        held_out_basis = self.q[out]
+        gram = np.eye(len(self.product)) - held_out_basis.T @ held_out_basis
+        turned = np.linalg.lstsq(gram, self.product - held_out_basis.T @ y[out], rcond=1e-12)[0]
         return np.asarray(self.back @ turned)
 
 
@@ -156,11 +158,11 @@ class Training:
     """
 
     def __init__(
-        self, fitter: Fitter, labels: NDArray[np.int64], book: Dictionary, white: Groups
+        self, fitter: Fitter, labels: NDArray[np.int64], dictionary: Dictionary, white: Groups
     ) -> None:
         self.fitter, self.count = fitter, len(labels)
-        self.rows = [_rows(np.flatnonzero(labels == one)) for one in np.unique(labels)]
-        self._book, self._white = book, white
+        self.rows = [_rows(np.flatnonzero(labels == label)) for label in np.unique(labels)]
+        self._book, self._white = dictionary, white
         self._grids: dict[str, Grid] = {}
         self._beside: dict[tuple[object, ...], Array] = {}
 
@@ -172,21 +174,21 @@ class Training:
         """For each block the members with the nonlinear parameters that all other rows choose, in
         turn; those of the whole record stay where these rows do not exclude them.
         """
-        found = [list(members) for _ in self.rows]
-        for at, one in enumerate(members):
-            if not one.shape:
+        by_block = [list(members) for _ in self.rows]
+        for at, member in enumerate(members):
+            if not member.shape:
                 continue
             alike: dict[tuple[object, ...], list[int]] = {}
-            for block, path in enumerate(found):
-                alike.setdefault(tuple(each.key for each in path), []).append(block)
-            first, _ = self._book.places[one.name]
+            for block, block_members in enumerate(by_block):
+                alike.setdefault(tuple(m.key for m in block_members), []).append(block)
+            first, _ = self._book.places[member.name]
             for blocks in alike.values():
-                grid, own = self.gains(found[blocks[0]], at, blocks)
+                grid, kept = self.gains(by_block[blocks[0]], at, blocks)
                 best = np.argmax(grid >= (1.0 - ALIKE) * grid.max(axis=1, keepdims=True), axis=1)
-                for block, k, gains, mine in zip(blocks, best, grid, own[:, 0], strict=True):
-                    if gains[k] > mine + SURE:
-                        found[block][at] = self._book.members[first + int(k)]
-        return found
+                for block, k, gains, kept_gain in zip(blocks, best, grid, kept[:, 0], strict=True):
+                    if gains[k] > kept_gain + SURE:
+                        by_block[block][at] = self._book.members[first + int(k)]
+        return by_block
 
     def gains(
         self, members: Sequence[Member], at: int, blocks: Sequence[int]
@@ -194,21 +196,21 @@ class Training:
         """Gains (b, g) of all grid points of one member beside the others, and (b, 1) of the member
         as it is, in all rows but those of each of some blocks.
         """
-        fitter, one = self.fitter, members[at]
+        fitter, member = self.fitter, members[at]
         others = [other for k, other in enumerate(members) if k != at]
         z = np.hstack([fitter.q, *(unit(fitter.white(other)) for other in others)])
-        beside = Beside.of(self.products(z, z)[blocks], self._with_record(z)[blocks])
-        white = fitter.white(one)
-        start, sided = np.zeros(1, dtype=np.int64), np.array([one.candidate.one_sided])
-        whole, own = self._grid(one.name), self._as_grid(Groups(white, start, sided))
-        parts = [self._with_grid((), fitter.q, one.name)]
-        parts += [self._with_grid(each.key, fitter.white(each), one.name) for each in others]
+        given_others = Beside.of(self.products(z, z)[blocks], self._with_record(z)[blocks])
+        white = fitter.white(member)
+        start, sided = np.zeros(1, dtype=np.int64), np.array([member.candidate.one_sided])
+        whole, kept = self._grid(member.name), self._as_grid(Groups(white, start, sided))
+        parts = [self._with_grid((), fitter.q, member.name)]
+        parts += [self._with_grid(other.key, fitter.white(other), member.name) for other in others]
 
         def gains(grid: Grid, with_z: Array) -> Array:
             grams = [gram[blocks] for gram in grid.grams]
-            return beside.gains(grid.groups, with_z[blocks], grid.with_record[blocks], grams)
+            return given_others.gains(grid.groups, with_z[blocks], grid.with_record[blocks], grams)
 
-        return gains(whole, np.concatenate(parts, axis=1)), gains(own, self.products(z, white))
+        return gains(whole, np.concatenate(parts, axis=1)), gains(kept, self.products(z, white))
 
     def _grid(self, name: str) -> Grid:
         if name not in self._grids:
@@ -218,7 +220,8 @@ class Training:
     def _as_grid(self, groups: Groups) -> Grid:
         parts = [groups.grams(rows) for rows in self.rows]
         grams = tuple(
-            whole - np.stack(each) for whole, *each in zip(groups.grams(), *parts, strict=True)
+            whole - np.stack(block_grams)
+            for whole, *block_grams in zip(groups.grams(), *parts, strict=True)
         )
         return Grid(groups, grams, self._with_record(groups.columns))
 
@@ -236,8 +239,8 @@ class Training:
 
 def _rows(at: NDArray[np.int64]) -> Rows:
     """Rows that follow each other as a slice, which copies nothing."""
-    whole = len(at) and int(at[-1]) - int(at[0]) + 1 == len(at)
-    return slice(int(at[0]), int(at[-1]) + 1) if whole else at
+    contiguous = len(at) and int(at[-1]) - int(at[0]) + 1 == len(at)
+    return slice(int(at[0]), int(at[-1]) + 1) if contiguous else at
 
 
 @dataclass(frozen=True)

@@ -27,14 +27,14 @@ def in_time(frame: pd.DataFrame, columns: Sequence[Column], notes: list[str]) ->
     time = clock_of(columns, frame)
     if time is None:
         return frame
-    own = _own_clocks(frame, time)
-    steps = _steps(frame, time, own)
+    separate_clocks = _own_clocks(frame, time)
+    steps = _steps(frame, time, separate_clocks)
     if (steps < 0).any():
         count = int((steps < 0).sum())
         notes.append(f"{time} goes back {count} times; the rows were put in the order of {time}")
-        frame = _sorted(frame, time, own)
-        steps = _steps(frame, time, own)
-    if own:
+        frame = _sorted(frame, time, separate_clocks)
+        steps = _steps(frame, time, separate_clocks)
+    if separate_clocks:
         notes.append(
             f"{time} begins anew in each {SESSION}: rows are in the order of the sessions "
             "in the file, and effects of time count within a session"
@@ -54,16 +54,16 @@ def clock_of(columns: Sequence[Column], frame: pd.DataFrame) -> str | None:
 
 def late(frame: pd.DataFrame, columns: Sequence[Column]) -> list[str]:
     """Clocks that do not begin near 0: effects that count the time from there meet another one."""
-    found = []
+    messages = []
     for column in columns:
         if column.role is Role.TIME and column.name in frame:
             first, span = float(frame[column.name].min()), float(np.ptp(frame[column.name]))
             if abs(first) > LATE * span:
-                found.append(
+                messages.append(
                     f"{column.name} begins at {first:g} {column.unit}: wear and creep "
                     "count from 0; subtract what had passed before"
                 )
-    return found
+    return messages
 
 
 def clock_faults(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
@@ -71,13 +71,13 @@ def clock_faults(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> 
     time = clock_of(columns, frame)
     if time is None or SESSION not in frame:
         return []
-    found = []
+    faults = []
     for label, part in frame.groupby(SESSION, sort=False):
         t = part[time].to_numpy(dtype=float)
         back = np.flatnonzero(np.diff(t) < 0.0) + 1
         if 0 < len(back) <= max(1.0, FEW * len(t)):
             rows = ", ".join(str(part.index[at]) for at in back[:5])
-            found.append(
+            faults.append(
                 Fault(
                     f"{place}: column {time}",
                     f"is set back within {SESSION} {label}, "
@@ -85,7 +85,7 @@ def clock_faults(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> 
                     f"{SESSION} of its own, or one time from end to end",
                 )
             )
-    return found
+    return faults
 
 
 def _own_clocks(frame: pd.DataFrame, time: str) -> bool:
@@ -95,17 +95,17 @@ def _own_clocks(frame: pd.DataFrame, time: str) -> bool:
     return own_clocks(frame[SESSION].to_numpy(), frame[time].to_numpy(dtype=float))
 
 
-def _steps(frame: pd.DataFrame, time: str, own: bool) -> NDArray[Any]:
+def _steps(frame: pd.DataFrame, time: str, separate_clocks: bool) -> NDArray[Any]:
     """Steps of the clock from row to row, within sessions where each has its own."""
     steps = np.diff(frame[time].to_numpy(dtype=float))
-    if not own:
+    if not separate_clocks:
         return steps
     label = frame[SESSION].to_numpy()
     return np.asarray(steps[label[1:] == label[:-1]])
 
 
-def _sorted(frame: pd.DataFrame, time: str, own: bool) -> pd.DataFrame:
-    if not own:
+def _sorted(frame: pd.DataFrame, time: str, separate_clocks: bool) -> pd.DataFrame:
+    if not separate_clocks:
         return frame.sort_values(time, kind="stable")
     number = pd.Series(pd.factorize(frame[SESSION])[0], index=frame.index)
     return (

@@ -64,7 +64,7 @@ class Corrected:
 
     def widened(self, by: Mapping[tuple[str, str], float]) -> Corrected:
         """The same with more variance in some numbers, by owner and name."""
-        more = np.array([by.get((one.owner, one.name), 0.0) for one in self.numbers])
+        more = np.array([by.get((number.owner, number.name), 0.0) for number in self.numbers])
         covariance = self.covariance + np.diag(more)
         errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         return replace(self, covariance=covariance, errors=errors, more=by)
@@ -76,62 +76,68 @@ class Corrected:
         known of them says nothing of its size. Numbers count over their standard errors: in their
         units they may be millions apart.
         """
-        linear = {one.name for one in member.candidate.linear}
-        own = [k for k, one in enumerate(self.numbers) if one.owner == member.name]
-        rounded = any(one.candidate.alone for one in self.members)  # has no derivatives
-        sizes = [k for k in own if self.numbers[k].name in linear]
+        linear = {number.name for number in member.candidate.linear}
+        indices = [k for k, number in enumerate(self.numbers) if number.owner == member.name]
+        rounded = any(member.candidate.alone for member in self.members)  # has no derivatives
+        sizes = [k for k in indices if self.numbers[k].name in linear]
         if rounded or not sizes or not np.isfinite(self.errors[sizes]).all():
             return False
-        own = [k for k in own if k in sizes or 0.0 < self.errors[k] < np.inf]
-        errors = np.maximum(self.errors[own], 1e-300)
-        alike = self.covariance[np.ix_(own, own)] / errors / errors[:, None]
-        here = [own.index(k) for k in sizes]
-        known = np.linalg.pinv(alike, rcond=1e-12, hermitian=True)[np.ix_(here, here)]
+        indices = [k for k in indices if k in sizes or 0.0 < self.errors[k] < np.inf]
+        errors = np.maximum(self.errors[indices], 1e-300)
+        correlation = self.covariance[np.ix_(indices, indices)] / errors / errors[:, None]
+        here = [indices.index(k) for k in sizes]
+        precision = np.linalg.pinv(correlation, rcond=1e-12, hermitian=True)[np.ix_(here, here)]
         ratio = self.values[sizes] / errors[here]
-        statistic = float(ratio @ known @ ratio) / len(sizes)
+        statistic = float(ratio @ precision @ ratio) / len(sizes)
         level = self.plan.settings.interval
         return statistic < float(special.fdtri(len(sizes), self.freedom, level))
 
     def free(self) -> dict[str, float]:
         """Recalibrated parameters of the model by name."""
-        return {one.name: float(value) for one, value in self._of("free")}
+        return {number.name: float(value) for number, value in self._of("free")}
 
     def effect(self, name: str) -> dict[str, float]:
         """Parameters of an effect by name."""
-        member = next(one for one in self.members if one.name == name)
-        found = {k.name: float(member.shape[k.name]) for k in member.candidate.shape if k.choices}
-        return found | {one.name: float(v) for one, v in self._of("effect") if one.owner == name}
+        member = next(member for member in self.members if member.name == name)
+        chosen = {p.name: float(member.shape[p.name]) for p in member.candidate.shape if p.choices}
+        return chosen | {
+            number.name: float(v) for number, v in self._of("effect") if number.owner == name
+        }
 
     def interval(self, owner: str, name: str) -> tuple[float, float]:
         """Its linearised interval, within its bounds; nan where it was not fitted."""
         half = float(special.stdtrit(self.freedom, 0.5 + 0.5 * self.plan.settings.interval))
         half *= min(1.0 + CHOSEN * max(len(self.members) - 1, 0), MOST_CHOSEN)
-        for one, value, error in zip(self.numbers, self.values, self.errors, strict=True):
-            if (one.owner, one.name) == (owner, name):
-                ends = np.clip([value - half * error, value + half * error], one.low, one.high)
+        for number, value, error in zip(self.numbers, self.values, self.errors, strict=True):
+            if (number.owner, number.name) == (owner, name):
+                ends = np.clip(
+                    [value - half * error, value + half * error], number.low, number.high
+                )
                 return float(ends[0]), float(ends[1])
         return float("nan"), float("nan")
 
     def _of(self, kind: str) -> list[tuple[Number, float]]:
         pairs = zip(self.numbers, self.values.tolist(), strict=True)
-        return [(one, value) for one, value in pairs if one.kind == kind]
+        return [(number, value) for number, value in pairs if number.kind == kind]
 
     def predicted(self, data: GapData, values: Array | None = None) -> dict[str, Array]:
         """Every measured output (n,) at rows of data."""
-        at = self if values is None else replace(self, values=values)
-        active = [Active(one.candidate.effect, at.effect(one.name)) for one in self.members]
+        model = self if values is None else replace(self, values=values)
+        active = [
+            Active(member.candidate.effect, model.effect(member.name)) for member in self.members
+        ]
         actions = acting(active, data.readings, data.target)
-        means = {} if at.plan.model is None else at._means(data)
-        outputs = at._model(data, changes_of(actions))
-        for one, value in at._of("zero"):
-            outputs[one.name] = outputs[one.name] + value
+        means = {} if model.plan.model is None else model._means(data)
+        outputs = model._model(data, changes_of(actions))
+        for number, value in model._of("zero"):
+            outputs[number.name] = outputs[number.name] + value
         return added(outputs, actions, means, np.random.default_rng(self.plan.seed))
 
     def _model(self, data: GapData, changes: Mapping[str, Array]) -> dict[str, Array]:
         plan = self.plan
         model = plan.rebuild(self.free()) if plan.rebuild and self.free() else plan.model
-        found = predictor(plan, data, model)(changes)
-        return {o.name: found[o.name] for o in data.outputs}
+        outputs = predictor(plan, data, model)(changes)
+        return {o.name: outputs[o.name] for o in data.outputs}
 
     def _means(self, data: GapData) -> Mapping[str, float]:
         return self.plan.model.means() if self.plan.model and data.target.population else {}
@@ -145,24 +151,24 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
     those of the noise as it is.
     """
     numbers, start = _numbers(setup, fit)
-    found = Corrected(setup.plan, fit.members, numbers, start, np.full(len(start), np.nan), 1)
-    scale = np.array([one.scale for one in numbers])
+    model = Corrected(setup.plan, fit.members, numbers, start, np.full(len(start), np.nan), 1)
+    scale = np.array([number.scale for number in numbers])
     used = space.plain() if setup.free or plain else space
-    low = np.array([one.low for one in numbers]) / scale
-    high = np.array([one.high for one in numbers]) / scale
+    low = np.array([number.low for number in numbers]) / scale
+    high = np.array([number.high for number in numbers]) / scale
     x = np.clip(start / scale, low + 1e-9 * (high > low), high - 1e-9 * (high > low))
     jacobian = np.zeros((space.readings * len(space.noises) + space.prior, 0))
     if len(x):
-        again = least_squares(
-            _residual(setup, used, found, scale), x, (low, high), _promised(setup, used, fit)
+        fitted = least_squares(
+            _residual(setup, used, model, scale), x, (low, high), _promised(setup, used, fit)
         )
-        x, jacobian = _snapped(again.x, low, high), np.asarray(again.jac)
-        left = np.asarray(again.fun)
+        x, jacobian = _snapped(fitted.x, low, high), np.asarray(fitted.jac)
+        residuals = np.asarray(fitted.fun)
         if (np.abs(x) < STEP).any():  # steps of its own size say nothing of a number that is none
-            jacobian = _derivatives(_residual(setup, used, found, scale), x, left, high)
+            jacobian = _derivatives(_residual(setup, used, model, scale), x, residuals, high)
     else:
-        left = np.zeros(len(jacobian))
-    return _with_errors(found, (space, used), (x, scale), jacobian, left)
+        residuals = np.zeros(len(jacobian))
+    return _with_errors(model, (space, used), (x, scale), jacobian, residuals)
 
 
 def _promised(setup: Setup, used: Space, fit: Fit) -> float:
@@ -177,11 +183,11 @@ def least_squares(
     """Least squares from x (k,) within bounds; once more in larger steps where much more is left
     than was promised, and the better of both.
     """
-    found = optimize.least_squares(residual, x, bounds=ends, max_nfev=12, diff_step=[STEP])
-    if 2.0 * found.cost <= AS_SAID * promised:
-        return found
-    again = optimize.least_squares(residual, x, bounds=ends, max_nfev=MORE, diff_step=[COARSE])
-    return again if again.cost < found.cost else found
+    first = optimize.least_squares(residual, x, bounds=ends, max_nfev=12, diff_step=[STEP])
+    if 2.0 * first.cost <= AS_SAID * promised:
+        return first
+    second = optimize.least_squares(residual, x, bounds=ends, max_nfev=MORE, diff_step=[COARSE])
+    return second if second.cost < first.cost else first
 
 
 def _snapped(x: Array, low: Array, high: Array) -> Array:
@@ -191,21 +197,21 @@ def _snapped(x: Array, low: Array, high: Array) -> Array:
 
 
 def _with_errors(
-    found: Corrected,
+    model: Corrected,
     spaces: tuple[Space, Space],
     at: tuple[Array, Array],
     jacobian: Array,
-    left: Array,
+    residuals: Array,
 ) -> Corrected:
     """A corrected model at numbers in their scales, with its covariance from the derivatives and
     the residual there; `spaces` are that of the noise, and that of the fit.
     """
     (space, used), (x, scale) = spaces, at
-    seen = _by_stretches(jacobian, left, space)
-    covariance = _larger(_covariance(jacobian, space, used), seen) * np.outer(scale, scale)
+    empirical = _by_stretches(jacobian, residuals, space)
+    covariance = _larger(_covariance(jacobian, space, used), empirical) * np.outer(scale, scale)
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     freedom = max(min(space.count - len(scale), max(_stretches(space) - 1, FEWEST)), 1)
-    return replace(found, values=x * scale, errors=errors, freedom=freedom, covariance=covariance)
+    return replace(model, values=x * scale, errors=errors, freedom=freedom, covariance=covariance)
 
 
 def _residual(
@@ -213,9 +219,12 @@ def _residual(
 ) -> Callable[[Array], Array]:
     """Whitened residual (N,) and distance from the tolerances, of numbers (k,) in their scale."""
     measured = setup.data.whole(setup.data.measured)
-    free = np.array([one.kind == "free" for one in model.numbers], dtype=bool)
+    free = np.array([number.kind == "free" for number in model.numbers], dtype=bool)
     middle = np.array(
-        [nominal(setup.plan, one.name) if one.kind == "free" else 0.0 for one in model.numbers]
+        [
+            nominal(setup.plan, number.name) if number.kind == "free" else 0.0
+            for number in model.numbers
+        ]
     )
 
     def residual(x: Array) -> Array:
@@ -250,33 +259,35 @@ def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Correcte
     one column of derivatives held at a time in each row's precision.
     """
     numbers, _ = _numbers(setup, fit)
-    scale = np.array([one.scale for one in numbers])
+    scale = np.array([number.scale for number in numbers])
     low, high = (np.array(ends) for ends in ([n.low for n in numbers], [n.high for n in numbers]))
-    found = replace(model, numbers=numbers)
-    residual = _residual(setup, space, found, scale)
+    renumbered = replace(model, numbers=numbers)
+    residual = _residual(setup, space, renumbered, scale)
     x = model.values / scale
-    left, jacobian = residual(x), np.empty((0, len(x)))
+    residuals, jacobian = residual(x), np.empty((0, len(x)))
     for _ in range(STEPS):
-        left = residual(x)
-        jacobian = _derivatives(residual, x, left, high / scale)
-        away = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12) @ (jacobian.T @ left)
-        x = np.clip((x - away) * scale, low, high) / scale
-        if float(np.abs(away).max(initial=0.0)) < CONVERGED:
+        residuals = residual(x)
+        jacobian = _derivatives(residual, x, residuals, high / scale)
+        step = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12) @ (jacobian.T @ residuals)
+        x = np.clip((x - step) * scale, low, high) / scale
+        if float(np.abs(step).max(initial=0.0)) < CONVERGED:
             break
-    return _with_errors(found, (space, space), (x, scale), jacobian, left)
+    return _with_errors(renumbered, (space, space), (x, scale), jacobian, residuals)
 
 
-def _derivatives(residual: Callable[[Array], Array], x: Array, left: Array, high: Array) -> Array:
+def _derivatives(
+    residual: Callable[[Array], Array], x: Array, residuals: Array, high: Array
+) -> Array:
     """Derivatives (N, k) of a residual that is `left` (N,) at numbers x (k,), below `high`."""
-    found = np.empty((len(left), len(x)), order="F")
+    jacobian = np.empty((len(residuals), len(x)), order="F")
     for k in range(len(x)):
         moved = x.copy()
         moved[k] += STEP * max(abs(x[k]), 1.0) * (-1.0 if x[k] + STEP > high[k] else 1.0)
-        found[:, k] = (residual(moved) - left) / (moved[k] - x[k])
-    return found
+        jacobian[:, k] = (residual(moved) - residuals) / (moved[k] - x[k])
+    return jacobian
 
 
-def _by_stretches(jacobian: Array, left: Array, space: Space) -> Array:
+def _by_stretches(jacobian: Array, residuals: Array, space: Space) -> Array:
     """Covariance from the residuals themselves, stretches of the record as units.
 
     Reference: Liang and Zeger, Biometrika 73, 1986. Misfit that goes on from row to row widens it.
@@ -289,7 +300,7 @@ def _by_stretches(jacobian: Array, left: Array, space: Space) -> Array:
     for start in range(0, n * len(space.noises), n):
         for k in range(count):
             rows = slice(start + edges[k], start + edges[k + 1])
-            sums[k] += jacobian[rows].T @ left[rows]
+            sums[k] += jacobian[rows].T @ residuals[rows]
     inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
     return np.asarray(inverse @ (sums.T @ sums) @ inverse * count / (count - 1))
 
@@ -299,9 +310,9 @@ def _stretches(space: Space) -> int:
     return int(np.clip(space.readings // LEAST_ROWS, 2, STRETCHES))
 
 
-def _larger(model: Array, seen: Array) -> Array:
+def _larger(model: Array, empirical: Array) -> Array:
     """The covariance of the noise, each number's variance at least that which is seen."""
-    ratio = np.diag(seen) / np.maximum(np.diag(model), 1e-300)
+    ratio = np.diag(empirical) / np.maximum(np.diag(model), 1e-300)
     wider = np.sqrt(np.maximum(ratio, 1.0))
     return np.asarray(model * np.outer(wider, wider))
 
@@ -321,17 +332,19 @@ def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:
         start.append(value)
     for member, coefficients in zip(fit.members, fit.coefficients, strict=True):
         values = member.candidate.values(member.shape, coefficients)
-        for one in (*member.candidate.linear, *member.candidate.shape):
-            if one.choices:
+        for parameter in (*member.candidate.linear, *member.candidate.shape):
+            if parameter.choices:
                 continue
-            value = values[one.name]
+            value = values[parameter.name]
             size = _size(member, values)
             size = (abs(value) if abs(value) > NOTHING * size else size) or 1.0
-            numbers.append(Number("effect", member.name, one.name, one.low, one.high, size))
+            numbers.append(
+                Number("effect", member.name, parameter.name, parameter.low, parameter.high, size)
+            )
             start.append(value)
     return tuple(numbers), np.array(start, dtype=float)
 
 
 def _size(member: Member, values: Mapping[str, float]) -> float:
     """The size of a coefficient's largest neighbour."""
-    return max((abs(values[one.name]) for one in member.candidate.linear), default=0.0)
+    return max((abs(values[parameter.name]) for parameter in member.candidate.linear), default=0.0)

@@ -14,9 +14,9 @@ CLOSE = 0.98
 """Correlation above which two columns carry the same."""
 
 
-def alike(one: pd.Series[Any], other: pd.Series[Any]) -> bool:
+def alike(first: pd.Series[Any], second: pd.Series[Any]) -> bool:
     """Whether two columns of numbers are equal but for rounding."""
-    a, b = one.to_numpy(dtype=float), other.to_numpy(dtype=float)
+    a, b = first.to_numpy(dtype=float), second.to_numpy(dtype=float)
     spread = max(float(np.ptp(a)), float(np.abs(a).max(initial=0.0)) * 1e-6)
     return bool(np.abs(a - b).max(initial=0.0) <= 1e-9 * spread)
 
@@ -36,10 +36,10 @@ def told_apart(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
     size = np.atleast_2d(np.abs(np.corrcoef(values, rowvar=False)))
     close = [(i, k) for i, k in combinations(range(len(moving)), 2) if size[i, k] > CLOSE]
     for i, k in close:
-        one, other = moving[i], moving[k]
-        same = "is a copy of" if alike(frame[one], frame[other]) else "follows"
+        first, second = moving[i], moving[k]
+        same = "is a copy of" if alike(frame[first], frame[second]) else "follows"
         notes.append(
-            f"{one} {same} {other}: what depends on the one cannot be told from what "
+            f"{first} {same} {second}: what depends on the one cannot be told from what "
             "depends on the other"
         )
     if not close:

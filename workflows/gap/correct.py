@@ -23,14 +23,14 @@ from .unresolved import is_term
 
 def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...] = ()) -> str:
     """The run configuration (where there is one) with model, parameters, zeros and effects."""
-    found: dict[str, Any] = deepcopy(dict(plan.run))
-    if not found:
-        found = {
+    configuration: dict[str, Any] = deepcopy(dict(plan.run))
+    if not configuration:
+        configuration = {
             k: deepcopy(v) for k, v in plan.tables.items() if k not in ("effect", "unresolved")
         }
-    found["model"] = plan.model_name
-    found.setdefault("seed", plan.seed)
-    parameters = dict(found.get("parameters", {})) | dict(plan.given)
+    configuration["model"] = plan.model_name
+    configuration.setdefault("seed", plan.seed)
+    parameters = dict(configuration.get("parameters", {})) | dict(plan.given)
     for name, value in model.free().items():
         table, dot, key = name.partition(".")
         if dot:
@@ -38,44 +38,49 @@ def corrected_toml(plan: GapPlan, model: Corrected, scatter: tuple[Scatter, ...]
         else:
             parameters[name] = value
     if parameters:
-        found["parameters"] = parameters
-    if "variables" in found:
-        found["variables"] = _at_mids(found["variables"], model.free())
-    if turned := {name: one for name, one in plan.sense.items() if one < 0}:
-        found["sense"] = turned
+        configuration["parameters"] = parameters
+    if "variables" in configuration:
+        configuration["variables"] = _at_mids(configuration["variables"], model.free())
+    if turned := {name: sense for name, sense in plan.sense.items() if sense < 0}:
+        configuration["sense"] = turned
     if zero := _zero(plan, model):
-        found["zero"] = zero
-    terms = [_unresolved(one, model) for one in model.members if is_term(one)]
+        configuration["zero"] = zero
+    terms = [_unresolved(member, model) for member in model.members if is_term(member)]
     more = [
-        {"name": one.name, "parameters": model.effect(one.name)}
-        for one in model.members
-        if not is_term(one)
+        {"name": member.name, "parameters": model.effect(member.name)}
+        for member in model.members
+        if not is_term(member)
     ]
     # first: what moves units is not stretched with their scatter
-    first = [{"name": one.candidate.name, "parameters": one.numbers} for one in scatter]
-    effects = [*first, *found.get("effect", []), *plan.tables.get("effect", []), *more]
+    first = [
+        {"name": scatter_effect.candidate.name, "parameters": scatter_effect.numbers}
+        for scatter_effect in scatter
+    ]
+    effects = [*first, *configuration.get("effect", []), *plan.tables.get("effect", []), *more]
     if effects:
-        found["effect"] = effects
-    if terms := [*found.get("unresolved", []), *plan.tables.get("unresolved", []), *terms]:
-        found["unresolved"] = terms
+        configuration["effect"] = effects
+    if terms := [*configuration.get("unresolved", []), *plan.tables.get("unresolved", []), *terms]:
+        configuration["unresolved"] = terms
     if plan.model is None:
-        found |= {"columns": {name: _column(one) for name, one in plan.columns.items()}}
-    scalars = {k: v for k, v in found.items() if not isinstance(v, dict | list)}
-    return tomli_w.dumps(_plain({**scalars, **found}))
+        configuration |= {
+            "columns": {name: _column(column) for name, column in plan.columns.items()}
+        }
+    scalars = {k: v for k, v in configuration.items() if not isinstance(v, dict | list)}
+    return tomli_w.dumps(_plain({**scalars, **configuration}))
 
 
 def _at_mids(variables: Mapping[str, Any], free: Mapping[str, float]) -> dict[str, Any]:
     """The `[variables]` with the mid-limits that were recalibrated, where they state their own."""
-    found = dict(variables)
-    for name, one in variables.items():
+    updated = dict(variables)
+    for name, variable in variables.items():
         mid = free.get("{}_mid_{}".format(*split_unit(name)))
-        if mid is not None and "limits" in one:
-            half = Zone.of_text(one["limits"]).half_width
-            kept = {key: value for key, value in one.items() if key != "limits"}
-            found[name] = {"value": half, "mid": mid, **kept}
-        elif mid is not None and "mid" in one:
-            found[name] = {**one, "mid": mid}
-    return found
+        if mid is not None and "limits" in variable:
+            half = Zone.of_text(variable["limits"]).half_width
+            kept = {key: value for key, value in variable.items() if key != "limits"}
+            updated[name] = {"value": half, "mid": mid, **kept}
+        elif mid is not None and "mid" in variable:
+            updated[name] = {**variable, "mid": mid}
+    return updated
 
 
 def in_problem(
@@ -86,17 +91,21 @@ def in_problem(
         return effects
     name = plan.run["problem"]
     try:
-        does = plan.counterparts(text)
+        counterparts = plan.counterparts(text)
     except InputError as error:
-        why = "; ".join(f"{one.place}: {one.message}" for one in error.faults)
+        why = "; ".join(f"{fault.place}: {fault.message}" for fault in error.faults)
         return tuple(
-            replace(one, in_problem=False, counterpart=f"{name} does not take it: {why}")
-            for one in effects
+            replace(effect, in_problem=False, counterpart=f"{name} does not take it: {why}")
+            for effect in effects
         )
     none = f"no counterpart in {name}: the allocation does not change"
     return tuple(
-        replace(one, in_problem=bool(does.get(one.name)), counterpart=does.get(one.name) or none)
-        for one in effects
+        replace(
+            effect,
+            in_problem=bool(counterparts.get(effect.name)),
+            counterpart=counterparts.get(effect.name) or none,
+        )
+        for effect in effects
     )
 
 
@@ -109,24 +118,24 @@ def _unresolved(member: Member, model: Corrected) -> dict[str, Any]:
 def _zero(plan: GapPlan, model: Corrected) -> dict[str, float]:
     """What the instrument adds to each output: known before, and fitted."""
     fitted = {
-        one.name: float(value)
-        for one, value in zip(model.numbers, model.values, strict=True)
-        if one.kind == "zero"
+        number.name: float(value)
+        for number, value in zip(model.numbers, model.values, strict=True)
+        if number.kind == "zero"
     }
     names = dict.fromkeys([*plan.zero, *fitted])
     return {name: plan.zero.get(name, 0.0) + fitted.get(name, 0.0) for name in names}
 
 
-def _column(one: Any) -> dict[str, Any]:
-    parts = {"role": one.role, "unit": one.unit, "of": one.of}
-    turned = {"sense": one.sense} if one.sense < 0 else {}
+def _column(column: Any) -> dict[str, Any]:
+    parts = {"role": column.role, "unit": column.unit, "of": column.of}
+    turned = {"sense": column.sense} if column.sense < 0 else {}
     return {key: value for key, value in parts.items() if value} | turned
 
 
 def _plain(value: Any) -> Any:
     """Values as TOML has them."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items() if one is not None}
+        return {str(key): _plain(entry) for key, entry in value.items() if entry is not None}
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_plain(entry) for entry in value]
     return value.item() if hasattr(value, "item") else value

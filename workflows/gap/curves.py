@@ -28,18 +28,20 @@ def as_curve(fitter: Fitter, fit: Fit, small: int, large: int, data: GapData) ->
     What the larger member could do of it, every reading counting the same, is its own: its numbers
     are then those of its formula alone.
     """
-    one, other = fit.members[small], fit.members[large]
-    did, its = (fitter.columns.of(m.candidate, m.shape) for m in (one, other))
-    did, q = did @ fit.coefficients[small], basis(fitter.raw_base)
-    shared = np.linalg.lstsq(beside(its, q), beside(did, q), rcond=1e-9)[0]
-    parts = np.split(did - its @ shared, len(data.outputs))
+    small_member, large_member = fit.members[small], fit.members[large]
+    contribution, large_columns = (
+        fitter.columns.of(m.candidate, m.shape) for m in (small_member, large_member)
+    )
+    contribution, q = contribution @ fit.coefficients[small], basis(fitter.raw_base)
+    shared = np.linalg.lstsq(beside(large_columns, q), beside(contribution, q), rcond=1e-9)[0]
+    parts = np.split(contribution - large_columns @ shared, len(data.outputs))
     acting = [at for at, part in enumerate(parts) if np.any(part)]
-    variables = acts_in(one.candidate.effect.needs) - {Role.DIRECTION}
+    variables = acts_in(small_member.candidate.effect.needs) - {Role.DIRECTION}
     inputs = [c.name for c in data.inputs if c.role in variables]
     if len(acting) != 1 or len(inputs) != 1:
         return None
     output, part = data.outputs[acting[0]].name, parts[acting[0]]
-    turns = Role.DIRECTION in one.candidate.effect.needs
+    turns = Role.DIRECTION in small_member.candidate.effect.needs
     y = part * np.asarray(data.readings[Role.DIRECTION], dtype=float) if turns else part
     knots, heights, off = _through(np.asarray(data.readings.table[inputs[0]], dtype=float), y)
     if off > NO_CURVE:
@@ -57,10 +59,10 @@ def _through(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], 
     y = y[order][first] / max(float(np.abs(y).max()), 1e-300)
     at = [0, len(x) - 1]
     while True:
-        left = y - np.interp(x, x[at], y[at])
-        worst = int(np.argmax(np.abs(left)))
-        if abs(left[worst]) < EXACT or len(at) >= KNOTS:
+        deviations = y - np.interp(x, x[at], y[at])
+        worst = int(np.argmax(np.abs(deviations)))
+        if abs(deviations[worst]) < EXACT or len(at) >= KNOTS:
             break
         at = sorted([*at, worst])
-    off = float(np.sqrt(np.mean(left**2) / max(float(np.mean(y**2)), 1e-300)))
+    off = float(np.sqrt(np.mean(deviations**2) / max(float(np.mean(y**2)), 1e-300)))
     return tuple(x[at].tolist()), tuple(y[at].tolist()), off

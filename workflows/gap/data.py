@@ -135,13 +135,13 @@ def _in_order(readings: Readings) -> Readings:
 
 def _sense(plan: GapPlan, name: str) -> float:
     """-1 of a column that counts against the convention, else 1."""
-    given = plan.columns.get(name)
-    return float(plan.sense.get(name, 1) * (1 if given is None else given.sense))
+    declared = plan.columns.get(name)
+    return float(plan.sense.get(name, 1) * (1 if declared is None else declared.sense))
 
 
 def _unit(plan: GapPlan, column: str, unit: str) -> str:
-    given = plan.columns.get(column)
-    return unit if given is None or not given.unit else given.unit
+    declared = plan.columns.get(column)
+    return unit if declared is None or not declared.unit else declared.unit
 
 
 def _converted(values: pd.Series[Any], unit: str, wanted: str, scale_only: bool = False) -> Array:

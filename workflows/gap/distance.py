@@ -27,7 +27,7 @@ def floor(
     law: Law,
     count: int,
     rng: np.random.Generator,
-    share: float = FLOOR,
+    fraction: float = FLOOR,
     centred: bool = False,
     scaled: bool = False,
 ) -> float:
@@ -36,7 +36,7 @@ def floor(
     """
     drawn = law.histogram.rvs(size=(BATCHES, count), random_state=rng)
     drawn = matched(law, drawn, scaled) if centred else drawn
-    return float(np.quantile(_distances(law, drawn), share))
+    return float(np.quantile(_distances(law, drawn), fraction))
 
 
 def matched(law: Law, units: Array, scaled: bool = False) -> Array:

@@ -51,17 +51,17 @@ class Formula:
 def empirical(curve: Curve, name: str) -> str:
     """The formula in `name`, empty where no formula beats the spline on rows that it never saw."""
     formulas = list(_formulas(curve))
-    ours, spline = 0.0, 0.0
-    for seen, out in LeaveOneGroupOut().split(curve.x, groups=curve.labels):
-        best, found = _best(curve, formulas, seen)
-        left = curve.y[out] - _design(best, curve.x[out]) @ found
-        smooth = _spline(curve, seen).predict(curve.x[out, None])
-        ours += float(np.sum((left / curve.sigma[out]) ** 2))
-        spline += float(np.sum(((curve.y[out] - smooth) / curve.sigma[out]) ** 2))
-    if ours >= spline:
+    formula_error, spline_error = 0.0, 0.0
+    for training, held_out in LeaveOneGroupOut().split(curve.x, groups=curve.labels):
+        best, coefficients = _best(curve, formulas, training)
+        residual = curve.y[held_out] - _design(best, curve.x[held_out]) @ coefficients
+        smooth = _spline(curve, training).predict(curve.x[held_out, None])
+        formula_error += float(np.sum((residual / curve.sigma[held_out]) ** 2))
+        spline_error += float(np.sum(((curve.y[held_out] - smooth) / curve.sigma[held_out]) ** 2))
+    if formula_error >= spline_error:
         return ""
-    best, found = _best(curve, formulas, np.arange(len(curve.x)))
-    numbers = dict(zip("abc", (f"{value:.4g}" for value in found), strict=False))
+    best, coefficients = _best(curve, formulas, np.arange(len(curve.x)))
+    numbers = dict(zip("abc", (f"{value:.4g}" for value in coefficients), strict=False))
     return ("{a} + " + best.text).format(**numbers, x=name)
 
 
@@ -81,18 +81,20 @@ def _best(curve: Curve, formulas: list[Formula], rows: NDArray[np.int64]) -> tup
     x, scale = curve.x[rows], 1.0 / curve.sigma[rows]
     y, price = curve.y[rows] * scale, np.log(len(rows))
     best: tuple[float, Formula, Array] | None = None
-    for one in formulas:
-        columns = _design(one, x) * scale[:, None]
-        found = np.linalg.lstsq(columns, y, rcond=1e-9)[0]
-        score = float(np.sum((y - columns @ found) ** 2)) + price * (one.numbers + len(found))
+    for formula in formulas:
+        columns = _design(formula, x) * scale[:, None]
+        coefficients = np.linalg.lstsq(columns, y, rcond=1e-9)[0]
+        score = float(np.sum((y - columns @ coefficients) ** 2)) + price * (
+            formula.numbers + len(coefficients)
+        )
         if best is None or score < best[0]:
-            best = (score, one, np.asarray(found, dtype=np.float64))
+            best = (score, formula, np.asarray(coefficients, dtype=np.float64))
     assert best is not None
     return best[1], best[2]
 
 
-def _design(one: Formula, x: Array) -> Array:
-    return np.column_stack([np.ones_like(x), one.columns(x)])
+def _design(formula: Formula, x: Array) -> Array:
+    return np.column_stack([np.ones_like(x), formula.columns(x)])
 
 
 def _formulas(curve: Curve) -> Iterator[Formula]:

@@ -47,22 +47,22 @@ class Remainder:
         """What noise of these sizes (n,) is at least, as a share of them."""
         return max(max(self.law, self.resolution) / float(np.median(sigma)), 1e-12)
 
-    def good(self, left: Array, sigma: Array) -> NDArray[np.bool_]:
+    def good(self, residual: Array, sigma: Array) -> NDArray[np.bool_]:
         """False (n,) where a reading is an outlier; many units far out are a group of their own."""
-        found = outliers(left, sigma, self.least(sigma))
-        return np.ones_like(found) if np.mean(~found) > (FEW if self.law else MANY) else found
+        inliers = outliers(residual, sigma, self.least(sigma))
+        return np.ones_like(inliers) if np.mean(~inliers) > (FEW if self.law else MANY) else inliers
 
 
-def estimated(of: Remainder) -> Noise:
+def estimated(remainder: Remainder) -> Noise:
     """The noise of one output."""
-    n = len(of.residual)
-    kept = np.column_stack([of.kept, _slow(n)])
-    sigma = np.ones(n) if of.known is None else of.known
-    noise = Noise(sigma * _first_scale(of, kept, sigma), of.source)
+    n = len(remainder.residual)
+    kept = np.column_stack([remainder.kept, _slow(n)])
+    sigma = np.ones(n) if remainder.known is None else remainder.known
+    noise = Noise(sigma * _first_scale(remainder, kept, sigma), remainder.source)
     chosen = kept
     for _ in range(PASSES):
-        noise, chosen = _improved(of, kept, noise)
-    return _scaled(of, chosen, noise)
+        noise, chosen = _improved(remainder, kept, noise)
+    return _scaled(remainder, chosen, noise)
 
 
 def _slow(n: int) -> Array:
@@ -71,47 +71,52 @@ def _slow(n: int) -> Array:
     return np.column_stack([np.ones(n), x, x * x, x**3])
 
 
-def _first_scale(of: Remainder, kept: Array, sigma: Array) -> float:
+def _first_scale(remainder: Remainder, kept: Array, sigma: Array) -> float:
     q = basis(kept / sigma[:, None])
-    return max(robust_scale(beside(of.residual / sigma, q)), of.law, of.resolution, 1e-300)
+    return max(
+        robust_scale(beside(remainder.residual / sigma, q)),
+        remainder.law,
+        remainder.resolution,
+        1e-300,
+    )
 
 
-def _improved(of: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
+def _improved(remainder: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
     """One pass: forms taken out, then outliers, size and autocorrelation of what is left."""
-    start = _start(of, kept, noise)
-    every = np.ones(len(of.slow), dtype=bool)
-    whole, trend = _with_forms(of, start, every)
-    tried = [(_one(of, whole, noise), whole)]
+    start = _start(remainder, kept, noise)
+    every = np.ones(len(remainder.slow), dtype=bool)
+    whole, trend = _with_forms(remainder, start, every)
+    tried = [(_one(remainder, whole, noise), whole)]
     if trend:  # a trend, or noise that wanders: what is likelier
-        plain, _ = _with_forms(of, start, ~np.array(of.slow))
-        tried.append((_one(of, plain, noise), plain))
-    scores = [_likelihood(of.residual, chosen, one) for one, chosen in tried]
+        plain, _ = _with_forms(remainder, start, ~np.array(remainder.slow))
+        tried.append((_one(remainder, plain, noise), plain))
+    scores = [_likelihood(remainder.residual, chosen, tried_noise) for tried_noise, chosen in tried]
     return tried[int(np.argmax(scores))]
 
 
-def _one(of: Remainder, chosen: Array, noise: Noise) -> Noise:
+def _one(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
     white = replace(noise, rho=0.0, good=None)
-    left = of.residual - _fitted(of, chosen, white)
-    good = of.good(left, noise.sigma)
-    found = replace(white, good=None if good.all() else good)
-    if of.known is None:
-        follows = size_follows(left, of.inputs, good)
+    residual = remainder.residual - _fitted(remainder, chosen, white)
+    good = remainder.good(residual, noise.sigma)
+    estimate = replace(white, good=None if good.all() else good)
+    if remainder.known is None:
+        follows = size_follows(residual, remainder.inputs, good)
         if follows is not None:
-            found = replace(found, varies_with=follows[0], sigma=follows[1])
+            estimate = replace(estimate, varies_with=follows[0], sigma=follows[1])
         count = max(int(good.sum()) - basis(white.whiten(chosen)).shape[1], 1)
-        size = np.sqrt(np.sum((left[good] / found.sigma[good]) ** 2) / count)
-        found = replace(found, sigma=found.sigma * size)
-    return replace(found, rho=autocorrelation(of.residual, chosen, found))
+        size = np.sqrt(np.sum((residual[good] / estimate.sigma[good]) ** 2) / count)
+        estimate = replace(estimate, sigma=estimate.sigma * size)
+    return replace(estimate, rho=autocorrelation(remainder.residual, chosen, estimate))
 
 
-def _fitted(of: Remainder, chosen: Array, noise: Noise) -> Array:
+def _fitted(remainder: Remainder, chosen: Array, noise: Noise) -> Array:
     """A fit that outliers do not pull: they are clipped, and it is fitted again."""
     x = noise.whiten(chosen)
-    y = whole = noise.whiten(of.residual)
+    y = whole = noise.whiten(remainder.residual)
     q = basis(x)
     for _ in range(4):
         fit = q @ (q.T @ y)
-        limit = 2.5 * max(robust_scale(whole - fit), of.least(noise.sigma))
+        limit = 2.5 * max(robust_scale(whole - fit), remainder.least(noise.sigma))
         y = fit + np.clip(whole - fit, -limit, limit)
     return np.asarray(q @ (q.T @ y) * noise.sigma)
 
@@ -131,71 +136,73 @@ class Start:
     product: Array
 
 
-def _start(of: Remainder, kept: Array, noise: Noise) -> Start:
-    groups = of.generic
+def _start(remainder: Remainder, kept: Array, noise: Noise) -> Start:
+    groups = remainder.generic
     if not noise.is_plain or noise.good is not None:
         groups = Groups(noise.whiten(groups.columns), groups.starts, groups.one_sided)
     q = basis(noise.whiten(kept))
-    left = beside(noise.whiten(of.residual), q)
-    return Start(kept, q, left, groups, *products(groups, q, left))
+    residual = beside(noise.whiten(remainder.residual), q)
+    return Start(kept, q, residual, groups, *products(groups, q, residual))
 
 
-def _with_forms(of: Remainder, start: Start, allowed: NDArray[np.bool_]) -> tuple[Array, bool]:
+def _with_forms(
+    remainder: Remainder, start: Start, allowed: NDArray[np.bool_]
+) -> tuple[Array, bool]:
     """The columns kept, and those of `allowed` forms (g,) that are certainly there, one after
     another; also whether a trend is among them.
     """
     if not allowed.any():
         return start.kept, False
-    chosen, q, left, white = start.kept, start.q, start.left, start.white
+    chosen, q, residual, white = start.kept, start.q, start.left, start.white
     projected, product, trend = start.projected, start.product, False
-    while chosen.shape[1] < max(len(left) // 5, start.kept.shape[1] + 2):
-        scale = left @ left / (len(left) - q.shape[1])
+    while chosen.shape[1] < max(len(residual) // 5, start.kept.shape[1] + 2):
+        scale = residual @ residual / (len(residual) - q.shape[1])
         level = evidence(white, white.gains_beside(projected, product) / scale)
         best = int(np.argmax(np.where(allowed, level, -np.inf)))
         if level[best] < CERTAIN:
             break
-        chosen = np.column_stack([chosen, of.generic.of(best)])
+        chosen = np.column_stack([chosen, remainder.generic.of(best)])
         new = basis(beside(beside(white.of(best), q), q))
-        left, q = beside(left, new), np.hstack([q, new])
-        more, product = products(white, new, left)
+        residual, q = beside(residual, new), np.hstack([q, new])
+        more, product = products(white, new, residual)
         projected = np.vstack([projected, more])
-        trend |= of.slow[best]
+        trend |= remainder.slow[best]
     return chosen, trend
 
 
 def _likelihood(residual: Array, chosen: Array, noise: Noise) -> float:
     """Log likelihood less half ln n per column, but for a constant."""
     q = basis(noise.whiten(chosen))
-    left = beside(noise.whiten(residual), q)
+    whitened = beside(noise.whiten(residual), q)
     n = len(residual)
     spread = -0.5 * (n - 1) * np.log(1.0 - noise.rho**2) - float(np.sum(np.log(noise.sigma)))
-    return float(spread - 0.5 * n * np.log(left @ left / n) - 0.5 * np.log(n) * q.shape[1])
+    return float(spread - 0.5 * n * np.log(whitened @ whitened / n) - 0.5 * np.log(n) * q.shape[1])
 
 
-def _scaled(of: Remainder, chosen: Array, noise: Noise) -> Noise:
+def _scaled(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
     """The noise at its final size; repeats say it best."""
-    if of.known is not None:
-        return replace(noise, sigma=of.known)
-    pure = _pure(of)
+    if remainder.known is not None:
+        return replace(noise, sigma=remainder.known)
+    pure = _pure(remainder)
     if pure is not None:
         level = np.sqrt(np.mean(noise.sigma**2))
         return replace(noise, sigma=noise.sigma * pure / level, source="repeats")
     q = basis(noise.whiten(chosen))
-    left = beside(noise.whiten(of.residual), q)
-    scale = max(scale_left(left, q.shape[1]), of.resolution / noise.level)
+    whitened = beside(noise.whiten(remainder.residual), q)
+    scale = max(scale_left(whitened, q.shape[1]), remainder.resolution / noise.level)
     return replace(noise, sigma=noise.sigma * scale)
 
 
-def _pure(of: Remainder) -> float | None:
+def _pure(remainder: Remainder) -> float | None:
     """Standard deviation between repeats of the same inputs, where there are ten or more."""
-    if of.repeats is None:
+    if remainder.repeats is None:
         return None
-    _, number, count = np.unique(of.repeats, return_inverse=True, return_counts=True)
+    _, number, count = np.unique(remainder.repeats, return_inverse=True, return_counts=True)
     freedom = int(np.sum(count - 1))
     if freedom < 10:
         return None
-    means = np.bincount(number, of.residual) / count
-    return float(np.sqrt(np.sum((of.residual - means[number]) ** 2) / freedom))
+    means = np.bincount(number, remainder.residual) / count
+    return float(np.sqrt(np.sum((remainder.residual - means[number]) ** 2) / freedom))
 
 
 def remainders(
@@ -221,12 +228,12 @@ def remainders(
             inputs,
             slow,
             repeats,
-            None if given is None else given[0],
-            "estimated" if given is None else given[1],
+            None if known_noise is None else known_noise[0],
+            "estimated" if known_noise is None else known_noise[1],
             law,
             least,
         )
-        for residual, columns, given, law, least in zip(
+        for residual, columns, known_noise, law, least in zip(
             residuals, kept, known, laws, resolutions, strict=True
         )
     ]

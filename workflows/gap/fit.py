@@ -34,10 +34,15 @@ class Member:
     @property
     def forms(self) -> tuple[Member, ...]:
         """The same in each of its forms, where it has two."""
-        two = next((one for one in self.candidate.shape if len(one.choices) == 2), None)
-        if two is None:
+        two_choices = next(
+            (parameter for parameter in self.candidate.shape if len(parameter.choices) == 2), None
+        )
+        if two_choices is None:
             return (self,)
-        return tuple(replace(self, shape={**self.shape, two.name: one}) for one in two.choices)
+        return tuple(
+            replace(self, shape={**self.shape, two_choices.name: choice})
+            for choice in two_choices.choices
+        )
 
     @property
     def key(self) -> tuple[str, tuple[float, ...]]:
@@ -62,7 +67,7 @@ class Fit:
     @property
     def names(self) -> tuple[str, ...]:
         """The effects in it."""
-        return tuple(one.name for one in self.members)
+        return tuple(member.name for member in self.members)
 
     def without(self, at: int) -> tuple[Member, ...]:
         """All members but one."""
@@ -89,9 +94,9 @@ class Fitter:
 
     def of_record(self, y: Array) -> Fitter:
         """The same for another whitened record (N,)."""
-        found = copy(self)
-        found.y, found.y_left, found._refined, found._with = y, beside(y, self.q), {}, {}
-        return found
+        fitter = copy(self)
+        fitter.y, fitter.y_left, fitter._refined, fitter._with = y, beside(y, self.q), {}, {}
+        return fitter
 
     @property
     def penalty(self) -> float:
@@ -100,7 +105,7 @@ class Fitter:
 
     def spanned(self, members: Sequence[Member]) -> Array:
         """An orthonormal basis (N, r) of what is free and these members."""
-        parts = [self.white(one) for one in members]
+        parts = [self.white(member) for member in members]
         return basis(np.hstack([self.base, *parts])) if parts else self.q
 
     def gains(self, groups: Groups, members: Sequence[Member]) -> Array:
@@ -109,8 +114,8 @@ class Fitter:
         What they have in common with each member is computed once: a search asks for the same
         groups beside ever other members.
         """
-        parts = [self.q, *(unit(self.white(one)) for one in members)]
-        keys = [("free",), *(one.key for one in members)]
+        parts = [self.q, *(unit(self.white(member)) for member in members)]
+        keys = [("free",), *(member.key for member in members)]
         with_groups = np.vstack(
             [self._product(groups, *pair) for pair in zip(keys, parts, strict=True)]
         )
@@ -138,76 +143,86 @@ class Fitter:
 
     def fit(self, members: Sequence[Member]) -> Fit:
         """The fit of these members, their nonlinear parameters as they are."""
-        parts = [self.white(one) for one in members]
+        parts = [self.white(member) for member in members]
         x = np.hstack([self.base, *parts])
         size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
         low, high = self._bounds(members)
-        found, *_ = np.linalg.lstsq(x / size, self.y, rcond=1e-9)
-        found = found / size
-        if (found < low).any() or (found > high).any():
+        coefficients, *_ = np.linalg.lstsq(x / size, self.y, rcond=1e-9)
+        coefficients = coefficients / size
+        if (coefficients < low).any() or (coefficients > high).any():
             q, r = np.linalg.qr(x / size)
             ends = (low * size, high * size)
-            found = optimize.lsq_linear(r, q.T @ self.y, ends, method="bvls").x / size
-        residual = self.y - x @ found
+            coefficients = optimize.lsq_linear(r, q.T @ self.y, ends, method="bvls").x / size
+        residual = self.y - x @ coefficients
         sizes = [part.shape[1] for part in parts]
-        split = np.split(found, np.cumsum([self.base.shape[1], *sizes])[:-1])
+        split = np.split(coefficients, np.cumsum([self.base.shape[1], *sizes])[:-1])
         rss = float(residual @ residual)
-        price = sum(one.candidate.price(self.penalty) for one in members)
+        price = sum(member.candidate.price(self.penalty) for member in members)
         return Fit(tuple(members), rss, rss + price, tuple(split[1:]), split[0], residual)
 
     def _bounds(self, members: Sequence[Member]) -> tuple[Array, Array]:
         free = np.full(self.base.shape[1], np.inf)
-        ends = [one.candidate.bounds for one in members]
+        ends = [member.candidate.bounds for member in members]
         low = np.concatenate([-free, *(low for low, _ in ends)])
         return low, np.concatenate([free, *(high for _, high in ends)])
 
     def refined(self, members: Sequence[Member], passes: int = 2) -> Fit:
         """The fit with the nonlinear parameters of each member fitted as well, in turn."""
-        key = (passes, *(one.key for one in members))
+        key = (passes, *(member.key for member in members))
         if key not in self._refined:
             self._refined[key] = self._refine(list(members), passes)
         return self._refined[key]
 
-    def _refine(self, found: list[Member], passes: int) -> Fit:
-        if not any(one.shape for one in found):
-            return self.fit(found)
-        for _ in range(passes if len(found) > 1 else 1):
-            for at, one in enumerate(found):
-                if one.shape:
-                    found[at] = self.shaped(found, at)
-        return self.fit(found)
+    def _refine(self, members: list[Member], passes: int) -> Fit:
+        if not any(member.shape for member in members):
+            return self.fit(members)
+        for _ in range(passes if len(members) > 1 else 1):
+            for at, member in enumerate(members):
+                if member.shape:
+                    members[at] = self.shaped(members, at)
+        return self.fit(members)
 
     def shaped(self, members: Sequence[Member], at: int) -> Member:
         """A member with its nonlinear parameters fitted, the others' held; of two forms the one
         that then fits better.
         """
-        q = self.spanned([one for k, one in enumerate(members) if k != at])
-        left = beside(self.y, q)
-        found = [self._shaped(one, q, left) for one in members[at].forms]
-        return max(found, key=lambda pair: pair[1])[0] if len(found) > 1 else found[0][0]
+        q = self.spanned([member for k, member in enumerate(members) if k != at])
+        residual = beside(self.y, q)
+        shaped_forms = [self._shaped(form, q, residual) for form in members[at].forms]
+        return (
+            max(shaped_forms, key=lambda pair: pair[1])[0]
+            if len(shaped_forms) > 1
+            else shaped_forms[0][0]
+        )
 
-    def _shaped(self, member: Member, q: Array, left: Array) -> tuple[Member, float]:
+    def _shaped(self, member: Member, q: Array, residual: Array) -> tuple[Member, float]:
         """A member with its nonlinear parameters fitted to what is `left` (N,) beside q (N, r), and
         by how much its squares fall.
         """
         candidate = member.candidate
-        free = [one for one in candidate.shape if not one.choices]
+        free = [parameter for parameter in candidate.shape if not parameter.choices]
         if not free:
             return member, 0.0
-        start = np.array([member.shape[one.name] for one in free])
-        scale = np.array([_width(one, value) for one, value in zip(free, start, strict=True)])
-        low = np.array([one.low for one in free])
-        high = np.array([one.high for one in free])
+        start = np.array([member.shape[parameter.name] for parameter in free])
+        scale = np.array(
+            [_width(parameter, value) for parameter, value in zip(free, start, strict=True)]
+        )
+        low = np.array([parameter.low for parameter in free])
+        high = np.array([parameter.high for parameter in free])
 
         def shape(x: Array) -> dict[str, float]:
             values = np.clip(start + x * scale, low, high)
-            named = {one.name: float(v) for one, v in zip(free, values, strict=True)}
+            named = {parameter.name: float(v) for parameter, v in zip(free, values, strict=True)}
             return {**member.shape, **named}
 
         def loss(x: Array) -> float:
             columns = self.space.whiten(self.columns.of(candidate, shape(x)))
-            mine = q.T @ columns
-            losses.append(-_gain(candidate, columns.T @ columns - mine.T @ mine, columns.T @ left))
+            projected = q.T @ columns
+            losses.append(
+                -_gain(
+                    candidate, columns.T @ columns - projected.T @ projected, columns.T @ residual
+                )
+            )
             return losses[-1]
 
         losses: list[float] = []
@@ -247,8 +262,8 @@ def _gain(candidate: Candidate, gram: Array, product: Array) -> float:
     if candidate.alone:
         return float(2.0 * product[0] - gram[0, 0])
     ridge = 1e-9 * np.trace(gram) + 1e-300
-    found = np.linalg.solve(gram + ridge * np.eye(len(gram)), product)
+    coefficients = np.linalg.solve(gram + ridge * np.eye(len(gram)), product)
     low, high = candidate.bounds
-    if (found < low).any() or (found > high).any():
-        found = np.clip(found, low, high)
-    return float(2.0 * found @ product - found @ gram @ found)
+    if (coefficients < low).any() or (coefficients > high).any():
+        coefficients = np.clip(coefficients, low, high)
+    return float(2.0 * coefficients @ product - coefficients @ gram @ coefficients)

@@ -129,11 +129,11 @@ def _found(
     progress: Tell | None,
     kept: Replicates | None,
 ) -> GapResult:
-    tell, mine = progress or silent, kept or Replicates()
-    end = ending(plan, data, tell, mine.begin)
+    tell, replicates = progress or silent, kept or Replicates()
+    end = ending(plan, data, tell, replicates.begin)
     spread = None
     if plan.settings.bootstrap and end.fit.members:
-        spread = bootstrap(end.analysis, end.fit, mine, workers, tell)
+        spread = bootstrap(end.analysis, end.fit, replicates, workers, tell)
     tell(GapProgress("result"))
     return result_of(plan, data, end, spread)
 
@@ -163,14 +163,14 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
     table = residual_table(end, data)
     outputs = data.outputs
     noise = {o.name: n.level for o, n in zip(outputs, bare.noises, strict=True)}
-    which = {
+    residuals_by_side = {
         side: {o.name: table[f"{o.name}_{side}"].to_numpy() for o in outputs}
         for side in ("before", "after")
     }
-    gap = gaps(end)
+    gap_sizes = gaps(end)
     attribution = attribution_of(end)
     text = corrected_toml(plan, end.model, analysis.scatter[:1])
-    named = in_problem(plan, text, effects(end, spread))
+    named_effects = in_problem(plan, text, effects(end, spread))
     planned = next_measurement(end)
     rivals = rival_records(end, planned.rivals if planned else {})
     rivals += inputs_instead(end, attribution)
@@ -184,16 +184,18 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
         + regions(bare.setup, bare.search.fitter, bare.generic, bare.empty, limit),
         scores=scores(end),
         steps=renumbered(analysis.selection.steps),
-        effects=named,
+        effects=named_effects,
         rivals=rivals,
         shapes=shape_records(end),
-        noise_floor=gap.floor,
-        gap_before=gap.before,
-        gap_after=gap.after,
+        noise_floor=gap_sizes.floor,
+        gap_before=gap_sizes.before,
+        gap_after=gap_sizes.after,
         residuals=table,
-        spectrum=spectrum(data, which["before"], which["after"], noise, limit),
+        spectrum=spectrum(
+            data, residuals_by_side["before"], residuals_by_side["after"], noise, limit
+        ),
         units=spread_of_units(setup.plan, data, end),
-        summary=_summary(plan, data, end, spread) | {"gap_is": gap.meaning},
+        summary=_summary(plan, data, end, spread) | {"gap_is": gap_sizes.meaning},
         notes=_notes(analysis, data, end),
         population=compared(end),
         attribution=attribution,
@@ -218,7 +220,7 @@ def _summary(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -
         "data": dict(data.table),
         "rows": len(data),
         "rows_used": len(end.setup.data),
-        "library": [one.name for one in (*end.setup.library, *end.setup.on_scatter)],
+        "library": [candidate.name for candidate in (*end.setup.library, *end.setup.on_scatter)],
         "threshold": end.analysis.search.thresholds.library,
         "false_rate": settings.false_rate,
         "practical_limit": settings.practical_limit,
@@ -240,28 +242,28 @@ def _region(data: GapData) -> dict[str, list[float]]:
 
 def _notes(analysis: Analysis, data: GapData, end: Ending) -> tuple[str, ...]:
     drawing = end.setup.plan.drawing
-    found = [*([drawing.assumed] if drawing and drawing.assumed else []), *end.setup.first]
-    found += [*unlikely_numbers(end.fit, data), *data.notes, *end.setup.notes]
+    notes = [*([drawing.assumed] if drawing and drawing.assumed else []), *end.setup.first]
+    notes += [*unlikely_numbers(end.fit, data), *data.notes, *end.setup.notes]
     for output, noise in zip(data.outputs, analysis.bare.noises, strict=True):
         if noise.outliers:
             many = f"{noise.outliers} outliers do" if noise.outliers > 1 else "1 outlier does"
-            found.append(f"{output.name}: {many} not count")
+            notes.append(f"{output.name}: {many} not count")
         if noise.varies_with:
-            found.append(f"{output.name}: the size of the noise follows {noise.varies_with}")
+            notes.append(f"{output.name}: the size of the noise follows {noise.varies_with}")
         if noise.rho > 0.3:
-            found.append(
+            notes.append(
                 f"{output.name}: the noise is autocorrelated ({noise.rho:.2f} from one "
                 "reading to the next)"
             )
     if end.rows:
-        found += uneven_delays(analysis.search.fitter, end.fit, end.setup.data)
+        notes += uneven_delays(analysis.search.fitter, end.fit, end.setup.data)
     if lost := struck_of(analysis):
-        found.append(f"{', '.join(lost)}: something like it is there, but its form is not that")
+        notes.append(f"{', '.join(lost)}: something like it is there, but its form is not that")
     if far := moved_far(end):
-        found.append(far)
+        notes.append(far)
     if len(end.setup.library) == 0:
-        found.append("no effect of the library has a place in this model with these columns")
-    return tuple(found)
+        notes.append("no effect of the library has a place in this model with these columns")
+    return tuple(notes)
 
 
 def lines_of(result: GapResult) -> tuple[str, ...]:
@@ -274,28 +276,28 @@ def lines_of(result: GapResult) -> tuple[str, ...]:
         before, after = result.gap_before[output.name], result.gap_after[output.name]
         floor = result.noise_floor[output.name]
         lines.append(words.format(output.name, before, after, output.unit, floor))
-    lines += [f"effect {one}" for one in result.effects]
+    lines += [f"effect {effect}" for effect in result.effects]
     lines += [
-        f"at its physical bound: {name} of {one.name}"
-        for one in result.effects
-        for name in one.at_bound
+        f"at its physical bound: {name} of {effect.name}"
+        for effect in result.effects
+        for name in effect.at_bound
     ]
     lines += [
-        f"in the problem: {one.name}: {one.counterpart}"
-        for one in result.effects
-        if one.counterpart
+        f"in the problem: {effect.name}: {effect.counterpart}"
+        for effect in result.effects
+        if effect.counterpart
     ]
-    lines += [f"rival {one}" for one in result.rivals]
-    lines += [f"remainder: {one}" for one in result.remainder]
+    lines += [f"rival {rival}" for rival in result.rivals]
+    lines += [f"remainder: {part}" for part in result.remainder]
     if not result.remainder:
-        lines += [f"without a name: {one}" for one in result.shapes]
+        lines += [f"without a name: {shape}" for shape in result.shapes]
     lines += said(result.population, result.attribution)
     if (planned := result.next_measurement) is not None:
         lines.append(f"next measurement: {planned}")
-        lines += [f"next measurement: {one}" for one in (*planned.effects[1:], *planned.notes)]
+        lines += [f"next measurement: {entry}" for entry in (*planned.effects[1:], *planned.notes)]
     if result.verdict == "no_gap":
-        seen = sorted(result.gate.detectable, key=lambda one: one.rms)[:5]
-        lines += [f"would have been seen from {one}" for one in seen]
+        detectable = sorted(result.gate.detectable, key=lambda effect: effect.rms)[:5]
+        lines += [f"would have been seen from {effect}" for effect in detectable]
     if unseen := ", ".join(result.gate.unseen):
         lines.append(f"cannot be seen, because what is free does the same: {unseen}")
     lines += [f"note: {note}" for note in result.notes]

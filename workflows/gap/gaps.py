@@ -37,7 +37,10 @@ def gaps(end: Ending) -> Gaps:
     after = setup.residual - end.after.fitted
     if setup.data.target.population:
         return _of_units(end, before, after)
-    noise = {o.name: one.level for o, one in zip(setup.data.outputs, bare.noises, strict=True)}
+    noise = {
+        o.name: output_noise.level
+        for o, output_noise in zip(setup.data.outputs, bare.noises, strict=True)
+    }
     return Gaps(
         _whole(end, _by_output(end, before)),
         _whole(end, _by_output(end, after)),
@@ -52,8 +55,8 @@ def never_worse(end: Ending) -> Ending:
     """
     if end.rows or not (end.named or end.analysis.scatter):
         return end
-    found = gaps(end)
-    if all(found.after[name] <= found.before[name] for name in found.before):
+    sizes = gaps(end)
+    if all(sizes.after[name] <= sizes.before[name] for name in sizes.before):
         return end
     return ended(end.analysis.nameless())
 
@@ -64,11 +67,11 @@ def _by_output(end: Ending, raw: Array) -> dict[str, float]:
     return {output.name: rmse(part, noise.good) for output, part, noise in every}
 
 
-def _whole(end: Ending, found: dict[str, float]) -> dict[str, float]:
+def _whole(end: Ending, by_output: dict[str, float]) -> dict[str, float]:
     """With the total: the root mean square over the outputs, each in its noise."""
     levels = [noise.level for noise in end.analysis.bare.noises]
-    scaled = np.array(list(found.values())) / np.array(levels)
-    return found | {"total": float(np.sqrt(np.mean(scaled**2)))}
+    scaled = np.array(list(by_output.values())) / np.array(levels)
+    return by_output | {"total": float(np.sqrt(np.mean(scaled**2)))}
 
 
 def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
@@ -84,10 +87,10 @@ def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
         kept = bare.noises[at].kept
         law = whole = bare.setup.laws[output.name]
         wider = end.analysis.scatter[:1] if at == 0 else ()
-        for one in wider:
-            y = y + one.moves
-            y[kept] = held_out_units(bare.batch.units(end.fit), one, y[kept])
-            whole = one.changed(law)
+        for effect in wider:
+            y = y + effect.moves
+            y[kept] = held_out_units(bare.batch.units(end.fit), effect, y[kept])
+            whole = effect.changed(law)
         if not wider:
             x, y = x[kept], y[kept]
         rng = np.random.default_rng([end.setup.plan.seed, 8, at])

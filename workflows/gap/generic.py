@@ -92,27 +92,27 @@ def generic(
     data: GapData, predicted: Mapping[str, Array] | None = None
 ) -> tuple[list[Form], list[Array]]:
     """Forms and their columns (n, m), of one output; `predicted` stands in for a load."""
-    found: list[tuple[Form, Array]] = []
+    forms: list[tuple[Form, Array]] = []
     inputs = [c for c in data.inputs if c.role in SMOOTH]
     values = {c.name: np.asarray(data.readings.table[c.name], dtype=float) for c in inputs}
     sign = _direction(data)
     for column in inputs:
-        found += _smooth(column, values[column.name], sign)
+        forms += _smooth(column, values[column.name], sign)
     if sign is not None:
-        found.append((Form("direction", "direction", direction="odd"), sign[:, None]))
-    found += _products(inputs, values, sign)
-    found += _raw_products(inputs, values, sign)
+        forms.append((Form("direction", "direction", direction="odd"), sign[:, None]))
+    forms += _products(inputs, values, sign)
+    forms += _raw_products(inputs, values, sign)
     if predicted is not None and not {Role.TORQUE, Role.FORCE} & set(data.readings.by_role):
-        found += _against_predicted(data, predicted)
+        forms += _against_predicted(data, predicted)
     if data.target.population:  # whose mean is not free
-        found.append((Form("distribution", MEAN), np.ones((len(data), 1))))
-    found += _along_units(data)
-    found += _steps(data)
-    found += _swings(inputs, values)
-    found += _levels(data)
+        forms.append((Form("distribution", MEAN), np.ones((len(data), 1))))
+    forms += _along_units(data)
+    forms += _steps(data)
+    forms += _swings(inputs, values)
+    forms += _levels(data)
     if Role.ANGLE in data.readings:
-        found += _orders(data)
-    return [form for form, _ in found], [columns for _, columns in found]
+        forms += _orders(data)
+    return [form for form, _ in forms], [columns for _, columns in forms]
 
 
 def _against_predicted(data: GapData, predicted: Mapping[str, Array]) -> list[tuple[Form, Array]]:
@@ -145,12 +145,12 @@ def _smooth(column: Column, x: Array, sign: Array | None) -> list[tuple[Form, Ar
     kind = "trend" if column.role is Role.TIME else "interval"
     fine = 6 if column.role in (Role.TORQUE, Role.FORCE) else 4
     curve = spline(x, min(fine, max(2, len(x) // 25)))
-    found = [(Form(kind, column.name), curve)]
-    found += [(form, values[:, None]) for form, values in _powers(column, x)]
+    forms = [(Form(kind, column.name), curve)]
+    forms += [(form, values[:, None]) for form, values in _powers(column, x)]
     if sign is not None:
-        odd = [(replace(form, direction="odd"), columns * sign[:, None]) for form, columns in found]
-        found += odd
-    return found
+        odd = [(replace(form, direction="odd"), columns * sign[:, None]) for form, columns in forms]
+        forms += odd
+    return forms
 
 
 def _powers(column: Column, x: Array) -> list[tuple[Form, Array]]:
@@ -161,8 +161,8 @@ def _powers(column: Column, x: Array) -> list[tuple[Form, Array]]:
         bases = {ODD: (size, np.sign(x)), EVEN: (size, np.ones_like(x))}
     else:
         size = (x - x.min()) / np.ptp(x)
-        one = np.ones_like(x)
-        bases = {FROM_ZERO: (np.abs(x) / np.abs(x).max(), one), FROM_LEAST: (size, one)}
+        ones = np.ones_like(x)
+        bases = {FROM_ZERO: (np.abs(x) / np.abs(x).max(), ones), FROM_LEAST: (size, ones)}
     return [
         (Form("power", column.name, order=power, shape=which), sign * magnitude**power)
         for which, (magnitude, sign) in bases.items()
@@ -178,16 +178,16 @@ def _products(
     inputs: list[Column], values: dict[str, Array], sign: Array | None
 ) -> list[tuple[Form, Array]]:
     """Products of two inputs, each to the first and second power."""
-    found = []
-    for one, other in combinations(inputs, 2):
-        a, b = _scaled(values[one.name]), _scaled(values[other.name])
+    forms = []
+    for first, second in combinations(inputs, 2):
+        a, b = _scaled(values[first.name]), _scaled(values[second.name])
         columns = np.column_stack([a * b, a * a * b, a * b * b, a * a * b * b])
-        form = Form("product", one.name, more=(other.name,))
-        found.append((form, columns))
+        form = Form("product", first.name, more=(second.name,))
+        forms.append((form, columns))
         if sign is not None:
-            form = Form("product", one.name, more=(other.name,), direction="odd")
-            found.append((form, columns * sign[:, None]))
-    return found
+            form = Form("product", first.name, more=(second.name,), direction="odd")
+            forms.append((form, columns * sign[:, None]))
+    return forms
 
 
 def _raw_products(
@@ -196,16 +196,16 @@ def _raw_products(
     """Products of two inputs as they are, one column each: what a law of two variables looks
     like.
     """
-    found = []
-    for one, other in combinations(inputs, 2):
-        a, b = (from_origin(c, values[c.name]) for c in (one, other))
+    forms = []
+    for first, second in combinations(inputs, 2):
+        a, b = (from_origin(c, values[c.name]) for c in (first, second))
         for p, q in ((1, 1), (2, 1), (1, 2)):
             columns = (a**p * b**q)[:, None]
-            form = Form("product", one.name, more=(other.name,), powers=(p, q))
-            found.append((form, columns))
+            form = Form("product", first.name, more=(second.name,), powers=(p, q))
+            forms.append((form, columns))
             if sign is not None:
-                found.append((replace(form, direction="odd"), columns * sign[:, None]))
-    return found
+                forms.append((replace(form, direction="odd"), columns * sign[:, None]))
+    return forms
 
 
 def origin(column: Column) -> float:
@@ -221,15 +221,17 @@ def from_origin(column: Column, x: Array) -> Array:
 
 def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, Array]]:
     """Slow waves of the time, each a form of its own: a hall that warms by day, a pump."""
-    found = []
+    forms = []
     for column in inputs:
         if column.role is Role.TIME:
-            share = (values[column.name] - values[column.name].min()) / np.ptp(values[column.name])
+            fraction = (values[column.name] - values[column.name].min()) / np.ptp(
+                values[column.name]
+            )
             for cycles in CYCLES:
-                turned = 2.0 * np.pi * cycles * share
+                turned = 2.0 * np.pi * cycles * fraction
                 form = Form("trend", column.name, order=cycles, shape=SWING)
-                found.append((form, np.column_stack([np.cos(turned), np.sin(turned)])))
-    return found
+                forms.append((form, np.column_stack([np.cos(turned), np.sin(turned)])))
+    return forms
 
 
 def _steps(data: GapData) -> list[tuple[Form, Array]]:
@@ -268,13 +270,13 @@ def _levels(data: GapData) -> list[tuple[Form, Array]]:
     """A level of its own for each unit, lot or session."""
     names = [c.name for c in data.target.columns if c.role in (Role.UNIT, Role.LOT)]
     names += [SESSION] if SESSION in data.readings.table else []
-    found = []
+    forms = []
     for name in names:
         labels, number = labels_of(data.readings.table[name])
         if 2 <= len(labels) <= max(2, len(data) // 8):
             columns = (number[:, None] == np.arange(1, len(labels))).astype(float)
-            found.append((Form("interval", name, shape=LEVELS), columns))
-    return found
+            forms.append((Form("interval", name, shape=LEVELS), columns))
+    return forms
 
 
 def order_grid(data: GapData) -> Array:
@@ -294,15 +296,15 @@ def _orders(data: GapData) -> list[tuple[Form, Array]]:
     if np.ptp(angle) < 0.1:
         return []
     column = next(c for c in data.inputs if c.role is Role.ANGLE)
-    found = []
+    forms = []
     for order in order_grid(data):
         wave = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
-        found.append((Form("order", column.name, order=float(order)), wave))
+        forms.append((Form("order", column.name, order=float(order)), wave))
         if load is not None and order == np.floor(order):
             size = data.readings[load] / max(float(np.abs(data.readings[load]).max()), 1e-300)
             form = Form("order", column.name, order=float(order), by=str(load))
-            found.append((form, wave * size[:, None]))
-    return found + _modulated(data, column, angle)
+            forms.append((form, wave * size[:, None]))
+    return forms + _modulated(data, column, angle)
 
 
 def usual_orders(data: GapData) -> tuple[float, ...]:
@@ -316,25 +318,25 @@ def usual_orders(data: GapData) -> tuple[float, ...]:
 
 def _modulated(data: GapData, column: Column, angle: Array) -> list[tuple[Form, Array]]:
     """Waves of the usual orders that grow with another input, or with its square."""
-    found = []
+    forms = []
     for order in usual_orders(data):
         wave = np.column_stack([np.cos(order * angle), np.sin(order * angle)])
-        for other in (c for c in data.inputs if c.role in (*SMOOTH, Role.DIRECTION)):
-            x = np.asarray(data.readings.table[other.name], dtype=float)
+        for second_input in (c for c in data.inputs if c.role in (*SMOOTH, Role.DIRECTION)):
+            x = np.asarray(data.readings.table[second_input.name], dtype=float)
             for power in (1, 2):
-                if power == 2 and other.role is Role.DIRECTION:
+                if power == 2 and second_input.role is Role.DIRECTION:
                     continue
                 size = (x / np.abs(x).max()) ** power
                 form = Form(
                     "order",
                     column.name,
                     order=order,
-                    more=(other.name,),
-                    by=other.name,
+                    more=(second_input.name,),
+                    by=second_input.name,
                     by_power=power,
                 )
-                found.append((form, wave * size[:, None]))
-    return found
+                forms.append((form, wave * size[:, None]))
+    return forms
 
 
 def stacked(groups: Groups, outputs: int) -> tuple[Groups, NDArray[np.int64]]:

@@ -60,9 +60,9 @@ def law_of(plan: GapPlan, name: str) -> Law:
     target = target_of(plan.model, plan.model_name, table)
     readings = readings_of(target.columns, table)
     law = _exact(sources, mean) if sources and not sources.widened else _drawn(plan, name, mean)
-    for one in plan.active:
-        if on_scatter(one.effect, one.values, readings, target):
-            law = law_with(law, one.effect, one.values, target)
+    for active in plan.active:
+        if on_scatter(active.effect, active.values, readings, target):
+            law = law_with(law, active.effect, active.values, target)
     return replace(law, low=law.low - float(law.histogram.mean()))
 
 
@@ -79,15 +79,15 @@ def _drawn(plan: GapPlan, name: str, mean: float) -> Law:
     assert plan.model is not None
     table = _units((c for c in plan.model.columns if c.needed), DRAWN)
     rng = np.random.default_rng([plan.seed, 5])
-    found = plan.model.law_sample() or plan.model.predict(table, rng)
-    drawn = np.asarray(found[name], dtype=float)
+    outputs = plan.model.law_sample() or plan.model.predict(table, rng)
+    drawn = np.asarray(outputs[name], dtype=float)
     return estimated(drawn, mean, float(drawn.mean()))
 
 
 def law_with(law: Law, effect: Effect, values: Mapping[str, float], target: Target) -> Law:
     """The law with an effect on the scatter in it: its own, or that of units it was given."""
-    own = effect.law(law, values, target) if isinstance(effect, OfUnits) else None
-    return own or _mapped(law, effect, values, target)
+    effect_law = effect.law(law, values, target) if isinstance(effect, OfUnits) else None
+    return effect_law or _mapped(law, effect, values, target)
 
 
 def _mapped(law: Law, effect: Effect, values: Mapping[str, float], target: Target) -> Law:
@@ -112,9 +112,9 @@ def on_scatter(
         drawn = rng.normal(size=len(readings))
         return np.asarray(act(drawn, 0.0, rng) - drawn)
 
-    first, *others = map(moves, range(DRAWS))
+    first, *repeats = map(moves, range(DRAWS))
     size = max(float(np.abs(first).max(initial=0.0)), 1.0)
-    return any(bool((np.abs(one - first) > STILL * size).any()) for one in others)
+    return any(bool((np.abs(repeat - first) > STILL * size).any()) for repeat in repeats)
 
 
 def _units(columns: Iterable[Column], count: int) -> dict[str, NDArray[Any]]:

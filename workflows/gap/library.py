@@ -87,7 +87,7 @@ class Candidate:
         A bounded exponent or knee moves a column far less than a coefficient does, and one of two
         forms is one bit.
         """
-        numbers = [one for one in self.shape if len(one.choices) != 2]
+        numbers = [parameter for parameter in self.shape if len(parameter.choices) != 2]
         bends = min(BEND, penalty) + penalty * (len(numbers) - 1) if numbers else 0.0
         return penalty * len(self.linear) + bends + BIT * (len(self.shape) - len(numbers))
 
@@ -106,15 +106,15 @@ class Candidate:
         """Lower and upper bounds of the coefficients of its columns."""
         if self.alone:
             return np.array([1.0]), np.array([1.0 + 1e-9])
-        low = np.array([one.low for one in self.linear])
-        return low, np.array([one.high for one in self.linear])
+        low = np.array([parameter.low for parameter in self.linear])
+        return low, np.array([parameter.high for parameter in self.linear])
 
     def values(self, shape: Mapping[str, float], coefficients: Array) -> dict[str, float]:
         """All parameters by name."""
-        found = dict(shape)
-        for one, value in zip(self.linear, coefficients, strict=False):
-            found[one.name] = float(np.clip(value, one.low, one.high))
-        return found
+        parameters = dict(shape)
+        for parameter, value in zip(self.linear, coefficients, strict=False):
+            parameters[parameter.name] = float(np.clip(value, parameter.low, parameter.high))
+        return parameters
 
 
 class Columns:
@@ -131,7 +131,7 @@ class Columns:
         self.predict = predict
         self._base = predict({})
         self._slopes: dict[str, Array] = {}
-        self._read = {name: one + (beside or {}).get(name, 0.0) for name, one in self._base.items()}
+        self._read = {name: y + (beside or {}).get(name, 0.0) for name, y in self._base.items()}
 
     def read_beside(self, more: Mapping[str, Array]) -> Columns:
         """The same, with more (n,) in the outputs that the instrument reads."""
@@ -148,16 +148,16 @@ class Columns:
         if isinstance(candidate.effect, Shape) and candidate.effect.plain(self.data.target):
             return self._of_shape(candidate.effect, shape)
         parts = [
-            self._added(candidate, {**shape, one.name: step}) / step
-            for one, step in ((one, _step(one)) for one in candidate.linear)
+            self._added(candidate, {**shape, parameter.name: step}) / step
+            for parameter, step in ((parameter, _step(parameter)) for parameter in candidate.linear)
         ]
         return np.column_stack(parts)
 
     def _of_shape(self, effect: Shape, shape: Mapping[str, float]) -> Array:
         """Of an effect at the outputs, each of its columns computed once."""
         data, target = self.data, self.data.target
-        each = effect.columns(data.readings, shape, target)
-        x = np.column_stack([each[one.stem]() for one in effect.weights(target)])
+        column_of = effect.columns(data.readings, shape, target)
+        x = np.column_stack([column_of[weight.stem]() for weight in effect.weights(target)])
         if len(data.outputs) == 1:
             return np.asarray(x, dtype=np.float64)
         reached = [o.name for o in effect.reached(target)]
@@ -166,9 +166,9 @@ class Columns:
 
     def _of_term(self, effect: Unresolved) -> Array:
         """Of a term without a name, which acts at one output."""
-        found = effect.columns(self.data.readings)
+        columns = effect.columns(self.data.readings)
         parts = [
-            found if o.name == effect.term.output else np.zeros_like(found)
+            columns if o.name == effect.term.output else np.zeros_like(columns)
             for o in self.data.outputs
         ]
         return np.concatenate(parts)
@@ -183,7 +183,7 @@ class Columns:
         """Outputs (N,) per unit of a quantity inside, by central differences."""
         if name not in self._slopes:
             ends = [np.full(len(self.data), end) for end in (SMALL, -SMALL)]
-            up, down = (self.data.whole(self.predict({name: one})) for one in ends)
+            up, down = (self.data.whole(self.predict({name: change})) for change in ends)
             self._slopes[name] = (up - down) / (2.0 * SMALL)
         return self._slopes[name]
 
@@ -229,27 +229,27 @@ def _step(parameter: EffectParameter) -> float:
 
 def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
     """The effects of these names that have a place in the data's model and columns."""
-    found = []
+    applicable = []
     for name in names:
         effect = registry.load("effects", name)()
         placed = effect.applies(data.target) and not _at_one_angle(effect, data)
         shown = effect.shown(data.measured, data.target) if placed else None
         if shown is not None:
             numbers = effect.parameters(data.target)
-            linear = tuple(one for one in numbers if one.linear)
-            shape = tuple(_chosen(one, shown) for one in numbers if not one.linear)
-            one = Candidate(effect, linear, shape, _unread(effect, data))
-            found.append(replace(one, on_scatter=_on_scatter(one, data)))
-    return found
+            linear = tuple(p for p in numbers if p.linear)
+            shape = tuple(_chosen(p, shown) for p in numbers if not p.linear)
+            candidate = Candidate(effect, linear, shape, _unread(effect, data))
+            applicable.append(replace(candidate, on_scatter=_on_scatter(candidate, data)))
+    return applicable
 
 
-def _on_scatter(one: Candidate, data: GapData) -> bool:
+def _on_scatter(candidate: Candidate, data: GapData) -> bool:
     """Whether it changes the scatter of units, at values within its bounds."""
     if not data.target.population:
         return False
-    values = {n.name: _step(n) for n in one.linear}
-    values |= {n.name: n.choices[0] if n.choices else _within(n) for n in one.shape}
-    return on_scatter(one.effect, values, data.readings, data.target)
+    values = {n.name: _step(n) for n in candidate.linear}
+    values |= {n.name: n.choices[0] if n.choices else _within(n) for n in candidate.shape}
+    return on_scatter(candidate.effect, values, data.readings, data.target)
 
 
 def _within(number: EffectParameter) -> float:
@@ -270,7 +270,7 @@ def left_out(names: Iterable[str], data: GapData) -> list[str]:
         foreign = not registry.origin("effects", name).startswith(OURS)
         if (why := _reason(effect, data)) and (foreign or _matters(effect, why, data)):
             by_reason.setdefault(why, []).append(name)
-    return [f"not considered, {why}: {', '.join(those)}" for why, those in by_reason.items()]
+    return [f"not considered, {why}: {', '.join(effects)}" for why, effects in by_reason.items()]
 
 
 def _reason(effect: Effect, data: GapData) -> str:
@@ -296,9 +296,9 @@ def _matters(effect: Effect, why: str, data: GapData) -> bool:
     return data.target.model == "table"
 
 
-def _chosen(one: EffectParameter, shown: Mapping[str, float]) -> EffectParameter:
+def _chosen(number: EffectParameter, shown: Mapping[str, float]) -> EffectParameter:
     """A parameter, no longer to be fitted where the readings show it."""
-    return replace(one, choices=(shown[one.name],)) if one.name in shown else one
+    return replace(number, choices=(shown[number.name],)) if number.name in shown else number
 
 
 def _at_one_angle(effect: Effect, data: GapData) -> bool:
@@ -310,12 +310,12 @@ def _at_one_angle(effect: Effect, data: GapData) -> bool:
 
 def _unread(effect: Effect, data: GapData) -> bool:
     """Whether an effect on units needs a reading that was not taken, or is always the same."""
-    there = {c.role for c in data.inputs} | {c.role for c in data.target.columns if c.text}
-    return data.target.population and not set(effect.needs) - {Role.DIRECTION} <= there
+    available = {c.role for c in data.inputs} | {c.role for c in data.target.columns if c.text}
+    return data.target.population and not set(effect.needs) - {Role.DIRECTION} <= available
 
 
 def with_lots(
-    found: Iterable[Candidate], data: GapData, residual: Array
+    library: Iterable[Candidate], data: GapData, residual: Array
 ) -> tuple[list[Candidate], list[str]]:
     """The candidates with the offsets of lots that these units can tell, and what to say.
 
@@ -323,33 +323,39 @@ def with_lots(
     lots that hold too few units.
     """
     if Role.LOT not in data.readings:
-        return list(found), []
+        return list(library), []
     labels, of_lot = labels_of(data.readings[Role.LOT])
     counts = np.bincount(of_lot)
-    off = np.abs(np.bincount(of_lot, residual[: len(of_lot)])) / np.sqrt(counts)
+    offset = np.abs(np.bincount(of_lot, residual[: len(of_lot)])) / np.sqrt(counts)
     few = labels[counts < LEAST_UNITS]
-    told = [str(lot) for lot in labels[np.sort(np.argsort(off)[1:])] if lot not in few]
+    lots = [str(lot) for lot in labels[np.sort(np.argsort(offset)[1:])] if lot not in few]
     kept = []
-    for one in found:
-        if Role.LOT in one.effect.needs:
-            one = replace(one, linear=_of_lots(one, told, data.target))
-        if one.linear or one.shape:
-            kept.append(one)
+    for candidate in library:
+        if Role.LOT in candidate.effect.needs:
+            candidate = replace(candidate, linear=_of_lots(candidate, lots, data.target))
+        if candidate.linear or candidate.shape:
+            kept.append(candidate)
     text = f"cannot tell by how much lots of fewer than {LEAST_UNITS} units are off"
     return kept, [f"{text}: {', '.join(few[:10])}"] if len(few) else []
 
 
-def _of_lots(one: Candidate, lots: Iterable[str], target: Target) -> tuple[EffectParameter, ...]:
+def _of_lots(
+    candidate: Candidate, lots: Iterable[str], target: Target
+) -> tuple[EffectParameter, ...]:
     """The offsets of these lots."""
-    unit = one.linear[0].name.removeprefix(one.linear[0].stem) if one.linear else ""
-    found = (one.effect.parameter(f"offset_{lot}{unit}", target) for lot in lots)
-    return tuple(parameter for parameter in found if parameter is not None)
+    unit = (
+        candidate.linear[0].name.removeprefix(candidate.linear[0].stem) if candidate.linear else ""
+    )
+    offsets = (candidate.effect.parameter(f"offset_{lot}{unit}", target) for lot in lots)
+    return tuple(parameter for parameter in offsets if parameter is not None)
 
 
 def carried(active: Iterable[Active], target: Target) -> float:
     """By how much effects on the scatter move the mean of a population."""
     return sum(
-        one.effect.carried(one.values, target) for one in active if isinstance(one.effect, OfUnits)
+        active_effect.effect.carried(active_effect.values, target)
+        for active_effect in active
+        if isinstance(active_effect.effect, OfUnits)
     )
 
 
@@ -358,11 +364,11 @@ def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:
 
     `spread` is the standard deviation of the residual: the scale of what has no bounds.
     """
-    axes = [_axis(one, spread, len(candidate.shape)) for one in candidate.shape]
+    axes = [_axis(parameter, spread, len(candidate.shape)) for parameter in candidate.shape]
     while np.prod([len(axis) for axis in axes]) > MOST:
         longest = max(range(len(axes)), key=lambda k: len(axes[k]))
         axes[longest] = axes[longest][::2]
-    names = [one.name for one in candidate.shape]
+    names = [parameter.name for parameter in candidate.shape]
     return [dict(zip(names, point, strict=True)) for point in product(*axes)]
 
 

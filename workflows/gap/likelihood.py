@@ -63,16 +63,16 @@ class BatchLikelihood:
         """Of each parameter (k,), in its unit."""
         unit = self.target.outputs[0].unit
         return np.array(
-            [self.law.std if unit and one.unit == unit else 1.0 for one in self.numbers]
+            [self.law.std if unit and parameter.unit == unit else 1.0 for parameter in self.numbers]
         )
 
     def _kind(self, at: int) -> Kind:
-        one, scale = self.numbers[at], float(self.scale[at])
-        low, high = max(one.low / scale, -FARTHEST), min(one.high / scale, FARTHEST)
-        if one.unit == self.target.outputs[0].unit:
+        parameter, scale = self.numbers[at], float(self.scale[at])
+        low, high = max(parameter.low / scale, -FARTHEST), min(parameter.high / scale, FARTHEST)
+        if parameter.unit == self.target.outputs[0].unit:
             both = np.concatenate([-STEPS, STEPS]) if low < 0.0 else STEPS
             return Kind(both, both[::3], (low, high), 0.1)
-        if np.isfinite([one.low, one.high]).all():
+        if np.isfinite([parameter.low, parameter.high]).all():
             inside = SHARES if low >= 0.0 and high <= 1.0 else low + (high - low) * SHARES
             return Kind(inside, inside[:4:2], (low, high), 0.005 * (high - low))
         both = np.concatenate([-GROWTHS, GROWTHS]) if low < 0.0 else GROWTHS
@@ -81,15 +81,15 @@ class BatchLikelihood:
     def _grid(self, coarse: bool) -> Array:
         """Starting points (m, k)."""
         kinds = [self._kind(at) for at in range(len(self.numbers))]
-        axes = [one.coarse if coarse else one.starts for one in kinds]
-        while np.prod([len(one) for one in axes]) > MOST:
-            axes = [one[::2] for one in axes]
+        axes = [kind.coarse if coarse else kind.starts for kind in kinds]
+        while np.prod([len(axis) for axis in axes]) > MOST:
+            axes = [axis[::2] for axis in axes]
         return np.array(list(product(*axes)), dtype=np.float64)
 
     def values(self, p: Array) -> dict[str, float]:
         """Parameters by name, in their units."""
         named = zip(self.numbers, np.asarray(p) * self.scale, strict=True)
-        return {one.name: float(value) for one, value in named}
+        return {parameter.name: float(value) for parameter, value in named}
 
     def changed(self, p: Array) -> Law:
         """The law with the effect in it."""
@@ -111,14 +111,14 @@ class BatchLikelihood:
         def worse(p: Array) -> float:
             return -self(x, p)
 
-        found = optimize.minimize(
+        optimum = optimize.minimize(
             worse,
             min(starts, key=worse),
             method="Nelder-Mead",
             bounds=[self._kind(at).bounds for at in range(len(self.numbers))],
             options={"xatol": 1e-4, "fatol": 1e-3},
         )
-        return np.asarray(found.x)
+        return np.asarray(optimum.x)
 
     def tried(self, at: Array) -> list[Array]:
         """Log densities (k,) about their mean of a few amounts that stand for all."""
@@ -135,7 +135,7 @@ class BatchLikelihood:
 
 
 def threshold(
-    law: Law, every: Sequence[Candidate], target: Target, count: int, plan: GapPlan
+    law: Law, candidates: Sequence[Candidate], target: Target, count: int, plan: GapPlan
 ) -> float:
     """What the best of all effects reaches on batches that are drawn from the model."""
     rng = np.random.default_rng([plan.seed, 6])
@@ -143,6 +143,8 @@ def threshold(
     x = law.histogram.rvs(size=shape, random_state=rng)
     x -= x.mean(axis=1, keepdims=True)
     at = np.asarray(x.min() + law.step * (np.arange(1 + int(np.ptp(x) / law.step)) + 0.5))
-    tried = [log for one in every for log in BatchLikelihood(one, law, target).tried(at)]
+    tried = [
+        log for candidate in candidates for log in BatchLikelihood(candidate, law, target).tried(at)
+    ]
     best = likelier(x, float(at[0]), law.step, np.array(tried) - law(at))
     return float(np.quantile(best, 1.0 - plan.settings.false_rate))

@@ -93,11 +93,11 @@ class Groups:
         left of becomes zero. The sign of single columns stays.
         """
         before = np.einsum("ij,ij->j", self.columns, self.columns)
-        left = beside(self.columns, q)
+        remaining = beside(self.columns, q)
         for size in np.unique(self.sizes):
             at = self.starts[self.sizes == size][:, None] + np.arange(size)
-            left[:, at.ravel()] = _each_orthonormal(left, before, at)
-        return Groups(left, self.starts, self.one_sided)
+            remaining[:, at.ravel()] = _each_orthonormal(remaining, before, at)
+        return Groups(remaining, self.starts, self.one_sided)
 
     def part(self, first: int, last: int) -> Groups:
         """Groups from `first` to before `last`, their columns not copied."""
@@ -117,12 +117,12 @@ class Groups:
     def _blocks(self) -> tuple[Block, ...]:
         """The groups by size, with the products of their columns."""
         sizes = self.sizes
-        found = []
+        blocks = []
         for size in np.unique(sizes):
             which = np.flatnonzero(sizes == size)
             at = self.starts[which][:, None] + np.arange(size)
-            found.append(Block(which, at, _grams(self.columns, at)))
-        return tuple(found)
+            blocks.append(Block(which, at, _grams(self.columns, at)))
+        return tuple(blocks)
 
     def grams(self, rows: slice | NDArray[np.int64] = slice(None)) -> list[Array]:
         """Products (g, m, m) of each group's columns in some rows, by the size m of the groups."""
@@ -139,12 +139,12 @@ class Groups:
         their products.
         """
         gains = np.zeros((*products.shape[:-1], len(self.starts)))
-        each = [block.gram for block in self._blocks] if grams is None else grams
-        for block, gram in zip(self._blocks, each, strict=True):
+        block_grams = [block.gram for block in self._blocks] if grams is None else grams
+        for block, gram in zip(self._blocks, block_grams, strict=True):
             p = projected[..., block.at]
-            left = gram - np.einsum("...rgm,...rgk->...gmk", p, p)
+            remaining = gram - np.einsum("...rgm,...rgk->...gmk", p, p)
             gains[..., block.which] = _gains_of(
-                gram, left, products[..., block.at], self.one_sided[block.which]
+                gram, remaining, products[..., block.at], self.one_sided[block.which]
             )
         return gains
 
@@ -176,51 +176,51 @@ class Beside:
     ) -> Array:
         """Gain (..., g) of groups X for the record, with Z' X (..., k, C) and X' y (..., C)."""
         projected = self.turned @ with_z
-        left = with_y - np.einsum("...k,...kc->...c", self.record, projected)
-        return groups.gains_beside(projected, left, grams)
+        remaining = with_y - np.einsum("...k,...kc->...c", self.record, projected)
+        return groups.gains_beside(projected, remaining, grams)
 
 
-def _each_orthonormal(left: Array, before: Array, at: NDArray[np.int64]) -> Array:
+def _each_orthonormal(columns: Array, before: Array, at: NDArray[np.int64]) -> Array:
     """Columns (N, g m) of the groups `at` (g, m), each group orthonormal."""
     count, size = at.shape
     if size == 1:
-        square = np.einsum("ij,ij->j", left[:, at[:, 0]], left[:, at[:, 0]])
+        square = np.einsum("ij,ij->j", columns[:, at[:, 0]], columns[:, at[:, 0]])
         good = square > GONE * np.maximum(before[at[:, 0]], 1e-300)
         return np.asarray(
-            left[:, at[:, 0]] * np.where(good, 1.0 / np.sqrt(np.where(good, square, 1.0)), 0.0)
+            columns[:, at[:, 0]] * np.where(good, 1.0 / np.sqrt(np.where(good, square, 1.0)), 0.0)
         )
     scale = np.sqrt(np.maximum(before[at], 1e-300))
-    blocks = np.moveaxis(left[:, at] / scale, 1, 0)  # (g, N, m)
+    blocks = np.moveaxis(columns[:, at] / scale, 1, 0)  # (g, N, m)
     gram = np.matmul(np.swapaxes(blocks, 1, 2), blocks)
     values, vectors = np.linalg.eigh(gram)
     good = values > GONE
     turned = vectors * np.where(good, 1.0 / np.sqrt(np.where(good, values, 1.0)), 0.0)[:, None, :]
-    return np.asarray(np.moveaxis(blocks @ turned, 0, 1).reshape(len(left), count * size))
+    return np.asarray(np.moveaxis(blocks @ turned, 0, 1).reshape(len(columns), count * size))
 
 
 def _grams(columns: Array, at: NDArray[np.int64]) -> Array:
     """Products (g, m, m) of the columns of each group `at` (g, m)."""
     count, size = at.shape
-    found = np.empty((count, size, size))
+    gram = np.empty((count, size, size))
     for j in range(size):
         for k in range(j, size):
             pair = np.einsum("ij,ij->j", columns[:, at[:, j]], columns[:, at[:, k]])
-            found[:, j, k] = found[:, k, j] = pair
-    return found
+            gram[:, j, k] = gram[:, k, j] = pair
+    return gram
 
 
-def _gains_of(gram: Array, left: Array, z: Array, one_sided: NDArray[np.bool_]) -> Array:
+def _gains_of(gram: Array, remaining: Array, z: Array, one_sided: NDArray[np.bool_]) -> Array:
     """Gains (..., g) of groups with products `gram` (..., g, m, m), `left` of them beside others,
     and products z (..., g, m) with a residual.
     """
     before = np.maximum(np.diagonal(gram, axis1=-2, axis2=-1), 1e-300)
     if gram.shape[-1] == 1:
-        square = left[..., 0, 0]
+        square = remaining[..., 0, 0]
         lone = np.where(one_sided, np.maximum(z[..., 0], 0.0), z[..., 0])
         good = square > GONE * before[..., 0]
         return np.asarray(np.where(good, lone**2 / np.where(good, square, 1.0), 0.0))
     scale = np.sqrt(before)
-    values, vectors = np.linalg.eigh(left / scale[..., :, None] / scale[..., None, :])
+    values, vectors = np.linalg.eigh(remaining / scale[..., :, None] / scale[..., None, :])
     good = values > GONE
     turned = np.einsum("...mk,...m->...k", vectors, z / scale)
     return np.asarray(np.sum(np.where(good, turned**2 / np.where(good, values, 1.0), 0.0), axis=-1))

@@ -33,12 +33,12 @@ def regions(
     What was located is taken out with a flexible form of its variable before the next is looked
     for: two variables that one cause shows in, through chance correlation, are not two regions.
     """
-    found: list[Region] = []
+    located: list[Region] = []
     groups, q = generic.white, fitter.q
     residual = beside(fit.residual, q)
     projected, product = products(groups, q, residual)
     beyond = fit.rss - fitter.space.count
-    while len(found) < MOST:
+    while len(located) < MOST:
         gains = groups.gains_beside(projected, product)
         level = evidence(groups, gains)
         at = int(np.argmax(level))
@@ -49,13 +49,13 @@ def regions(
         explained = max(float(np.sum((taken.T @ residual) ** 2)) - taken.shape[1], float(gains[at]))
         beyond = max(beyond, explained)
         low, high = _ends(setup, fitter, generic, at, q, residual, explained)
-        found.append(
+        located.append(
             _region(setup, generic, at, low, high, explained / beyond, float(level[at]), limit)
         )
         q, residual = np.hstack([q, taken]), beside(residual, taken)
         more, product = products(groups, taken, residual)
         projected = np.vstack([projected, more])
-    return tuple(found)
+    return tuple(located)
 
 
 def _flexible(generic: Remaining, at: int) -> NDArray[np.int64]:
@@ -74,12 +74,12 @@ def _flexible(generic: Remaining, at: int) -> NDArray[np.int64]:
             return near and (other.by, other.by_power) == (form.by, form.by_power)
         return other.kind in OVER_INPUT and form.kind in OVER_INPUT
 
-    mine = [
-        same(one) and generic.outputs[k] == generic.outputs[at]
-        for k, one in enumerate(generic.forms)
+    together = [
+        same(candidate) and generic.outputs[k] == generic.outputs[at]
+        for k, candidate in enumerate(generic.forms)
     ]
-    mine[at] = True
-    return np.flatnonzero(mine)
+    together[at] = True
+    return np.flatnonzero(together)
 
 
 def _ends(
@@ -117,9 +117,9 @@ def _turning(
     if form.direction:
         odd = odd * _sign(setup)[:, None]
     columns[output * n : (output + 1) * n] = odd
-    left = beside(fitter.space.whiten(columns), q)
-    size = np.einsum("ij,ij->j", left, left)
-    gains = (left.T @ residual) ** 2 / np.maximum(size, 1e-9)
+    remaining = beside(fitter.space.whiten(columns), q)
+    size = np.einsum("ij,ij->j", remaining, remaining)
+    gains = (remaining.T @ residual) ** 2 / np.maximum(size, 1e-9)
     best = int(np.argmax(gains))
     return float(widths[best]), float(gains[best])
 
@@ -134,7 +134,7 @@ def _region(
     at: int,
     low: float,
     high: float,
-    share: float,
+    fraction: float,
     level: float,
     limit: float,
 ) -> Region:
@@ -150,7 +150,7 @@ def _region(
         high=high,
         order=form.order if form.kind == "order" else np.nan,
         direction="opposite in the two directions" if form.direction else "",
-        share=float(np.clip(share, 0.0, 1.0)),
+        share=float(np.clip(fraction, 0.0, 1.0)),
         statistic=level,
         threshold=limit,
     )

@@ -37,22 +37,22 @@ LEAST_CHANCE = 0.05
 def misfit_of(analysis: Analysis, fit: Fit) -> dict[tuple[str, str], float]:
     """More variance of named numbers, by owner and name, for the terms beside them."""
     fitter = analysis.search.fitter
-    terms = [k for k, one in enumerate(fit.members) if is_term(one)]
+    terms = [k for k, member in enumerate(fit.members) if is_term(member)]
     named = names_of(fit.members) if terms else ()
     columns = {at: _columns(fitter, fit, at) for at in named}
-    found: dict[tuple[str, str], float] = {}
+    variances: dict[tuple[str, str], float] = {}
     for at in named:
         member = fit.members[at]
-        numbers = [one.name for one in (*member.candidate.linear, *_fitted(member))]
+        numbers = [parameter.name for parameter in (*member.candidate.linear, *_fitted(member))]
         others = [columns[k] for k in named if k != at]
         for k, number in enumerate(numbers):
-            beside_it = [fitter.base, np.delete(columns[at], k, axis=1), *others]
-            g = beside(columns[at][:, k], basis(np.hstack(beside_it)))
+            given_columns = [fitter.base, np.delete(columns[at], k, axis=1), *others]
+            g = beside(columns[at][:, k], basis(np.hstack(given_columns)))
             size = float(g @ g)
-            share = sum(_part(analysis, fit, term, g) for term in terms) if size > 0.0 else 0.0
-            if share > 0.0:
-                found[member.name, number] = share / size
-    return found
+            variance = sum(_part(analysis, fit, term, g) for term in terms) if size > 0.0 else 0.0
+            if variance > 0.0:
+                variances[member.name, number] = variance / size
+    return variances
 
 
 def of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], float]:
@@ -62,32 +62,36 @@ def of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], floa
     Reference: DuMouchel and Duncan, J. Am. Stat. Assoc. 78, 1983.
     """
     away = plain.values - model.values
-    own, other = (np.diag(one.covariance) for one in (model, plain))
-    chance = np.maximum(other - own, LEAST_CHANCE * other)
+    variance, plain_variance = (np.diag(fitted_model.covariance) for fitted_model in (model, plain))
+    chance = np.maximum(plain_variance - variance, LEAST_CHANCE * plain_variance)
     sure = away**2 > SURE**2 * chance
     return {
-        (one.owner, one.name): EITHER * float(square)
-        for one, square, odd in zip(model.numbers, away**2, sure, strict=True)
-        if odd and np.isfinite(square)
+        (number.owner, number.name): EITHER * float(square)
+        for number, square, significant in zip(model.numbers, away**2, sure, strict=True)
+        if significant and np.isfinite(square)
     }
 
 
 def _fitted(member: Member) -> list[EffectParameter]:
     """The nonlinear parameters that are fitted."""
-    return [one for one in member.candidate.shape if not one.choices and member.candidate.linear]
+    return [
+        parameter
+        for parameter in member.candidate.shape
+        if not parameter.choices and member.candidate.linear
+    ]
 
 
 def _columns(fitter: Fitter, fit: Fit, at: int) -> Array:
     """What a unit of each number of a member does (N, k), whitened."""
-    member, found = fit.members[at], [fitter.white(fit.members[at])]
-    for one in _fitted(member):
-        here = member.shape[one.name]
-        step = STEP * (abs(here) or 1.0) * (-1.0 if here >= one.high else 1.0)
-        moved = {**member.shape, one.name: here + step}
+    member, columns = fit.members[at], [fitter.white(fit.members[at])]
+    for parameter in _fitted(member):
+        here = member.shape[parameter.name]
+        step = STEP * (abs(here) or 1.0) * (-1.0 if here >= parameter.high else 1.0)
+        moved = {**member.shape, parameter.name: here + step}
         raw = fitter.columns.of(member.candidate, moved)
-        away = (fitter.space.whiten(raw) - found[0]) @ fit.coefficients[at]
-        found.append(away[:, None] / step)
-    return np.hstack(found)
+        change = (fitter.space.whiten(raw) - columns[0]) @ fit.coefficients[at]
+        columns.append(change[:, None] / step)
+    return np.hstack(columns)
 
 
 def _part(analysis: Analysis, fit: Fit, term: int, g: Array) -> float:
@@ -96,9 +100,9 @@ def _part(analysis: Analysis, fit: Fit, term: int, g: Array) -> float:
     added = beside(fitter.white(member) @ fit.coefficients[term], fitter.q)
     bias = float(g @ added) ** 2 / float(g @ g)
     q = basis(beside(fitter.white(whole_of(member, analysis.setup.data)), fitter.q))
-    share = float(np.sum((q.T @ g) ** 2)) / float(g @ g)
-    if share < LITTLE:
+    fraction = float(np.sum((q.T @ g) ** 2)) / float(g @ g)
+    if fraction < LITTLE:
         return 0.0
     if q.shape[1] == fitter.white(member).shape[1]:
         return EITHER * bias
-    return max(EITHER * bias, float(added @ added) / len(fit.coefficients[term]) * share)
+    return max(EITHER * bias, float(added @ added) / len(fit.coefficients[term]) * fraction)
