@@ -45,7 +45,7 @@ def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
     for at in significant[:20]:
         lost |= _touched(search, fit, generic, at)
     if lost:
-        lost |= _only_beside(search, fit, generic, lost)
+        lost |= _no_longer_significant(search, fit, generic, lost)
     kept = tuple(k for k in range(len(fit.members)) if k not in lost)
     return Judged(kept, tuple(sorted(lost)), residual_forms, significant)
 
@@ -115,7 +115,9 @@ def _is_part(search: Search, fit: Fit, generic: Remaining, at: int, removed: Seq
     return float(np.sum((q.T @ form) ** 2)) > PART * float(np.sum(form**2))
 
 
-def _only_beside(search: Search, fit: Fit, generic: Remaining, lost: set[int]) -> set[int]:
+def _no_longer_significant(
+    search: Search, fit: Fit, generic: Remaining, lost: set[int]
+) -> set[int]:
     """The other members that are not significant beside the form which displaced those: they made
     up for what a wrong form left.
     """

@@ -313,7 +313,7 @@ def concluded(
 ) -> Analysis:
     """What changes the scatter, rivals, forms that displace names, and what is left."""
     bare = Ground(setup, tuple(noises), search, generic)
-    ground, selection, scatter_effects = _beside_scatter(bare, selection)
+    ground, selection, scatter_effects = _given_scatter(bare, selection)
     search = ground.search
     verdict = judged(search, selection.fit, generic, ground.empty)
     others = rivals(search, selection.fit, verdict.kept)
@@ -342,18 +342,18 @@ def concluded(
     )
 
 
-def _beside_scatter(
+def _given_scatter(
     bare: Ground, selection: Selection
 ) -> tuple[Ground, Selection, tuple[Scatter, ...]]:
     """The names once more beside what changes the scatter: a mixture moves the mean itself."""
     ground, original = bare, selection
     if not bare.setup.laws or structured(bare.search, selection.fit, bare.generic, bare.empty):
         return bare, selection, ()  # units that follow something do not scatter
-    fit, scatter_effects = _beside_any(bare, bare, selection.fit)
+    fit, scatter_effects = _likeliest_scatter(bare, bare, selection.fit)
     for _ in range(ROUNDS if scatter_effects else 0):
         ground = bare.with_scatter(scatter_effects[0])
         names, selection = selection.fit.names, select(ground.search)
-        fit, scatter_effects = _beside_any(bare, ground, selection.fit)
+        fit, scatter_effects = _likeliest_scatter(bare, ground, selection.fit)
         selection = replace(selection, fit=fit)
         if not scatter_effects:  # what widened the units was a name that is no longer there
             return bare, original, ()
@@ -374,7 +374,7 @@ def _beside_scatter(
     return ground, selection, scatter_effects
 
 
-def _beside_any(bare: Ground, ground: Ground, fit: Fit) -> tuple[Fit, tuple[Scatter, ...]]:
+def _likeliest_scatter(bare: Ground, ground: Ground, fit: Fit) -> tuple[Fit, tuple[Scatter, ...]]:
     """What changes the scatter beside all names, all but one, or none: where that is likeliest.
 
     A name that took the mean of a mixture for its own hides the mixture.

@@ -162,9 +162,9 @@ class Training:
     ) -> None:
         self.fitter, self.count = fitter, len(labels)
         self.rows = [_rows(np.flatnonzero(labels == label)) for label in np.unique(labels)]
-        self._book, self._white = dictionary, white
+        self._dictionary, self._white = dictionary, white
         self._grids: dict[str, Grid] = {}
-        self._beside: dict[tuple[object, ...], Array] = {}
+        self._grid_products: dict[tuple[object, ...], Array] = {}
 
     def products(self, a: Array, b: Array) -> Array:
         """Of columns (N, j) and (N, k) in all rows but those of each block (B, j, k)."""
@@ -181,13 +181,13 @@ class Training:
             alike: dict[tuple[object, ...], list[int]] = {}
             for block, block_members in enumerate(by_block):
                 alike.setdefault(tuple(m.key for m in block_members), []).append(block)
-            first, _ = self._book.places[member.name]
+            first, _ = self._dictionary.places[member.name]
             for blocks in alike.values():
                 grid, kept = self.gains(by_block[blocks[0]], at, blocks)
                 best = np.argmax(grid >= (1.0 - ALIKE) * grid.max(axis=1, keepdims=True), axis=1)
                 for block, k, gains, kept_gain in zip(blocks, best, grid, kept[:, 0], strict=True):
                     if gains[k] > kept_gain + SURE:
-                        by_block[block][at] = self._book.members[first + int(k)]
+                        by_block[block][at] = self._dictionary.members[first + int(k)]
         return by_block
 
     def gains(
@@ -214,7 +214,7 @@ class Training:
 
     def _grid(self, name: str) -> Grid:
         if name not in self._grids:
-            self._grids[name] = self._as_grid(self._white.part(*self._book.places[name]))
+            self._grids[name] = self._as_grid(self._white.part(*self._dictionary.places[name]))
         return self._grids[name]
 
     def _as_grid(self, groups: Groups) -> Grid:
@@ -231,10 +231,10 @@ class Training:
 
     def _with_grid(self, key: tuple[object, ...], columns: Array, name: str) -> Array:
         """Products (B, k, C) of the columns (N, k) of a key, of unit length, with a grid."""
-        if (key, name) not in self._beside:
+        if (key, name) not in self._grid_products:
             grid = self._grid(name).groups.columns
-            self._beside[key, name] = self.products(unit(columns), grid)
-        return self._beside[key, name]
+            self._grid_products[key, name] = self.products(unit(columns), grid)
+        return self._grid_products[key, name]
 
 
 def _rows(at: NDArray[np.int64]) -> Rows:

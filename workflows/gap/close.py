@@ -76,7 +76,7 @@ class Corrected:
         known of them says nothing of its size. Numbers count over their standard errors: in their
         units they may be millions apart.
         """
-        linear = {number.name for number in member.candidate.linear}
+        linear = {parameter.name for parameter in member.candidate.linear}
         indices = [k for k, number in enumerate(self.numbers) if number.owner == member.name]
         rounded = any(member.candidate.alone for member in self.members)  # has no derivatives
         sizes = [k for k in indices if self.numbers[k].name in linear]
@@ -160,7 +160,10 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
     jacobian = np.zeros((space.readings * len(space.noises) + space.prior, 0))
     if len(x):
         fitted = least_squares(
-            _residual(setup, used, model, scale), x, (low, high), _promised(setup, used, fit)
+            _residual(setup, used, model, scale),
+            x,
+            (low, high),
+            _expected_squares(setup, used, fit),
         )
         x, jacobian = _snapped(fitted.x, low, high), np.asarray(fitted.jac)
         residuals = np.asarray(fitted.fun)
@@ -171,7 +174,7 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
     return _with_errors(model, (space, used), (x, scale), jacobian, residuals)
 
 
-def _promised(setup: Setup, used: Space, fit: Fit) -> float:
+def _expected_squares(setup: Setup, used: Space, fit: Fit) -> float:
     """Squares that are left of the readings if the model is as linear as the fit takes it."""
     white = used.whiten(left_of(setup, fit))
     return float(white @ white)

@@ -86,15 +86,15 @@ def _improved(remainder: Remainder, kept: Array, noise: Noise) -> tuple[Noise, A
     start = _start(remainder, kept, noise)
     every = np.ones(len(remainder.slow), dtype=bool)
     whole, trend = _with_forms(remainder, start, every)
-    tried = [(_one(remainder, whole, noise), whole)]
+    tried = [(_noise_given(remainder, whole, noise), whole)]
     if trend:  # a trend, or noise that wanders: what is likelier
         plain, _ = _with_forms(remainder, start, ~np.array(remainder.slow))
-        tried.append((_one(remainder, plain, noise), plain))
+        tried.append((_noise_given(remainder, plain, noise), plain))
     scores = [_likelihood(remainder.residual, chosen, tried_noise) for tried_noise, chosen in tried]
     return tried[int(np.argmax(scores))]
 
 
-def _one(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
+def _noise_given(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
     white = replace(noise, rho=0.0, good=None)
     residual = remainder.residual - _fitted(remainder, chosen, white)
     good = remainder.good(residual, noise.sigma)
@@ -130,7 +130,7 @@ class Start:
 
     kept: Array
     q: Array
-    left: Array
+    residual: Array
     white: Groups
     projected: Array
     product: Array
@@ -153,7 +153,7 @@ def _with_forms(
     """
     if not allowed.any():
         return start.kept, False
-    chosen, q, residual, white = start.kept, start.q, start.left, start.white
+    chosen, q, residual, white = start.kept, start.q, start.residual, start.white
     projected, product, trend = start.projected, start.product, False
     while chosen.shape[1] < max(len(residual) // 5, start.kept.shape[1] + 2):
         scale = residual @ residual / (len(residual) - q.shape[1])

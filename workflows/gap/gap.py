@@ -119,10 +119,10 @@ def found(
     took two thirds of the CPU.
     """
     with threadpool_limits(1):
-        return _found(plan, data, workers, progress, kept)
+        return _analysed(plan, data, workers, progress, kept)
 
 
-def _found(
+def _analysed(
     plan: GapPlan,
     data: GapData,
     workers: Execution | int,
