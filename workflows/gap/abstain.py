@@ -1,4 +1,4 @@
-"""Stage 7: whether what is named is the right form, or only something of its kind."""
+"""Stage 7: whether a selected effect has the right form, or only a form of its kind."""
 
 from __future__ import annotations
 
@@ -16,19 +16,20 @@ from .scan import Left, Remaining, left_over
 from .select import Search
 
 PRICE = {1: 5.0, 2: -6.0}
-"""What a form without a name must fit better by than so many named effects, to displace them: one
-cause is likelier than two."""
+"""By how much a generic form must fit better than so many selected effects to displace them: a
+single cause is likelier than two."""
 PART = 0.999
-"""Share of a form within what members can do, from which it is a part of them."""
+"""Fraction of a form in the span of some members from which it counts as a part of them."""
 FOLLOWS = 3.3
-"""Standard errors of the autocorrelation from which one unit follows the other (1 in 1000)."""
+"""Standard errors of the autocorrelation from which successive units are correlated (1 in 1000)."""
 SMALL = 0.01
-"""Share of what the effects of units explain below which a remainder is no fault of their form."""
+"""Fraction of what the effects of units explain below which a remainder is no fault of their form.
+"""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """Members that keep their name, those that do not, and the forms that are left."""
+    """Members that stay identified, members that do not, and the generic forms that remain."""
 
     kept: tuple[int, ...]
     lost: tuple[int, ...]
@@ -38,7 +39,9 @@ class Judged:
 
 
 def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
-    """Names that a freer form in the same variable displaces, or leaves much beside, are lost."""
+    """Test the members: those are lost that a freer form in the same variable displaces, or that
+    leave a large residual in their variable.
+    """
     residual_forms = left_over(fit, search.fitter, generic)
     significant = _large(search, fit, residual_forms, empty)
     lost = set(displaced(search, fit, generic))
@@ -51,9 +54,9 @@ def judged(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> Judged:
 
 
 def significant_forms(search: Search, residual_forms: Left) -> tuple[int, ...]:
-    """The forms that are left beyond chance and above the practical limit, the strongest first.
+    """The generic forms that remain beyond chance and above the practical limit, strongest first.
 
-    What the effects explain does not matter: a remainder is tested against the noise.
+    The test is against the noise; how much the effects explain does not matter.
     """
     least = search.fitter.space.count * search.settings.practical_limit**2
     limit = search.thresholds.generic
@@ -65,7 +68,7 @@ def significant_forms(search: Search, residual_forms: Left) -> tuple[int, ...]:
 
 
 def _large(search: Search, fit: Fit, residual_forms: Left, empty: Fit) -> tuple[int, ...]:
-    """Those of them that are no small change of what the effects of units explain."""
+    """The significant forms that are not small against what the effects of units explain."""
     least = SMALL * max(empty.rss - fit.rss, 0.0)
     return tuple(
         at for at in significant_forms(search, residual_forms) if residual_forms.gains[at] > least
@@ -73,8 +76,8 @@ def _large(search: Search, fit: Fit, residual_forms: Left, empty: Fit) -> tuple[
 
 
 def structured(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> bool:
-    """Whether units of a population follow something beside a fit, be it each other: not only all
-    of them alike.
+    """Whether the residuals of units of a population have a structure given a fit: they depend on a
+    variable or on the preceding unit. An offset common to all units does not count.
     """
     space = search.fitter.space
     if any(abs(noise.rho) * np.sqrt(space.readings) > FOLLOWS for noise in space.noises):
@@ -85,7 +88,7 @@ def structured(search: Search, fit: Fit, generic: Remaining, empty: Fit) -> bool
 
 
 def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
-    """The members that one generic form fits better in place of."""
+    """The members that a single generic form replaces with a better fit."""
     count = len(fit.members)
     worst: tuple[float, Sequence[int]] = (0.0, ())
     numbers = generic.white.sizes + np.array([more_numbers(form) for form in generic.forms])
@@ -107,7 +110,7 @@ def displaced(search: Search, fit: Fit, generic: Remaining) -> Sequence[int]:
 
 
 def _is_part(search: Search, fit: Fit, generic: Remaining, at: int, removed: Sequence[int]) -> bool:
-    """Whether a form is what members do with some of their numbers at 0: no other than theirs."""
+    """Whether a form is a special case of members, some of their parameters being 0."""
     fitter = search.fitter
     form = beside(generic.white.of(at), fitter.q)
     removed_columns = np.hstack([fitter.white(fit.members[k]) for k in removed])
@@ -118,8 +121,8 @@ def _is_part(search: Search, fit: Fit, generic: Remaining, at: int, removed: Seq
 def _no_longer_significant(
     search: Search, fit: Fit, generic: Remaining, lost: set[int]
 ) -> set[int]:
-    """The other members that are not significant beside the form which displaced those: they made
-    up for what a wrong form left.
+    """The other members that are not significant given the form which displaced the lost ones:
+    they compensated for the residual of a wrong form.
     """
     fitter, kept = search.fitter, [k for k in range(len(fit.members)) if k not in lost]
     reduced_fit = fitter.fit([fit.members[k] for k in kept])
@@ -135,13 +138,13 @@ def _no_longer_significant(
 
 
 def more_numbers(form: Form) -> int:
-    """Numbers in a form beside its coefficients: an exponent, an order, a place."""
+    """Parameters of a form in addition to its coefficients: an exponent, an order, a place."""
     free = form.kind in ("power", "order") or (form.kind == "product" and form.powers is not None)
     return 1 if free or form.shape in (STEP, SWING) else 0
 
 
 def _touched(search: Search, fit: Fit, generic: Remaining, at: int) -> set[int]:
-    """The members that act in the variable of a generic form that is left."""
+    """The members that act in the variable of a generic form that remains."""
     form = generic.forms[at]
     if form.kind == "order":
         return {k for k in range(len(fit.members)) if _overlap(search, fit, generic, at, k) > 0.1}
@@ -163,7 +166,7 @@ def acts_in(needs: Sequence[Role]) -> set[Role]:
 
 
 def _overlap(search: Search, fit: Fit, generic: Remaining, at: int, k: int) -> float:
-    """Share of a member's contribution that lies in the span of a generic form."""
+    """Fraction of a member's contribution that lies in the span of a generic form."""
     contribution = beside(
         search.fitter.white(fit.members[k]) @ fit.coefficients[k], search.fitter.q
     )

@@ -15,16 +15,16 @@ from .setup import moved_to, values_of
 from .space import Space
 
 WANDERS = 3.0
-"""Standard errors from which neighbouring rows are taken as autocorrelated."""
+"""Standard errors from which neighbouring rows count as autocorrelated."""
 MOST = 200_000
-"""Rows that the size of the noise is asked of."""
+"""Rows from which the size of the noise is estimated, at most."""
 
 
 def on_all_rows(end: Ending, full: GapData) -> Ending:
-    """The answer with its numbers from all rows, and intervals that shrink with them.
+    """The result with its parameters fitted to all rows, and intervals that shrink accordingly.
 
-    Which effects they are, and what has no name, is that of the search; their numbers, the noise
-    and its autocorrelation from one row to the next are those of the whole record.
+    The effects and the generic terms are those of the search; their parameters, the noise and its
+    autocorrelation from row to row are those of the whole record.
     """
     setup = end.setup
     if len(full) == len(setup.data) or full.target.population:
@@ -45,7 +45,7 @@ def _noises(end: Ending, full: GapData) -> list[Noise]:
 
 
 def _noise(end: Ending, full: GapData, at: int, residual: Array) -> Noise:
-    """Of one output, from its residual (n,) beside the final model."""
+    """The noise of one output, from its residual (n,) given the final model."""
     name, search_noise = full.outputs[at].name, end.analysis.search.fitter.space.noises[at]
     size = full.std[name] if name in full.std else np.ones(len(full))
     good = outliers(residual, size)
@@ -64,7 +64,7 @@ def _noise(end: Ending, full: GapData, at: int, residual: Array) -> Noise:
 
 
 def _size(full: GapData, residual: Array, good: np.ndarray) -> Array:
-    """Its relative size (n,), where it follows an input."""
+    """The relative size (n,) of the noise, where it depends on an input."""
     rows = np.linspace(0, len(full) - 1, min(len(full), MOST)).astype(np.int64)
     inputs = values_of(full.some(rows))
     follows = size_follows(residual[rows], inputs, good[rows])
@@ -76,6 +76,6 @@ def _size(full: GapData, residual: Array, good: np.ndarray) -> Array:
 
 
 def _neighbours(white: Array) -> float:
-    """Autocorrelation of one row with the next, 0 where it is no more than chance."""
+    """Autocorrelation of each row with the next, 0 where it is not significant."""
     rho = float(white[1:] @ white[:-1] / max(float(white @ white), 1e-300))
     return float(np.clip(rho, 0.0, 0.99)) if rho * np.sqrt(len(white)) > WANDERS else 0.0

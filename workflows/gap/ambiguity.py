@@ -1,4 +1,4 @@
-"""Stage 5: names that the data cannot tell from those that were accepted."""
+"""Stage 5: effects that the data cannot distinguish from those that were accepted."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from .scan import scan
 from .select import Search
 
 TWIN = 1e-3
-"""Distance below which two names have the same columns."""
+"""Difference in score below which two effects have the same columns."""
 INSTRUMENT = "instrument"
 
 
 @dataclass(frozen=True)
 class Other:
-    """Another fit that the data do not exclude: what stands in it instead of what."""
+    """Another fit that the data do not exclude: its effects `names` replace those `instead_of`."""
 
     fit: Fit
     names: tuple[str, ...]
@@ -29,7 +29,7 @@ class Other:
 
 
 def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
-    """Fits within the distance of a set, with one name exchanged, or one for two."""
+    """Fits within the set distance, in which an effect replaces one or two of the selected ones."""
     alternatives: dict[tuple[tuple[str, ...], tuple[str, ...]], Other] = {}
     reach = search.settings.set_distance
     barred = {member.name for member in fit.members}
@@ -39,7 +39,7 @@ def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
             if rival.names[-1] != fit.names[at] and rival.score - fit.score <= reach:
                 key = ((rival.names[-1],), (fit.names[at],))
                 alternatives[key] = Other(rival, *key, rival.score - fit.score)
-    for pair in combinations(kept, 2):  # one name instead of two
+    for pair in combinations(kept, 2):  # one effect instead of two
         names = tuple(fit.names[k] for k in pair)
         rest = tuple(member for k, member in enumerate(fit.members) if k not in pair)
         for rival in _near(search, rest, fit):
@@ -52,12 +52,14 @@ def rivals(search: Search, fit: Fit, kept: Sequence[int]) -> list[Other]:
 
 
 def _near(search: Search, others: Sequence[Member], fit: Fit) -> list[Fit]:
-    """Fits with one more beside `others`, about as good as `fit`."""
+    """Fits with one more effect in addition to `others`, about as good as `fit`."""
     return search.refined(others, scan(search.fitter, search.white, search.book, others))
 
 
 def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
-    """Of what the names of a fit and those instead of them do, beside all else that is fitted."""
+    """Correlation of the contributions of the exchanged effects of a fit and of those that replace
+    them, given all else that is fitted.
+    """
     replaced = [k for k, name in enumerate(fit.names) if name in other.instead_of]
     substitutes = [k for k, name in enumerate(other.fit.names) if name in other.names]
     remaining = [member for k, member in enumerate(fit.members) if k not in replaced]
@@ -77,10 +79,10 @@ def correlation(fitter: Fitter, fit: Fit, other: Other) -> float:
 
 
 def first_of_twins(fit: Fit, alternatives: Sequence[Other], population: bool) -> Fit | None:
-    """The fit with the name that goes first where another one has the same columns.
+    """The fit with the preferred effect where another effect has the same columns, else None.
 
-    What may be the instrument is not called physics. Of a batch that is off by the same in every
-    unit the process goes first: an allocation can answer it, a gauge it cannot.
+    What may be the instrument is not attributed to physics. Of an offset that is the same in every
+    unit of a batch the process is preferred: an allocation can answer it, a gauge cannot.
     """
     for alternative in alternatives:
         new, replaced = alternative.fit.members[-1].candidate, alternative.instead_of

@@ -1,4 +1,4 @@
-"""The whole loop on one set of readings: noise, thresholds, names, rivals, what is left."""
+"""The whole loop on one record: noise, thresholds, selected effects, rivals and the residual."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ from .space import Space
 from .unresolved import is_term, label
 
 WANDERING = 0.4
-"""Autocorrelation from which it is asked whether the noise is noise."""
+"""Autocorrelation from which it is tested whether the noise is a missing effect."""
 SETTLED = 3
-"""How often the final answer is looked for, the noise estimated again beside it."""
+"""How often the final set is searched, the noise estimated again given the set."""
 ROUNDS = 2
-"""How often the noise is estimated again with what was named."""
+"""How often the noise is estimated again given the selected effects."""
 BETTER = 1.0
-"""By how much a rival must fit better than the answer to take its place."""
+"""By how much a rival must fit better than the selected set to replace it."""
 FAR_OUT = 4000.0
-"""Over the density of a unit that is far out, in standard deviations: one in 200, anywhere within
-10 of them."""
+"""Reciprocal density of an outlier, in standard deviations: 1 unit in 200, anywhere within 10
+standard deviations."""
 
 
 @dataclass(frozen=True)
 class Ground:
-    """What is searched, in the space of its noise; `empty` is the fit without a name, `left` what
-    generic forms find beside it.
+    """The null model with all that is searched, in the space of its noise; `empty` is the null fit,
+    `left` the test of the generic forms against its residual.
     """
 
     setup: Setup
@@ -54,21 +54,21 @@ class Ground:
 
     @cached_property
     def empty(self) -> Fit:
-        """The fit of the model alone."""
+        """The null fit: the model without any effect."""
         return self.search.fitter.fit(())
 
     @cached_property
     def left(self) -> Left:
-        """What generic forms find beside the model alone."""
+        """The generic forms tested against the residual of the null fit."""
         return left_over(self.empty, self.search.fitter, self.generic)
 
     @cached_property
     def batch(self) -> Batch:
-        """As a population."""
+        """The units as a batch of a population."""
         return Batch(self.setup, self.search)
 
     def with_scatter(self, effect: Scatter) -> Ground:
-        """The same about a model with an effect on the scatter in it."""
+        """The same for a model that contains an effect on the scatter."""
         setup, fitter = carrying(self.setup, effect), self.search.fitter
         moved = fitter.space.whiten(self.setup.residual - setup.residual)
         search = replace(self.search, fitter=fitter.of_record(fitter.y - moved))
@@ -77,10 +77,10 @@ class Ground:
 
 @dataclass(frozen=True)
 class Analysis:
-    """What the loop found, before it is put into records.
+    """The result of the loop, before it is put into records.
 
-    `bare` is the ground that it began on, `ground` the one that it ended on: the same, but for an
-    effect on the scatter of a population, which is in the model of the latter.
+    `bare` is the null model at the start of the loop and `ground` the one at its end. They differ
+    only by an effect on the scatter of a population, which the latter contains.
     """
 
     bare: Ground
@@ -97,21 +97,21 @@ class Analysis:
 
     @property
     def fit(self) -> Fit:
-        """The fit with every name that was accepted; in a batch those that were lost included."""
+        """The fit with every effect that was accepted; in a batch those that were lost included."""
         return self.selection.fit
 
     @property
     def setup(self) -> Setup:
-        """Of the ground that the loop ended on."""
+        """The setup of the final null model."""
         return self.ground.setup
 
     @property
     def search(self) -> Search:
-        """Of the ground that the loop ended on."""
+        """The search given the final null model."""
         return self.ground.search
 
     def nameless(self) -> Analysis:
-        """The analysis of a batch with nothing named."""
+        """The analysis of a batch without any identified effect."""
         bare = self.bare
         verdict = judged(bare.search, bare.empty, bare.generic, bare.empty)
         odd = misfit(bare.batch, bare.empty, None)
@@ -120,7 +120,7 @@ class Analysis:
 
     @property
     def score(self) -> float:
-        """Of a batch: minus twice the log likelihood of its units, and the price of the names."""
+        """Of a batch: minus twice the log likelihood of its units, plus the effects' price."""
         batch = self.bare.batch
         if not self.scatter:
             return batch.plain(self.fit)
@@ -128,7 +128,7 @@ class Analysis:
 
 
 def analysed(setup: Setup) -> Analysis:
-    """The loop, with the noise estimated again beside what was named."""
+    """Run the loop, the noise estimated again given the selected effects."""
     setup = as_read(setup)
     noises = noise_of(setup, ())
     effects = dictionary(setup.library, setup.columns, spread_of(noises))
@@ -150,7 +150,7 @@ def analysed(setup: Setup) -> Analysis:
         search, generic = searching(setup, noises, effects, forms, outputs, search.thresholds)
         previous_names, kept_fit = selection.fit.names, search.fitter.refined(selection.fit.members)
         selection = select(search)
-        if kept_fit.score < selection.fit.score - BETTER:  # from nothing it went another way
+        if kept_fit.score < selection.fit.score - BETTER:  # another path from the null fit
             selection = selection.ending_with(kept_fit, search.tested(kept_fit))
         if selection.fit.names == previous_names:
             break
@@ -162,8 +162,8 @@ def analysed(setup: Setup) -> Analysis:
 def _of_batch(
     setup: Setup, state: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
 ) -> Analysis:
-    """The final answer of a batch: units far out do not count, unless an effect on the scatter has
-    them, and the batch is likelier with all of them so than without them as it is.
+    """The final result of a batch. Outliers do not count, unless an effect on the scatter explains
+    them and all units are then likelier than the others are without it.
     """
     selection, noises, search, generic = state
     without_outliers = concluded(setup, noises, search, generic, selection)
@@ -181,7 +181,7 @@ def _of_batch(
 def _settled(
     setup: Setup, state: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
 ) -> Analysis:
-    """The final answer of rows, in the noise beside all that is in it."""
+    """The final result of rows, in the noise that is estimated given its whole fit."""
     selection, noises, search, generic = state
     start = selection.fit
     turn = 0
@@ -190,7 +190,7 @@ def _settled(
         null_fit = search.fitter.fit(())
         settling = Settling(search, generic, setup.data, null_fit, selection.accepted)
         settled = settling.settled(start)
-        if turn == SETTLED or not settled.fit.members:  # beside nothing the noise is known
+        if turn == SETTLED or not settled.fit.members:  # the noise of the null fit is known
             break
         new_noises = noise_of(setup, contributions(setup, settled.fit))
         if alike(noises, new_noises):
@@ -206,8 +206,8 @@ def _settled(
 
 
 def without(analysis: Analysis, name: str, believed: str = "") -> Analysis:
-    """The analysis of rows without a name, all that is left fitted and tested again; what the name
-    did may be the form of another one, which is `believed`: it stays as a curve without a name.
+    """The analysis of rows without the effect `name`, the remaining ones fitted and tested again.
+    Its contribution may belong to the form of the effect `believed`; it stays as a generic curve.
     """
     ground, selection = analysis.ground, analysis.selection
     sure = analysis.believed | ({believed} if believed else set())
@@ -236,7 +236,7 @@ def _answer(
     settled: Settled,
     barred: frozenset[str] = frozenset(),
 ) -> Analysis:
-    """The analysis that ends with a settled fit; the instrument first among twins."""
+    """The analysis that ends with a settled fit; the instrument is preferred at equal columns."""
     search, fit = ground.search, settled.fit
     named = names_of(fit.members)
     others = rivals(search, fit, named)
@@ -265,7 +265,7 @@ def _answer(
 
 
 def _about(setup: Setup, search: Search, fit: Fit) -> Setup:
-    """The setup about the joint fit, found in the full model: where columns are taken matters."""
+    """The setup linearised about the joint fit in the full model: the columns depend on it."""
     model = corrected(setup, search.fitter.space, fit)
     active = [Active(m.candidate.effect, model.effect(m.name)) for m in model.members]
     changes = changes_of(acting(active, setup.data.readings, setup.data.target))
@@ -278,9 +278,9 @@ State = tuple[Selection, tuple[Noise, ...], Search, Remaining]
 def _not_noise(
     setup: Setup, state: State, columns: tuple[Dictionary, Groups, NDArray[np.int64]]
 ) -> State:
-    """The state with names found as if the noise were white, where that is likelier by far.
+    """The state with effects selected as if the noise were white, where that is much likelier.
 
-    A strong effect along the path of the measurement looks like noise that wanders.
+    A strong effect along the path of the measurement looks like autocorrelated noise.
     """
     selection, noises, search, _ = state
     white = tuple(replace(noise, rho=0.0) for noise in noises)
@@ -298,7 +298,7 @@ def _not_noise(
 
 
 def _minus_log(fit: Fit, search: Search) -> float:
-    """Minus twice the log likelihood, and the price of the names."""
+    """Minus twice the log likelihood, plus the price of the effects."""
     total = fit.score - fit.rss
     n = search.fitter.space.readings
     for at, noise in enumerate(search.fitter.space.noises):
@@ -311,7 +311,9 @@ def _minus_log(fit: Fit, search: Search) -> float:
 def concluded(
     setup: Setup, noises: Sequence[Noise], search: Search, generic: Remaining, selection: Selection
 ) -> Analysis:
-    """What changes the scatter, rivals, forms that displace names, and what is left."""
+    """The analysis that ends with a selection: effects on the scatter, rivals, generic forms that
+    displace effects, and the forms that remain.
+    """
     bare = Ground(setup, tuple(noises), search, generic)
     ground, selection, scatter_effects = _given_scatter(bare, selection)
     search = ground.search
@@ -345,17 +347,17 @@ def concluded(
 def _given_scatter(
     bare: Ground, selection: Selection
 ) -> tuple[Ground, Selection, tuple[Scatter, ...]]:
-    """The names once more beside what changes the scatter: a mixture moves the mean itself."""
+    """Select again given the effects on the scatter: a mixture moves the mean itself."""
     ground, original = bare, selection
     if not bare.setup.laws or structured(bare.search, selection.fit, bare.generic, bare.empty):
-        return bare, selection, ()  # units that follow something do not scatter
+        return bare, selection, ()  # units with a structure do not scatter
     fit, scatter_effects = _likeliest_scatter(bare, bare, selection.fit)
     for _ in range(ROUNDS if scatter_effects else 0):
         ground = bare.with_scatter(scatter_effects[0])
         names, selection = selection.fit.names, select(ground.search)
         fit, scatter_effects = _likeliest_scatter(bare, ground, selection.fit)
         selection = replace(selection, fit=fit)
-        if not scatter_effects:  # what widened the units was a name that is no longer there
+        if not scatter_effects:  # an effect that is no longer selected had widened them
             return bare, original, ()
         if fit.names == names:
             break
@@ -375,9 +377,9 @@ def _given_scatter(
 
 
 def _likeliest_scatter(bare: Ground, ground: Ground, fit: Fit) -> tuple[Fit, tuple[Scatter, ...]]:
-    """What changes the scatter beside all names, all but one, or none: where that is likeliest.
+    """The likeliest effects on the scatter given all selected effects, all but one, or none.
 
-    A name that took the mean of a mixture for its own hides the mixture.
+    An effect that has absorbed the mean of a mixture hides the mixture.
     """
     reduced_sets = [fit.without(at) for at in range(len(fit.members))]
     candidate_fits = [fit, *(ground.search.fitter.fit(reduced) for reduced in reduced_sets)]

@@ -1,4 +1,4 @@
-"""Held-out errors: blocks of rows that a fit never sees."""
+"""Held-out errors: blocks of rows that are excluded from a fit."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def block_labels(data: GapData) -> NDArray[np.int64]:
 
 
 SURE = 2.7
-"""Gain from which a nonlinear parameter is excluded: 90 % of one number (chi square)."""
+"""Gain from which a value of a nonlinear parameter is excluded: chi square, 90 %."""
 RANK = 1e-7
 """Size of a direction of columns of unit length, relative to the largest, below which it is none.
 """
@@ -45,7 +45,7 @@ class Fold:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Whitened residuals (N,) of rows that their fit never saw, and that fit for each block."""
+    """Whitened residuals (N,) of held-out rows, and the fit of each block."""
 
     white: Array
     fitter: Fitter
@@ -86,8 +86,8 @@ def held_out(training: Training, members: Sequence[Member]) -> HeldOut:
 def _admissible(
     coefficients: Array, members: Sequence[Member], x: Array, y: Array, out: Rows
 ) -> Array:
-    """Coefficients (k,) within the bounds of the effects, fitted to all rows but `out`; those of
-    effects whose size is in a nonlinear parameter are free.
+    """Coefficients (k,) within the bounds of the effects, fitted to all rows but `out`; free are
+    those of effects whose size is a nonlinear parameter.
     """
     bounds = [member.candidate.bounds for member in members if not member.candidate.alone]
     sizes = [1 if member.candidate.alone else len(member.candidate.linear) for member in members]
@@ -109,11 +109,11 @@ def _admissible(
 
 @dataclass(frozen=True)
 class Trained:
-    """An orthonormal basis q (N, r) of columns (N, k), what turns its coefficients into theirs
-    (k, r), and what it makes of a record: q' y.
+    """An orthonormal basis q (N, r) of columns (N, k), the matrix `back` (k, r) that turns its
+    coefficients into those of the columns, and its product q' y with a record.
 
-    Columns may be there twice, as a gauge's offset and a free zero are: a basis of all k would have
-    directions of rounding, which fit whatever rows they are given.
+    Columns may be duplicates, such as a gauge's offset and a free zero: a basis of all k would have
+    directions of rounding errors, which fit any rows.
     """
 
     q: Array
@@ -122,7 +122,7 @@ class Trained:
 
     @classmethod
     def of(cls, x: Array, y: Array) -> Trained:
-        """Of columns (N, k) and a record (N,)."""
+        """The basis of columns (N, k) for a record (N,)."""
         size = np.maximum(np.linalg.norm(x, axis=0), 1e-300)
         q, r = np.linalg.qr(x / size)
         left, values, right = np.linalg.svd(r)
@@ -131,7 +131,7 @@ class Trained:
         return cls(q, right[kept].T / values[kept] / size[:, None], q.T @ y)
 
     def without(self, out: Rows, y: Array) -> Array:
-        """Coefficients of a fit that never saw the rows `out`."""
+        """Coefficients of a fit without the rows `out`."""
         held_out_basis = self.q[out]
         gram = np.eye(len(self.product)) - held_out_basis.T @ held_out_basis
         turned = np.linalg.lstsq(gram, self.product - held_out_basis.T @ y[out], rcond=1e-12)[0]
@@ -140,9 +140,9 @@ class Trained:
 
 @dataclass(frozen=True)
 class Grid:
-    """The grid points of a name, or one point: groups of columns (N, C), and for each block the
-    products in all other rows: of each group's columns (B, g, m, m) by size, and with the record
-    (B, C).
+    """The grid points of an effect, or a single point: groups of columns (N, C), and for each block
+    the products in all other rows: of each group's columns (B, g, m, m) by size, and with the
+    record (B, C).
     """
 
     groups: Groups
@@ -151,8 +151,8 @@ class Grid:
 
 
 class Training:
-    """What fits without one block of rows each share. They follow from the products of columns in
-    all other rows, so that columns are gone through once for all blocks.
+    """What the fits without each block of rows have in common. They follow from the products of the
+    columns in all other rows, so that a single pass over the columns serves all blocks.
 
     `labels` (N,) repeats the block of each row for every output.
     """
@@ -167,12 +167,12 @@ class Training:
         self._grid_products: dict[tuple[object, ...], Array] = {}
 
     def products(self, a: Array, b: Array) -> Array:
-        """Of columns (N, j) and (N, k) in all rows but those of each block (B, j, k)."""
+        """Products (B, j, k) of columns (N, j) and (N, k) in all rows but those of each block."""
         return a.T @ b - np.stack([a[rows].T @ b[rows] for rows in self.rows])
 
     def chosen(self, members: Sequence[Member]) -> list[list[Member]]:
-        """For each block the members with the nonlinear parameters that all other rows choose, in
-        turn; those of the whole record stay where these rows do not exclude them.
+        """For each block the members with the nonlinear parameters that fit all other rows best,
+        member by member; those of the whole record stay where these rows do not exclude them.
         """
         by_block = [list(members) for _ in self.rows]
         for at, member in enumerate(members):
@@ -193,7 +193,7 @@ class Training:
     def gains(
         self, members: Sequence[Member], at: int, blocks: Sequence[int]
     ) -> tuple[Array, Array]:
-        """Gains (b, g) of all grid points of one member beside the others, and (b, 1) of the member
+        """Gains (b, g) of all grid points of one member given the others, and (b, 1) of the member
         as it is, in all rows but those of each of some blocks.
         """
         fitter, member = self.fitter, members[at]
@@ -238,26 +238,26 @@ class Training:
 
 
 def _rows(at: NDArray[np.int64]) -> Rows:
-    """Rows that follow each other as a slice, which copies nothing."""
+    """Contiguous rows as a slice, which copies nothing; other rows as they are."""
     contiguous = len(at) and int(at[-1]) - int(at[0]) + 1 == len(at)
     return slice(int(at[0]), int(at[-1]) + 1) if contiguous else at
 
 
 @dataclass(frozen=True)
 class Improvement:
-    """Fall of the squared held-out error by an addition, and its standard error over the blocks."""
+    """Decrease of the squared held-out error by an addition, and its standard error over blocks."""
 
     gain: float
     error: float
 
     @property
     def real(self) -> bool:
-        """Whether it is more than its standard error."""
+        """Whether the decrease exceeds its standard error."""
         return self.gain > self.error
 
 
 def improvement(before: HeldOut, after: HeldOut, labels: NDArray[np.int64]) -> Improvement:
-    """By how much rows that the fit never saw are predicted better."""
+    """By how much held-out rows are predicted better."""
     falls = before.squares(labels) - after.squares(labels)
     error = float(np.std(falls, ddof=1) * np.sqrt(len(falls))) if len(falls) > 1 else np.inf
     return Improvement(float(falls.sum()), error)

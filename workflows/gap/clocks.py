@@ -14,15 +14,15 @@ from ...models.effects.readings import SESSION, own_clocks
 from ...models.measurable import Column, Role
 
 LATE = 0.05
-"""Share of its span that a clock may begin away from 0."""
+"""Fraction of its span by which the start of a clock may differ from 0."""
 FEW = 0.02
-"""Share of a session's rows at which a clock that goes back was set anew; above it rows are mixed.
-"""
+"""Fraction of a session's rows up to which a clock that goes back was reset; above it the rows are
+in disorder."""
 
 
 def in_time(frame: pd.DataFrame, columns: Sequence[Column], notes: list[str]) -> pd.DataFrame:
-    """The rows in the order of measuring: by the clock, or session by session where each has its
-    own.
+    """The rows in the order of measuring: by the clock, or session by session where each session
+    has its own clock.
     """
     time = clock_of(columns, frame)
     if time is None:
@@ -53,7 +53,7 @@ def clock_of(columns: Sequence[Column], frame: pd.DataFrame) -> str | None:
 
 
 def late(frame: pd.DataFrame, columns: Sequence[Column]) -> list[str]:
-    """Clocks that do not begin near 0: effects that count the time from there meet another one."""
+    """Messages about clocks that do not begin near 0, from where effects count the time."""
     messages = []
     for column in columns:
         if column.role is Role.TIME and column.name in frame:
@@ -67,7 +67,7 @@ def late(frame: pd.DataFrame, columns: Sequence[Column]) -> list[str]:
 
 
 def clock_faults(frame: pd.DataFrame, columns: Sequence[Column], place: str) -> list[Fault]:
-    """Sessions in which the clock was set anew: two clocks, whose order nobody can tell."""
+    """Sessions in which the clock was reset: they have two clocks, whose order is unknown."""
     time = clock_of(columns, frame)
     if time is None or SESSION not in frame:
         return []

@@ -1,4 +1,4 @@
-"""Stage 9: the corrected model, all its numbers fitted together with the effects inside of it."""
+"""Stage 9: the corrected model, all its parameters fitted jointly, the effects inside of it."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from .space import Space
 LEAST_ROWS = 10
 """Rows of a stretch of the record, at least."""
 CHOSEN, MOST_CHOSEN = 0.05, 1.25
-"""What an interval is widened by for each further name or term that the same readings chose,
-and the most: measured on the benchmark. Berk and others, Ann. Stat. 41, 2013."""
+"""By how much an interval is widened for each further effect or term that was selected on the same
+data, and the most: measured on the benchmark. Berk and others, Ann. Stat. 41, 2013."""
 FEWEST = 12
 """Degrees of freedom of an interval from stretches, at least."""
 STRETCHES = 40
 """Stretches, at most."""
 NOTHING = 1e-6
-"""Share of its neighbours' size below which a number is none, or is at its bound."""
+"""Fraction of its neighbours' size below which a parameter is 0, or is at its bound."""
 STEPS, STEP, CONVERGED = 4, 1e-4, 1e-6
 """Gauss-Newton steps on all rows, relative step of a derivative, and change that ends them."""
 COARSE, MORE, AS_SAID = 1e-3, 40, 1.5
-"""Step and evaluations of a second fit, made where the first leaves more of the squares than the
-linear fit said by this factor: models with stops and clearances are smooth only in the large."""
+"""Step and evaluations of a second fit, made where the squares of the first exceed those of the
+linear fit by this factor: models with stops and clearances are smooth only on a large scale."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """One fitted number: of the free parameters, a zero of an output, or an effect's parameter."""
+    """A fitted number: a free parameter, the zero of an output, or a parameter of an effect."""
 
     kind: str
     owner: str
@@ -49,8 +49,8 @@ class Number:
 
 @dataclass(frozen=True)
 class Corrected:
-    """The corrected model: `values` (k,) of its `numbers`, their standard errors, and how it
-    predicts.
+    """The corrected model: its `numbers` with their `values` (k,) and standard errors, and its
+    predictions.
     """
 
     plan: GapPlan
@@ -63,18 +63,18 @@ class Corrected:
     more: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
     def widened(self, by: Mapping[tuple[str, str], float]) -> Corrected:
-        """The same with more variance in some numbers, by owner and name."""
+        """The same model with added variance of some numbers, by owner and name."""
         more = np.array([by.get((number.owner, number.name), 0.0) for number in self.numbers])
         covariance = self.covariance + np.diag(more)
         errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         return replace(self, covariance=covariance, errors=errors, more=by)
 
     def nothing(self, member: Member) -> bool:
-        """Whether the joint interval of an effect's linear numbers holds 0: Wald's test, by F.
+        """Whether the joint interval of an effect's linear parameters contains 0: Wald's F test.
 
-        Its nonlinear numbers are held: where the effect is 0 they mean nothing, and how little is
-        known of them says nothing of its size. Numbers count over their standard errors: in their
-        units they may be millions apart.
+        Its nonlinear parameters are held: they have no meaning where the effect is 0, and their
+        uncertainty says nothing of its size. Parameters are scaled by their standard errors: in
+        their units they may differ by factors of millions.
         """
         linear = {parameter.name for parameter in member.candidate.linear}
         indices = [k for k, number in enumerate(self.numbers) if number.owner == member.name]
@@ -105,7 +105,7 @@ class Corrected:
         }
 
     def interval(self, owner: str, name: str) -> tuple[float, float]:
-        """Its linearised interval, within its bounds; nan where it was not fitted."""
+        """The linearised interval of a number, within its bounds; nan where it was not fitted."""
         half = float(special.stdtrit(self.freedom, 0.5 + 0.5 * self.plan.settings.interval))
         half *= min(1.0 + CHOSEN * max(len(self.members) - 1, 0), MOST_CHOSEN)
         for number, value, error in zip(self.numbers, self.values, self.errors, strict=True):
@@ -144,11 +144,11 @@ class Corrected:
 
 
 def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corrected:
-    """The joint fit carried into the full model: nonlinear least squares from the linear one.
+    """The joint fit in the full model: nonlinear least squares that start from the linear fit.
 
-    Where the model itself is recalibrated, or `plain` is asked for, every reading counts the same:
-    the model's own faults are no noise, and weights made of them would pull. The errors are then
-    those of the noise as it is.
+    Where the model itself is recalibrated, or with `plain`, all measurements have the same weight:
+    errors of the model are no noise, and weights derived from them would bias the fit. The standard
+    errors are still those of the noise as it is.
     """
     numbers, start = _numbers(setup, fit)
     model = Corrected(setup.plan, fit.members, numbers, start, np.full(len(start), np.nan), 1)
@@ -167,7 +167,7 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
         )
         x, jacobian = _snapped(fitted.x, low, high), np.asarray(fitted.jac)
         residuals = np.asarray(fitted.fun)
-        if (np.abs(x) < STEP).any():  # steps of its own size say nothing of a number that is none
+        if (np.abs(x) < STEP).any():  # relative steps fail at 0
             jacobian = _derivatives(_residual(setup, used, model, scale), x, residuals, high)
     else:
         residuals = np.zeros(len(jacobian))
@@ -175,7 +175,7 @@ def corrected(setup: Setup, space: Space, fit: Fit, plain: bool = False) -> Corr
 
 
 def _expected_squares(setup: Setup, used: Space, fit: Fit) -> float:
-    """Squares that are left of the readings if the model is as linear as the fit takes it."""
+    """The sum of squares of the residual, if the model is as linear as the fit assumes."""
     white = used.whiten(left_of(setup, fit))
     return float(white @ white)
 
@@ -183,8 +183,8 @@ def _expected_squares(setup: Setup, used: Space, fit: Fit) -> float:
 def least_squares(
     residual: Callable[[Array], Array], x: Array, ends: tuple[Array, Array], promised: float
 ) -> optimize.OptimizeResult:
-    """Least squares from x (k,) within bounds; once more in larger steps where much more is left
-    than was promised, and the better of both.
+    """Least squares from x (k,) within bounds. Where the squares exceed the promised ones by far it
+    is repeated with larger steps, and the better fit is returned.
     """
     first = optimize.least_squares(residual, x, bounds=ends, max_nfev=12, diff_step=[STEP])
     if 2.0 * first.cost <= AS_SAID * promised:
@@ -194,7 +194,7 @@ def least_squares(
 
 
 def _snapped(x: Array, low: Array, high: Array) -> Array:
-    """Numbers at their bounds where they are next to them."""
+    """Numbers (k,) moved onto the bounds that they nearly reach."""
     x = np.where(np.isfinite(low) & (x - low < NOTHING), low, x)
     return np.asarray(np.where(np.isfinite(high) & (high - x < NOTHING), high, x))
 
@@ -206,8 +206,8 @@ def _with_errors(
     jacobian: Array,
     residuals: Array,
 ) -> Corrected:
-    """A corrected model at numbers in their scales, with its covariance from the derivatives and
-    the residual there; `spaces` are that of the noise, and that of the fit.
+    """A corrected model at scaled numbers, with its covariance from the derivatives and the
+    residuals (N,) there; `spaces` are that of the noise, and that of the fit.
     """
     (space, used), (x, scale) = spaces, at
     empirical = _by_stretches(jacobian, residuals, space)
@@ -220,7 +220,7 @@ def _with_errors(
 def _residual(
     setup: Setup, space: Space, model: Corrected, scale: Array
 ) -> Callable[[Array], Array]:
-    """Whitened residual (N,) and distance from the tolerances, of numbers (k,) in their scale."""
+    """Function of scaled numbers (k,): whitened residual (N,) with distances from tolerances."""
     measured = setup.data.whole(setup.data.measured)
     free = np.array([number.kind == "free" for number in model.numbers], dtype=bool)
     middle = np.array(
@@ -240,7 +240,7 @@ def _residual(
 
 
 def _covariance(jacobian: Array, space: Space, used: Space) -> Array:
-    """Of numbers fitted in the space `used`, with the noise of `space`: the sandwich formula."""
+    """Covariance of numbers fitted in the space `used`, in the noise of `space`: sandwich form."""
     inverse = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-12)
     if used is space:
         return np.asarray(inverse, dtype=np.float64)
@@ -253,13 +253,13 @@ def _covariance(jacobian: Array, space: Space, used: Space) -> Array:
 
 
 def added_variance(model: Corrected) -> Mapping[tuple[str, str], float]:
-    """What a corrected model was widened by."""
+    """The variance that was added to a corrected model."""
     return model.more
 
 
 def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Corrected:
-    """A corrected model on the many rows of another setup: Gauss-Newton steps from its own numbers,
-    one column of derivatives held at a time in each row's precision.
+    """A corrected model fitted to the many rows of another setup: Gauss-Newton steps from its
+    present numbers, with derivatives computed column by column.
     """
     numbers, _ = _numbers(setup, fit)
     scale = np.array([number.scale for number in numbers])
@@ -281,7 +281,7 @@ def refitted(setup: Setup, space: Space, fit: Fit, model: Corrected) -> Correcte
 def _derivatives(
     residual: Callable[[Array], Array], x: Array, residuals: Array, high: Array
 ) -> Array:
-    """Derivatives (N, k) of a residual that is `left` (N,) at numbers x (k,), below `high`."""
+    """Derivatives (N, k) of a residual at x (k,), `residuals` (N,) there, by steps below `high`."""
     jacobian = np.empty((len(residuals), len(x)), order="F")
     for k in range(len(x)):
         moved = x.copy()
@@ -291,9 +291,9 @@ def _derivatives(
 
 
 def _by_stretches(jacobian: Array, residuals: Array, space: Space) -> Array:
-    """Covariance from the residuals themselves, stretches of the record as units.
+    """Covariance from the residuals themselves, with stretches of the record as clusters.
 
-    Reference: Liang and Zeger, Biometrika 73, 1986. Misfit that goes on from row to row widens it.
+    Reference: Liang and Zeger, Biometrika 73, 1986. Misfit that persists over rows widens it.
     """
     n = space.readings
     count = _stretches(space)
@@ -309,19 +309,19 @@ def _by_stretches(jacobian: Array, residuals: Array, space: Space) -> Array:
 
 
 def _stretches(space: Space) -> int:
-    """How many stretches a record is cut into."""
+    """Number of stretches of a record."""
     return int(np.clip(space.readings // LEAST_ROWS, 2, STRETCHES))
 
 
 def _larger(model: Array, empirical: Array) -> Array:
-    """The covariance of the noise, each number's variance at least that which is seen."""
+    """The covariance of the model, each variance at least the empirical one."""
     ratio = np.diag(empirical) / np.maximum(np.diag(model), 1e-300)
     wider = np.sqrt(np.maximum(ratio, 1.0))
     return np.asarray(model * np.outer(wider, wider))
 
 
 def _numbers(setup: Setup, fit: Fit) -> tuple[tuple[Number, ...], Array]:
-    """What is fitted, and where the linear fit has it."""
+    """The numbers to fit, and their values (k,) in the linear fit."""
     numbers: list[Number] = []
     start: list[float] = []
     for at, name in enumerate(setup.free):

@@ -1,4 +1,4 @@
-"""What the columns of a table allow to be told apart."""
+"""Columns of a table whose effects are confounded: constant, equal or collinear ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pandas as pd
 from ...models.measurable import Column
 
 CLOSE = 0.98
-"""Correlation above which two columns carry the same."""
+"""Correlation above which two columns carry the same information."""
 
 
 def alike(first: pd.Series[Any], second: pd.Series[Any]) -> bool:
@@ -22,7 +22,7 @@ def alike(first: pd.Series[Any], second: pd.Series[Any]) -> bool:
 
 
 def told_apart(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
-    """Sentences about columns that are constant, equal, or follow each other."""
+    """Sentences about columns that are constant, equal or strongly correlated."""
     numbers = [c.name for c in columns if not c.text and str(c.role) != "repeat"]
     still = [name for name in numbers if np.ptp(frame[name].to_numpy(dtype=float)) == 0.0]
     notes = [
@@ -48,7 +48,7 @@ def told_apart(frame: pd.DataFrame, columns: tuple[Column, ...]) -> list[str]:
 
 
 def _collinear(frame: pd.DataFrame) -> list[str]:
-    """A sentence about columns that together make up another one."""
+    """A sentence about columns of which one is a linear combination of the others."""
     scaled = (frame - frame.mean()) / frame.std()
     values, vectors = np.linalg.eigh(np.corrcoef(scaled.to_numpy(dtype=float), rowvar=False))
     if values[0] > 1e-3:

@@ -86,7 +86,7 @@ def _at_mids(variables: Mapping[str, Any], free: Mapping[str, float]) -> dict[st
 def in_problem(
     plan: GapPlan, text: str, effects: tuple[FoundEffect, ...]
 ) -> tuple[FoundEffect, ...]:
-    """The effects with what they do in the problem whose allocation is to be repeated."""
+    """The effects with their counterparts in the problem whose allocation is to be repeated."""
     if plan.counterparts is None:
         return effects
     name = plan.run["problem"]
@@ -116,7 +116,7 @@ def _unresolved(member: Member, model: Corrected) -> dict[str, Any]:
 
 
 def _zero(plan: GapPlan, model: Corrected) -> dict[str, float]:
-    """What the instrument adds to each output: known before, and fitted."""
+    """What the instrument adds to each output: the known part plus the fitted one."""
     fitted = {
         number.name: float(value)
         for number, value in zip(model.numbers, model.values, strict=True)
@@ -133,7 +133,7 @@ def _column(column: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Values as TOML has them."""
+    """Values in the types of TOML."""
     if isinstance(value, Mapping):
         return {str(key): _plain(entry) for key, entry in value.items() if entry is not None}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""What a name did as a curve without a name: the form of a larger effect that no formula has."""
+"""The contribution of an effect as a generic curve: the part of a larger effect without formula."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from .linear import basis, beside
 KNOTS = 60
 """Knots of a curve, at most."""
 EXACT = 1e-3
-"""Deviation at which no more knots are added, as a share of the largest value."""
+"""Deviation at which no more knots are added, as a fraction of the largest value."""
 NO_CURVE = 0.02
-"""Deviation from which what was done is no function of one variable, as a share of its rms."""
+"""Deviation from which a contribution is no function of one variable, as a fraction of its rms."""
 
 
 def as_curve(fitter: Fitter, fit: Fit, small: int, large: int, data: GapData) -> Member | None:
-    """What one member of a fit does that another one does not, as a term over its one variable;
-    None where it has several, or acts on several outputs.
+    """The contribution of a small member of a fit that a large one cannot explain, as a term over
+    its variable; None where it has several variables, or acts on several outputs.
 
-    What the larger member could do of it, every reading counting the same, is its own: its numbers
-    are then those of its formula alone.
+    The part that the large member can explain, with equal weights, is attributed to that member,
+    whose parameters are then those of its formula alone.
     """
     small_member, large_member = fit.members[small], fit.members[large]
     contribution, large_columns = (
@@ -51,8 +51,9 @@ def as_curve(fitter: Fitter, fit: Fit, small: int, large: int, data: GapData) ->
 
 
 def _through(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...], float]:
-    """Knots and heights of a broken line through points (n,), of magnitude 1 at most, and how far
-    it is off: a knot at a time, where it is off most (Douglas and Peucker, Cartographica 10, 1973).
+    """Knots and heights of a broken line through points (n,), of magnitude 1 at most, and its rms
+    error relative to the points. Knots are added one by one where the error is largest (Douglas and
+    Peucker, Cartographica 10, 1973).
     """
     order = np.argsort(x, kind="stable")
     x, first = np.unique(x[order], return_index=True)

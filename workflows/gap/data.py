@@ -27,8 +27,8 @@ class GapData:
     `measured` holds each output (n,) in its unit, `predicted` the prediction that the table itself
     carries, `std` the noise that it states; `rows` are the line numbers in the file, `blocks` the
     labels of the column that the configuration validates by, `repeats` the label of equal inputs,
-    `digest` the SHA-256 of the file, `understood`
-    how it was read in lines, `table` as a record.
+    `digest` the SHA-256 of the file, `understood` its interpretation in lines, `table` the same as
+    a record.
     """
 
     target: Target
@@ -129,12 +129,12 @@ def assembled(
 
 
 def _in_order(readings: Readings) -> Readings:
-    """Readings whose rows stand in the order of measuring, whatever the clocks of sessions say."""
+    """Readings whose rows are in the order of measuring, independent of the clocks of sessions."""
     return replace(readings, order=None)
 
 
 def _sense(plan: GapPlan, name: str) -> float:
-    """-1 of a column that counts against the convention, else 1."""
+    """-1 for a column whose sign is opposite to the convention, else 1."""
     declared = plan.columns.get(name)
     return float(plan.sense.get(name, 1) * (1 if declared is None else declared.sense))
 

@@ -1,8 +1,8 @@
-"""How far a batch is from the population that a model says it comes from.
+"""The distance of a batch from the population that a model predicts.
 
-The gap of a batch is one between distributions: the root mean square of the distances of the units,
-in the order of their size, from the quantiles of the population at their ranks. This is the
-2-Wasserstein distance between the batch and the population, in the output's unit.
+The gap of a batch is a distance between distributions: the root mean square of the differences of
+the sorted units from the quantiles of the population at their ranks. This is the 2-Wasserstein
+distance between the batch and the population, in the output's unit.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from ...models.effects.population.law import Law
 from ...models.inputs.distribution import Array
 
 BATCHES = 400
-"""Simulated batches that the floor is read from."""
+"""Simulated batches from which the floor is computed."""
 FLOOR = 0.95
-"""Share of the batches of a population that are as close to it as its floor, or closer."""
+"""Fraction of the batches of a population whose distance from it is at most the floor."""
 
 
 def distance(law: Law, units: Array) -> float:
-    """Between deviations (n,) of units from the model's mean, and their law."""
+    """The distance between deviations (n,) of units from the model's mean and their law."""
     return float(_distances(law, np.asarray(units)[None])[0])
 
 
@@ -31,8 +31,8 @@ def floor(
     centred: bool = False,
     scaled: bool = False,
 ) -> float:
-    """Distance that a share of the batches of `count` units, drawn from the law, stay below;
-    `centred`: about the mean of each batch; `scaled`: as wide as the law as well.
+    """The quantile `fraction` of the distances of batches of `count` units, drawn from the law;
+    `centred`: about the mean of each batch; `scaled`: with the width of the law as well.
     """
     drawn = law.histogram.rvs(size=(BATCHES, count), random_state=rng)
     drawn = matched(law, drawn, scaled) if centred else drawn
@@ -48,8 +48,9 @@ def matched(law: Law, units: Array, scaled: bool = False) -> Array:
 
 
 def likelier(x: Array, low: float, step: float, ratios: Array) -> Array:
-    """Twice the largest of log likelihood ratios (m, k), at least 0, of batches x (b, n), units
-    counted in the cells of a lattice `low` + k `step`, so that a likelihood is a product.
+    """Twice the largest log likelihood ratio (b,), at least 0, of batches x (b, n), from the ratios
+    (m, k) at a lattice `low` + k `step`. Units are counted in its cells, so that a likelihood is a
+    matrix product.
     """
     size = ratios.shape[1]
     cell = np.clip(np.rint((x - low) / step), 0, size - 1).astype(np.int64)
@@ -59,7 +60,7 @@ def likelier(x: Array, low: float, step: float, ratios: Array) -> Array:
 
 
 def _distances(law: Law, units: Array) -> Array:
-    """Of batches (m, n)."""
+    """The distances (m,) of batches (m, n) from a law."""
     ranks = (np.arange(units.shape[1]) + 0.5) / units.shape[1]
     apart = np.sort(units, axis=1) - law.histogram.ppf(ranks)
     return np.asarray(np.sqrt(np.mean(apart**2, axis=1)))

@@ -1,6 +1,6 @@
-"""A formula for what has no name, only where it predicts rows it never saw better than a spline.
+"""A formula for an unidentified effect, only where it predicts held-out rows better than a spline.
 
-It is no cause. Such a form interpolates within the data, and says nothing beyond them.
+It is no cause. Such a form interpolates within the data and does not extrapolate.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from ...models.inputs.distribution import Array
 
 KNOTS = 8
 STIFF = np.geomspace(1e-4, 1e2, 7)
-"""Penalties of the spline, of which it takes the one that predicts best."""
+"""Penalties of the spline, of which the best predictor is chosen."""
 
 
 @dataclass(frozen=True)
 class Curve:
     """Values y (n,) over x (n,), their standard deviations, and blocks of rows held out together.
 
-    `period` is that of x where it comes round, else 0.
+    `period` is that of x where x is periodic, else 0.
     """
 
     x: Array
@@ -40,7 +40,7 @@ class Curve:
 @dataclass(frozen=True)
 class Formula:
     """a + b f(x), or a + b f(x) + c g(x): `columns` (n, 1 or 2) of x; `text` with {b}, {c} and {x};
-    `numbers` beside the coefficients.
+    `numbers` of parameters in addition to the coefficients.
     """
 
     text: str
@@ -49,7 +49,7 @@ class Formula:
 
 
 def empirical(curve: Curve, name: str) -> str:
-    """The formula in `name`, empty where no formula beats the spline on rows that it never saw."""
+    """The formula in `name`, empty where no formula beats the spline on held-out rows."""
     formulas = list(_formulas(curve))
     formula_error, spline_error = 0.0, 0.0
     for training, held_out in LeaveOneGroupOut().split(curve.x, groups=curve.labels):
@@ -77,7 +77,7 @@ def _spline(curve: Curve, rows: NDArray[np.int64]) -> RidgeCV:
 
 
 def _best(curve: Curve, formulas: list[Formula], rows: NDArray[np.int64]) -> tuple[Formula, Array]:
-    """The formula that fits some rows best, ln n for every number, and its coefficients."""
+    """The formula that fits some rows best, at ln n per parameter, and its coefficients."""
     x, scale = curve.x[rows], 1.0 / curve.sigma[rows]
     y, price = curve.y[rows] * scale, np.log(len(rows))
     best: tuple[float, Formula, Array] | None = None
@@ -98,7 +98,7 @@ def _design(formula: Formula, x: Array) -> Array:
 
 
 def _formulas(curve: Curve) -> Iterator[Formula]:
-    """Every form with the values of its own numbers that are tried."""
+    """Every form at each of the tried values of its parameters."""
     if curve.period:
         yield Formula("{b} cos({x}) + {c} sin({x})", _wave, 0)
         return

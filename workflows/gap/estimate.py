@@ -1,4 +1,4 @@
-"""Estimates the noise of each output beside the model, what is named, and any smooth remainder."""
+"""Estimates the noise of each output given the model, the effects and any smooth remainder."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from .noise import Noise, autocorrelation, outliers, robust_scale, scale_left, s
 from .scan import evidence
 
 CERTAIN = 14.0
-"""Evidence from which a generic form is taken out before the noise is estimated."""
+"""Evidence from which a generic form is removed before the noise is estimated."""
 FEW = 0.03
-"""Share of the units of a batch up to which those far out are outliers."""
+"""Fraction of the units of a batch up to which extreme ones count as outliers."""
 MANY = 0.06
-"""Share of the readings up to which those far out are outliers: more are a part that is missing."""
+"""Fraction of the measurements up to which extreme ones are outliers; more are a missing effect."""
 PASSES = 2
 
 
@@ -27,8 +27,8 @@ PASSES = 2
 class Remainder:
     """One output: its residual (n,), the columns (n, k) that may explain it and are kept, generic
     forms, the inputs by name, labels of repeats, and the noise where it is known. `law` is the
-    standard deviation that the units of a population have in the model, 0 for readings;
-    `resolution` what steps of the readings alone scatter by, 0 without steps.
+    standard deviation of the units of a population in the model, 0 for measurements;
+    `resolution` the scatter due to rounded measurements alone, 0 without rounding.
     """
 
     residual: Array
@@ -44,11 +44,11 @@ class Remainder:
     resolution: float = 0.0
 
     def least(self, sigma: Array) -> float:
-        """What noise of these sizes (n,) is at least, as a share of them."""
+        """The least level of noise of these sizes (n,), as a fraction of them."""
         return max(max(self.law, self.resolution) / float(np.median(sigma)), 1e-12)
 
     def good(self, residual: Array, sigma: Array) -> NDArray[np.bool_]:
-        """False (n,) where a reading is an outlier; many units far out are a group of their own."""
+        """False (n,) for outliers; all True where too many are extreme: a separate group."""
         inliers = outliers(residual, sigma, self.least(sigma))
         return np.ones_like(inliers) if np.mean(~inliers) > (FEW if self.law else MANY) else inliers
 
@@ -66,7 +66,7 @@ def estimated(remainder: Remainder) -> Noise:
 
 
 def _slow(n: int) -> Array:
-    """A slow curve along the order of measuring."""
+    """Columns (n, 4) of a slow curve along the order of measuring."""
     x = np.linspace(-1.0, 1.0, n)
     return np.column_stack([np.ones(n), x, x * x, x**3])
 
@@ -82,12 +82,12 @@ def _first_scale(remainder: Remainder, kept: Array, sigma: Array) -> float:
 
 
 def _improved(remainder: Remainder, kept: Array, noise: Noise) -> tuple[Noise, Array]:
-    """One pass: forms taken out, then outliers, size and autocorrelation of what is left."""
+    """One pass: remove forms, then estimate outliers, size and autocorrelation of the residual."""
     start = _start(remainder, kept, noise)
     every = np.ones(len(remainder.slow), dtype=bool)
     whole, trend = _with_forms(remainder, start, every)
     tried = [(_noise_given(remainder, whole, noise), whole)]
-    if trend:  # a trend, or noise that wanders: what is likelier
+    if trend:  # a trend or autocorrelated noise: the likelier
         plain, _ = _with_forms(remainder, start, ~np.array(remainder.slow))
         tried.append((_noise_given(remainder, plain, noise), plain))
     scores = [_likelihood(remainder.residual, chosen, tried_noise) for tried_noise, chosen in tried]
@@ -110,7 +110,7 @@ def _noise_given(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
 
 
 def _fitted(remainder: Remainder, chosen: Array, noise: Noise) -> Array:
-    """A fit that outliers do not pull: they are clipped, and it is fitted again."""
+    """A fit (n,) that is robust against outliers: they are clipped, and the fit is repeated."""
     x = noise.whiten(chosen)
     y = whole = noise.whiten(remainder.residual)
     q = basis(x)
@@ -123,9 +123,9 @@ def _fitted(remainder: Remainder, chosen: Array, noise: Noise) -> Array:
 
 @dataclass(frozen=True)
 class Start:
-    """What forms are taken out of: columns that are kept (n, k), their whitened basis q (n, r), the
-    whitened residual (n,) beside it, and the whitened forms with their products with both. In noise
-    that is the same in each reading the forms are as they are: no gain depends on their lengths.
+    """The state before forms are removed: columns that are kept (n, k), their whitened basis q
+    (n, r), the whitened residual (n,) orthogonal to it, and the whitened forms with their products
+    with both. In uniform noise the forms are not scaled: no gain depends on their lengths.
     """
 
     kept: Array
@@ -148,7 +148,7 @@ def _start(remainder: Remainder, kept: Array, noise: Noise) -> Start:
 def _with_forms(
     remainder: Remainder, start: Start, allowed: NDArray[np.bool_]
 ) -> tuple[Array, bool]:
-    """The columns kept, and those of `allowed` forms (g,) that are certainly there, one after
+    """The kept columns and those of `allowed` forms (g,) with certain evidence, selected one after
     another; also whether a trend is among them.
     """
     if not allowed.any():
@@ -171,7 +171,7 @@ def _with_forms(
 
 
 def _likelihood(residual: Array, chosen: Array, noise: Noise) -> float:
-    """Log likelihood less half ln n per column, but for a constant."""
+    """Log likelihood less half ln n per column, up to a constant."""
     q = basis(noise.whiten(chosen))
     whitened = beside(noise.whiten(residual), q)
     n = len(residual)
@@ -180,7 +180,7 @@ def _likelihood(residual: Array, chosen: Array, noise: Noise) -> float:
 
 
 def _scaled(remainder: Remainder, chosen: Array, noise: Noise) -> Noise:
-    """The noise at its final size; repeats say it best."""
+    """The noise at its final size, from repeats where there are any."""
     if remainder.known is not None:
         return replace(noise, sigma=remainder.known)
     pure = _pure(remainder)
@@ -217,7 +217,7 @@ def remainders(
     laws: Sequence[float],
     resolutions: Sequence[float],
 ) -> list[Remainder]:
-    """One record per output."""
+    """The remainder of each output."""
     slow = tuple(form.variable in trends for form in forms)
     return [
         Remainder(

@@ -33,7 +33,7 @@ class Member:
 
     @property
     def forms(self) -> tuple[Member, ...]:
-        """The same in each of its forms, where it has two."""
+        """The member in each of its two forms, or alone where it has a single form."""
         two_choices = next(
             (parameter for parameter in self.candidate.shape if len(parameter.choices) == 2), None
         )
@@ -46,7 +46,7 @@ class Member:
 
     @property
     def key(self) -> tuple[str, tuple[float, ...]]:
-        """By which its columns are kept."""
+        """The key of its columns in a cache."""
         return self.name, tuple(self.shape.values())
 
 
@@ -54,7 +54,7 @@ class Member:
 class Fit:
     """A joint fit: squared whitened residual `rss`, and the coefficients of each member.
 
-    `score` is rss and the price of the effects' numbers. `residual` is whitened, with the prior.
+    `score` is rss plus the price of the parameters. `residual` is whitened, with the prior.
     """
 
     members: tuple[Member, ...]
@@ -66,7 +66,7 @@ class Fit:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The effects in it."""
+        """The names of its effects."""
         return tuple(member.name for member in self.members)
 
     def without(self, at: int) -> tuple[Member, ...]:
@@ -75,7 +75,7 @@ class Fit:
 
 
 class Fitter:
-    """Fits in one space; columns of effects are kept while they are asked for again."""
+    """Fits in one space, with a cache of the columns of effects."""
 
     def __init__(
         self, space: Space, y: Array, base: Array, columns: Columns, offset: Array
@@ -93,26 +93,26 @@ class Fitter:
         self._refined: dict[tuple[object, ...], Fit] = {}
 
     def of_record(self, y: Array) -> Fitter:
-        """The same for another whitened record (N,)."""
+        """The fitter for another whitened record (N,)."""
         fitter = copy(self)
         fitter.y, fitter.y_left, fitter._refined, fitter._with = y, beside(y, self.q), {}, {}
         return fitter
 
     @property
     def penalty(self) -> float:
-        """ln n, what a further parameter must gain."""
+        """ln n, the least gain of a further parameter."""
         return float(np.log(self.space.count))
 
     def spanned(self, members: Sequence[Member]) -> Array:
-        """An orthonormal basis (N, r) of what is free and these members."""
+        """An orthonormal basis (N, r) of the free parameters and these members."""
         parts = [self.white(member) for member in members]
         return basis(np.hstack([self.base, *parts])) if parts else self.q
 
     def gains(self, groups: Groups, members: Sequence[Member]) -> Array:
-        """Gain (g,) of each group of whitened columns beside what is free and these members.
+        """Gain (g,) of each group of whitened columns given the free parameters and these members.
 
-        What they have in common with each member is computed once: a search asks for the same
-        groups beside ever other members.
+        Its products with each member are computed once: a search evaluates the same groups given
+        many sets of members.
         """
         parts = [self.q, *(unit(self.white(member)) for member in members)]
         keys = [("free",), *(member.key for member in members)]
@@ -183,8 +183,8 @@ class Fitter:
         return self.fit(members)
 
     def shaped(self, members: Sequence[Member], at: int) -> Member:
-        """A member with its nonlinear parameters fitted, the others' held; of two forms the one
-        that then fits better.
+        """A member with its nonlinear parameters fitted and those of the others held; of two forms
+        the better fit.
         """
         q = self.spanned([member for k, member in enumerate(members) if k != at])
         residual = beside(self.y, q)
@@ -196,8 +196,8 @@ class Fitter:
         )
 
     def _shaped(self, member: Member, q: Array, residual: Array) -> tuple[Member, float]:
-        """A member with its nonlinear parameters fitted to what is `left` (N,) beside q (N, r), and
-        by how much its squares fall.
+        """A member with its nonlinear parameters fitted to a residual (N,) orthogonal to q (N, r),
+        and the decrease of its sum of squares.
         """
         candidate = member.candidate
         free = [parameter for parameter in candidate.shape if not parameter.choices]
@@ -238,26 +238,26 @@ class Fitter:
                 "initial_simplex": simplex,
             },
         )
-        if best.fun >= losses[0]:  # where it began
+        if best.fun >= losses[0]:  # no better than the start
             return member, -losses[0]
         return Member(candidate, shape(best.x)), -float(best.fun)
 
 
 def _simplex(dimensions: int) -> Array:
-    """Starting points about a cell of the grid away."""
+    """Starting points that differ by about half a cell of the grid."""
     return np.vstack([np.zeros(dimensions), 0.5 * np.eye(dimensions)])
 
 
 def _width(parameter: EffectParameter, value: float) -> float:
-    """About one cell of the grid."""
+    """The scale of a nonlinear parameter: about one cell of the grid."""
     if parameter.phase:
         return 15.0
     return 0.3 * abs(value) if value else 1.0
 
 
 def _gain(candidate: Candidate, gram: Array, product: Array) -> float:
-    """Fall of a squared residual by columns with products `gram` (m, m), and `product` (m,) with
-    the residual, their bounds kept.
+    """Decrease of a squared residual by columns with products `gram` (m, m), and `product` (m,)
+    with the residual, their bounds kept.
     """
     if candidate.alone:
         return float(2.0 * product[0] - gram[0, 0])

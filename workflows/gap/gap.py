@@ -57,7 +57,7 @@ FAR = "{}: batch from population {:.4g} -> {:.4g} {} on units the fit never saw;
 class GapOutcome:
     """How an analysis ended ("done" or "interrupted"), and its summary in lines.
 
-    `result` is None where it did not end, or where it had ended before.
+    `result` is None where it was interrupted, or was complete before.
     """
 
     status: str
@@ -75,12 +75,12 @@ def gap(
     resume: bool = False,
     overwrite: bool = True,
 ) -> GapOutcome:
-    """Find, name and close the gap between `plan`'s model and `data`, into `out`.
+    """Find, identify and close the gap between `plan`'s model and `data`, into `out`.
 
-    The result does not depend on `workers`. With `resume`, `out` may hold the same analysis: the
-    replicates of its bootstrap that have ended are not made again; one that has ended is only read.
-    Raises InputError where the data are outside of the model's range, or `out` has another owner;
-    nothing is written then.
+    The result does not depend on `workers`. With `resume`, `out` may hold the same analysis: its
+    finished bootstrap replicates are not repeated, and a complete analysis is only read. Raises
+    InputError where the data are outside of the model's range, or `out` has another owner; nothing
+    is written then.
     """
     identity = identity_of(plan, data)
     with owned(out, "gap", resume, overwrite) as place:
@@ -98,7 +98,7 @@ def gap(
 
 
 def _saved(kept: Replicates, plan: GapPlan) -> str:
-    """What an interrupt leaves, and how to go on."""
+    """A message on what an interrupt has saved, and how to go on."""
     if kept.path is None or not kept.path.is_file():
         return "interrupted: nothing was written"
     done = f"{len(kept.found)} of {plan.settings.bootstrap} replicates are kept in {kept.path}; "
@@ -113,10 +113,10 @@ def found(
     progress: Tell | None = None,
     kept: Replicates | None = None,
 ) -> GapResult:
-    """The whole analysis of data that were read, without its files but that of its replicates.
+    """The whole analysis of data in memory; the only file that it writes is that of its replicates.
 
-    One thread of linear algebra: columns are long and few, and threads that wait for each other
-    took two thirds of the CPU.
+    Linear algebra runs in a single thread: columns are long and few, and threads that wait for each
+    other took two thirds of the CPU.
     """
     with threadpool_limits(1):
         return _analysed(plan, data, workers, progress, kept)
@@ -144,7 +144,7 @@ def ending(
     tell: Tell = silent,
     accepted: Callable[[], None] = lambda: None,
 ) -> Ending:
-    """The final answer to data that were read; `accepted` is called once the model takes them.
+    """The final result of data in memory; `accepted` is called once the model accepts them.
 
     Raises InputError where the data are outside of the model's range.
     """
@@ -156,7 +156,7 @@ def ending(
 
 
 def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None = None) -> GapResult:
-    """The final answer as records; intervals are those of the replicates where there are any."""
+    """The final result as records; intervals are those of the replicates where there are any."""
     analysis, setup = end.analysis, end.setup
     bare = analysis.bare
     limit = bare.search.thresholds.generic
@@ -210,7 +210,7 @@ def result_of(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None =
 
 
 def _summary(plan: GapPlan, data: GapData, end: Ending, spread: Spread | None) -> dict[str, object]:
-    """What else `gap.json` holds: nothing that changes from one run to the next."""
+    """The other entries of `gap.json`: none changes from run to run."""
     settings = plan.settings
     return {
         "model": plan.model_name,

@@ -1,4 +1,4 @@
-"""How large the gap is, before and after, and what is left of it where the model is right."""
+"""The size of the gap before and after, and its floor where the model is right."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OF_UNITS = (
 
 @dataclass(frozen=True)
 class Gaps:
-    """By output, in its unit, and `total` in noise units; `meaning` says what they are."""
+    """Gaps by output, in its unit, and `total` in noise units; `meaning` says what they are."""
 
     before: Mapping[str, float]
     after: Mapping[str, float]
@@ -31,7 +31,7 @@ class Gaps:
 
 
 def gaps(end: Ending) -> Gaps:
-    """Of one analysis, outliers left out."""
+    """The gaps of one analysis, without outliers."""
     bare, setup = end.analysis.bare, end.setup
     before = bare.setup.residual - end.before.fitted
     after = setup.residual - end.after.fitted
@@ -50,8 +50,8 @@ def gaps(end: Ending) -> Gaps:
 
 
 def never_worse(end: Ending) -> Ending:
-    """The same, without its names where these bring a batch no nearer to the population; of rows
-    the answer was chosen so.
+    """The same result, or one without effects if these bring a batch no nearer to the population.
+    The selection on rows ensures this already.
     """
     if end.rows or not (end.named or end.analysis.scatter):
         return end
@@ -68,15 +68,15 @@ def _by_output(end: Ending, raw: Array) -> dict[str, float]:
 
 
 def _whole(end: Ending, by_output: dict[str, float]) -> dict[str, float]:
-    """With the total: the root mean square over the outputs, each in its noise."""
+    """Gaps by output with the total: their root mean square, each in units of its noise."""
     levels = [noise.level for noise in end.analysis.bare.noises]
     scaled = np.array(list(by_output.values())) / np.array(levels)
     return by_output | {"total": float(np.sqrt(np.mean(scaled**2)))}
 
 
 def _of_units(end: Ending, before: Array, after: Array) -> Gaps:
-    """Of a population; effects on the scatter act on its first output, and no unit is too far out
-    for them.
+    """The gaps of a population. Effects on the scatter act on its first output, where outliers then
+    count as well.
     """
     first: dict[str, float] = {}
     last: dict[str, float] = {}

@@ -1,6 +1,6 @@
-"""Columns without a name: smooth functions of each input, orders, direction, products, levels.
+"""Generic forms: smooth functions of each input, orders, direction, products, levels.
 
-They show where something is left, whatever its cause, and what form it has.
+They show where a residual has structure and in which form, whatever its cause.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .linear import Groups, joined
 HIGHEST = 130.0
 """Highest order of the periodogram, unless the gear has higher ones; its grid is of quarters."""
 BEYOND = 10.0
-"""Orders above the highest of the gear that are looked at."""
+"""Orders above the highest of the gear that are searched."""
 MOST_ORDERS = 600.0
 OVER_A_WORKSPACE = 12.0
 """The same where the angle is that of a pose: no teeth pass by."""
@@ -36,9 +36,9 @@ ODD, EVEN, FROM_ZERO, FROM_LEAST = "odd", "even", "from zero", "from least"
 """Shapes of a power: of a signed input odd or even, of another one from zero or its least."""
 MEAN = "mean of the units"
 PREDICTED = "predicted "
-"""Before the name of an output: the variable that its prediction is."""
+"""Prefix of the name of an output: its prediction as a variable."""
 USUAL = (1.0, 2.0, 4.0)
-"""Orders that are also tried with a size that follows another input, beside those of the gear."""
+"""Orders also tried with an amplitude that depends on another input, in addition to the gear's."""
 CYCLES = tuple(np.arange(0.75, 8.1, 0.25).tolist())
 """Cycles over the record that are tried."""
 POWERS = (0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.8, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)
@@ -56,10 +56,10 @@ SMOOTH = (
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What a group of generic columns is: `kind` as a `Region` has it, over `variable` and `more`.
+    """Meaning of a group of generic columns: `kind` as in a `Region`, over `variable` and `more`.
 
-    `shape` is one of those above, a step `after` so many `of` all. `powers` are those of the two
-    inputs of a single product. A wave may grow `by` a column or a role to the power `by_power`.
+    `shape` is one of those above; a step comes `after` so many `of` all. `powers` are those of the
+    two inputs of a single product. A wave may grow `by` a column or role to the power `by_power`.
     """
 
     kind: str
@@ -76,7 +76,7 @@ class Form:
 
     @property
     def detail(self) -> str:
-        """What more there is to say of it, empty where that is nothing."""
+        """Further details of the form in words, empty where there are none."""
         if self.shape == STEP:
             return f"step after {self.after} of {self.of}"
         if self.shape == SWING:
@@ -91,7 +91,7 @@ class Form:
 def generic(
     data: GapData, predicted: Mapping[str, Array] | None = None
 ) -> tuple[list[Form], list[Array]]:
-    """Forms and their columns (n, m), of one output; `predicted` stands in for a load."""
+    """Forms and their columns (n, m), of one output; `predicted` replaces a missing load."""
     forms: list[tuple[Form, Array]] = []
     inputs = [c for c in data.inputs if c.role in SMOOTH]
     values = {c.name: np.asarray(data.readings.table[c.name], dtype=float) for c in inputs}
@@ -104,7 +104,7 @@ def generic(
     forms += _raw_products(inputs, values, sign)
     if predicted is not None and not {Role.TORQUE, Role.FORCE} & set(data.readings.by_role):
         forms += _against_predicted(data, predicted)
-    if data.target.population:  # whose mean is not free
+    if data.target.population:  # its mean is not free
         forms.append((Form("distribution", MEAN), np.ones((len(data), 1))))
     forms += _along_units(data)
     forms += _steps(data)
@@ -116,7 +116,7 @@ def generic(
 
 
 def _against_predicted(data: GapData, predicted: Mapping[str, Array]) -> list[tuple[Form, Array]]:
-    """Smooth functions of what the model predicts, where that varies."""
+    """Smooth functions of the model's prediction, where that varies."""
     return [
         (Form("interval", f"{PREDICTED}{o.name}"), spline(predicted[o.name], 6))
         for o in data.outputs
@@ -141,7 +141,7 @@ def spline(values: Array, count: int) -> Array:
 
 
 def _smooth(column: Column, x: Array, sign: Array | None) -> list[tuple[Form, Array]]:
-    """Smooth functions of one input, the same in both directions, and opposite in them."""
+    """Smooth functions of one input, equal in both directions and opposite in them."""
     kind = "trend" if column.role is Role.TIME else "interval"
     fine = 6 if column.role in (Role.TORQUE, Role.FORCE) else 4
     curve = spline(x, min(fine, max(2, len(x) // 25)))
@@ -154,7 +154,7 @@ def _smooth(column: Column, x: Array, sign: Array | None) -> list[tuple[Form, Ar
 
 
 def _powers(column: Column, x: Array) -> list[tuple[Form, Array]]:
-    """Powers of a signed input, odd and even; of another one, from zero and from its least."""
+    """Powers of a signed input, odd and even; of any other, from zero and from its minimum."""
     signed = bool((x < 0).any() and (x > 0).any())
     if signed:
         size = np.abs(x) / np.abs(x).max()
@@ -193,9 +193,7 @@ def _products(
 def _raw_products(
     inputs: list[Column], values: dict[str, Array], sign: Array | None
 ) -> list[tuple[Form, Array]]:
-    """Products of two inputs as they are, one column each: what a law of two variables looks
-    like.
-    """
+    """Products of two unscaled inputs, one column each: a usual form of laws of two variables."""
     forms = []
     for first, second in combinations(inputs, 2):
         a, b = (from_origin(c, values[c.name]) for c in (first, second))
@@ -214,13 +212,13 @@ def origin(column: Column) -> float:
 
 
 def from_origin(column: Column, x: Array) -> Array:
-    """An input (n,) from its origin, of magnitude 1 at most."""
+    """An input (n,) relative to its origin, scaled to magnitude 1 at most."""
     away = x - origin(column)
     return np.asarray(away / max(float(np.abs(away).max()), 1e-300))
 
 
 def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, Array]]:
-    """Slow waves of the time, each a form of its own: a hall that warms by day, a pump."""
+    """Slow waves of the time, each a separate form: a hall that warms by day, a pump."""
     forms = []
     for column in inputs:
         if column.role is Role.TIME:
@@ -235,7 +233,7 @@ def _swings(inputs: list[Column], values: dict[str, Array]) -> list[tuple[Form, 
 
 
 def _steps(data: GapData) -> list[tuple[Form, Array]]:
-    """Steps in the order of measuring, each a form of its own."""
+    """Steps in the order of measuring, each a separate form."""
     name = next((c.name for c in data.inputs if c.role is Role.TIME), "")
     return _steps_in(np.arange(len(data)), name, "readings") if name else []
 
@@ -267,7 +265,7 @@ def order_of_units(data: GapData) -> str:
 
 
 def _levels(data: GapData) -> list[tuple[Form, Array]]:
-    """A level of its own for each unit, lot or session."""
+    """A separate level for each unit, lot or session."""
     names = [c.name for c in data.target.columns if c.role in (Role.UNIT, Role.LOT)]
     names += [SESSION] if SESSION in data.readings.table else []
     forms = []
@@ -280,7 +278,7 @@ def _levels(data: GapData) -> list[tuple[Form, Array]]:
 
 
 def order_grid(data: GapData) -> Array:
-    """The orders of the periodogram: quarters."""
+    """The orders of the periodogram, in steps of a quarter."""
     angle = data.readings[Role.ANGLE]
     least = 0.25 * np.ceil(4.0 * 2 * np.pi / max(float(np.ptp(angle)), 1e-9))
     highest = OVER_A_WORKSPACE if Role.POSITION in data.readings else HIGHEST
@@ -308,7 +306,7 @@ def _orders(data: GapData) -> list[tuple[Form, Array]]:
 
 
 def usual_orders(data: GapData) -> tuple[float, ...]:
-    """Orders of encoder and gear, but that of the sun in the housing, one above that before it."""
+    """Orders of encoder and gear, without the sun's in the housing, 1 above the one before."""
     gear = data.target.gear
     if gear is None:
         return USUAL
@@ -340,7 +338,7 @@ def _modulated(data: GapData, column: Column, angle: Array) -> list[tuple[Form, 
 
 
 def stacked(groups: Groups, outputs: int) -> tuple[Groups, NDArray[np.int64]]:
-    """The columns for each output on its own, over the rows of all of them; and which output."""
+    """The columns separately for each output, over the rows of all; the output of each group."""
     which = np.repeat(np.arange(outputs), len(groups.starts))
     if outputs == 1:
         return groups, which
@@ -353,5 +351,5 @@ def stacked(groups: Groups, outputs: int) -> tuple[Groups, NDArray[np.int64]]:
 
 
 def groups_of(columns: list[Array]) -> Groups:
-    """Generic columns as groups without a sign."""
+    """Generic columns as groups of either sign."""
     return joined(columns, [False] * len(columns))

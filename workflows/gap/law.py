@@ -20,20 +20,20 @@ from .plan import GapPlan
 from .populations.unit_law import UnitLaw
 
 DRAWN = 200_000
-"""Units that the density is read from."""
+"""Units from which the density is estimated."""
 CELLS = 512
 SMOOTHED = 0.1
-"""Width of the kernel that smooths the drawn units, as a share of their standard deviation."""
+"""Width of the kernel that smooths the drawn units, as a fraction of their standard deviation."""
 LEAST = 1e-12
 MAPPED = 8192
-"""Units that an effect without a density of its own is given."""
+"""Units to which an effect without a density formula is applied."""
 DRAWS = 32
-"""Draws by which an effect on the scatter is told from one that moves each unit by its own."""
+"""Draws that distinguish an effect on the scatter from fixed shifts of the units."""
 STILL = 1e-9
 
 
 def estimated(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
-    """Of units (m,) as deviations from `middle`, smoothed."""
+    """The smoothed law of units (m,), as deviations from `middle`."""
     from statsmodels.nonparametric.kde import KDEUnivariate  # imports all distributions of scipy
 
     std = float(drawn.std())
@@ -50,9 +50,9 @@ def estimated(drawn: Array, mean: float = 0.0, middle: float = 0.0) -> Law:
 
 
 def law_of(plan: GapPlan, name: str) -> Law:
-    """Of the model's units with the effects on their scatter that are in it already.
+    """The law of the model's units with the effects on their scatter that the model contains.
 
-    The inputs convolved where they add up, else estimated from units.
+    The inputs are convolved where they add up; otherwise the law is estimated from units.
     """
     assert plan.model is not None
     mean, sources = float(plan.model.means()[name]), plan.model.sources()
@@ -85,7 +85,7 @@ def _drawn(plan: GapPlan, name: str, mean: float) -> Law:
 
 
 def law_with(law: Law, effect: Effect, values: Mapping[str, float], target: Target) -> Law:
-    """The law with an effect on the scatter in it: its own, or that of units it was given."""
+    """The law with an effect on the scatter: by its density formula, or by applying it to units."""
     effect_law = effect.law(law, values, target) if isinstance(effect, OfUnits) else None
     return effect_law or _mapped(law, effect, values, target)
 
@@ -102,7 +102,7 @@ def _mapped(law: Law, effect: Effect, values: Mapping[str, float], target: Targe
 def on_scatter(
     effect: Effect, values: Mapping[str, float], readings: Readings, target: Target
 ) -> bool:
-    """Whether an effect on a population moves units otherwise than each by an amount of its own."""
+    """Whether an effect on a population does more than shift each unit by a fixed amount."""
     act = effect.act(readings, values, target).population if target.population else None
     if act is None:
         return False
@@ -118,6 +118,6 @@ def on_scatter(
 
 
 def _units(columns: Iterable[Column], count: int) -> dict[str, NDArray[Any]]:
-    """A table of units that only their labels tell apart."""
+    """A table of units that differ only in their labels."""
     labels = np.arange(count).astype(str)
     return {c.name: labels if c.text else np.zeros(count) for c in columns}

@@ -1,4 +1,4 @@
-"""The library of effects as columns: what each one adds to the stacked outputs."""
+"""The library of effects as columns of a design matrix: their additions to the stacked outputs."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ Predict = Callable[[Mapping[str, Array]], Mapping[str, Array]]
 """The model's outputs (n,) by name, at changes inside of it."""
 
 OURS = "tolevo "
-"""What the origin of an effect of this package begins with."""
+"""Prefix of the origin of an effect of this package."""
 ELSEWHERE = ("population", "manipulator", "assembly")
-"""Families of effects that act in models of their own."""
+"""Families of effects that act only in special models."""
 MOVING = (
     Role.ANGLE,
     Role.TORQUE,
@@ -39,30 +39,30 @@ MOVING = (
     Role.TIME,
     Role.TEMPERATURE,
 )
-"""Roles of a bench, as the effects of a drive need them."""
+"""Roles of a test bench that the effects of a drive need."""
 BEND = 2.5
-"""What the first nonlinear parameter of an effect must gain."""
+"""The least gain of the first nonlinear parameter of an effect."""
 FINEST = 0.01
-"""Smallest delay that is tried, as a share of the longest."""
+"""Smallest delay that is tried, as a fraction of the longest."""
 BIT = 2.0 * log(2.0)
-"""What a choice of two forms must gain."""
+"""The least gain of a choice of two forms."""
 MOST = 400
-"""Points of the grid of an effect's nonlinear parameters."""
+"""Points of the grid of an effect's nonlinear parameters, at most."""
 SMALL = 0.05
-"""Of a quantity inside, in its unit: what moves outputs in proportion to itself."""
+"""A change of an internal quantity, in its unit, at which the outputs are still linear."""
 STILL = 1e-6
 """[rad] Range of an angle that did not change."""
 LEAST_UNITS = 3
-"""Units of a lot from which on an offset of its own can be told."""
+"""Units of a lot from which its separate offset can be estimated."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect of the library for these data: its parameters, linear and nonlinear ones apart.
+    """An effect of the library for these data, with its linear and nonlinear parameters.
 
-    What it would show in is `unread` where that was not measured, or never changed: it moves all
-    units of a population alike then, as other causes do, and is never more than a rival of them.
-    One `on_scatter` of a population moves no unit by an amount of its own.
+    It is `unread` where a variable that it needs was not measured, or never changed: it then moves
+    all units of a population alike, as other causes do, and can only be a rival of them. An effect
+    `on_scatter` of a population shifts no unit by a fixed amount.
     """
 
     effect: Effect
@@ -78,14 +78,14 @@ class Candidate:
 
     @property
     def count(self) -> int:
-        """Numbers that are fitted, those with a few choices included."""
+        """Number of fitted parameters, those with a few choices included."""
         return len(self.linear) + len(self.shape)
 
     def price(self, penalty: float) -> float:
-        """What its numbers must gain: `penalty` each, but little for one that only bends a form.
+        """Least gain of its parameters: `penalty` each, but less for one that only bends a form.
 
-        A bounded exponent or knee moves a column far less than a coefficient does, and one of two
-        forms is one bit.
+        A bounded exponent or knee changes a column far less than a coefficient does, and a choice
+        of two forms is one bit.
         """
         numbers = [parameter for parameter in self.shape if len(parameter.choices) != 2]
         bends = min(BEND, penalty) + penalty * (len(numbers) - 1) if numbers else 0.0
@@ -98,7 +98,7 @@ class Candidate:
 
     @property
     def alone(self) -> bool:
-        """Whether it has no linear parameter: its size is in its one nonlinear one."""
+        """Whether it has no linear parameter: its only, nonlinear parameter is its size."""
         return not self.linear
 
     @cached_property
@@ -118,10 +118,10 @@ class Candidate:
 
 
 class Columns:
-    """What candidates add to the outputs at the rows of the data, in the outputs' units.
+    """The additions of candidates to the outputs at the rows of the data, in the outputs' units.
 
-    What an instrument makes of an output depends on all that is in it: the prediction and `beside`
-    it (n,), by output.
+    The effect of an instrument depends on the whole output: the prediction plus `beside` (n,), by
+    output.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class Columns:
         self._read = {name: y + (beside or {}).get(name, 0.0) for name, y in self._base.items()}
 
     def read_beside(self, more: Mapping[str, Array]) -> Columns:
-        """The same, with more (n,) in the outputs that the instrument reads."""
+        """The same columns, with `more` (n,) added to the outputs that the instrument measures."""
         return Columns(self.data, self.predict, more)
 
     def of(self, candidate: Candidate, shape: Mapping[str, float]) -> Array:
@@ -154,7 +154,7 @@ class Columns:
         return np.column_stack(parts)
 
     def _of_shape(self, effect: Shape, shape: Mapping[str, float]) -> Array:
-        """Of an effect at the outputs, each of its columns computed once."""
+        """Columns of an effect at the outputs, each computed once."""
         data, target = self.data, self.data.target
         column_of = effect.columns(data.readings, shape, target)
         x = np.column_stack([column_of[weight.stem]() for weight in effect.weights(target)])
@@ -165,7 +165,7 @@ class Columns:
         return np.asarray(np.kron(at, x), dtype=np.float64)
 
     def _of_term(self, effect: Unresolved) -> Array:
-        """Of a term without a name, which acts at one output."""
+        """Columns of a generic term, which acts at one output."""
         columns = effect.columns(self.data.readings)
         parts = [
             columns if o.name == effect.term.output else np.zeros_like(columns)
@@ -174,13 +174,13 @@ class Columns:
         return np.concatenate(parts)
 
     def _by_rows(self, effect: InsideSeveral, shape: Mapping[str, float]) -> Array:
-        """Of quantities that are changed by a factor of each row: slopes, times that factor."""
+        """Columns of quantities that change by a factor of each row: slopes times that factor."""
         factor = np.tile(effect.factor(self.data.readings, shape), len(self.data.outputs))
         slopes = [self._slope(name) for _, name in effect.numbers(self.data.target)]
         return np.asarray(np.column_stack(slopes) * factor[:, None])
 
     def _slope(self, name: str) -> Array:
-        """Outputs (N,) per unit of a quantity inside, by central differences."""
+        """Outputs (N,) per unit of an internal quantity, by central differences."""
         if name not in self._slopes:
             ends = [np.full(len(self.data), end) for end in (SMALL, -SMALL)]
             up, down = (self.data.whole(self.predict({name: change})) for change in ends)
@@ -200,7 +200,7 @@ class Columns:
         if action.population is not None:
             return self._of_units(action.population)
         if action.reading and data.target.population:
-            return zero  # rounding moves no mean of units that differ by more
+            return zero  # rounding does not move the mean of units that scatter more
         if action.reading:
             return np.concatenate(
                 [
@@ -215,7 +215,7 @@ class Columns:
         )
 
     def _of_units(self, act: Callable[[Array, float, np.random.Generator], Array]) -> Array:
-        """What an effect on a population does to units that are all at the mean."""
+        """The change (N,) of units at the mean by an effect on a population."""
         rng = np.random.default_rng(0)
         means = [(o.name, self._base[o.name]) for o in self.data.outputs]
         return np.concatenate([act(m, float(m.mean()), rng) - m for _, m in means])
@@ -228,7 +228,7 @@ def _step(parameter: EffectParameter) -> float:
 
 
 def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
-    """The effects of these names that have a place in the data's model and columns."""
+    """The effects of these names that apply to the model and the columns of the data."""
     applicable = []
     for name in names:
         effect = registry.load("effects", name)()
@@ -244,7 +244,7 @@ def candidates(names: Iterable[str], data: GapData) -> list[Candidate]:
 
 
 def _on_scatter(candidate: Candidate, data: GapData) -> bool:
-    """Whether it changes the scatter of units, at values within its bounds."""
+    """Whether a candidate changes the scatter of units, at values within its bounds."""
     if not data.target.population:
         return False
     values = {n.name: _step(n) for n in candidate.linear}
@@ -262,7 +262,8 @@ def _within(number: EffectParameter) -> float:
 def left_out(names: Iterable[str], data: GapData) -> list[str]:
     """Sentences about effects that are not considered, and why.
 
-    Of our own those alone that a column, a gear or another output would bring in; of others' each.
+    Of the effects of this package these are only those that a further column, gear or output would
+    enable; of other packages all.
     """
     by_reason: dict[str, list[str]] = {}
     for name in names:
@@ -274,7 +275,7 @@ def left_out(names: Iterable[str], data: GapData) -> list[str]:
 
 
 def _reason(effect: Effect, data: GapData) -> str:
-    """Why an effect is no candidate, empty where it is one."""
+    """The reason why an effect is no candidate, empty where it is a candidate."""
     if why := effect.left_out(data.target):
         return why
     if _at_one_angle(effect, data):
@@ -284,7 +285,7 @@ def _reason(effect: Effect, data: GapData) -> str:
 
 
 def _matters(effect: Effect, why: str, data: GapData) -> bool:
-    """Whether it is worth saying of an effect of our own that it has no place."""
+    """Whether to report that an effect of this package does not apply."""
     roles = data.target.roles()
     if data.target.population or effect.family in ELSEWHERE or not roles & set(MOVING):
         return False
@@ -297,19 +298,19 @@ def _matters(effect: Effect, why: str, data: GapData) -> bool:
 
 
 def _chosen(number: EffectParameter, shown: Mapping[str, float]) -> EffectParameter:
-    """A parameter, no longer to be fitted where the readings show it."""
+    """A parameter, fixed where the measurements show its value."""
     return replace(number, choices=(shown[number.name],)) if number.name in shown else number
 
 
 def _at_one_angle(effect: Effect, data: GapData) -> bool:
-    """Whether an effect of the angle meets one angle only: its waves then stand for any sign."""
+    """Whether an effect of the angle has a single angle only: its waves then fit any offset."""
     if Role.ANGLE not in effect.needs or Role.ANGLE not in data.readings:
         return False
     return float(np.ptp(np.asarray(data.readings[Role.ANGLE], dtype=float))) < STILL
 
 
 def _unread(effect: Effect, data: GapData) -> bool:
-    """Whether an effect on units needs a reading that was not taken, or is always the same."""
+    """Whether an effect on units needs a variable that was not measured, or is constant."""
     available = {c.role for c in data.inputs} | {c.role for c in data.target.columns if c.text}
     return data.target.population and not set(effect.needs) - {Role.DIRECTION} <= available
 
@@ -317,10 +318,10 @@ def _unread(effect: Effect, data: GapData) -> bool:
 def with_lots(
     library: Iterable[Candidate], data: GapData, residual: Array
 ) -> tuple[list[Candidate], list[str]]:
-    """The candidates with the offsets of lots that these units can tell, and what to say.
+    """The candidates with the offsets of lots that these units identify; sentences about others.
 
-    An offset of every lot is one of all units as well: the lot that is off least has none. Nor have
-    lots that hold too few units.
+    Offsets of all lots are confounded with that of all units: the lot with the least offset has
+    none. Lots of too few units have none either.
     """
     if Role.LOT not in data.readings:
         return list(library), []
@@ -351,7 +352,7 @@ def _of_lots(
 
 
 def carried(active: Iterable[Active], target: Target) -> float:
-    """By how much effects on the scatter move the mean of a population."""
+    """The shift of the mean of a population by effects on its scatter."""
     return sum(
         active_effect.effect.carried(active_effect.values, target)
         for active_effect in active
@@ -360,9 +361,9 @@ def carried(active: Iterable[Active], target: Target) -> float:
 
 
 def grid(candidate: Candidate, spread: float) -> list[dict[str, float]]:
-    """Values of the nonlinear parameters that a fixed dictionary tries; one empty set without any.
+    """Grid of the nonlinear parameters in the fixed dictionary; a single empty set without any.
 
-    `spread` is the standard deviation of the residual: the scale of what has no bounds.
+    `spread` is the standard deviation of the residual: the scale of unbounded parameters.
     """
     axes = [_axis(parameter, spread, len(candidate.shape)) for parameter in candidate.shape]
     while np.prod([len(axis) for axis in axes]) > MOST:
@@ -379,7 +380,7 @@ def _axis(parameter: EffectParameter, spread: float, dimensions: int) -> list[fl
     count = 15 if dimensions == 1 else 24 if parameter.phase or parameter.unit == "Hz" else 6
     if parameter.phase:
         return [float(x) for x in np.linspace(low, high, count, endpoint=False)]
-    if np.isfinite(high) and low == -high and parameter.unit == "s":  # late, or early
+    if np.isfinite(high) and low == -high and parameter.unit == "s":  # a delay of either sign
         half = np.geomspace(high * FINEST, high, count // 2)
         return [float(x) for x in (*-half[::-1], *half)]
     if not np.isfinite(high):

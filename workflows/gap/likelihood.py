@@ -1,4 +1,4 @@
-"""The likelihood of effects on the scatter of units, and what it reaches by chance."""
+"""The likelihood of effects on the scatter of units, and its threshold under the null model."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ starting points of a fit."""
 
 @dataclass(frozen=True)
 class Kind:
-    """Of a parameter: values to start from, those that chance is read from, bounds, and the step
-    that its curvature is taken over.
+    """The search of a parameter: values to start from, coarse values for the threshold, bounds, and
+    the step of its second derivative.
     """
 
     starts: Array
@@ -42,25 +42,25 @@ class Kind:
 
 @dataclass(frozen=True)
 class BatchLikelihood:
-    """Of deviations (n,) from the model's mean, with one effect on their scatter in the law.
+    """The likelihood of deviations (n,) from the model's mean, given an effect on their scatter.
 
-    Its parameters are `p` (k,), those in the output's unit in standard deviations of the law.
+    Its parameters are `p` (k,); those in the output's unit count in standard deviations of the law.
     """
 
     candidate: Candidate
     law: Law
     target: Target
     about_mean: bool = False
-    """Whether the deviations are taken from the mean that the units have, not from the model's."""
+    """Whether the deviations are from the mean of the units instead of the model's."""
 
     @cached_property
     def numbers(self) -> tuple[EffectParameter, ...]:
-        """What is fitted."""
+        """The fitted parameters."""
         return (*self.candidate.linear, *self.candidate.shape)
 
     @cached_property
     def scale(self) -> Array:
-        """Of each parameter (k,), in its unit."""
+        """The scale (k,) of each parameter, in its unit."""
         unit = self.target.outputs[0].unit
         return np.array(
             [self.law.std if unit and parameter.unit == unit else 1.0 for parameter in self.numbers]
@@ -92,7 +92,7 @@ class BatchLikelihood:
         return {parameter.name: float(value) for parameter, value in named}
 
     def changed(self, p: Array) -> Law:
-        """The law with the effect in it."""
+        """The law with the effect at parameters p (k,)."""
         return law_with(self.law, self.candidate.effect, self.values(p), self.target)
 
     def __call__(self, x: Array, p: Array) -> float:
@@ -101,7 +101,7 @@ class BatchLikelihood:
         return float(self.changed(p)(x + moved).sum())
 
     def mean(self, p: Array) -> float:
-        """By how much the effect moves the mean."""
+        """The shift of the mean by the effect."""
         return carried([Active(self.candidate.effect, self.values(p))], self.target)
 
     def best(self, x: Array, start: Array | None = None) -> Array:
@@ -121,11 +121,11 @@ class BatchLikelihood:
         return np.asarray(optimum.x)
 
     def tried(self, at: Array) -> list[Array]:
-        """Log densities (k,) about their mean of a few amounts that stand for all."""
+        """Log densities (k,) about their mean, at the coarse grid of the parameters."""
         return [self.changed(p)(at + self.mean(p)) for p in self._grid(True)]
 
     def half_widths(self, x: Array, at: Array, level: float) -> Array:
-        """Half-widths (k,) of intervals from the curvature, all numbers together."""
+        """Half-widths (k,) of intervals from the curvature in all parameters jointly."""
         from statsmodels.tools.numdiff import approx_hess  # imports all distributions of scipy
 
         steps = np.array([self._kind(k).step for k in range(len(self.numbers))])
@@ -137,7 +137,7 @@ class BatchLikelihood:
 def threshold(
     law: Law, candidates: Sequence[Candidate], target: Target, count: int, plan: GapPlan
 ) -> float:
-    """What the best of all effects reaches on batches that are drawn from the model."""
+    """The threshold: a quantile of the best of all effects on batches drawn from the null model."""
     rng = np.random.default_rng([plan.seed, 6])
     shape = (plan.settings.simulations, min(count, MOST))
     x = law.histogram.rvs(size=shape, random_state=rng)

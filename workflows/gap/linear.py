@@ -13,7 +13,7 @@ from scipy import linalg
 from ...models.inputs.distribution import Array
 
 GONE = 1e-7
-"""Share of a column's square below which nothing of it is left beside others."""
+"""Fraction of a column's square below which it lies in the span of others."""
 
 
 def basis(columns: Array) -> Array:
@@ -27,7 +27,7 @@ def basis(columns: Array) -> Array:
 
 
 def beside(columns: Array, q: Array) -> Array:
-    """What is left of columns (N, ...) beside an orthonormal basis (N, r)."""
+    """The part of columns (N, ...) that is orthogonal to an orthonormal basis (N, r)."""
     return columns - q @ (q.T @ columns)
 
 
@@ -38,7 +38,7 @@ def unit(columns: Array) -> Array:
 
 def whitening(gram: Array) -> Array:
     """T (..., k, k) such that Z T' is orthonormal, of columns Z of unit length with products Z' Z;
-    rows of what is there twice are 0.
+    rows of dependent directions are 0.
     """
     values, vectors = np.linalg.eigh(gram)
     root = np.where(values > GONE, 1.0 / np.sqrt(np.maximum(values, GONE)), 0.0)
@@ -56,7 +56,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Groups:
-    """Columns (N, C) in groups that are fitted together; `starts` (g,), where each one begins.
+    """Columns (N, C) in groups that are fitted together; `starts` (g,) are their first columns.
 
     `one_sided` (g,) are single columns whose coefficient cannot be negative.
     """
@@ -87,10 +87,10 @@ class Groups:
         return Groups(self.columns[:, at], starts if len(groups) else at, self.one_sided[groups])
 
     def orthonormal(self, q: Array) -> Groups:
-        """The groups beside a basis (N, r), the columns of each made orthonormal.
+        """The groups orthogonal to a basis (N, r), the columns of each made orthonormal.
 
-        A gain is then the sum of the squares of a group's products with a residual. What nothing is
-        left of becomes zero. The sign of single columns stays.
+        A gain is then the sum of the squares of a group's products with a residual. Columns within
+        the basis become zero. The sign of single columns stays.
         """
         before = np.einsum("ij,ij->j", self.columns, self.columns)
         remaining = beside(self.columns, q)
@@ -131,12 +131,14 @@ class Groups:
     def gains_beside(
         self, projected: Array, products: Array, grams: Sequence[Array] | None = None
     ) -> Array:
-        """Gain (..., g) of each group beside an orthonormal basis Q (N, r) of a residual beside it.
+        """Gain (..., g) of each group given an orthonormal basis Q (N, r).
+
+        The residual is orthogonal to Q.
 
         `projected` (..., r, C) are Q' X and `products` (..., C) the columns' products with the
         residual; `grams` (..., g, m, m) those of each group's columns by size, otherwise of all
-        rows. The columns themselves are not touched: what is left of them beside Q follows from
-        their products.
+        rows. The columns themselves are not used: their parts orthogonal to Q follow from their
+        products.
         """
         gains = np.zeros((*products.shape[:-1], len(self.starts)))
         block_grams = [block.gram for block in self._blocks] if grams is None else grams
@@ -158,8 +160,8 @@ class Groups:
 
 @dataclass(frozen=True)
 class Beside:
-    """What groups are beside columns Z of unit length, by products alone: `turned` (..., k, k)
-    makes Z orthonormal, `record` (..., k) are then its products with a record.
+    """Gains of groups given columns Z of unit length, by products alone: `turned` (..., k, k) makes
+    Z orthonormal, `record` (..., k) are then its products with a record.
     """
 
     turned: Array
@@ -167,7 +169,7 @@ class Beside:
 
     @classmethod
     def of(cls, gram: Array, record: Array) -> Beside:
-        """Of Z' Z (..., k, k) and Z' y (..., k)."""
+        """From the products Z' Z (..., k, k) and Z' y (..., k)."""
         turned = whitening(gram)
         return cls(turned, np.einsum("...jk,...k->...j", turned, record))
 
@@ -210,8 +212,8 @@ def _grams(columns: Array, at: NDArray[np.int64]) -> Array:
 
 
 def _gains_of(gram: Array, remaining: Array, z: Array, one_sided: NDArray[np.bool_]) -> Array:
-    """Gains (..., g) of groups with products `gram` (..., g, m, m), `left` of them beside others,
-    and products z (..., g, m) with a residual.
+    """Gains (..., g) of groups with products `gram` (..., g, m, m), which are `remaining` given
+    others, and products z (..., g, m) with a residual.
     """
     before = np.maximum(np.diagonal(gram, axis1=-2, axis2=-1), 1e-300)
     if gram.shape[-1] == 1:
@@ -233,7 +235,7 @@ def products(groups: Groups, q: Array, residual: Array) -> tuple[Array, Array]:
 
 
 def joined(parts: list[Array], one_sided: list[bool], rows: int = 0) -> Groups:
-    """Groups from their columns (N, m) each; of none, N is `rows`."""
+    """Groups from the columns (N, m) of each; without any, N is `rows`."""
     ends = np.cumsum([0, *(part.shape[1] for part in parts)], dtype=np.int64)
     columns = np.hstack(parts) if parts else np.zeros((rows, 0))
     return Groups(columns, ends[: len(parts)], np.array(one_sided, dtype=bool))

@@ -1,4 +1,4 @@
-"""Stage 2: where the residual shows, one region after another, each beside those before it."""
+"""Stage 2: where the residual has structure: successive regions, each given those before it."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from .where import along, curve_of, densest
 
 MOST = 6
 BESIDE = 0.6
-"""Orders so close to one that was located are its leakage: the angle seldom covers whole turns."""
+"""Distance of orders that are leakage of a located one: angles seldom cover whole turns."""
 AS_MUCH = 0.8
-"""Share of what a flexible form explains that a symmetric one must, to be given instead."""
+"""Fraction of the gain of a flexible form from which a symmetric one is reported instead."""
 WIDTHS = np.geomspace(0.01, 1.0, 24)
-"""Half-widths of symmetric intervals, as shares of the largest magnitude."""
+"""Half-widths of symmetric intervals, as fractions of the largest magnitude."""
 OVER_INPUT = ("interval", "power", "trend")
 
 
@@ -30,8 +30,8 @@ def regions(
 ) -> tuple[Region, ...]:
     """The significant regions, the strongest first.
 
-    What was located is taken out with a flexible form of its variable before the next is looked
-    for: two variables that one cause shows in, through chance correlation, are not two regions.
+    A located region is removed with a flexible form of its variable before the next search: two
+    variables in which a single cause shows, through chance correlation, are not two regions.
     """
     located: list[Region] = []
     groups, q = generic.white, fitter.q
@@ -59,7 +59,7 @@ def regions(
 
 
 def _flexible(generic: Remaining, at: int) -> NDArray[np.int64]:
-    """The forms that are taken out with one: all of its variable, or of about its order."""
+    """The forms that are removed with a located one: all of its variable, or of about its order."""
     form = generic.forms[at]
 
     def same(other: Form) -> bool:
@@ -91,7 +91,7 @@ def _ends(
     residual: Array,
     explained: float,
 ) -> tuple[float, float]:
-    """The interval of its variable in which a form shows; nan where it has none."""
+    """The interval of its variable in which a form has its gain; nan where it has none."""
     form = generic.forms[at]
     x = along(setup, form.variable) if form.kind in OVER_INPUT else None
     if x is None:
@@ -108,7 +108,7 @@ def _turning(
 ) -> tuple[float, float]:
     """Half-width of the interval about zero in which an odd function of x rises, and its gain.
 
-    The function is clip(x/w, -1, 1): beyond w nothing more is lost.
+    The function is clip(x/w, -1, 1), constant beyond w.
     """
     n, outputs = len(x), len(setup.data.outputs)
     widths = WIDTHS * float(np.abs(x).max())

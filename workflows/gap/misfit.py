@@ -1,11 +1,11 @@
-"""How far a named number may be off for the form of what has no name beside it.
+"""The bias of an effect's parameter due to the form of the generic terms that are fitted with it.
 
-A term without a name is one of many forms that the record allows. Where a form holds what a named
-effect does, all that they share is given to the name; of the form's squared size each of its
-dimensions has its part, and the shared one is taken to have had as much. With g the column of a
-number beside all others, E the squared norm of the term r in noise units and m its dimensions, the
-variance is then sigma^2 / |g|^2 (1 + E/m). A term that is fitted jointly may have taken g' r /
-|g|^2 from the number, at worst all of it or none: 0.6 of that is taken for the standard deviation.
+A generic term is one of many forms that the record allows. Where a form contains the column of an
+effect, their common part is attributed to the effect; the form's squared size is spread evenly over
+its dimensions, and the common dimension is assumed to have had as much. With g the column of a
+parameter given all others, E the squared norm of the term r in noise units and m its dimensions,
+the variance is then sigma^2 / |g|^2 (1 + E/m). A term that is fitted jointly may have absorbed g' r
+/ |g|^2 of the parameter, between none and all of it: the standard deviation is taken as 0.6 of it.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from .settle import names_of
 from .unresolved import is_term, whole_of
 
 LITTLE = 0.01
-"""Share of a number's column within a form below which they have nothing in common."""
+"""Fraction of a parameter's column within a form below which they have nothing in common."""
 STEP = 1e-4
 """Relative step of a derivative."""
 EITHER = 0.36
-"""Variance of what lies anywhere between two ends, over the square of their distance, such that an
-interval of 90 % about one end holds the other."""
+"""Variance of a value between two ends, over the square of their distance, such that an interval of
+90 % about one end contains the other."""
 SURE = 2.0
 """Standard errors from which two fits differ by more than noise."""
 LEAST_CHANCE = 0.05
-"""Variance of their difference at least, as a share of that of the wider one."""
+"""Least variance of their difference, as a fraction of that of the wider fit."""
 
 
 def misfit_of(analysis: Analysis, fit: Fit) -> dict[tuple[str, str], float]:
-    """More variance of named numbers, by owner and name, for the terms beside them."""
+    """Added variance of the effects' parameters, by owner and name, due to the generic terms."""
     fitter = analysis.search.fitter
     terms = [k for k, member in enumerate(fit.members) if is_term(member)]
     named = names_of(fit.members) if terms else ()
@@ -56,8 +56,8 @@ def misfit_of(analysis: Analysis, fit: Fit) -> dict[tuple[str, str], float]:
 
 
 def of_weights(model: Corrected, plain: Corrected) -> dict[tuple[str, str], float]:
-    """More variance of numbers that differ between the fit in the noise as it is and one in which
-    every reading counts the same: of the right form they differ by noise alone.
+    """Added variance of numbers that differ between the weighted fit and one with equal weights: if
+    the form is right they differ by noise alone.
 
     Reference: DuMouchel and Duncan, J. Am. Stat. Assoc. 78, 1983.
     """
@@ -82,7 +82,7 @@ def _fitted(member: Member) -> list[EffectParameter]:
 
 
 def _columns(fitter: Fitter, fit: Fit, at: int) -> Array:
-    """What a unit of each number of a member does (N, k), whitened."""
+    """Whitened derivatives (N, k) of the outputs with respect to each parameter of a member."""
     member, columns = fit.members[at], [fitter.white(fit.members[at])]
     for parameter in _fitted(member):
         here = member.shape[parameter.name]
@@ -95,7 +95,7 @@ def _columns(fitter: Fitter, fit: Fit, at: int) -> Array:
 
 
 def _part(analysis: Analysis, fit: Fit, term: int, g: Array) -> float:
-    """E/m of a term, times how much of g lies in its whole form."""
+    """E/m of a term, times the fraction of g that lies in its whole form."""
     member, fitter = fit.members[term], analysis.search.fitter
     added = beside(fitter.white(member) @ fit.coefficients[term], fitter.q)
     bias = float(g @ added) ** 2 / float(g @ g)
