@@ -70,7 +70,9 @@ class Computed:
     def about(self, block_rows: int | None) -> About:
         """What the blocks of this table belong to."""
         grains = max(1, -(-self.rows.count // self.grain))
-        each = -(-grains // BLOCKS) if block_rows is None else -(-block_rows // self.grain)
+        grains_per_block = (
+            -(-grains // BLOCKS) if block_rows is None else -(-block_rows // self.grain)
+        )
         digest = hashlib.sha256(self.configuration.encode()).hexdigest()
         return About(
             self.command,
@@ -79,7 +81,7 @@ class Computed:
             version("tolevo"),
             self.quality,
             self.rows.count,
-            each * self.grain,
+            grains_per_block * self.grain,
         )
 
 
@@ -106,13 +108,15 @@ def computed(
         _finish(table, store, executor, progress)
         total = store.about.total
         wanted = range(total if frame else 1)
-        found = pd.concat([pd.read_parquet(store.block(one)) for one in wanted], ignore_index=True)
+        whole = pd.concat(
+            [pd.read_parquet(store.block(number)) for number in wanted], ignore_index=True
+        )
         if target is not None and not target.partitioned:
             joined(map(store.block, range(total)), target.path)
             store.remove()
         elif target is not None and not isinstance(store, BlockFolder):
             _copied(store, target)
-    return found if frame else found.iloc[:0]
+    return whole if frame else whole.iloc[:0]
 
 
 def _kept(about: About, target: Target | None, shared: tuple[str, str] | None) -> BlockStore:
@@ -158,8 +162,8 @@ def _finish(
     def tell() -> None:
         if progress is not None:
             done, seconds = len(store.known), time.monotonic() - begin
-            left = seconds * (total - done) / (done - had) if done > had else None
-            progress(BlockProgress(done, total, seconds, left))
+            remaining = seconds * (total - done) / (done - had) if done > had else None
+            progress(BlockProgress(done, total, seconds, remaining))
 
     apart = not isinstance(executor, InProcess)
     tell()
@@ -167,10 +171,10 @@ def _finish(
         with executor:
             while len(store.known) < total:
                 before, tasks = len(store.known), _tasks(table, store, total, apart)
-                for task, found in executor.completed(perform, lambda: next(tasks, None)):  # noqa: B023
-                    if isinstance(found, Lost):
-                        raise RunError(f"block {task.number}: {found.reason}")
-                    store.keep(task.number, found)
+                for task, outcome in executor.completed(perform, lambda: next(tasks, None)):  # noqa: B023
+                    if isinstance(outcome, Lost):
+                        raise RunError(f"block {task.number}: {outcome.reason}")
+                    store.keep(task.number, outcome)
                     tell()
                 store.refresh()
                 if len(store.known) == before:
@@ -182,13 +186,13 @@ def _finish(
 
 def _tasks(table: Computed, store: BlockStore, total: int, apart: bool) -> Iterator[Block]:
     """The blocks that are missing; what goes to other processes (`apart`) is pickled once."""
-    each = store.about.block_rows
+    block_rows = store.about.block_rows
     content = pickle.dumps(table.compute) if apart else table.compute
     name = hashlib.sha256(repr(store.about).encode()).hexdigest()[:24]
     for number in range(total):
         if number in store.known or not store.claim(number):
             continue
-        start, stop = number * each, min((number + 1) * each, table.rows.count)
+        start, stop = number * block_rows, min((number + 1) * block_rows, table.rows.count)
         rows = [
             table.rows.part(at, min(at + table.grain, stop))
             for at in range(start, stop, table.grain)
@@ -210,5 +214,5 @@ def perform(task: Block) -> bytes:
     with pinned():
         parts = [compute(rows, task.first + at) for at, rows in enumerate(task.parts)]
     content = pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
-    found: bytes = content.reset_index(drop=True).to_parquet(index=False)
-    return found
+    encoded: bytes = content.reset_index(drop=True).to_parquet(index=False)
+    return encoded

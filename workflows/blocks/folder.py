@@ -90,7 +90,7 @@ class BlockFolder(BlockStore):
 
     def _whole(self) -> set[int]:
         """Numbers of the blocks that are as they were written; a torn last line is cut off."""
-        path, found = self.path / LOG, set[int]()
+        path, whole = self.path / LOG, set[int]()
         with suppress(FileNotFoundError):
             text = path.read_text(encoding="utf-8", errors="replace")
             lines = [line for line in text.splitlines(keepends=True) if LINE.fullmatch(line)]
@@ -99,8 +99,8 @@ class BlockFolder(BlockStore):
             for line in lines:
                 number, digest = line.split()
                 if _digest(self.block(int(number))) == digest:
-                    found.add(int(number))
-        return found
+                    whole.add(int(number))
+        return whole
 
 
 def _digest(path: Path) -> str:
@@ -122,20 +122,20 @@ def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
         raise refuse(
             "--resume", f"{path / ABOUT} cannot be read: {error}; give --overwrite"
         ) from error
-    own = asdict(about)
-    other = [CALLED[name] for name in CALLED if there.get(name) != own[name]]
-    if other:
+    wanted = asdict(about)
+    differing = [CALLED[name] for name in CALLED if there.get(name) != wanted[name]]
+    if differing:
         raise refuse(
             "--resume",
-            f"{path} holds blocks of {' and of '.join(other)}; "
+            f"{path} holds blocks of {' and of '.join(differing)}; "
             "name another file, or give --overwrite",
         )
-    return About(**{**own, "block_rows": int(there["block_rows"])})
+    return About(**{**wanted, "block_rows": int(there["block_rows"])})
 
 
 def _blank(path: Path) -> bool:
     """Whether a directory holds nothing but what a process leaves that is killed as it begins."""
-    return all(one.name == LOCK or LEFTOVER.fullmatch(one.name) for one in path.iterdir())
+    return all(entry.name == LOCK or LEFTOVER.fullmatch(entry.name) for entry in path.iterdir())
 
 
 def _locked(path: Path) -> int:

@@ -32,7 +32,12 @@ class Judge:
         kept: Mapping[str, Bound],
     ) -> None:
         self.problem = problem
-        known = {COST, *problem.names, *problem.objectives, *(one.name for one in problem.limits)}
+        known = {
+            COST,
+            *problem.names,
+            *problem.objectives,
+            *(limit.name for limit in problem.limits),
+        }
         more = {name: bound for name, bound in kept.items() if name not in known}
         self.asked = problem.relaxed(more) if more else problem
         self.searching = searching
@@ -61,15 +66,15 @@ class Judge:
         self.lacks = self.lacks + np.where(np.isfinite(missing), missing, 0.0)
 
     def _use(self, designs: Array) -> tuple[Array, Array]:
-        found = self._outputs(designs)
-        columns = [self.problem.violations(designs, found)]
+        outputs = self._outputs(designs)
+        columns = [self.problem.violations(designs, outputs)]
         for limit in self.limits:
-            value = self.problem.values(designs, found, limit.name)
+            value = self.problem.values(designs, outputs, limit.name)
             columns += [column[:, None] for column in limit.violations(value)]
         for name in self._others:
-            own = self.own[name][0]
-            columns.append(((found[name] - own) / (abs(own) or 1.0))[:, None])
-        cost = found.get(COST, np.zeros(len(designs)))
+            reference = self.own[name][0]
+            columns.append(((outputs[name] - reference) / (abs(reference) or 1.0))[:, None])
+        cost = outputs.get(COST, np.zeros(len(designs)))
         return np.concatenate(columns, axis=1), cost
 
     def keys(self, designs: Array) -> Array:

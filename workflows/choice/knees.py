@@ -69,10 +69,10 @@ def best_trade_off(values: Array) -> int | None:
     """
     if len(values) < 3:
         return None
-    own = scaled(values)
-    some = own[np.unique(np.linspace(0, len(own) - 1, COMPARED).astype(int))]
-    loss, gain = np.zeros((len(own), len(some))), np.zeros((len(own), len(some)))
-    for a, b in zip(own.T, some.T, strict=True):  # one objective at a time: memory
+    points = scaled(values)
+    some = points[np.unique(np.linspace(0, len(points) - 1, COMPARED).astype(int))]
+    loss, gain = np.zeros((len(points), len(some))), np.zeros((len(points), len(some)))
+    for a, b in zip(points.T, some.T, strict=True):  # one objective at a time: memory
         moved = b[None, :] - a[:, None]
         loss += np.maximum(moved, 0.0)
         gain += np.maximum(-moved, 0.0)

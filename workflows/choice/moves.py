@@ -42,21 +42,21 @@ def by_moves(near: Neighbours, judge: Judge, most: int) -> Mask:
     and pairs that save without a variable in common. A round grows with the variables.
     """
     count = len(near.at)
-    seen = np.stack([np.zeros(count, dtype=bool), near.nearest])
-    known = judge.keys(near.designs(seen))
-    seen, known = _few(seen, known, most)
+    masks = np.stack([np.zeros(count, dtype=bool), near.nearest])
+    known = judge.keys(near.designs(masks))
+    masks, known = _few(masks, known, most)
     for _ in range(ROUNDS):
-        at, key = seen[0], known[0]
+        at, key = masks[0], known[0]
         singles = at ^ np.eye(count, dtype=bool)
         use, cost = judge.use(near.designs(np.vstack([at[None], singles])))
         prices = Prices(use[0], float(cost[0]), use[1:] - use[0], cost[1:] - cost[0])
         series = np.vstack([_singles(at, prices), *_pairs(at, prices, judge)])
-        found = np.vstack([judge.ranked(use[1:], cost[1:]), judge.keys(near.designs(series))])
+        keys = np.vstack([judge.ranked(use[1:], cost[1:]), judge.keys(near.designs(series))])
         more = np.vstack([singles, series])
-        seen, known = _few(np.vstack([seen, more]), np.vstack([known, found]), most)
+        masks, known = _few(np.vstack([masks, more]), np.vstack([known, keys]), most)
         if tuple(known[0].tolist()) >= tuple(key.tolist()):
             break
-    return seen
+    return masks
 
 
 def _few(masks: Mask, keys: Array, most: int) -> tuple[Mask, Array]:
@@ -84,19 +84,19 @@ def _pairs(at: Mask, prices: Prices, judge: Judge) -> tuple[Mask, Mask]:
     alone = np.repeat(at[None], min(PAIRS, len(pairs)), axis=0)
     for row, pair in enumerate(pairs[:PAIRS].tolist()):
         alone[row, pair] ^= True
-    own = judge.ranked(prices.own[None], np.array([prices.own_cost]))[0]
-    pays = [tuple(key) < tuple(own.tolist()) for key in keys[order].tolist()]
+    base = judge.ranked(prices.own[None], np.array([prices.own_cost]))[0]
+    pays = [tuple(key) < tuple(base.tolist()) for key in keys[order].tolist()]
     return alone, _first(at, _apart(pairs[np.array(pays, dtype=bool)]), prices)
 
 
 def _apart(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     """Pairs, from the first, that have no variable in common."""
-    taken, found = set[int](), []
-    for one, other in pairs.tolist():
-        if one not in taken and other not in taken:
-            taken |= {one, other}
-            found.append((one, other))
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+    taken, disjoint = set[int](), []
+    for first, second in pairs.tolist():
+        if first not in taken and second not in taken:
+            taken |= {first, second}
+            disjoint.append((first, second))
+    return np.array(disjoint, dtype=np.int64).reshape(-1, 2)
 
 
 def _first(at: Mask, groups: NDArray[np.int64], prices: Prices) -> Mask:
@@ -109,7 +109,7 @@ def _first(at: Mask, groups: NDArray[np.int64], prices: Prices) -> Mask:
     fits = np.all(total <= np.maximum(prices.own, 0.0), axis=1)
     most = len(groups) if np.all(fits) else int(np.argmin(fits))
     ends = np.unique(np.clip(most + np.arange(-LENGTHS // 2, LENGTHS // 2), 1, len(groups)))
-    found = np.repeat(at[None], len(ends), axis=0)
+    masks = np.repeat(at[None], len(ends), axis=0)
     for row, end in enumerate(ends.tolist()):
-        found[row, groups[:end].ravel()] ^= True
-    return found
+        masks[row, groups[:end].ravel()] ^= True
+    return masks

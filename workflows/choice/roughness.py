@@ -50,7 +50,7 @@ def roughness_assumptions(
     return (Assumption("choice.roughness_share", share_of(settings), "", why, set_by),)
 
 
-def roughness(process: str, width: float, unit: str, share: float = SHARE) -> float | None:
+def roughness(process: str, width: float, unit: str, largest_share: float = SHARE) -> float | None:
     """The largest preferred Ra [um] that a zone of a `width` takes, at most a `share` of it and
     within what the process of its cost curve usually reaches; None where the process is not known
     by name, or it is no length.
@@ -59,8 +59,8 @@ def roughness(process: str, width: float, unit: str, share: float = SHARE) -> fl
     if usual is None or not unit or not fits(unit, "um"):
         return None
     finest, coarsest = usual
-    most = min(coarsest, share * float(converted(width, unit, "um")))
-    return max((one for one in PREFERRED if finest <= one <= most * (1.0 + 1e-9)), default=finest)
+    most = min(coarsest, largest_share * float(converted(width, unit, "um")))
+    return max((ra for ra in PREFERRED if finest <= ra <= most * (1.0 + 1e-9)), default=finest)
 
 
 def _usual(process: str) -> tuple[float, float] | None:

@@ -45,29 +45,31 @@ def rounded(
     if not len(near.at):
         return design
     quick, full = Judge(problem, design, True, kept), Judge(problem.reported(), design, False, kept)
-    found, keys = _best(near, quick, full)
+    rounded_design, keys = _best(near, quick, full)
     if keys[0] > 0.0:
         quick.learn(full, design)
-        other, again = _best(near, quick, full)
-        found = other if tuple(again.tolist()) < tuple(keys.tolist()) else found
-    return found
+        retried, retried_keys = _best(near, quick, full)
+        rounded_design = (
+            retried if tuple(retried_keys.tolist()) < tuple(keys.tolist()) else rounded_design
+        )
+    return rounded_design
 
 
 def _best(near: Neighbours, quick: Judge, full: Judge) -> tuple[Array, Array]:
     """The best design that is found, and its key."""
     some = _every(near) if len(near.at) <= ALL else by_moves(near, quick, VERIFIED)
-    found, keys = _verified(near, some, quick, full)
+    best_design, keys = _verified(near, some, quick, full)
     if keys[0] > 0.0 and ALL < len(near.at) <= HARD:
-        found, keys = _verified(near, _every(near), quick, full)
-    return found, keys
+        best_design, keys = _verified(near, _every(near), quick, full)
+    return best_design, keys
 
 
 def _every(near: Neighbours) -> Mask:
     """Every combination (2^k', k) of the variables that have two neighbours."""
     open_ = np.flatnonzero(near.below < near.above)
-    found = np.zeros((2 ** len(open_), len(near.at)), dtype=bool)
-    found[:, open_] = list(product((False, True), repeat=len(open_)))
-    return found
+    masks = np.zeros((2 ** len(open_), len(near.at)), dtype=bool)
+    masks[:, open_] = list(product((False, True), repeat=len(open_)))
+    return masks
 
 
 def _verified(near: Neighbours, masks: Mask, quick: Judge, full: Judge) -> tuple[Array, Array]:

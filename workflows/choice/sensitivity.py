@@ -29,7 +29,7 @@ def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
     for curve, part in costs.items():
         for factor in FACTORS:
             cost = points.cost + (factor - 1.0) * part
-            found = chosen(_with_cost(points, cost))
+            choices = chosen(_with_cost(points, cost))
             rows += [
                 {
                     "choice": rule,
@@ -41,7 +41,7 @@ def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
                     "cost_kept": cost[usual[rule]] if rule in usual else np.nan,
                 }
                 | _others(points, at)
-                for rule, at in found.items()
+                for rule, at in choices.items()
             ]
     table = pd.DataFrame(rows)
     return table.sort_values("choice", kind="stable", ignore_index=True) if rows else table

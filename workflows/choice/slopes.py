@@ -23,7 +23,7 @@ PER_GRADE = 0.5 * np.log(2.0)
 
 def tolerances_of(problem: ToleranceProblem) -> list[Variable]:
     """Every tolerance, the fixed ones included."""
-    return [one for one in problem.variables if one.tolerance]
+    return [variable for variable in problem.variables if variable.tolerance]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +52,7 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
     some, every = designs[rows], tolerances_of(problem)
     known = problem.gradient(some)
     names = [name for name in problem.objectives if name != COST]
-    limited = [one.name for one in problem.limits if one.count and one.name != COST]
+    limited = [limit.name for limit in problem.limits if limit.count and limit.name != COST]
     names += [name for name in limited if name in known and name not in names]
     at = [problem.names.index(v.name) for v in every]
     wide = np.stack([widths(problem, some, v) for v in every], axis=1) if every else some[:, :0]
@@ -81,7 +81,7 @@ def _differences(
 ) -> Array:
     """Derivatives (n, all variables) by one-sided differences, as a search sees the output."""
     base = problem.outputs_of(designs, searching=True)[output]
-    found = np.zeros_like(designs)
+    derivatives = np.zeros_like(designs)
     for variable in every:
         at, moved = problem.names.index(variable.name), designs.copy()
         step = STEP * widths(problem, designs, variable)
@@ -89,5 +89,5 @@ def _differences(
             continue
         moved[:, at] += step
         change = problem.outputs_of(moved, searching=True)[output] - base
-        found[:, at] = np.divide(change, step, out=np.zeros_like(step), where=step != 0.0)
-    return found
+        derivatives[:, at] = np.divide(change, step, out=np.zeros_like(step), where=step != 0.0)
+    return derivatives

@@ -54,11 +54,11 @@ class Background(Generic[TaskT, Result]):
 
     def taken(self) -> list[tuple[TaskT, Result | Lost]]:
         """What has ended since. Raises here what was raised in a task, or by the executor."""
-        found, self._ended = self._ended, []
-        if self._error is not None and not self._closed and not found:
+        ended, self._ended = self._ended, []
+        if self._error is not None and not self._closed and not ended:
             error, self._error = self._error, None
             raise error
-        return found
+        return ended
 
     def wait(self) -> None:
         """Wait until nothing runs."""

@@ -41,9 +41,9 @@ def known_of(problem: ToleranceProblem) -> dict[str, Knowledge]:
             if part.sample is not None
         }
     return {
-        name: own.sample.knowledge
-        for name, own in problem.settings.variables.items()
-        if own.sample is not None
+        name: setting.sample.knowledge
+        for name, setting in problem.settings.variables.items()
+        if setting.sample is not None
     }
 
 
@@ -52,11 +52,11 @@ def with_knowledge(problem: ToleranceProblem, known: Mapping[str, Knowledge]) ->
     if isinstance(problem, Stack):
         return of_stacks.with_knowledge(problem, known)
     kinds = {v.name: v.kind for v in problem.variables}
-    anew = {
-        name: _variable(problem.given.variables[name], kinds[name], own)
-        for name, own in known.items()
+    settings = {
+        name: _variable(problem.given.variables[name], kinds[name], knowledge)
+        for name, knowledge in known.items()
     }
-    variables = dict(problem.given.variables) | anew
+    variables = dict(problem.given.variables) | settings
     return type(problem)(replace(problem.given, variables=variables))
 
 

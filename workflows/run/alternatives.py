@@ -26,37 +26,42 @@ def alternatives(problem: ToleranceProblem, front: pd.DataFrame) -> list[dict[st
         return []
     order = front["cost"].astype(float).argsort(kind="stable")
     row = front.iloc[int(order.iloc[len(front) // 2])]
-    own = _least(problem, problem, row)
-    if own is None:
+    base_cost = _least(problem, problem, row)
+    if base_cost is None:
         return []
-    found = [(label, _least(one, problem, row)) for label, one in others.items()]
+    costs = [(label, _least(alternative, problem, row)) for label, alternative in others.items()]
     return [
-        {"label": label, "cost": cost, "this": own, "more_percent": 100.0 * (cost / own - 1.0)}
-        for label, cost in found
+        {
+            "label": label,
+            "cost": cost,
+            "this": base_cost,
+            "more_percent": 100.0 * (cost / base_cost - 1.0),
+        }
+        for label, cost in costs
         if cost is not None
     ]
 
 
-def sentences(found: list[dict[str, Any]]) -> tuple[str, ...]:
+def sentences(rows: list[dict[str, Any]]) -> tuple[str, ...]:
     """The same in words."""
-    told = []
-    for one in found:
-        if abs(one["more_percent"]) < SAME:
-            told.append(f"{one['label']}: as cheap, at equal R and equal other requirements")
+    messages = []
+    for row in rows:
+        if abs(row["more_percent"]) < SAME:
+            messages.append(f"{row['label']}: as cheap, at equal R and equal other requirements")
             continue
-        side = "more" if one["more_percent"] >= 0.0 else "less"
-        told.append(
-            f"{one['label']}: the least cost of the point in the middle of the front would "
-            f"be {one['cost']:.4g} instead of {one['this']:.4g}, "
-            f"{abs(one['more_percent']):.3g} % {side}, at equal R and equal other "
+        side = "more" if row["more_percent"] >= 0.0 else "less"
+        messages.append(
+            f"{row['label']}: the least cost of the point in the middle of the front would "
+            f"be {row['cost']:.4g} instead of {row['this']:.4g}, "
+            f"{abs(row['more_percent']):.3g} % {side}, at equal R and equal other "
             "requirements"
         )
-    return tuple(told)
+    return tuple(messages)
 
 
-def _least(one: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[Any]) -> float | None:
+def _least(problem: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[Any]) -> float | None:
     """Least cost of a problem at what is `asked` of the values of a row; None if not known."""
-    form = one.form()
+    form = problem.form()
     if form is None:
         return None
     names = {*asked.objectives, *(limit.name for limit in asked.limits)}
@@ -69,5 +74,5 @@ def _least(one: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[Any]) 
     used = np.isfinite(limits)
     if not np.any(used):
         return None
-    found = least_cost(restricted(form, used), limits[None, used] * (1.0 + 1e-9))
-    return float(found.cost[0]) if np.isfinite(found.cost[0]) else None
+    optimum = least_cost(restricted(form, used), limits[None, used] * (1.0 + 1e-9))
+    return float(optimum.cost[0]) if np.isfinite(optimum.cost[0]) else None

@@ -36,13 +36,15 @@ def with_assumptions(
     if chosen is None:
         return result
 
-    def phase(share: float) -> None:
+    def phase(fraction: float) -> None:
         if progress is not None and history:
-            now = replace(history[-1], phase="what assumptions cost", share=share, remaining=None)
+            now = replace(
+                history[-1], phase="what assumptions cost", share=fraction, remaining=None
+            )
             progress(now)
 
-    own = result.front.iloc[[chosen[0]]]
-    level = _aim(own, problem)
+    point = result.front.iloc[[chosen[0]]]
+    level = _aim(point, problem)
     ends = [
         np.array([result.summary[end][name] for name in problem.objectives])
         for end in ("ideal", "nadir")
@@ -50,38 +52,38 @@ def with_assumptions(
     unit = np.maximum(ends[1] - ends[0], 1e-12)
     more = np.zeros(len(unit))
     if level is not None and level[0] in problem.objectives:
-        more[problem.objectives.index(level[0])] = level[1] - float(own[level[0]].iloc[0])
-    design = problem.designs_of(own)[0]
-    found = assumptions_cost(problem, design, unit, more, phase)
-    if found is None:
+        more[problem.objectives.index(level[0])] = level[1] - float(point[level[0]].iloc[0])
+    design = problem.designs_of(point)[0]
+    table = assumptions_cost(problem, design, unit, more, phase)
+    if table is None:
         return result
-    summary = {**result.summary, "assumptions_at": _said(own, problem, level)}
-    return replace(result, assumptions_cost=found, summary=summary)
+    summary = {**result.summary, "assumptions_at": _said(point, problem, level)}
+    return replace(result, assumptions_cost=table, summary=summary)
 
 
-def _aim(own: pd.DataFrame, problem: ToleranceProblem) -> tuple[str, float] | None:
+def _aim(point: pd.DataFrame, problem: ToleranceProblem) -> tuple[str, float] | None:
     """The problem's limit where the point is near to it: the level that all costs are for."""
     limit = problem.shown_limit()
-    if limit is None or limit[0] not in own:
+    if limit is None or limit[0] not in point:
         return None
-    return limit if abs(float(own[limit[0]].iloc[0]) / limit[1] - 1.0) <= NEAR else None
+    return limit if abs(float(point[limit[0]].iloc[0]) / limit[1] - 1.0) <= NEAR else None
 
 
 def _said(
-    own: pd.DataFrame, problem: ToleranceProblem, level: tuple[str, float] | None
+    point: pd.DataFrame, problem: ToleranceProblem, level: tuple[str, float] | None
 ) -> dict[str, float]:
     """The outputs that are held, and at what, as they are reported."""
     held = [name for name in problem.objectives if name != "cost"]
-    found = {name: float(own[name].iloc[0]) for name in held}
+    outputs = {name: float(point[name].iloc[0]) for name in held}
     if not held:
-        found = {
-            one.name: problem.settings.limits[one.name].high
-            for one in problem.limits
-            if one.name.startswith(RIGID)
+        outputs = {
+            limit.name: problem.settings.limits[limit.name].high
+            for limit in problem.limits
+            if limit.name.startswith(RIGID)
         }
     return {
         name: level[1] if level and level[0] == name and held else value
-        for name, value in found.items()
+        for name, value in outputs.items()
     }
 
 
@@ -90,7 +92,7 @@ def assumptions_cost(
     design: Array,
     unit: Array,
     more: Array,
-    phase: Callable[[float], None] = lambda share: None,
+    phase: Callable[[float], None] = lambda fraction: None,
 ) -> pd.DataFrame | None:
     """Least cost at the other objective's level of a full design (all variables,), by assumption.
 
@@ -161,16 +163,16 @@ def _least(branch: Branch, x: Array, limit: Array) -> float:
     """Least cost within the limits, begun at `x` or else at the problem's own starts; or NaN."""
     run = branch.smooth.run
     cost = run.problem.objectives.index("cost")
-    own = branch.smooth.scaled(x[None, :])[0]
-    found = _kept(branch, cost, own, limit)
-    if not np.isnan(found):
-        return found
+    scaled = branch.smooth.scaled(x[None, :])[0]
+    least = _kept(branch, cost, scaled, limit)
+    if not np.isnan(least):
+        return least
     starts = (_kept(branch, cost, start, limit) for start in branch.starts(run))
-    return next((one for one in starts if not np.isnan(one)), np.nan)
+    return next((value for value in starts if not np.isnan(value)), np.nan)
 
 
 def _kept(branch: Branch, cost: int, start: Array, limit: Array) -> float:
-    found = branch.minimise(cost, start, limit)
-    if found is None or np.any(found > limit + NEARLY * branch.unit):
+    values = branch.minimise(cost, start, limit)
+    if values is None or np.any(values > limit + NEARLY * branch.unit):
         return np.nan
-    return float(found[cost])
+    return float(values[cost])

@@ -27,7 +27,7 @@ def with_choices(
         "title": result.title,
         **_mechanism(plan.problem),
         "axes": {"objectives": _axes(result.objectives), "variables": _axes(result.variables)},
-        "bars": [asdict(one) for one in result.bars],
+        "bars": [asdict(bar) for bar in result.bars],
     }
     return replace(
         result,

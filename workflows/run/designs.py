@@ -85,19 +85,19 @@ class Designs(Closing):
         self._start(parts[0])
         if self._executor is None:
             return [values_of(self.problem, part) for part in parts]
-        left = deque(self._tasks(parts))
-        found: dict[int, Values] = {}
-        beside = Background(self._executor, computed, partial(next_of, left))
-        while (task := next_of(left)) is not None:
-            found[task.at] = values_of(self.problem, task.x)
-        beside.wait()
-        while pairs := beside.taken():
+        tasks = deque(self._tasks(parts))
+        results: dict[int, Values] = {}
+        background = Background(self._executor, computed, partial(next_of, tasks))
+        while (task := next_of(tasks)) is not None:
+            results[task.at] = values_of(self.problem, task.x)
+        background.wait()
+        while pairs := background.taken():
             for task, result in pairs:
                 if isinstance(result, Lost):
-                    found[task.at] = values_of(self.problem, task.x)
+                    results[task.at] = values_of(self.problem, task.x)
                 else:
-                    found[task.at] = result
-        return [found[at] for at in range(len(parts))]
+                    results[task.at] = result
+        return [results[at] for at in range(len(parts))]
 
     def _tasks(self, parts: Sequence[Array]) -> list[Part]:
         if not self._content:
@@ -120,5 +120,5 @@ class Designs(Closing):
                 self._executor.close()
             self._executor, self._starting = begun, None
         if self._starting is None and (free := self._free()) > self.others:
-            others, tasks = Processes(free), deque(self._tasks([part] * free))
-            self._starting = others, Background(others, computed, partial(next_of, tasks))
+            processes, tasks = Processes(free), deque(self._tasks([part] * free))
+            self._starting = processes, Background(processes, computed, partial(next_of, tasks))

@@ -52,8 +52,8 @@ def _levels(before: pd.DataFrame, after: pd.DataFrame, names: list[str]) -> list
     if len(names) == 1:
         return [float("nan")]
     ranges = [(front[names[1]].min(), front[names[1]].max()) for front in (before, after)]
-    low, high = max(one[0] for one in ranges), min(one[1] for one in ranges)
-    return [low + share * (high - low) for share in LEVELS] if low < high else []
+    low, high = max(bounds[0] for bounds in ranges), min(bounds[1] for bounds in ranges)
+    return [low + fraction * (high - low) for fraction in LEVELS] if low < high else []
 
 
 def _cheapest(front: pd.DataFrame, names: list[str], level: float) -> pd.DataFrame:
@@ -65,13 +65,13 @@ def _cheapest(front: pd.DataFrame, names: list[str], level: float) -> pd.DataFra
 def summary(problem: ToleranceProblem) -> dict[str, object]:
     """The active effects as `summary.json` has them; nothing where there is none."""
     pairs = zip(problem.settings.effects, problem.counterparts(), strict=True)
-    found = [
+    rows = [
         {
-            "name": one.effect.name,
-            "family": one.effect.family,
-            "parameters": dict(one.values),
-            "counterpart": does or None,
+            "name": active.effect.name,
+            "family": active.effect.family,
+            "parameters": dict(active.values),
+            "counterpart": counterpart or None,
         }
-        for one, does in pairs
+        for active, counterpart in pairs
     ]
-    return {"effects": found} if found else {}
+    return {"effects": rows} if rows else {}

@@ -44,8 +44,8 @@ def unreachable(problem: ToleranceProblem) -> list[Fault]:
 
 
 def _kept(problem: ToleranceProblem, starts: Array) -> bool:
-    found = problem.outputs_of(starts, searching=True)
-    return bool(np.any(np.all(problem.violations(starts, found) <= 0.0, axis=1)))
+    outputs = problem.outputs_of(starts, searching=True)
+    return bool(np.any(np.all(problem.violations(starts, outputs) <= 0.0, axis=1)))
 
 
 def _fault(problem: ToleranceProblem, limit: Limit) -> Fault | None:
@@ -65,8 +65,8 @@ def _fault(problem: ToleranceProblem, limit: Limit) -> Fault | None:
 def _least(problem: ToleranceProblem, name: str) -> tuple[float, Array]:
     """The least value of an output with interference and geometry held, and its full design."""
     held = {n: b for n, b in problem.settings.limits.items() if n not in problem.performance}
-    given = replace(problem.given, objectives=(name,), limits=held)
-    alone = type(problem)(given)
+    settings = replace(problem.given, objectives=(name,), limits=held)
+    alone = type(problem)(settings)
     run = Run(alone, Budget(), seed=0)
     branch = Branch(run, alone.xl.copy(), scale_of(alone))
     none = np.full(1, np.inf)

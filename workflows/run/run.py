@@ -87,7 +87,10 @@ def _run(
     resume: bool,
 ) -> RunOutcome:
     checkpoint, out = opened(plan, place, resume), place.folder
-    start, anew = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
+    start, resume_notes = (
+        time.monotonic() - seconds_before(checkpoint),
+        notes_of(checkpoint, resume),
+    )
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
     searches = side_searches(plan, printed) if plan.references else ()
     searches += effects.side_search(plan) + overlay.side_search(plan)
@@ -95,47 +98,55 @@ def _run(
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
     keep(plan.problem, out)
-    found, fronts = _searched(plan, checkpoint, Sides(searches, workers, checkpoint), progress)
-    searched = reported_front(plan.problem, found)
-    exact = exact_front(plan.problem, solved_front(plan, found))
+    search_result, fronts = _searched(
+        plan, checkpoint, Sides(searches, workers, checkpoint), progress
+    )
+    searched = reported_front(plan.problem, search_result)
+    exact = exact_front(plan.problem, solved_front(plan, search_result))
     references = table(plan, printed, fronts, exact)
     front, dropped, joined = with_references(searched, references, plan.problem)
-    stopped = found.interrupted
+    stopped = search_result.interrupted
     front, statement = with_bounds(front, plan.problem, interrupted=stopped)
-    before = next((other for side, other in fronts.items() if side.apart), None)
-    others = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
-    relaxed = {side.label: other for side, other in fronts.items() if side.relaxed}
+    before = next((side_front for side, side_front in fronts.items() if side.apart), None)
+    overlays = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
+    relaxed = {side.label: side_front for side, side_front in fronts.items() if side.relaxed}
     if len(references):
         within = inside(references, plan.problem)
         references, _ = with_bounds(references, plan.problem, within, stopped)
         references = compare(references, searched, relaxed, plan.problem)
-    cut = found.interrupted or any(other is None for other in fronts.values())
+    cut = search_result.interrupted or any(side_front is None for side_front in fronts.values())
     status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
     names = list(plan.problem.objectives)
-    for other in others.values():
-        front = overlay.with_distance(front, other, names)
-    beside = [n for label, one in others.items() for n in overlay.notes(front, label, one, names)]
-    warned = (*plan.problem.effect_notes(), *plan.problem.cautions(), *beside)
-    otherwise = [] if stopped else alternatives(plan.problem, front)
-    remarks = (*plan.problem.remarks(front), *sentences(otherwise))
-    notes = (*warned, *remarks, *anew, *_notes(references, dropped, joined))
+    for other_front in overlays.values():
+        front = overlay.with_distance(front, other_front, names)
+    comparisons = [
+        n
+        for label, other_front in overlays.items()
+        for n in overlay.notes(front, label, other_front, names)
+    ]
+    warned = (*plan.problem.effect_notes(), *plan.problem.cautions(), *comparisons)
+    alternative_costs = [] if stopped else alternatives(plan.problem, front)
+    remarks = (*plan.problem.remarks(front), *sentences(alternative_costs))
+    notes = (*warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
     decisions = decide(plan.problem, front, plan.choice)
     notes = (*notes, *decisions.notes)
     proven = (*proof_notes(front, statement), *end_notes(plan.problem, front), *notes)
-    summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
-    summary |= measures(found, front, statement, exact)
-    summary |= drawn(plan.problem, front) | ({"alternatives": otherwise} if otherwise else {})
-    result = _result(plan, found, front, references, summary, proven, exact)
-    result = replace(
-        with_choices(result, decisions, plan, exact), overlays=others, relaxed=_together(relaxed)
+    summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
+    summary |= measures(search_result, front, statement, exact)
+    summary |= drawn(plan.problem, front) | (
+        {"alternatives": alternative_costs} if alternative_costs else {}
     )
-    said = answers(result, plan.problem, statement)
-    result = replace(result, summary={**result.summary, "answers": said})
-    result = _with_more(result, plan.problem, found, cut, progress)
+    result = _result(plan, search_result, front, references, summary, proven, exact)
+    result = replace(
+        with_choices(result, decisions, plan, exact), overlays=overlays, relaxed=_together(relaxed)
+    )
+    answered = answers(result, plan.problem, statement)
+    result = replace(result, summary={**result.summary, "answers": answered})
+    result = _with_more(result, plan.problem, search_result, cut, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     if front.empty:
-        write_text(out / MISS, csv_text(nearest_miss(plan.problem, found)))
+        write_text(out / MISS, csv_text(nearest_miss(plan.problem, search_result)))
     write(result, out)
     if not cut:
         place.complete(status)
@@ -146,7 +157,7 @@ def _run(
 def _with_more(
     result: RunResult,
     problem: ToleranceProblem,
-    found: SearchResult,
+    search_result: SearchResult,
     cut: bool,
     progress: Callable[[Progress], None] | None,
 ) -> RunResult:
@@ -154,26 +165,26 @@ def _with_more(
     if not cut:
         result = with_capability(with_promise(result, problem), problem)
     result = with_units(result, problem)
-    if not (found.interrupted and takes_long(problem)):
+    if not (search_result.interrupted and takes_long(problem)):
         result = with_requirements(result, problem)
-    return result if cut else with_assumptions(result, problem, found.history, progress)
+    return result if cut else with_assumptions(result, problem, search_result.history, progress)
 
 
 def _searched(
     plan: RunPlan,
     checkpoint: Checkpoint,
-    beside: Sides,
+    searches: Sides,
     progress: Callable[[Progress], None] | None,
 ) -> tuple[SearchResult, Fronts]:
     """What the search found, and the fronts of those beside it."""
-    with beside as sides, Designs(plan.problem, sides.where, sides.free) as designs:
+    with searches as sides, Designs(plan.problem, sides.where, sides.free) as designs:
 
         def report(state: Progress) -> None:
             sides.collect()
             if progress is not None:
                 progress(state)
 
-        found = search(
+        search_result = search(
             plan.problem,
             plan.algorithm,
             plan.budget,
@@ -183,14 +194,14 @@ def _searched(
             checkpoint,
             designs.values,
         )
-        if not found.interrupted:
+        if not search_result.interrupted:
             sides.finish()
-        return found, sides.fronts()
+        return search_result, sides.fronts()
 
 
 def _summary(
     plan: RunPlan,
-    found: SearchResult,
+    search_result: SearchResult,
     front: pd.DataFrame,
     status: str,
     notes: tuple[str, ...],
@@ -204,7 +215,7 @@ def _summary(
         "seed": plan.seed,
         "versions": {"python": platform.python_version()} | {p: version(p) for p in packages},
         "configuration_hash": hashlib.sha256(plan.configuration.encode()).hexdigest(),
-        "evaluations": found.evaluations,
+        "evaluations": search_result.evaluations,
         "seconds": seconds,
         "points": len(front),
         "ideal": dict(zip(names, ideal.tolist(), strict=True)),
@@ -228,8 +239,8 @@ def _costs(problem: ToleranceProblem) -> dict[str, object]:
     money = problem.settings.money
     if not money.currency:
         return {}
-    found = {"currency": money.currency, "assumed": list(money.assumed)}
-    return {"costs": found | ({"scale_assumed": money.scale} if money.scale else {})}
+    costs = {"currency": money.currency, "assumed": list(money.assumed)}
+    return {"costs": costs | ({"scale_assumed": money.scale} if money.scale else {})}
 
 
 def _model(problem: ToleranceProblem) -> dict[str, object]:
@@ -241,7 +252,7 @@ def _model(problem: ToleranceProblem) -> dict[str, object]:
 
 def _result(
     plan: RunPlan,
-    found: SearchResult,
+    search_result: SearchResult,
     front: pd.DataFrame,
     references: pd.DataFrame,
     summary: dict[str, object],
@@ -249,7 +260,7 @@ def _result(
     exact: Exact | None,
 ) -> RunResult:
     columns = ["generation", "evaluations", "seconds", "hypervolume", "feasible_fraction"]
-    convergence = pd.DataFrame([asdict(p) for p in found.history], columns=columns)
+    convergence = pd.DataFrame([asdict(p) for p in search_result.history], columns=columns)
     whole = exact.hypervolume if exact is not None else float("nan")
     convergence.insert(4, "hypervolume_ratio", convergence["hypervolume"] / whole)
     return RunResult(
@@ -268,9 +279,9 @@ def _result(
 
 def _together(relaxed: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
     """The fronts with relaxed limits, one below the other, each under its label."""
-    frames = [one.assign(label=label) for label, one in relaxed.items() if one is not None]
-    found = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
-    return found[["label", *(n for n in found if n != "label")]] if len(found) else None
+    frames = [front.assign(label=label) for label, front in relaxed.items() if front is not None]
+    joined = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+    return joined[["label", *(n for n in joined if n != "label")]] if len(joined) else None
 
 
 def described(problem: ToleranceProblem) -> str:
@@ -288,19 +299,19 @@ def _axes(problem: ToleranceProblem, names: tuple[str, ...]) -> tuple[Axis, ...]
 
 def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
     """What the page and the summary say about the references."""
-    found = [
+    notes = [
         f"{row['label']} breaks {row['violated_limits'].replace(' ', ', ')}: it is outside of what "
         "this run may choose, so the front cannot be expected to beat it; see the relaxed columns"
         for row in references.to_dict("records")
         if row["violated_limits"]
     ]
     if joined:
-        found.append(
+        notes.append(
             f"{joined} of the references joined the front: the search had not found anything as "
             f"good; {dropped} points that they dominate were removed. The gains in the table of "
             "references are those of the search's own front"
         )
-    return found
+    return notes
 
 
 def _of_cost(axis: Axis) -> str:
@@ -308,7 +319,9 @@ def _of_cost(axis: Axis) -> str:
     return f" {axis.unit}" if axis.name == "cost" and axis.unit else ""
 
 
-def _lines(result: RunResult, status: str, out: Path, told: Sequence[str]) -> tuple[str, ...]:
+def _lines(
+    result: RunResult, status: str, out: Path, proof_lines: Sequence[str]
+) -> tuple[str, ...]:
     """A short summary for the terminal; notes that are `told` by the answers are left out."""
     lines = [
         f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
@@ -322,7 +335,7 @@ def _lines(result: RunResult, status: str, out: Path, told: Sequence[str]) -> tu
             f"{axis.name} {row[axis.name]:.4g}" + _of_cost(axis) for axis in result.objectives
         )
         lines.append(f"reference {row['label']}: {values}; {kept}")
-    answered = told if "proof" in result.answers else ()
+    answered = proof_lines if "proof" in result.answers else ()
     lines += [f"note: {note}" for note in result.notes if note not in answered]
     if status == "no_feasible_point":
         lines.append(

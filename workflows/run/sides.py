@@ -71,11 +71,11 @@ class Sides(Closing):
 
     def collect(self) -> None:
         """Keep the fronts that have been finished since; of a lost process it is made again."""
-        for task, found in self._beside.taken() if self._beside else ():
-            if isinstance(found, Lost):
+        for task, front in self._beside.taken() if self._beside else ():
+            if isinstance(front, Lost):
                 self._open.append(task)
             else:
-                self._keep(task.side, found)
+                self._keep(task.side, front)
 
     def finish(self) -> None:
         """Make or wait for all fronts; an interrupt leaves out what has not been made."""

@@ -30,25 +30,25 @@ def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
     if chosen is None:
         return result
     row, why = chosen
-    found = problem.shown_units(problem.designs_of(result.front.iloc[[row]])[0])
+    shown = problem.shown_units(problem.designs_of(result.front.iloc[[row]])[0])
     limit = problem.shown_limit()
-    if found is None or limit is None:
+    if shown is None or limit is None:
         return result
-    own = result.front.iloc[row]
+    point = result.front.iloc[row]
     units = {
         "point": row,
         "chosen": why,
-        "words": list(found.words),
+        "words": list(shown.words),
         "limit": limit[1],
-        "quantile": float(own[limit[0]]),
+        "quantile": float(point[limit[0]]),
         "coverage_percent": 100.0 * problem.settings.propagation.coverage,
-        **{name: float(own[name]) for name in SHOWN if name in own},
+        **{name: float(point[name]) for name in SHOWN if name in point},
     }
     return replace(
         result,
         summary={**result.summary, "units": units},
-        unit_turn=found.turn,
-        population=found.population,
+        unit_turn=shown.turn,
+        population=shown.population,
     )
 
 

@@ -81,8 +81,8 @@ def _overlays(result: RunResult) -> pd.DataFrame | None:
     frames = [frame.assign(label=label) for label, frame in result.overlays.items()]
     if not frames:
         return None
-    found = pd.concat(frames, ignore_index=True)
-    return found[["label", *(name for name in found if name != "label")]]
+    joined = pd.concat(frames, ignore_index=True)
+    return joined[["label", *(name for name in joined if name != "label")]]
 
 
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:

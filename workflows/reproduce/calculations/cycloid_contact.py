@@ -120,15 +120,17 @@ class CycloidContact(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        found = _sensitivities(_finite(self.completed(values)))
+        sensitivities = _sensitivities(_finite(self.completed(values)))
         table = ComputedTable(
             "sensitivities",
             "Change of backlash times e z_c per unit of each error, by exact contact of 40 pins; "
             "document B prints half of most",
             (Axis("error", ""), Axis("exact", "1", "by exact contact")),
-            (np.array(list(found)), np.array(list(found.values()))),
+            (np.array(list(sensitivities)), np.array(list(sensitivities.values()))),
         )
-        return Computed({name: Quantity(value, "1") for name, value in found.items()}, (table,))
+        return Computed(
+            {name: Quantity(value, "1") for name, value in sensitivities.items()}, (table,)
+        )
 
 
 def _finite(values: Mapping[str, Value]) -> Finite:

@@ -30,8 +30,8 @@ class TaskRingFigures(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        own = self.completed(values)
-        machine, ring = declared.manipulator(own), declared.task_ring(own)
+        parameters = self.completed(values)
+        machine, ring = declared.manipulator(parameters), declared.task_ring(parameters)
         inside = np.all(np.abs(reach(machine, *grid(ring))) <= 1.0, axis=-1)
         return Computed(
             {
