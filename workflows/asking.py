@@ -29,7 +29,7 @@ def askable(name: str, algorithm: AlgorithmSettings | None) -> list[Fault]:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """What a search has found so far.
+    """The results of a search so far.
 
     `front` has the non-dominated feasible designs, one per row, by the first objective: every
     variable, and every output that was told and is an objective. `evaluations` counts designs.
@@ -96,7 +96,7 @@ class Search:
         self._open = None
 
     def result(self) -> Asked:
-        """What was found so far."""
+        """The results so far."""
         x, f = self._archive.arrays()
         rows = np.flatnonzero(nondominated(f)) if len(f) else np.zeros(0, dtype=np.int64)
         front = self.problem.designs_frame(self.problem.complete(x[rows]))

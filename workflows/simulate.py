@@ -39,7 +39,7 @@ class Simulation:
     zero: Mapping[str, float] = field(default_factory=dict)
 
     def __call__(self, columns: Mapping[str, NDArray[Any]], number: int) -> pd.DataFrame:
-        """The inputs of a grain of rows with the predicted outputs beside them."""
+        """The inputs of a grain of rows, followed by the predicted outputs."""
         table = dict(columns)
         stream = np.random.SeedSequence(self.seed, spawn_key=(number,) if number else ())
         rng = np.random.default_rng(stream)
@@ -86,7 +86,7 @@ def inputs_in(
 def remarks(
     model: MeasurableModel, columns: Sequence[str], file_columns: Sequence[str], place: str
 ) -> list[str]:
-    """What the user should know: `columns` are those that count, `given` those of the file."""
+    """What the user should know: `columns` are used, `file_columns` are those of the file."""
     messages = [
         f"{place}: no column {c.name} (optional: {c.meaning}); the model's nominal value is taken"
         for c in model.columns
@@ -166,7 +166,7 @@ def simulated(
     understood: tables.Tell = tables.silent,
     notes: tables.Tell = tables.silent,
 ) -> pd.DataFrame:
-    """`inputs_in` a table with the predicted outputs beside them, computed in this process."""
+    """`inputs_in` a table followed by the predicted outputs, computed in this process."""
     simulation = Simulation(model, seed, name, effects, dict(zero))
     frame = inputs_in(simulation, table_read, place, uses, understood, notes)
     rows = rows_of(frame)

@@ -19,7 +19,7 @@ from .simulate import Simulation, remarks, typed_inputs, units_of
 LONG = 1_000_000
 """Rows from which on a file is read in batches."""
 FAULTS = 50
-"""Faults after which a long table is looked at no further."""
+"""Faults after which a long table is not checked further."""
 
 
 def streamed(
@@ -31,9 +31,9 @@ def streamed(
 ) -> ParquetRows | None:
     """The rows of a long Parquet file, or of a directory of such files; None for other tables.
 
-    Every row is looked at before any is computed. A file with columns that must be converted, or
-    for effects, is read as a whole (None); of a directory that is refused. Raises InputError with
-    the faults.
+    Every row is checked before any is computed. A file with columns that must be converted, or for
+    effects, is read as a whole (None); of a directory that is refused. Raises InputError with the
+    faults.
     """
     files = _files(path)
     if not files:

@@ -24,7 +24,7 @@ from .target import Target, joined
 BLOCKS = 250
 """Blocks at most, where nothing else is asked for."""
 POLL_S = 0.5
-"""Seconds between two looks at what other machines have done."""
+"""Seconds between two queries of what other machines have done."""
 Compute = Callable[[Any, int], pd.DataFrame]
 """The frame of a grain of rows, by the rows and the grain's number; it is pickled."""
 
@@ -56,8 +56,8 @@ class Computed:
     """A table that can be computed: `compute` makes the frame of a grain of rows.
 
     A value depends on its grain alone, and grains do not depend on how many of them are a block:
-    that is why the bytes are the same whatever computes them. `configuration` tells all that the
-    values depend on but the rows; `quality` is part of it that users choose by itself.
+    that is why the bytes are the same whatever computes them. `configuration` states all that the
+    values depend on, except the rows; `quality` is the part of it that users choose by itself.
     """
 
     command: str
@@ -68,7 +68,7 @@ class Computed:
     quality: str = ""
 
     def about(self, block_rows: int | None) -> About:
-        """What the blocks of this table belong to."""
+        """The identity of this table, to which its blocks belong."""
         grains = max(1, -(-self.rows.count // self.grain))
         grains_per_block = (
             -(-grains // BLOCKS) if block_rows is None else -(-block_rows // self.grain)
@@ -96,11 +96,11 @@ def computed(
 ) -> pd.DataFrame:
     """Compute every block that is missing, and write the table; its frame where it is wanted.
 
-    A table of one block is kept nowhere before it is written, no other is anywhere without a
+    A table of one block is stored only when it is written, and no other table is stored without a
     `target`. Where blocks are `shared` with other machines (the address of the store, and the place
-    where that was said) they stay there, and each machine writes the table. Raises InputError where
-    blocks of another table are in its place, RunError where blocks are lost; what has ended is
-    kept.
+    where that was stated) they stay there, and each machine writes the table. Raises InputError
+    where blocks of another table are in its place, RunError where blocks are lost; what has ended
+    is kept.
     """
     if target is None and isinstance(executor, InProcess) and shared is None:
         return _here(table)
@@ -178,7 +178,7 @@ def _finish(
                     tell()
                 store.refresh()
                 if len(store.known) == before:
-                    time.sleep(POLL_S)  # others are at work on what is left
+                    time.sleep(POLL_S)  # others are at work on the remaining blocks
                 tell()
     except RunError as error:
         raise RunError(f"{error}; {store.saved()}") from error

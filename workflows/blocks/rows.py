@@ -23,7 +23,7 @@ class Rows(ABC):
 
     @abstractmethod
     def part(self, start: int, stop: int) -> Any:
-        """Rows `start` to `stop` as what computes them takes them."""
+        """Rows `start` to `stop` in the form that the computation takes."""
 
 
 class ArrayRows(Rows):

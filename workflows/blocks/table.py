@@ -93,7 +93,7 @@ class BlockTable(BlockStore):
         return bool(hashlib.sha256(self.block(number).getvalue()).hexdigest() == digest)
 
     def _agreed(self, about: About, place: str) -> About:
-        """What the blocks are to be: those that are there decide how many rows a block has."""
+        """The identity of the blocks: those that are there decide how many rows a block has."""
         wanted = asdict(about)
         text = json.dumps(sealed_record(wanted))
         while not self._store.meta(TABLE):

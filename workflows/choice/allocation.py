@@ -54,13 +54,13 @@ def allocation(
     """One row per chosen point and variable.
 
     `choices` names the rules that choose a row of the front, `designs` its unrounded and rounded
-    full design, `grades` what a value of a variable is called, and `said` how it is rounded.
+    full design, `grades` what a value of a variable is called, and `rules` how it is rounded.
     Limits are those of the zone around nominal and mid, deviations where no nominal is known; the
     deviations of a zone are from the nominal. `grade` is the tolerance class where one is stated,
     `symbol` that of a geometrical characteristic. `notation` is what to write on the drawing,
     `process` how the part is made where that is chosen, `roughness_Ra_um` what that implies for the
-    surface (at most a `share` of its zone), `cpk_wanted` the capability that the model counts on,
-    and `inspection` what an inspector needs to know of it. Where a problem is one of
+    surface (at most a `roughness_share` of its zone), `cpk_wanted` the capability that the model
+    counts on, and `inspection` what an inspector needs to know of it. Where a problem is one of
     several models, the last column says which.
     """
     rows = []
@@ -90,7 +90,7 @@ def allocation(
 
 
 def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int, dict[str, str]]:
-    """By point: by which model its rounded design was chosen; nothing where there is but one."""
+    """By point: the model by which its rounded design was chosen; empty where there is only one."""
     if not problem.model_statement:
         return {point: {} for point in rounded}
     labels = problem.model_labels(np.stack(list(rounded.values())))

@@ -11,7 +11,7 @@ from .slopes import Slopes, tolerances_of
 
 Array = NDArray[np.float64]
 CANCELLED = 1e-3
-"""Share of the magnitudes below which a sum of contributions is none."""
+"""Fraction of the magnitudes below which a sum of contributions counts as zero."""
 
 
 def contributions(problem: ToleranceProblem, slopes: Slopes) -> pd.DataFrame:
@@ -39,7 +39,7 @@ def contributions(problem: ToleranceProblem, slopes: Slopes) -> pd.DataFrame:
 
 
 def _shares(along: Array) -> Array:
-    """Each (n, tolerances) over its sum, in percent."""
+    """Contributions `along` (n, tolerances) over their sum, in percent."""
     whole, size = along.sum(axis=1, keepdims=True), np.abs(along).sum(axis=1, keepdims=True)
     known = np.abs(whole) > CANCELLED * size
     return np.asarray(100.0 * np.divide(along, whole, out=np.full_like(along, np.nan), where=known))

@@ -1,4 +1,4 @@
-"""Every choice of a front: by which rule, how sure, what it is made of, and rounded."""
+"""Every choice of a front: its rule, its sensitivity, its contributions and its rounded values."""
 
 from __future__ import annotations
 
@@ -62,7 +62,10 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
         if (step := steps[v.name]) is not None
     }
     values = {name: np.array(sorted(orderable)) for name, orderable in grades.items()}
-    new = {at: rounded(problem, designs[at], values, _asked(settings, choices, at)) for at in rows}
+    new = {
+        at: rounded(problem, designs[at], values, _required_bounds(settings, choices, at))
+        for at in rows
+    }
     rules = {v.name: said(problem, v, steps[v.name]) for v in problem.free}
     by_point = {at: " ".join(n for n, choice in choices.items() if choice == at) for at in rows}
     both = {at: (designs[at], new[at]) for at in rows}
@@ -78,8 +81,10 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     )
 
 
-def _asked(settings: ChoiceSettings, choices: Mapping[str, int], at: int) -> dict[str, Bound]:
-    """What the rules that choose a row ask of it, and so of the rounded point too."""
+def _required_bounds(
+    settings: ChoiceSettings, choices: Mapping[str, int], at: int
+) -> dict[str, Bound]:
+    """The bounds that the rules that choose a row require of it, and of the rounded point too."""
     asked: dict[str, Bound] = {}
     for name, choice in choices.items():
         asked |= RULES[name]().limits(settings) if choice == at and name != ONLY else {}

@@ -18,18 +18,18 @@ PAIRS = 24
 LENGTHS = 24
 """Lengths of a series of changes that are evaluated per round."""
 TINY = 1e-12
-"""Room that counts as none."""
+"""Room below which there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prices:
     """What every single change (k,) of a design adds: `use` (k, columns) and `cost` (k,).
 
-    `own` (columns,) is what the design itself uses, at `own_cost`; see `Judge.use`.
+    `base_use` (columns,) and `base_cost` are those of the design itself; see `Judge.use`.
     """
 
-    own: Array
-    own_cost: float
+    base_use: Array
+    base_cost: float
     use: Array
     cost: Array
 
@@ -38,8 +38,9 @@ def by_moves(near: Neighbours, judge: Judge, most: int) -> Mask:
     """The best choices (at most `most`, k) of neighbours that a search by prices finds.
 
     Each round evaluates every single change, the pairs that look best where the effects of two
-    changes are added, and two series: single changes, the most saved per use of what is left first,
-    and pairs that save without a variable in common. A round grows with the variables.
+    changes are added, and two series: single changes in the order of their saving per use of the
+    remaining room, and pairs that save without a variable in common. A round grows with the
+    variables.
     """
     count = len(near.at)
     masks = np.stack([np.zeros(count, dtype=bool), near.nearest])
@@ -60,14 +61,14 @@ def by_moves(near: Neighbours, judge: Judge, most: int) -> Mask:
 
 
 def _few(masks: Mask, keys: Array, most: int) -> tuple[Mask, Array]:
-    """The best of them, the best first."""
+    """The best `most` of them, in order."""
     kept = best(keys)[:most]
     return masks[kept], keys[kept]
 
 
 def _singles(at: Mask, prices: Prices) -> Mask:
-    """Changes that save, the most saved per use of what is left first."""
-    room = np.maximum(-prices.own, TINY)
+    """Changes that save, in the order of their saving per use of the remaining room."""
+    room = np.maximum(-prices.base_use, TINY)
     used = np.max(np.maximum(prices.use, 0.0) / room, axis=1, initial=0.0)
     rows = np.flatnonzero(prices.cost < 0.0)
     order = rows[np.argsort(prices.cost[rows] / (used[rows] + TINY), kind="stable")]
@@ -77,14 +78,14 @@ def _singles(at: Mask, prices: Prices) -> Mask:
 def _pairs(at: Mask, prices: Prices, judge: Judge) -> tuple[Mask, Mask]:
     """The best pairs by added effects, and a series of pairs without a variable in common."""
     first, second = np.triu_indices(len(at), 1)
-    use = prices.own + prices.use[first] + prices.use[second]
-    keys = judge.ranked(use, prices.own_cost + prices.cost[first] + prices.cost[second])
+    use = prices.base_use + prices.use[first] + prices.use[second]
+    keys = judge.ranked(use, prices.base_cost + prices.cost[first] + prices.cost[second])
     order = best(keys)[: 4 * len(at)]
     pairs = np.stack([first[order], second[order]], axis=1)
     alone = np.repeat(at[None], min(PAIRS, len(pairs)), axis=0)
     for row, pair in enumerate(pairs[:PAIRS].tolist()):
         alone[row, pair] ^= True
-    base = judge.ranked(prices.own[None], np.array([prices.own_cost]))[0]
+    base = judge.ranked(prices.base_use[None], np.array([prices.base_cost]))[0]
     pays = [tuple(key) < tuple(base.tolist()) for key in keys[order].tolist()]
     return alone, _first(at, _apart(pairs[np.array(pays, dtype=bool)]), prices)
 
@@ -100,13 +101,13 @@ def _apart(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _first(at: Mask, groups: NDArray[np.int64], prices: Prices) -> Mask:
-    """The design after the first n of the groups (g, size) of changes: several n around the most
-    that keep what is left where effects are added.
+    """The design after the first n of the groups (g, size) of changes: several n around the largest
+    that keeps to the remaining room where effects are added.
     """
     if not len(groups):
         return np.empty((0, len(at)), dtype=bool)
-    total = prices.own + np.cumsum(prices.use[groups].sum(axis=1), axis=0)
-    fits = np.all(total <= np.maximum(prices.own, 0.0), axis=1)
+    total = prices.base_use + np.cumsum(prices.use[groups].sum(axis=1), axis=0)
+    fits = np.all(total <= np.maximum(prices.base_use, 0.0), axis=1)
     most = len(groups) if np.all(fits) else int(np.argmin(fits))
     ends = np.unique(np.clip(most + np.arange(-LENGTHS // 2, LENGTHS // 2), 1, len(groups)))
     masks = np.repeat(at[None], len(ends), axis=0)

@@ -1,4 +1,4 @@
-"""The values that can be ordered beside those of a design."""
+"""The values that can be ordered next to those of a design."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SLACK = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Neighbours:
-    """The orderable values beside those of a design (all variables,): `below` and `above`.
+    """The orderable values next to those of a design (all variables,): `below` and `above`.
 
     Both have shape (k,), for the variables of the columns `at` (k,); they are equal where there is
     one neighbour only.

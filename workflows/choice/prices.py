@@ -15,11 +15,11 @@ Array = NDArray[np.float64]
 PROVEN = 0.01
 """Gap [percent] up to which a point counts as optimal, so that multipliers hold there."""
 FITS = 1.0
-"""What the conditions may leave [percent] there."""
+"""Residual of the conditions [percent] up to which they hold there."""
 EDGE = 1e-6
-"""Share of its range by which a tolerance is inside of its bounds."""
+"""Fraction of its range by which a tolerance is inside of its bounds."""
 BINDING = 1e-3
-"""Share of a limit within which a point uses it up."""
+"""Fraction of a limit within which it binds."""
 NEIGHBOURS = 2
 """Points on either side by which the slope of a front is taken."""
 
@@ -34,7 +34,7 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     the price 0. Columns: `point`, `output`, `price` (cost per unit of the output), `source`:
     `multiplier` where the point is proven optimal (gap at most `PROVEN` %) and the conditions hold,
     `front` where it is the slope of the front of two objectives, else `estimate`, with
-    `spread_percent`, what the conditions leave.
+    `spread_percent`, the residual of the conditions.
     """
     names, rows = list(slopes.along), slopes.rows
     if front.empty or not names or not slopes.saved.size or COST not in front:
@@ -67,7 +67,7 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
 def _fitted(
     problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_], sides: Array
 ) -> tuple[Array, Array]:
-    """Prices (n, requirements) by the conditions of an optimum, and what these leave [%] (n,)."""
+    """Prices (n, requirements) by the conditions of an optimum, and their residual [%] (n,)."""
     free = {v.name: at for at, v in enumerate(problem.free)}
     every = tolerances_of(problem)
     designs, save = slopes.designs, slopes.saved
@@ -97,7 +97,7 @@ def _fitted(
 
 
 def _above_zero(matrix: Array, right: Array) -> tuple[Array, float]:
-    """The x >= 0 that leaves least of matrix x = right, and what it leaves; columns of length 1."""
+    """The x >= 0 with the least residual of matrix x = right, and that residual; unit columns."""
     if matrix.shape[1] > 1:
         solution, residual = scipy.optimize.nnls(matrix, right)
         return np.asarray(solution), float(residual)

@@ -29,7 +29,7 @@ USUAL: Mapping[str, tuple[float, float]] = {
 }
 """Ra [um] that a process usually reaches, by how its name begins (ASME B46.1, appendix B)."""
 SHARE = 1.0 / 20.0
-"""Ra as a share of the width of the zone at most: peaks, some five times Ra, take a quarter."""
+"""Ra as a fraction of the width of the zone at most: peaks, some five times Ra, take a quarter."""
 WHY = "Ra is at most this share of the width of a zone: peaks, some five times Ra, take a quarter"
 
 
@@ -41,7 +41,7 @@ def share_of(settings: ChoiceSettings) -> float:
 def roughness_assumptions(
     problem: ToleranceProblem, settings: ChoiceSettings
 ) -> tuple[Assumption, ...]:
-    """What a roughness takes for granted, where a process of the problem implies one."""
+    """The assumption behind a roughness, where a process of the problem implies one."""
     names = [label for v in problem.variables if v.name.endswith("_process") for label in v.labels]
     if not any(_usual(name) for name in names):
         return ()
@@ -51,9 +51,9 @@ def roughness_assumptions(
 
 
 def roughness(process: str, width: float, unit: str, largest_share: float = SHARE) -> float | None:
-    """The largest preferred Ra [um] that a zone of a `width` takes, at most a `share` of it and
-    within what the process of its cost curve usually reaches; None where the process is not known
-    by name, or it is no length.
+    """The largest preferred Ra [um] that a zone of a `width` takes, at most a `largest_share` of it
+    and within what the process of its cost curve usually reaches; None where the process is not
+    known by name, or it is no length.
     """
     usual = _usual(process)
     if usual is None or not unit or not fits(unit, "um"):

@@ -22,7 +22,7 @@ ALL = 8
 HARD = 12
 """Variables up to which every combination is tried where no other keeps the limits."""
 VERIFIED = 24
-"""Best candidates that are judged by the full model."""
+"""Best candidates that are tested by the full model."""
 
 
 def rounded(
@@ -37,9 +37,9 @@ def rounded(
     bounds `kept`) and is no worse in the other objectives; where there is none, the one that breaks
     the limits least, then the least worse. Up to `ALL` variables every combination is tried, and up
     to `HARD` where limits would break; else changes are priced one by one (`by_moves`). The full
-    model decides between the best `VERIFIED`; where all of them break a limit, the quick look is
-    taken again, moved by what the full model finds otherwise at the design: on a sample of units it
-    may be the more lenient one.
+    model decides between the best `VERIFIED`; where all of them break a limit, the quick search is
+    repeated, corrected by the difference of the full model at the design: on a sample of units the
+    quick one may be the more lenient.
     """
     near = neighbours(problem, design, values)
     if not len(near.at):

@@ -21,7 +21,7 @@ def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
     One row per rule, curve and factor: `point` is the row of the front chosen then, `same` whether
     it is the choice of the run, the objectives are those of that point, and `cost` and `cost_kept`
     what it and the choice of the run cost with the changed curve. Points are those of the front:
-    nothing is searched anew. Empty where the cost is no objective.
+    nothing is searched again. Empty where the cost is no objective.
     """
     if COST not in points.names or points.cost is None:
         return pd.DataFrame()

@@ -70,7 +70,7 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
 
 
 def widths(problem: ToleranceProblem, designs: Array, variable: Variable) -> Array:
-    """t of t dy/dt (n,); of a grade, what it is multiplied with is dy/dgrade."""
+    """t of t dy/dt (n,); for a grade, the factor of dy/dgrade."""
     if variable.kind is Kind.GRADE:
         return np.full(len(designs), 1.0 / PER_GRADE)
     return problem.column(designs, variable.name)

@@ -37,11 +37,11 @@ R20 = (
 )
 """Preferred numbers, basic series R20 (ISO 3:1973)."""
 SHARE = 0.01
-"""Step of a nominal value by default, at most this share of its range."""
+"""Step of a nominal value by default, at most this fraction of its range."""
 
 
 def usual_step(problem: ToleranceProblem, variable: Variable) -> Step | None:
-    """How a variable is rounded where the configuration does not say; None: it is left alone."""
+    """How a variable is rounded where the configuration does not state it; None: not at all."""
     if variable.integer:
         return None
     if not variable.tolerance:

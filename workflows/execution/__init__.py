@@ -49,7 +49,7 @@ def executor_of(asked: Execution | int, dask: str = "") -> Executor:
 
 
 def unreachable(asked: Execution) -> list[Fault]:
-    """What is wrong with the Dask scheduler that is asked for; none where there is no such."""
+    """What is wrong with the Dask scheduler that is asked for; empty where none is asked for."""
     if not asked.dask:
         return []
     try:

@@ -42,7 +42,7 @@ class DaskCluster(Executor):
         self._threads, self._counted = 0, -math.inf
         self._logger = logging.getLogger("distributed.client")
         self._quiet = self._logger.disabled
-        self._logger.disabled = True  # that a scheduler is lost is said here, without a traceback
+        self._logger.disabled = True  # a lost scheduler is reported here, without a traceback
         self._client: Any = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
         if faults := _other_versions(self._client, place):
             self.close()
@@ -137,12 +137,12 @@ def _check(address: str, place: str) -> None:
 
 
 async def _answered(address: str) -> str:
-    """What Dask's process at an address says that it is, within the time that is waited."""
+    """The type of Dask's process at an address, if it answers in time."""
     return await asyncio.wait_for(_kind(address), PATIENCE)
 
 
 async def _kind(address: str) -> str:
-    """What Dask's process at an address says that it is."""
+    """The type of Dask's process at an address."""
     arguments: Any = distributed.Security().get_connection_args("client")
     if address.startswith("tls://") and arguments.get("ssl_context") is None:
         raise ValueError("TLS needs certificates in Dask's configuration, see docs/study.md")

@@ -14,7 +14,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 
 
 def with_statement(problem: ToleranceProblem, statement: str) -> ToleranceProblem:
-    """The problem with the same promise meant otherwise."""
+    """The problem with the same promise in the sense of another statement."""
     if isinstance(problem, Stack):
         return of_stacks.with_statement(problem, statement)
     promise = problem.given.promise
@@ -23,7 +23,7 @@ def with_statement(problem: ToleranceProblem, statement: str) -> ToleranceProble
 
 
 def cheapest_at(problem: ToleranceProblem, levels: Mapping[str, float]) -> ToleranceProblem:
-    """Least cost alone, at upper limits on outputs, beside those of the problem."""
+    """Least cost alone, with upper limits on outputs in addition to the limits of the problem."""
     if isinstance(problem, Stack):
         return of_stacks.cheapest_at(problem, levels)
     limits = dict(problem.given.limits)
@@ -33,7 +33,7 @@ def cheapest_at(problem: ToleranceProblem, levels: Mapping[str, float]) -> Toler
 
 
 def known_of(problem: ToleranceProblem) -> dict[str, Knowledge]:
-    """What samples tell of parts or variables, by name; of machines it is left out."""
+    """What is known of parts or variables from their samples, by name."""
     if isinstance(problem, Stack):
         return {
             part.name: part.sample.knowledge

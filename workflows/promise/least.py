@@ -46,7 +46,7 @@ def cheapest(problem: ToleranceProblem, near: Array | None = None) -> Least:
     """The cheapest design of a problem whose only objective is the cost: exact where it can be.
 
     Many choices without a closed form are searched (an expected yield by sampled machines). A
-    problem that is judged by its units is solved from the design `near` (all variables,), at its
+    problem that is tested on units is solved from the design `near` (all variables,), at its
     integers.
     """
     if problem.sampled and near is not None:

@@ -1,9 +1,9 @@
 """What to measure next: where twenty more parts lower the cost of an assured promise most.
 
 First the shadow price: with more parts the norm of the same tolerances falls, and the multiplier of
-the promise says what that is worth (envelope theorem). It leaves out that the next sample will say
-something else than the last one; for the first few the expected least cost over what it may say
-(pre-posterior analysis, Raiffa & Schlaifer 1961) is computed.
+the promise gives the gain (envelope theorem). This ignores that the next sample will differ from
+the last one; for the first few the expected least cost over its outcomes (pre-posterior analysis,
+Raiffa & Schlaifer 1961) is computed.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def next_parts(
 
 
 def shadow_gain(problem: ToleranceProblem, name: str, start: Solved | None = None) -> float:
-    """What more parts of one characteristic are worth at the present tolerances.
+    """The gain of more parts of one characteristic at the present tolerances.
 
     `start` is the form of the problem with its least cost, where it is known.
     """
@@ -113,10 +113,10 @@ def shadow_gain(problem: ToleranceProblem, name: str, start: Solved | None = Non
 
 
 def shadow_gains(problem: ToleranceProblem, design: Array) -> dict[str, float]:
-    """The same of every characteristic by the conditions of an optimum at a full design (all,).
+    """The same for every characteristic by the conditions of an optimum at a full design (all,).
 
-    The promise is taken to cost alike by standard normal quantile. Empty where its price is not
-    known.
+    The price of the promise is taken as constant per standard normal quantile. Empty where its
+    price is not known.
     """
     frame = problem.frame(design[None, :])
     priced = prices(problem, frame, slopes_of(problem, design[None, :]))
@@ -143,8 +143,8 @@ def _quantile(problem: ToleranceProblem, design: Array) -> float:
 def expected_gain(problem: ToleranceProblem, name: str, start: Solved | None = None) -> float:
     """The expected fall of the least cost by the next sample of one characteristic.
 
-    What it will say of the variance follows an F distribution; its mean is taken as it is. `start`
-    is as in `shadow_gain`; NaN without a closed form.
+    The ratio of its variance to that known follows an F distribution; the mean is taken as it is.
+    `start` is as in `shadow_gain`; NaN without a closed form.
     """
     from scipy import stats  # takes long to import
 

@@ -1,4 +1,4 @@
-"""What a run says of its promise: in one sentence, by statement, and what it hangs on."""
+"""The promise of a run: in one sentence, by statement, and the part it depends on most."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COSTS = ("statement", "cost", "dearer_percent", YIELD, ASSURANCE)
 
 @dataclass(frozen=True, slots=True)
 class PromiseOutcome:
-    """What `summary.json` says, a sentence, and the tables of the same names."""
+    """The entries of `summary.json`, a sentence, and the tables of the same names."""
 
     summary: dict[str, Any]
     sentence: str
@@ -74,8 +74,8 @@ def promise_outcome(
 def _least(
     problem: ToleranceProblem, design: Array, promise: Promise, levels: Mapping[str, float]
 ) -> Least:
-    """The least cost by a statement; of one objective and the run's own statement that of the run,
-    where it is judged by units, or where nothing cheaper is found.
+    """The least cost by a statement; with one objective and the run's own statement it is that of
+    the run, where the problem is tested on units or nothing cheaper is found.
     """
     promise_of_problem = problem.promise
     assert promise_of_problem is not None
@@ -89,7 +89,7 @@ def _least(
 
 
 def _of_stack(problem: Stack, design: Array) -> dict[str, Any]:
-    """What is found of the level of the norm, and by the Bayesian bootstrap."""
+    """The level of the norm, and the assurance by the Bayesian bootstrap."""
     entries: dict[str, Any] = {}
     if problem.promises is not None and (level := problem.promises.level) is not None:
         entries |= {

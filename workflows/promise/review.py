@@ -1,4 +1,4 @@
-"""What the promise of a run is worth by parts that were made to its drawing."""
+"""How far the promise of a run holds for parts that were made to its drawing."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from .limits import promised_limits
 
 Array = NDArray[np.float64]
 CHANGED = 0.01
-"""Probability below which a difference of scatter or mean is no chance."""
+"""Probability below which a difference of scatter or mean is not attributed to chance."""
 SAME = 0.02
-"""Share of a tolerance below which it stays as it is."""
+"""Relative change of a tolerance below which it stays as it is."""
 AS_MADE = "as made"
-"""Advice on a standard deviation that parts tell, which no drawing sets."""
+"""Advice on a standard deviation that is estimated from parts and set by no drawing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +54,8 @@ def review(
     assert promise is not None
     full = _full(before, design)
     lines = [f"promised: {promise.words()}"]
-    lines.append(f"when it was promised, at the drawing's values: {_worth(before, full)}")
-    lines.append(f"by the parts now: {_worth(now, _full(now, design))}")
+    lines.append(f"when it was promised, at the drawing's values: {_compliance(before, full)}")
+    lines.append(f"by the parts now: {_compliance(now, _full(now, design))}")
     lines += [
         f"by the parts now the drawing breaks a limit: {broken_limit}"
         for broken_limit in _broken(now, _full(now, design))
@@ -64,13 +64,13 @@ def review(
     if reset is not None:
         least = cheapest(cheapest_at(reset, {}), _full(reset, design))
     if reset is not None and np.isfinite(least.cost):
-        # standard deviations that parts tell cost the same in both
+        # standard deviations estimated from parts cost the same in both
         cost = float(reset.cost_of(_full(reset, design)[None, :])[0])
         side = "saves" if least.cost < cost else "costs"
         lines.append(
             f"the least cost that keeps the promise now is {least.cost:.4g}; the drawing's "
             f"is {cost:.4g}: a new allocation {side} {abs(cost - least.cost):.4g} "
-            f"({100.0 * abs(1.0 - least.cost / cost):.2g} %), {_worth(reset, least.design)}"
+            f"({100.0 * abs(1.0 - least.cost / cost):.2g} %), {_compliance(reset, least.design)}"
         )
     else:
         lines.append(
@@ -114,7 +114,7 @@ def _full(problem: ToleranceProblem, design: Mapping[str, float]) -> Array:
 
 
 def _savings(problem: ToleranceProblem, design: Mapping[str, float], anew: Array) -> Array:
-    """What each value (all,) of a new design saves of the cost of the drawing, alone."""
+    """The saving (all,) of each value of a new design alone, from the cost of the drawing."""
     full = _full(problem, design)
     changed = np.repeat(full[None, :], len(full), axis=0)
     np.fill_diagonal(changed, anew)
@@ -124,7 +124,7 @@ def _savings(problem: ToleranceProblem, design: Mapping[str, float], anew: Array
     return savings
 
 
-def _worth(problem: ToleranceProblem, design: Array) -> str:
+def _compliance(problem: ToleranceProblem, design: Array) -> str:
     """Yield by the estimates and assurance of a full design, the least of all requirements."""
     outputs, promise = problem.outputs_of(design[None, :]), problem.promise
     assert promise is not None
@@ -143,7 +143,7 @@ def _worth(problem: ToleranceProblem, design: Array) -> str:
 
 
 def _broken(problem: ToleranceProblem, design: Array) -> list[str]:
-    """The limits beside the promise that a full design (all,) breaks, each with its value."""
+    """The limits other than the promise that a full design (all,) breaks, each with its value."""
     outputs, of_promise = problem.outputs_of(design[None, :]), promised_limits(problem)
     sentences = []
     for limit in problem.limits:
@@ -239,8 +239,8 @@ def _since(
     made: Sequence[str],
     design: Mapping[str, float],
 ) -> list[str]:
-    """What the parts say that earlier ones did not."""
-    lines = [f"by the earlier parts: {_worth(since, _full(since, design))}"]
+    """How the parts differ from the earlier ones."""
+    lines = [f"by the earlier parts: {_compliance(since, _full(since, design))}"]
     earlier, latest = characteristics(since), characteristics(now)
     for name in made:
         old, new = earlier[name].sample, latest[name].sample

@@ -25,7 +25,7 @@ def withheld(problem: ToleranceProblem) -> list[str]:
 
 
 def shapely(stack: Stack) -> bool:
-    """Whether a measured part is not normal, as far as the tests tell."""
+    """Whether a measured part is not normal, as far as the tests show."""
     return any(part.sample is not None and _shaped(part.sample) for part in stack.definition.parts)
 
 

@@ -32,9 +32,9 @@ def reproduce(
 ) -> ReproduceOutcome:
     """Check every claim of `plan` that `out` does not have, then write the files.
 
-    The files do not depend on the executor or on breaks. An interrupt leaves what has been checked.
-    Raises RunError or ModelError where a claim cannot be computed, InputError where `out` holds
-    something else that --resume cannot go on with, or has another owner.
+    The files do not depend on the executor or on breaks. Claims checked before an interrupt are
+    kept. Raises RunError or ModelError where a claim cannot be computed, InputError where `out`
+    holds something else that --resume cannot go on with, or has another owner.
     """
     with owned(out, "reproduce", resume, overwrite) as place:
         return _reproduce(plan, place, executor, progress, resume)

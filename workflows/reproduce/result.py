@@ -68,7 +68,7 @@ def row(document: str, claim: Claim, checked: Checked) -> dict[str, Any]:
 
 
 def tables_of(pairs: Pairs) -> dict[str, ComputedTable]:
-    """Every different table by the stem of its file; equal names are told apart by the claim."""
+    """Every different table by the stem of its file; equal names are distinguished by the claim."""
     tables: dict[str, ComputedTable] = {}
     for task, checked in pairs:
         for name, table in checked.tables.items():

@@ -1,4 +1,4 @@
-"""What a finite sample can tell of a share."""
+"""The standard error of a fraction in a finite sample."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from math import sqrt
 
 
 def share_error(fraction: float, count: int) -> float:
-    """Standard error of a share of `count` draws, never 0.
+    """Standard error of a fraction of `count` draws, never 0.
 
     Binomial, but at least that of one success in n + 2 (Agresti and Coull, Am. Stat. 52, 1998: a
     sample without a success, or without a failure, does not prove that there is none).

@@ -1,4 +1,4 @@
-"""Claims as tasks: pure functions of what they are given, at home in any process."""
+"""Claims as tasks: pure functions of their inputs, which run in any process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Verdicts: computed from what is printed and what comes out, never stated in a record."""
+"""Verdicts: computed from printed and recomputed values, never stated in a record."""
 
 from __future__ import annotations
 

@@ -12,14 +12,14 @@ from ...algorithms.exact.choices import least_cost
 from ...problems.tolerance_problem import ToleranceProblem
 
 SAME = 1e-3
-"""Difference [percent] that is none: bounds and points differ by less."""
+"""Difference [percent] below which two costs count as equal: bounds and points differ by less."""
 
 
 def alternatives(problem: ToleranceProblem, front: pd.DataFrame) -> list[dict[str, Any]]:
-    """The least cost of the point in the middle of the front by cost, and of the same with each of
-    the problem's alternatives, at its own values of everything that is minimised or limited.
+    """The least cost at the point in the middle of the front by cost, for the problem and for each
+    of its alternatives, at the point's values of all objectives and limited outputs.
 
-    Empty where a problem has none, or nothing of it is proven.
+    Empty where a problem has no alternatives, or where its least cost is not proven.
     """
     others = problem.alternatives()
     if front.empty or not others:
@@ -43,7 +43,7 @@ def alternatives(problem: ToleranceProblem, front: pd.DataFrame) -> list[dict[st
 
 
 def sentences(rows: list[dict[str, Any]]) -> tuple[str, ...]:
-    """The same in words."""
+    """The alternatives in words."""
     messages = []
     for row in rows:
         if abs(row["more_percent"]) < SAME:
@@ -60,7 +60,7 @@ def sentences(rows: list[dict[str, Any]]) -> tuple[str, ...]:
 
 
 def _least(problem: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[Any]) -> float | None:
-    """Least cost of a problem at what is `asked` of the values of a row; None if not known."""
+    """Least cost of a problem at a row's values of the goals and limits of `asked`, or None."""
     form = problem.form()
     if form is None:
         return None

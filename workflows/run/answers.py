@@ -1,4 +1,4 @@
-"""What was asked of a run and what it found, in sentences with numbers and conditions."""
+"""The question, results and proof of a run, in sentences with numbers and conditions."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from .references import gain_column
 
 COST = "cost"
 ALIKE = 1e-9
-"""Relative difference of two values that is none."""
+"""Relative difference below which two values count as equal."""
 TENTH = 0.1
-"""Share of a limit by which it is loosened, to say what it costs."""
+"""Fraction of a limit by which it is loosened, to state its price."""
 NEAR = 1e-3
-"""Share of a limit within which a point uses it up."""
+"""Fraction of a limit within which a point counts as being at it."""
 
 
 def answers(result: RunResult, problem: ToleranceProblem, statement: Statement) -> dict[str, str]:
     """`asked`, `found`, `published`, `limits` and `proof`: a sentence or two each.
 
-    `statement` says what the bounds of the front are proven for. Only `asked` where nothing was
-    found.
+    `statement` says what the bounds of the front are proven for. Only `asked` where the front is
+    empty.
     """
     sentences = Words(result, problem)
     asked = {"asked": sentences.asked()}
@@ -54,7 +54,7 @@ class Words:
         self.point = self._point()
 
     def _point(self) -> int:
-        """The knee, or the one point."""
+        """Row of the knee, or of the only point."""
         choices = self.result.choices
         return 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
 
@@ -120,12 +120,12 @@ class Words:
         return f"Found: {len(front)} allocations, {ends}; the {words(rule)} has {self.row(row)}."
 
     def published(self) -> str:
-        rows = self._printed()
+        rows = self._published_rows()
         if not rows:
             return "No published allocation of this problem is known: there is none to compare."
-        return " ".join(self._worth(row) for row in rows[:1])
+        return " ".join(self._comparison(row) for row in rows[:1])
 
-    def _printed(self) -> list[dict[str, Any]]:
+    def _published_rows(self) -> list[dict[str, Any]]:
         references = self.result.references
         printed = [str(label) for label in self.problem.references()]
         if references.empty:
@@ -133,7 +133,7 @@ class Words:
         rows = [{str(k): v for k, v in row.items()} for row in references.to_dict("records")]
         return [row for row in rows if row["label"] in printed]
 
-    def _worth(self, row: dict[str, Any]) -> str:
+    def _comparison(self, row: dict[str, Any]) -> str:
         label, broken = str(row["label"]), str(row["violated_limits"]).split()
         published = f"The published allocation ({label}) has {self.row(row)}"
         if broken:
@@ -278,7 +278,7 @@ class Words:
 
 
 def _step(limit: Limit) -> float:
-    """A tenth of a limit; of a lower one in percent a tenth of what it leaves."""
+    """A tenth of a limit; for a lower limit in percent at most a tenth of its distance to 100 %."""
     if np.isfinite(limit.high):
         return abs(limit.high) * TENTH or 1.0
     remaining = 100.0 - limit.low if limit.unit == "percent" else np.inf
@@ -286,7 +286,7 @@ def _step(limit: Limit) -> float:
 
 
 def reason(statement: Statement) -> str:
-    """Why nothing is proven, without saying again that nothing is."""
+    """The reason why nothing is proven, without the statement that nothing is."""
     return statement.text.removeprefix("nothing is proven: ") or "there is no bound of the cost"
 
 

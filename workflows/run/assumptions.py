@@ -1,4 +1,4 @@
-"""What the assumptions of a run cost: its allocation again, with one of them changed at a time."""
+"""What the assumptions of a run cost: its least cost with one of them changed at a time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 COLUMNS = ("assumption", "value", "cost", "change_percent", "remark")
 INFEASIBLE = "no allocation found that keeps the limits at this grade"
 RIGID = "backlash_"
-"""How outputs begin that are searched within a fraction of a second."""
+"""Prefix of the outputs that are searched within a fraction of a second."""
 
 
 def with_assumptions(
@@ -31,7 +31,7 @@ def with_assumptions(
     history: Sequence[Progress],
     progress: Callable[[Progress], None] | None,
 ) -> RunResult:
-    """The result with the table of its shown point; `progress` is told of it after `history`."""
+    """The result with the table of its shown point; `progress` continues `history`."""
     chosen = shown_point(result.front, problem)
     if chosen is None:
         return result
@@ -57,22 +57,22 @@ def with_assumptions(
     table = assumptions_cost(problem, design, unit, more, phase)
     if table is None:
         return result
-    summary = {**result.summary, "assumptions_at": _said(point, problem, level)}
+    summary = {**result.summary, "assumptions_at": _held_outputs(point, problem, level)}
     return replace(result, assumptions_cost=table, summary=summary)
 
 
 def _aim(point: pd.DataFrame, problem: ToleranceProblem) -> tuple[str, float] | None:
-    """The problem's limit where the point is near to it: the level that all costs are for."""
+    """The problem's limit where the point is near to it: the level of all costs."""
     limit = problem.shown_limit()
     if limit is None or limit[0] not in point:
         return None
     return limit if abs(float(point[limit[0]].iloc[0]) / limit[1] - 1.0) <= NEAR else None
 
 
-def _said(
+def _held_outputs(
     point: pd.DataFrame, problem: ToleranceProblem, level: tuple[str, float] | None
 ) -> dict[str, float]:
-    """The outputs that are held, and at what, as they are reported."""
+    """The outputs that are held, with their values as they are reported."""
     held = [name for name in problem.objectives if name != "cost"]
     outputs = {name: float(point[name].iloc[0]) for name in held}
     if not held:
@@ -98,11 +98,12 @@ def assumptions_cost(
 
     The first row is the problem as it is. All are solved on the sample of the search, from the
     design, at its integers; `unit` (m,) is the scale of the objectives, `more` (m,) is what is
-    added to the levels of the design. `phase` is called with the share that is done. None where the
-    question has no answer: another problem than cost against backlash, least cost without a limit
-    on backlash, or nothing found even as it is. An interrupt leaves out what is missing.
+    added to the levels of the design. `phase` is called with the fraction that is done. None where
+    these costs are not defined: another problem than cost against backlash, least cost without a
+    limit on backlash, or no allocation even without a change. An interrupt leaves out the remaining
+    assumptions.
     """
-    if not _asked(problem):
+    if not _applicable(problem):
         return None
     variants = problem.variants()
     rows: list[dict[str, Any]] = []
@@ -117,7 +118,7 @@ def assumptions_cost(
     return pd.DataFrame(rows, columns=list(COLUMNS)) if len(rows) > 1 else None
 
 
-def _asked(problem: ToleranceProblem) -> bool:
+def _applicable(problem: ToleranceProblem) -> bool:
     """Whether the run asks for cost against backlash, or for least cost at a backlash."""
     others = [name for name in problem.objectives if name != "cost"]
     if len(problem.objectives) != len(others) + 1 or not problem.sampled:

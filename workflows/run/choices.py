@@ -43,7 +43,7 @@ def with_choices(
 
 
 def _mechanism(problem: ToleranceProblem) -> dict[str, object]:
-    """What readers know the mechanism by, beyond the title; nothing where nothing is stated."""
+    """The stated properties of the mechanism; empty where nothing but its name is stated."""
     known = problem.mechanism()
     return {"mechanism": known} if set(known) - {"name"} else {}
 

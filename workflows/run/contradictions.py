@@ -1,4 +1,4 @@
-"""Limits that contradict each other, and what cannot be proven: told before a run begins."""
+"""Limits that contradict each other or cannot be proven, reported before a run begins."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ HALF = 50.0
 
 
 def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
-    """A fault for each limit that another one forbids, with the least that is achievable.
+    """A fault for each limit that another limit forbids, with the least achievable value.
 
     Proven by the convex form: an upper limit on the cost against limits on requirements, and
     requirements against each other where their deviations compensate.
@@ -42,7 +42,7 @@ def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
     if np.isinf(bound):
         return faults + _impossible(form, limits)
     if bound > most + CLOSE * abs(most):
-        return faults + _too_dear(form, limits, most, bound)
+        return faults + _too_expensive(form, limits, most, bound)
     return faults
 
 
@@ -66,8 +66,8 @@ def _below_half(problem: ToleranceProblem) -> list[Fault]:
     ]
 
 
-def _too_dear(form: Form, limits: Array, most: float, bound: float) -> list[Fault]:
-    """The limit on the cost, and those on requirements that it contradicts."""
+def _too_expensive(form: Form, limits: Array, most: float, bound: float) -> list[Fault]:
+    """Faults of the limit on the cost, and of the limits on requirements that it contradicts."""
     forms = [_alone(form, at) for at in range(len(limits))]
     least_costs = [
         float(least_cost(alone, limits[None, at : at + 1]).bound[0])
@@ -101,7 +101,7 @@ def _alone(form: Form, at: int) -> Form:
 
 
 def _reached(form: Form, most: float) -> float:
-    """The least value of a requirement that a cost buys, all others left aside."""
+    """The least value of a requirement within a cost, without all other requirements."""
     low, high = float(tightest(form)[0]), float(tightest(form)[0])
     step = max(abs(high), 1e-12)
     while least_cost(form, np.array([[high]])).cost[0] > most and step < 1e12 * max(abs(low), 1.0):

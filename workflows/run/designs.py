@@ -1,4 +1,4 @@
-"""The designs of the main search: by an executor as well, where there are workers for them."""
+"""The designs of the main search, evaluated by an executor as well where workers are free."""
 
 from __future__ import annotations
 
@@ -53,8 +53,9 @@ def computed(task: Part) -> Values:
 class Designs(Closing):
     """Shares the parts of a batch with other processes; this one computes what none has begun.
 
-    `free` says how many processes there are beside this one; more are started when there are more,
-    and are made use of once they have computed something. On leaving the context they are ended.
+    `free` returns how many processes are available in addition to this one; more are started when
+    the number rises, and are used once they have computed a task. They end when the context is
+    left.
     """
 
     def __init__(
@@ -76,11 +77,11 @@ class Designs(Closing):
 
     @property
     def others(self) -> int:
-        """Processes, or workers of a scheduler, that take part beside this process."""
+        """Processes, or workers of a scheduler, that take part in addition to this process."""
         return 0 if self._executor is None else self._executor.workers
 
     def values(self, parts: Sequence[Array]) -> list[Values]:
-        """Objectives and constraints of each part; of a lost worker's it is computed here."""
+        """Objectives and constraints of each part; the part of a lost worker is computed here."""
         self._batches += 1
         self._start(parts[0])
         if self._executor is None:

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 EXACT = "exact, least cost within the limits"
 """Label of the exact optimum among the references."""
 FEW = 100
-"""The same where every design is tested on a sample of fresh units."""
+"""Designs recomputed at most where every design is tested on a sample of fresh units."""
 MOST = 20_000
 """Designs recomputed at full accuracy at most."""
 
@@ -26,8 +26,8 @@ def reported_front(problem: ToleranceProblem, result: SearchResult) -> pd.DataFr
     """The non-dominated feasible points of the archive, every value at full accuracy.
 
     The search may have ranked by a coarser propagation, so the best ranks are recomputed and
-    filtered anew; only what is left is verified. Sorted by the objectives; empty where no point is
-    feasible.
+    filtered again; only the remaining designs are verified. Sorted by the objectives; empty where
+    no point is feasible.
     """
     candidates = result.chosen if len(result.chosen) else result.x[_candidates(problem, result)]
     whole, designs = problem.reported(), problem.complete(candidates)
@@ -82,7 +82,7 @@ def knee(values: Array) -> NDArray[np.bool_]:
 def with_references(
     front: pd.DataFrame, references: pd.DataFrame, problem: ToleranceProblem
 ) -> tuple[pd.DataFrame, int, int]:
-    """The front with the references that could have been found joined, and what they dominate gone.
+    """The front joined with the references within reach, without the points that they dominate.
 
     A reference can join where it meets all limits and lies in the search space; the exact optimum
     does not take the place of the one point of a single-objective run. Returns the front, the

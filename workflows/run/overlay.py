@@ -1,7 +1,7 @@
-"""Another algorithm's front on the same problem, beside that of the run.
+"""Another algorithm's front on the same problem, for comparison with the front of the run.
 
-Where a model proves no bound, how far the points of a run are from the best is said by the best
-that is known: the joint front of both.
+Where a model proves no bound, the distance of a run's points from the optimum is estimated by the
+best known front: the joint front of both.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ Array = NDArray[np.float64]
 ABOVE = "above_best_known_percent"
 """Column: how much more a point costs than the best known front at its other objective."""
 ROUNDING = 1e-9
-"""Distance [percent] that is none."""
+"""Distance [percent] below which a point counts as being on the best known front."""
 POINTS = 30
 EVOLUTION = NSGA2(population=100, crossover=Crossover(eta=5.0), mutation=Mutation(eta=10.0))
 BUDGET = Budget(generations=60)
 
 
 def side_search(plan: RunPlan) -> tuple[SideSearch, ...]:
-    """The other search: NSGA-II beside exact fronts, exact beside all others.
+    """The other search: NSGA-II where the run is exact, exact where it is not.
 
     None for problems whose bounds are proven, and for other numbers of objectives than two.
     """

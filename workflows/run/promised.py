@@ -1,4 +1,4 @@
-"""The promise of a run and what is known of measured parts, beside its other answers."""
+"""The promise of a run and what is known of measured parts, as parts of its result."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _rounded(result: RunResult, problem: ToleranceProblem, point: int) -> Array 
 
 
 def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
-    """The result with what it promises at its knee or its one point, where it promises anything."""
+    """The result with its promise at the knee or at the only point, where a promise is made."""
     if not promised_limits(problem):
         return result
     from ..promise.outcome import promise_outcome  # its statistics take long to import

@@ -1,4 +1,4 @@
-"""What is proven about a front: bounds of its points, and the exact front beside it."""
+"""What is proven about a front: the bounds of its points, and the exact front."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ SOLVED = 256
 DRAWN = 400
 """Points of the exact front that are drawn."""
 CHECKED = 50
-"""Points of the exact front whose bounds are looked at."""
+"""Points of the exact front whose bounds are checked."""
 EXACT = 1e-3
-"""Gap [percent] that is none."""
+"""Gap [percent] below which a point counts as optimal."""
 INFORMATIVE = 25.0
-"""Median gap [percent] beyond which a bound that leaves limits out says nothing."""
+"""Median gap [percent] beyond which a bound that leaves limits out is not informative."""
 INTERRUPTED = "nothing is proven: the run was interrupted; it is when --resume has ended it"
 CLOSED = 1e-7
 """Relative gap up to which a front counts as exact."""
@@ -78,8 +78,8 @@ def with_bounds(
 ) -> tuple[pd.DataFrame, Statement]:
     """The frame with `bound` and `gap_percent`, and what they are proven for.
 
-    Rows that are marked as not feasible, or that are not `within` the search space (n,), keep them
-    empty. A point that disproves its bound leaves all of them empty, with a word: one is wrong.
+    Both are NaN in rows that are marked as not feasible, or that are not `within` the search space
+    (n,). Where a point disproves its bound all are NaN and the statement says so: one is wrong.
     Where a run was `interrupted`, proofs that take long are left out.
     """
     frame = frame.assign(bound=np.nan, gap_percent=np.nan)
@@ -118,7 +118,7 @@ def solved_front(plan: RunPlan, result: SearchResult) -> np.ndarray | None:
 def exact_front(problem: ToleranceProblem, known: np.ndarray | None = None) -> Exact | None:
     """The exact front of one or two objectives, through its `known` points where there are some.
 
-    None where there is no closed form or a gap is left in its proof. No number of points shows the
+    None where there is no closed form or its proof has a gap. No number of points shows the
     hypervolume of more objectives well enough to measure by.
     """
     form = closed_form(problem)
@@ -175,7 +175,7 @@ def _between(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
 def measures(
     result: SearchResult, front: pd.DataFrame, statement: Statement, exact: Exact | None
 ) -> dict[str, object]:
-    """What the summary says of quality: hypervolume, its ratio to the exact one, gaps, the form."""
+    """Quality for the summary: hypervolume, its ratio to the exact one, gaps, the form."""
     last = result.history[-1].hypervolume if result.history else None
     gap = front["gap_percent"].to_numpy(dtype=float)
     proven = bool(len(gap)) and not np.all(np.isnan(gap))
@@ -213,7 +213,7 @@ def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
 
 
 def _missing(reached: float, proven: float) -> str:
-    """How much an end of a front lacks: a share of what is possible, where that is above 0."""
+    """Distance of an end of a front from the proven end, relative to it where that is above 0."""
     if proven <= 0.0:
         return f"{reached - proven:.2g}"
     return percent(100.0 * (reached - proven) / proven)
@@ -237,10 +237,10 @@ def proof_notes(front: pd.DataFrame, statement: Statement) -> list[str]:
 
 
 def percent(value: float) -> str:
-    """The most that a gap may be, in words: what is rounding is not printed as 1e-09 %."""
+    """An upper limit of a gap in words: a rounding error is not printed as 1e-09 %."""
     return "0.001 %" if value < EXACT else f"{value:.2g} %"
 
 
 def distance_words(value: float | np.floating[Any]) -> str:
-    """A distance [percent] in words: what is rounding is told as such."""
+    """A distance [percent] in words: a rounding error is not printed as a number."""
     return "less than 0.001 %" if value < EXACT else f"{value:.3g} %"

@@ -1,4 +1,4 @@
-"""Limits that no design of a sampled problem was found to keep, told before a run begins."""
+"""Limits that no known design of a sampled problem keeps, reported before a run begins."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
 ATTEMPTS = 3
-"""Times that the least value is looked for from where it was found."""
+"""Searches for the least value, each from the result of the last."""
 
 
 def searchable(problem: ToleranceProblem) -> None:
-    """Raises InputError with every reason why a problem is not to be searched as it is set."""
+    """Raises InputError with every reason why a problem cannot be searched as it is set."""
     raise_all(problem.search_faults() or unreachable(problem))
 
 
@@ -29,8 +29,8 @@ def unreachable(problem: ToleranceProblem) -> list[Fault]:
     """A fault for each upper limit that is below the least value found, with the design.
 
     Proven limits are `problem.faults()`; here the least value is that of a search by gradients at
-    the finest grades, which proves nothing but is rarely wrong by more than its sample. Nothing is
-    looked for where one of the problem's own starts keeps all limits.
+    the finest grades, which proves nothing but is rarely wrong by more than its sample. There is no
+    search where one of the problem's own starts keeps all limits.
     """
     starts = problem.starts() if problem.sampled else np.empty((0, 0))
     if not len(starts) or _kept(problem, starts):

@@ -1,4 +1,4 @@
-"""The documents' allocations and the single-objective optimum, beside the front."""
+"""The documents' allocations and the single-objective optimum, compared with the front."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 DISTANCE = "distance_to_front"
 """Column: from a reference to the nearest front point, in sides of the box of the hypervolume."""
 ALIKE = 1e-6
-"""Difference of two values, in sides of the box, that is none: an optimiser's last digits."""
+"""Difference, in sides of the box, below which values count as equal: an optimiser's last digits.
+"""
 RELAXED_POINTS = 10
 """Points of a front with relaxed limits, where each is solved on a sample of units."""
 GA_BUDGET = Budget(generations=120)
@@ -33,10 +34,10 @@ GA_BUDGET = Budget(generations=120)
 
 @dataclass(frozen=True, slots=True)
 class SideSearch:
-    """A search beside the main one: the GA reference, or a front with relaxed limits.
+    """A search in addition to the main one: the GA reference, or a front with relaxed limits.
 
-    One that stands `apart` is no reference: the front without the effects; nor is an `overlay`: the
-    front of another algorithm.
+    Two kinds are no references: `apart` is the front without the effects, `overlay` is the front of
+    another algorithm.
     """
 
     label: str
@@ -51,7 +52,7 @@ class SideSearch:
 
     @property
     def key(self) -> str:
-        """What its result depends on, beside the problem and the algorithm."""
+        """What its result depends on, in addition to the problem and the algorithm."""
         return f"{self.label}, seed {self.seed}, {self.budget}"
 
     def front(self) -> pd.DataFrame | None:
@@ -99,7 +100,7 @@ def _fewer(algorithm: AlgorithmSettings) -> AlgorithmSettings:
 
 
 def _ga(problem: ToleranceProblem) -> tuple[GA, Budget]:
-    """The single-objective GA and its budget: as the documents have it, where they say."""
+    """The single-objective GA and its budget: as the documents state them, where they do."""
     documented = problem.reference_ga
     if not documented:
         return GA(), GA_BUDGET
@@ -135,7 +136,7 @@ def relaxed_bounds(problem: ToleranceProblem, row: Mapping[Hashable, object]) ->
 def exact_optimum(problem: ToleranceProblem, exact: ExactFront | None) -> pd.DataFrame:
     """The proven least cost within the limits (one row with `label`), none where nothing proves it.
 
-    Of a problem with more objectives, it is that of the documents' single-objective allocation.
+    For a problem with more objectives it is that of the documents' single-objective allocation.
     """
     if problem.n_obj == 1:
         proven = exact
@@ -204,7 +205,7 @@ def compare(
 def distance(reference: Array, front: Array, sides: Array) -> float:
     """Distance from a reference (objectives,) to the nearest point of a front (n, objectives).
 
-    Euclidean, each objective in `sides` (nadir less ideal of the problem). NaN of an empty front.
+    Euclidean, each objective in `sides` (nadir less ideal of the problem). NaN for an empty front.
     """
     if not len(front):
         return np.nan
@@ -219,8 +220,8 @@ def gain_column(objective: str) -> str:
 def gains(reference: Array, front: Array, alike: Array) -> list[float]:
     """Gain in percent per objective at equal or better other objectives.
 
-    Values that differ by no more than `alike` (objectives,) are equal. NaN where none is, and where
-    the own value is 0.
+    Values that differ by no more than `alike` (objectives,) are equal. NaN where no point of the
+    front is as good, and where the value of the reference is 0.
     """
     percentages = []
     for at in range(len(reference)):

@@ -21,7 +21,7 @@ from ...records import RunResult
 
 Array = NDArray[np.float64]
 LOOSER = 0.1
-"""Share of its limit by which each requirement is relaxed."""
+"""Fraction of its limit by which each requirement is relaxed."""
 SLACK = 1e-9
 """Relative widening of a point's own values, so that the point keeps them."""
 DRIVEN = 3
@@ -40,8 +40,8 @@ def requirements_of(
     """What each requirement costs at the knee of a front, or at its one point.
 
     None where a problem has one requirement, or no convex form. The multiplier is that of the least
-    cost at the values of the point; the saving is proven between what an allocation found saves,
-    and what the bound at the relaxed limit leaves.
+    cost at the values of the point; the saving is proven to lie between that of an allocation that
+    is known and that of the bound at the relaxed limit.
     """
     form = problem.form()
     if front.empty or form is None or len(set(form.outputs)) < 2 or reason(problem, form):
@@ -68,7 +68,7 @@ def _limits(problem: ToleranceProblem, form: Form, point: pd.Series) -> Array:
 
 
 def _table(problem: ToleranceProblem, form: Form, limits: Array, optimum: Optimum) -> pd.DataFrame:
-    """A row for each requirement: its limit, value, multiplier, and what 10 % more would save."""
+    """A row for each requirement: its limit, value, multiplier, and the saving at 10 % more."""
     combination = Combination(form, tuple(optimum.chosen[0].tolist()))
     values, multiplier = combination.values(optimum.t)[0], optimum.multiplier[0]
     units = {o.name: o.unit for o in problem.outputs}
@@ -98,8 +98,8 @@ def _table(problem: ToleranceProblem, form: Form, limits: Array, optimum: Optimu
 def _savings(form: Form, limits: Array, optimum: Optimum) -> tuple[Array, Array]:
     """What relaxing each limit alone saves at least and at most (r,): 0 where it does not bind.
 
-    At least what the same ways save, solved again; at most what the best multipliers leave whatever
-    ways are chosen (`Ascent`).
+    At least the saving of the same ways, solved again; at most that of the bound by the best
+    multipliers, which holds for any choice of ways (`Ascent`).
     """
     combination = Combination(form, tuple(optimum.chosen[0].tolist()))
     most_parts = largest_parts(form) if form.quantiles else None
@@ -117,7 +117,7 @@ def _savings(form: Form, limits: Array, optimum: Optimum) -> tuple[Array, Array]
 
 
 def _shares(form: Form, optimum: Optimum) -> Array:
-    """Share (r, features) of each part in what a requirement comes to: t dV/dt of their sum."""
+    """Fraction (r, features) of each part in the value of a requirement: t dV/dt over their sum."""
     combination = Combination(form, tuple(optimum.chosen[0].tolist()))
     along = np.abs(combination.gradients(optimum.t)[0] * optimum.t[0])
     whole = along.sum(axis=1, keepdims=True)
@@ -125,7 +125,7 @@ def _shares(form: Form, optimum: Optimum) -> Array:
 
 
 def _drivers(form: Form, optimum: Optimum) -> pd.DataFrame:
-    """By part, the share [%] of each requirement in what holds its tolerance down.
+    """By part, the fraction [%] of each requirement in what limits its tolerance.
 
     At the least cost -dC/dt is the sum of multiplier times dV/dt over the requirements.
     """
@@ -146,7 +146,7 @@ def _drivers(form: Form, optimum: Optimum) -> pd.DataFrame:
 
 
 def _by_name(form: Form, percent: Array) -> dict[str, float]:
-    """Shares by output; rows of one output add up."""
+    """Fractions [%] by output; rows of one output add up."""
     percentages: dict[str, float] = {}
     for name, value in zip(form.outputs, percent.tolist(), strict=True):
         percentages[f"{name}_percent"] = percentages.get(f"{name}_percent", 0.0) + value

@@ -1,4 +1,4 @@
-"""From which state a run begins: from nothing, or from where it was broken."""
+"""The state from which a run begins: a new one, or that in which it was interrupted."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _faults(checkpoint: Checkpoint, plan: RunPlan) -> list[Fault]:
 
 
 def _smaller(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
-    """A budget below that of a run which keeps no state: what it found would be lost."""
+    """A budget below that of a run which keeps no state: its results would be lost."""
     return [
         Fault(key, f"is {new[key]}, but the run to resume had {old[key]}: a budget may only grow")
         for key in sorted(BUDGET)

@@ -66,7 +66,7 @@ def run(
     """Run `plan` and write its files to `out`; with `resume` go on with the run that `out` holds.
 
     The result does not depend on `workers`: side searches have seeds of their own and run in other
-    processes where there are some. An interrupt ends the search; what was found is written.
+    processes where there are some. An interrupt ends the search; its results so far are written.
     Raises InputError where nothing is free to be searched, where limits are missing or out of
     reach, where another process works in `out`, or where it holds something that is not to be
     replaced (`overwrite`); RunError where the disk is full.
@@ -138,7 +138,9 @@ def _run(
     )
     result = _result(plan, search_result, front, references, summary, proven, exact)
     result = replace(
-        with_choices(result, decisions, plan, exact), overlays=overlays, relaxed=_together(relaxed)
+        with_choices(result, decisions, plan, exact),
+        overlays=overlays,
+        relaxed=_concatenated(relaxed),
     )
     answered = answers(result, plan.problem, statement)
     result = replace(result, summary={**result.summary, "answers": answered})
@@ -161,7 +163,7 @@ def _with_more(
     cut: bool,
     progress: Callable[[Progress], None] | None,
 ) -> RunResult:
-    """The result with what is worked out from it; after a break without what takes long."""
+    """The result with tables derived from it; after an interrupt without those that take long."""
     if not cut:
         result = with_capability(with_promise(result, problem), problem)
     result = with_units(result, problem)
@@ -176,7 +178,7 @@ def _searched(
     searches: Sides,
     progress: Callable[[Progress], None] | None,
 ) -> tuple[SearchResult, Fronts]:
-    """What the search found, and the fronts of those beside it."""
+    """The result of the search, and the fronts of the side searches."""
     with searches as sides, Designs(plan.problem, sides.where, sides.free) as designs:
 
         def report(state: Progress) -> None:
@@ -235,7 +237,7 @@ def _summary(
 
 
 def _costs(problem: ToleranceProblem) -> dict[str, object]:
-    """What costs are in, and which are assumed; nothing where they are relative."""
+    """The currency of the costs, and which are assumed; empty where costs are relative."""
     money = problem.settings.money
     if not money.currency:
         return {}
@@ -244,7 +246,7 @@ def _costs(problem: ToleranceProblem) -> dict[str, object]:
 
 
 def _model(problem: ToleranceProblem) -> dict[str, object]:
-    """Which of several models the numbers are of; nothing where there is but one."""
+    """The one of several models that the numbers come from; empty where there is only one."""
     if not problem.model_statement:
         return {}
     return {"model": problem.model_name, "model_statement": problem.model_statement}
@@ -277,7 +279,7 @@ def _result(
     )
 
 
-def _together(relaxed: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
+def _concatenated(relaxed: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
     """The fronts with relaxed limits, one below the other, each under its label."""
     frames = [front.assign(label=label) for label, front in relaxed.items() if front is not None]
     joined = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
@@ -285,7 +287,7 @@ def _together(relaxed: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None
 
 
 def described(problem: ToleranceProblem) -> str:
-    """What a problem calls itself: the first line of its description."""
+    """The title of a problem: the first line of its description."""
     if not type(problem).__module__.startswith("tolevo."):
         return ""
     text = (type(problem).__doc__ or "").strip().split("\n")[0]
@@ -322,7 +324,7 @@ def _of_cost(axis: Axis) -> str:
 def _lines(
     result: RunResult, status: str, out: Path, proof_lines: Sequence[str]
 ) -> tuple[str, ...]:
-    """A short summary for the terminal; notes that are `told` by the answers are left out."""
+    """A short summary for the terminal; `proof_lines` are left out where the answers state them."""
     lines = [
         f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
         f"evaluations, {float(str(result.summary['seconds'])):.1f} s"

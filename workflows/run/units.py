@@ -12,16 +12,16 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 
 SHOWN = ("cost", "yield_percent", "interference_probability")
-"""Outputs of the shown point that the page repeats, beside the one that is limited."""
+"""Outputs of the shown point that the page repeats, in addition to the one that is limited."""
 
 NEAR = 0.1
-"""Share of the limit by which a point may miss it to be shown in place of the knee."""
+"""Fraction of the limit by which a point may miss it to be shown in place of the knee."""
 
 
 def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with the limits of validity, and one unit and the population of its shown point.
 
-    As it is for problems without them.
+    Unchanged for problems without them.
     """
     validity = problem.validity()
     if validity:

@@ -54,7 +54,7 @@ class Finite:
         return backlash(self.contact, errors, self.angles) * scale
 
     def mean(self, name: str, shape: tuple[int, ...]) -> float:
-        """Of an error that all pins or teeth have alike."""
+        """The difference by an error that all pins or teeth have in common."""
         ends = [
             self.backlash(PartErrors(**{name: np.full(shape, sign * self.step)})).mean()
             for sign in (1.0, -1.0)
@@ -62,7 +62,7 @@ class Finite:
         return float(ends[0] - ends[1]) / (2.0 * self.step)
 
     def adverse_position(self) -> float:
-        """Of pins displaced along the circle, on both flanks so that the gap opens."""
+        """That by pins displaced along the circle, on both flanks so that the gap opens."""
         phase = self.contact.geometry.phase(self.angles)[:, 0, :]
         side = np.sign(np.sin(phase))[:, None, :] * self.step  # a unit for every angle
         ends = [
@@ -72,7 +72,7 @@ class Finite:
         return abs(float(ends[0] - ends[1])) / (2.0 * self.step)
 
     def worst_phase(self, name: str, size: float) -> float:
-        """Of an error that turns with the disc, at its worst phase and angle."""
+        """That by an error that turns with the disc, at its worst phase and angle."""
         phase = 2.0 * np.pi * np.arange(PHASES)[:, None] / PHASES
         moved = PartErrors(**{name: np.full((1, 1), size * self.step), f"{name}_phase": phase})
         return float(np.max(self.backlash(moved) - self.backlash(PartErrors()))) / self.step

@@ -163,8 +163,8 @@ def _run(
 
 
 def _study_table(parameters: Mapping[str, Value]) -> pd.DataFrame:
-    """The finished runs of a study. Raises InputError where it is not whole, or has not what is
-    asked for.
+    """The finished runs of a study. Raises InputError where it is incomplete, or lacks a column
+    that is asked for.
     """
     path = Path(str(parameters["study"])) / "study.csv"
     raise_all(not_whole(path.parent))

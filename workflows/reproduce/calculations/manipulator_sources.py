@@ -19,7 +19,7 @@ from ..calculation import Calculation, Computed, ComputedTable, Quantity
 
 Array = NDArray[np.float64]
 POSES = 9
-"""Poses per axis at which the maps are looked at."""
+"""Poses per axis at which the maps are evaluated."""
 NOTHING = 1e-9
 """Effect per unit, relative to the largest, below which a source does nothing."""
 LENGTH, ANGLE = 10e-6, 0.1e-3

@@ -1,4 +1,4 @@
-"""What calculations on the backlash of a reducer are given, and the sum that they make of it."""
+"""The inputs of calculations on the backlash of a reducer, and the sum that they form."""
 
 from __future__ import annotations
 

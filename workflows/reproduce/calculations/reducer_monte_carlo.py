@@ -168,7 +168,7 @@ def _histogram(drawn: Batch, parameters: Mapping[str, Value]) -> ComputedTable:
 
 
 def _compared(numbers: Mapping[str, Stated]) -> ComputedTable:
-    """Drawn beside exact, and how many standard errors lie between."""
+    """Drawn and exact values, and how many standard errors lie between."""
     names = [name.removeprefix("exact_") for name in numbers if name.startswith("exact_")]
     drawn, exact = ([numbers[f"{of}{name}"] for name in names] for of in ("", "exact_"))
     columns = {

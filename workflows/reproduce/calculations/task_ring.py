@@ -15,7 +15,7 @@ from ..calculation import Calculation, Computed, Quantity
 
 
 class TaskRingFigures(Calculation):
-    """Rectangle of the task ring in the meridian plane, and the share of it that is reached."""
+    """Rectangle of the task ring in the meridian plane, and the fraction of it that is reached."""
 
     name = "task_ring"
     about = "Rectangle of the task ring in the meridian plane, and the share that is reached."

@@ -1,4 +1,4 @@
-"""Optimum of the nine cycloid errors within bounds, and the document's zones beside it."""
+"""Optimum of the nine cycloid errors within bounds, and the document's zones for comparison."""
 
 from __future__ import annotations
 

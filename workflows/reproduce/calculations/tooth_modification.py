@@ -180,7 +180,7 @@ class ToothModificationTargets(Calculation):
 
 @dataclass(frozen=True)
 class Case:
-    """What is asked: completed values, the geometry, and the problem of the loaded contact."""
+    """A case: completed values, the geometry, and the problem of the loaded contact."""
 
     given: Mapping[str, Value]
     problem: ToothModification
@@ -361,7 +361,7 @@ def _as_printed(case: Case) -> ComputedTable:
 
 
 def _profile(case: Case, fitted: Fit) -> ComputedTable:
-    """The optimum beside its target."""
+    """The clearance of the optimum and its target."""
     target = case.target(str(case.given["target"]))
     pair = np.array(fitted.dr_rp), np.array(fitted.dr_p)
     curve = CLEARANCES[str(case.given["clearance"])](case.geometry, *pair, target.phi)
