@@ -78,7 +78,7 @@ def designs_in(
     frame = frame.assign(**{n: v for n, v in problem.fixed.items() if n not in frame})
     designs = frame[names].to_numpy(dtype=float)
     for name, bad_rows in problem.misplaced(designs).items():
-        bad = {frame.index[row]: why for row, why in bad_rows.items()}
+        bad = {frame.index[row]: reason for row, reason in bad_rows.items()}
         faults += tables.cell_faults(place, name, bad)
     raise_all(faults)
     return designs

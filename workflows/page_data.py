@@ -1,4 +1,4 @@
-"""What a page is made of, stored beside it so that it can be built again: `page.json`."""
+"""The content of a page, stored next to it so that it can be built again: `page.json`."""
 
 from __future__ import annotations
 

@@ -38,10 +38,10 @@ def streamed(
     files = _files(path)
     if not files:
         return None
-    why = _hindered(simulation, files, uses)
-    if why and path.is_dir():
-        raise refuse(path.name, f"cannot be read in parts: {why}; give one file")
-    if why:
+    obstacle = _hindered(simulation, files, uses)
+    if obstacle and path.is_dir():
+        raise refuse(path.name, f"cannot be read in parts: {obstacle}; give one file")
+    if obstacle:
         return None
     known = {name: name for name in pq.read_schema(files[0]).names if name in _known(simulation)}
     taken = {name: name for name in known if name not in _outputs(simulation)}

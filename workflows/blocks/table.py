@@ -122,5 +122,5 @@ def block_table(address: str, about: About, place: str) -> BlockTable:
     except InputError:
         raise
     except DAMAGE as error:
-        why, remedy = backend.hindrance(error) or (reason(error), "mend that")
-        raise refuse(place, f"{backend.where}: {why}; {remedy}") from error
+        cause, remedy = backend.hindrance(error) or (reason(error), "mend that")
+        raise refuse(place, f"{backend.where}: {cause}; {remedy}") from error

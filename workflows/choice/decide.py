@@ -85,10 +85,10 @@ def _required_bounds(
     settings: ChoiceSettings, choices: Mapping[str, int], at: int
 ) -> dict[str, Bound]:
     """The bounds that the rules that choose a row require of it, and of the rounded point too."""
-    asked: dict[str, Bound] = {}
+    bounds: dict[str, Bound] = {}
     for name, choice in choices.items():
-        asked |= RULES[name]().limits(settings) if choice == at and name != ONLY else {}
-    return asked
+        bounds |= RULES[name]().limits(settings) if choice == at and name != ONLY else {}
+    return bounds
 
 
 def points_of(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSettings) -> Points:

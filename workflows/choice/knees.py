@@ -70,9 +70,9 @@ def best_trade_off(values: Array) -> int | None:
     if len(values) < 3:
         return None
     points = scaled(values)
-    some = points[np.unique(np.linspace(0, len(points) - 1, COMPARED).astype(int))]
-    loss, gain = np.zeros((len(points), len(some))), np.zeros((len(points), len(some)))
-    for a, b in zip(points.T, some.T, strict=True):  # one objective at a time: memory
+    sampled = points[np.unique(np.linspace(0, len(points) - 1, COMPARED).astype(int))]
+    loss, gain = np.zeros((len(points), len(sampled))), np.zeros((len(points), len(sampled)))
+    for a, b in zip(points.T, sampled.T, strict=True):  # one objective at a time: memory
         moved = b[None, :] - a[:, None]
         loss += np.maximum(moved, 0.0)
         gain += np.maximum(-moved, 0.0)

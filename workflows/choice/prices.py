@@ -69,11 +69,11 @@ def _fitted(
 ) -> tuple[Array, Array]:
     """Prices (n, requirements) by the conditions of an optimum, and their residual [%] (n,)."""
     free = {v.name: at for at, v in enumerate(problem.free)}
-    every = tolerances_of(problem)
+    tolerances = tolerances_of(problem)
     designs, save = slopes.designs, slopes.saved
     along = np.stack(list(slopes.along.values()), axis=2)
     inside = np.zeros_like(save, dtype=bool)
-    for at, v in enumerate(every):
+    for at, v in enumerate(tolerances):
         if v.name in free and not v.integer:
             ends = np.array([problem.room(v.name, design) for design in designs])
             edge = EDGE * (ends[:, 1] - ends[:, 0])

@@ -46,8 +46,8 @@ def roughness_assumptions(
     if not any(_usual(name) for name in names):
         return ()
     set_by = "default" if settings.roughness_share is None else "configuration"
-    why = WHY if settings.roughness_share is None else WHY.split(":")[0]
-    return (Assumption("choice.roughness_share", share_of(settings), "", why, set_by),)
+    reason = WHY if settings.roughness_share is None else WHY.split(":")[0]
+    return (Assumption("choice.roughness_share", share_of(settings), "", reason, set_by),)
 
 
 def roughness(process: str, width: float, unit: str, largest_share: float = SHARE) -> float | None:

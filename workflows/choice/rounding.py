@@ -57,8 +57,8 @@ def rounded(
 
 def _best(near: Neighbours, quick: Judge, full: Judge) -> tuple[Array, Array]:
     """The best design that is found, and its key."""
-    some = _every(near) if len(near.at) <= ALL else by_moves(near, quick, VERIFIED)
-    best_design, keys = _verified(near, some, quick, full)
+    masks = _every(near) if len(near.at) <= ALL else by_moves(near, quick, VERIFIED)
+    best_design, keys = _verified(near, masks, quick, full)
     if keys[0] > 0.0 and ALL < len(near.at) <= HARD:
         best_design, keys = _verified(near, _every(near), quick, full)
     return best_design, keys
@@ -75,7 +75,7 @@ def _every(near: Neighbours) -> Mask:
 def _verified(near: Neighbours, masks: Mask, quick: Judge, full: Judge) -> tuple[Array, Array]:
     """The best design by the full model among the best of a quick look, and its key."""
     designs = np.unique(near.designs(masks), axis=0)
-    some = designs[best(quick.keys(designs))[:VERIFIED]]
-    keys = full.keys(some)
+    shortlist = designs[best(quick.keys(designs))[:VERIFIED]]
+    keys = full.keys(shortlist)
     at = best(keys)[0]
-    return some[at], keys[at]
+    return shortlist[at], keys[at]

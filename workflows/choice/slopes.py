@@ -49,24 +49,28 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
     that explains it is taken, or a difference.
     """
     rows = np.unique(np.linspace(0, len(designs) - 1, MOST).astype(np.int64))
-    some, every = designs[rows], tolerances_of(problem)
-    known = problem.gradient(some)
+    selected, tolerances = designs[rows], tolerances_of(problem)
+    known = problem.gradient(selected)
     names = [name for name in problem.objectives if name != COST]
     limited = [limit.name for limit in problem.limits if limit.count and limit.name != COST]
     names += [name for name in limited if name in known and name not in names]
-    at = [problem.names.index(v.name) for v in every]
-    wide = np.stack([widths(problem, some, v) for v in every], axis=1) if every else some[:, :0]
+    at = [problem.names.index(v.name) for v in tolerances]
+    wide = (
+        np.stack([widths(problem, selected, v) for v in tolerances], axis=1)
+        if tolerances
+        else selected[:, :0]
+    )
     along, source = {}, {}
     for name in names:
         source[name] = name if name in known else problem.explained.get(name, name)
         slopes = known.get(source[name])
         if slopes is None:
-            slopes = _differences(problem, some, source[name], every)
+            slopes = _differences(problem, selected, source[name], tolerances)
         along[name] = wide * slopes[:, at]
-    cost = known[COST] if COST in known else problem.cost_slopes(some)
+    cost = known[COST] if COST in known else problem.cost_slopes(selected)
     with np.errstate(invalid="ignore"):
         saved = -wide * cost[:, at]
-    return Slopes(rows, some, along, source, saved)
+    return Slopes(rows, selected, along, source, saved)
 
 
 def widths(problem: ToleranceProblem, designs: Array, variable: Variable) -> Array:
@@ -77,12 +81,12 @@ def widths(problem: ToleranceProblem, designs: Array, variable: Variable) -> Arr
 
 
 def _differences(
-    problem: ToleranceProblem, designs: Array, output: str, every: list[Variable]
+    problem: ToleranceProblem, designs: Array, output: str, tolerances: list[Variable]
 ) -> Array:
     """Derivatives (n, all variables) by one-sided differences, as a search sees the output."""
     base = problem.outputs_of(designs, searching=True)[output]
     derivatives = np.zeros_like(designs)
-    for variable in every:
+    for variable in tolerances:
         at, moved = problem.names.index(variable.name), designs.copy()
         step = STEP * widths(problem, designs, variable)
         if not np.any(step):

@@ -113,12 +113,12 @@ def _full(problem: ToleranceProblem, design: Mapping[str, float]) -> Array:
     return full
 
 
-def _savings(problem: ToleranceProblem, design: Mapping[str, float], anew: Array) -> Array:
+def _savings(problem: ToleranceProblem, design: Mapping[str, float], new_design: Array) -> Array:
     """The saving (all,) of each value of a new design alone, from the cost of the drawing."""
     full = _full(problem, design)
     changed = np.repeat(full[None, :], len(full), axis=0)
-    np.fill_diagonal(changed, anew)
-    known = np.isfinite(anew)
+    np.fill_diagonal(changed, new_design)
+    known = np.isfinite(new_design)
     savings = np.full(len(full), np.nan)
     savings[known] = problem.cost_of(full[None, :])[0] - problem.cost_of(changed[known])
     return savings
@@ -202,11 +202,11 @@ def _row(
     then: Characteristic,
     now: Characteristic,
     design: Mapping[str, float],
-    anew: Array,
+    new_design: Array,
     made: bool,
 ) -> dict[str, object]:
     """What changed of a characteristic, and what its tolerance should be."""
-    new, sample = float(anew[then.at]), now.sample
+    new, sample = float(new_design[then.at]), now.sample
     t = float(design.get(then.tolerance, new))
     advice = "keep"
     if not np.isfinite(new):

@@ -72,8 +72,8 @@ def tables_of(pairs: Pairs) -> dict[str, ComputedTable]:
     tables: dict[str, ComputedTable] = {}
     for task, checked in pairs:
         for name, table in checked.tables.items():
-            alike = [earlier for stem, earlier in tables.items() if stem.split(".")[0] == name]
-            if not any(_equal(table, earlier) for earlier in alike):
+            same_name = [earlier for stem, earlier in tables.items() if stem.split(".")[0] == name]
+            if not any(_equal(table, earlier) for earlier in same_name):
                 tables[f"{name}.{task.claim.id}" if name in tables else name] = table
     return tables
 

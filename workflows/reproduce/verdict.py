@@ -66,8 +66,9 @@ def outcome(claim: Claim, reading: Reading, quantities: Sequence[Quantity]) -> O
         tuple(quantity.standard_error for quantity in quantities),
         deviation,
         all(
-            _excess(claim, value, away) <= 0.0 and _clear(claim, away, quantity.standard_error)
-            for value, away, quantity in zip(computed, deviation, quantities, strict=True)
+            _excess(claim, value, difference) <= 0.0
+            and _clear(claim, difference, quantity.standard_error)
+            for value, difference, quantity in zip(computed, deviation, quantities, strict=True)
         ),
     )
 
@@ -109,32 +110,32 @@ def _deviations(claim: Claim, computed: Sequence[float]) -> tuple[float, ...]:
     )
 
 
-def _excess(claim: Claim, value: float, away: float) -> float:
+def _excess(claim: Claim, value: float, difference: float) -> float:
     """By how much a value misses its relation, tolerance included; at most 0 where it holds."""
-    slack = claim.tolerance + ROUNDING * max(abs(value), abs(value - away))
+    slack = claim.tolerance + ROUNDING * max(abs(value), abs(value - difference))
     match claim.relation:
         case "at_least":
-            return -away - slack
+            return -difference - slack
         case "at_most":
-            return away - slack
+            return difference - slack
         case "above":
-            return -away if away != 0.0 else nan
+            return -difference if difference != 0.0 else nan
         case "below":
-            return away if away != 0.0 else nan
+            return difference if difference != 0.0 else nan
         case _:
-            return abs(away) - slack
+            return abs(difference) - slack
 
 
-def _clear(claim: Claim, away: float, error: float) -> bool:
+def _clear(claim: Claim, difference: float, error: float) -> bool:
     """Whether a sampled value is above or below by more than chance; other relations do not ask."""
-    return claim.relation not in ("above", "below") or abs(away) >= DOUBT * error
+    return claim.relation not in ("above", "below") or abs(difference) >= DOUBT * error
 
 
 def _doubtful(claim: Claim, result: Outcome) -> list[bool]:
     """Whether each value lies so near to its limit that chance decides."""
     return [
-        error > 0.0 and abs(_excess(claim, value, away)) < DOUBT * error
-        for value, away, error in zip(
+        error > 0.0 and abs(_excess(claim, value, difference)) < DOUBT * error
+        for value, difference, error in zip(
             result.computed, result.deviation, result.standard_error, strict=True
         )
     ]
@@ -155,13 +156,13 @@ def _comparison(claim: Claim, result: Outcome) -> str:
     printed = with_unit(claim.printed, claim.unit)
     if claim.printed_as:
         printed += f' ("{claim.printed_as}")'
-    away = with_unit(result.deviation, claim.unit)
+    difference = with_unit(result.deviation, claim.unit)
     if claim.relation == "equal":
         if not any(result.deviation):
             return f"{computed} equals {printed}"
         near = "within" if result.holds else "beyond"
         limit = with_unit((claim.tolerance,), claim.unit)
-        return f"{computed} differs from {printed} by {away}, {near} the tolerance of {limit}"
+        return f"{computed} differs from {printed} by {difference}, {near} the tolerance of {limit}"
     words = claim.relation.replace("_", " ")
     if not result.holds and all(
         _excess(claim, value, deviation) <= 0.0
@@ -169,10 +170,10 @@ def _comparison(claim: Claim, result: Outcome) -> str:
     ):
         errors = with_unit(result.standard_error, claim.unit)
         return (
-            f"{computed} is {words} {printed} by {away}, which is less than two standard "
+            f"{computed} is {words} {printed} by {difference}, which is less than two standard "
             f"errors ({errors})"
         )
-    return f"{computed} is {'' if result.holds else 'not '}{words} {printed} (by {away})"
+    return f"{computed} is {'' if result.holds else 'not '}{words} {printed} (by {difference})"
 
 
 def number(value: float) -> str:

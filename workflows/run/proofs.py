@@ -128,12 +128,12 @@ def exact_front(problem: ToleranceProblem, known: np.ndarray | None = None) -> E
     x = exact_vectors(problem, form, POINTS if alone else SOLVED) if known is None else known
     if not len(x):
         return None
-    some = np.unique(np.linspace(0, len(x) - 1, CHECKED).astype(int))
+    selected = np.unique(np.linspace(0, len(x) - 1, CHECKED).astype(int))
     if form.tested and np.any(problem.tested(x)[1] > 0.0):
         return None
-    values = _objectives(problem, x[some])
+    values = _objectives(problem, x[selected])
     columns = dict(zip(problem.objectives, values.T, strict=True))
-    bounds = proof(problem, columns, len(some))
+    bounds = proof(problem, columns, len(selected))
     if not np.all(columns["cost"] - bounds.bound <= CLOSED * np.abs(columns["cost"])):
         return None
     if not alone:
@@ -145,8 +145,8 @@ def exact_table(problem: ToleranceProblem, exact: Exact | None) -> pd.DataFrame 
     """Objectives of at most `DRAWN` points of the exact front; None where it is not known."""
     if exact is None or problem.n_obj < 2:
         return None
-    some = np.unique(np.linspace(0, len(exact.designs) - 1, DRAWN).astype(int))
-    values = problem.objective_values(problem.outputs_of(exact.designs[some], searching=True))
+    selected = np.unique(np.linspace(0, len(exact.designs) - 1, DRAWN).astype(int))
+    values = problem.objective_values(problem.outputs_of(exact.designs[selected], searching=True))
     table = pd.DataFrame(values, columns=list(problem.objectives))
     return table.sort_values(list(problem.objectives), kind="stable", ignore_index=True)
 

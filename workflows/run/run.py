@@ -114,8 +114,10 @@ def _run(
         within = inside(references, plan.problem)
         references, _ = with_bounds(references, plan.problem, within, stopped)
         references = compare(references, searched, relaxed, plan.problem)
-    cut = search_result.interrupted or any(side_front is None for side_front in fronts.values())
-    status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
+    incomplete = search_result.interrupted or any(
+        side_front is None for side_front in fronts.values()
+    )
+    status = "interrupted" if incomplete else "done" if len(front) else "no_feasible_point"
     names = list(plan.problem.objectives)
     for other_front in overlays.values():
         front = overlay.with_distance(front, other_front, names)
@@ -144,13 +146,13 @@ def _run(
     )
     answered = answers(result, plan.problem, statement)
     result = replace(result, summary={**result.summary, "answers": answered})
-    result = _with_more(result, plan.problem, search_result, cut, progress)
+    result = _with_more(result, plan.problem, search_result, incomplete, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     if front.empty:
         write_text(out / MISS, csv_text(nearest_miss(plan.problem, search_result)))
     write(result, out)
-    if not cut:
+    if not incomplete:
         place.complete(status)
     lines = _lines(result, status, out, proof_notes(front, statement))
     return RunOutcome(status, out, lines, result)
@@ -160,16 +162,18 @@ def _with_more(
     result: RunResult,
     problem: ToleranceProblem,
     search_result: SearchResult,
-    cut: bool,
+    incomplete: bool,
     progress: Callable[[Progress], None] | None,
 ) -> RunResult:
     """The result with tables derived from it; after an interrupt without those that take long."""
-    if not cut:
+    if not incomplete:
         result = with_capability(with_promise(result, problem), problem)
     result = with_units(result, problem)
     if not (search_result.interrupted and takes_long(problem)):
         result = with_requirements(result, problem)
-    return result if cut else with_assumptions(result, problem, search_result.history, progress)
+    return (
+        result if incomplete else with_assumptions(result, problem, search_result.history, progress)
+    )
 
 
 def _searched(

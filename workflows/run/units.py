@@ -29,7 +29,7 @@ def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
     chosen = shown_point(result.front, problem)
     if chosen is None:
         return result
-    row, why = chosen
+    row, reason = chosen
     shown = problem.shown_units(problem.designs_of(result.front.iloc[[row]])[0])
     limit = problem.shown_limit()
     if shown is None or limit is None:
@@ -37,7 +37,7 @@ def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
     point = result.front.iloc[row]
     units = {
         "point": row,
-        "chosen": why,
+        "chosen": reason,
         "words": list(shown.words),
         "limit": limit[1],
         "quantile": float(point[limit[0]]),
@@ -61,7 +61,7 @@ def shown_point(front: pd.DataFrame, problem: Shown) -> tuple[int, str] | None:
     if limit is None or front.empty or limit[0] not in front:
         return None
     name, most = limit
-    away = np.abs(front[name].to_numpy(dtype=float) / most - 1.0)
-    if away.min() > NEAR and "knee" in front and front["knee"].any():
+    distance = np.abs(front[name].to_numpy(dtype=float) / most - 1.0)
+    if distance.min() > NEAR and "knee" in front and front["knee"].any():
         return int(np.argmax(front["knee"].to_numpy(dtype=bool))), "the knee"
-    return int(np.argmin(away)), f"the point nearest to {name} {most:g}"
+    return int(np.argmin(distance)), f"the point nearest to {name} {most:g}"
