@@ -29,7 +29,7 @@ def askable(name: str, algorithm: AlgorithmSettings | None) -> list[Fault]:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """What a search has found so far.
+    """The results of a search so far.
 
     `front` has the non-dominated feasible designs, one per row, by the first objective: every
     variable, and every output that was told and is an objective. `evaluations` counts designs.
@@ -87,16 +87,16 @@ class Search:
         raise_all(self._faults(outputs, len(asked)))
         assert self._open is not None
         designs = self.problem.complete(self._open)
-        found = {name: np.asarray(outputs[name], dtype=float) for name in self._needed()}
-        f = self.problem.objective_values(found)
-        g = self.problem.violations(designs, found)
+        values = {name: np.asarray(outputs[name], dtype=float) for name in self._needed()}
+        f = self.problem.objective_values(values)
+        g = self.problem.violations(designs, values)
         self._driver.tell(f, g)
         self._archive.add(self._open, f, np.maximum(g, 0.0).sum(axis=1))
         self._evaluations += len(f)
         self._open = None
 
     def result(self) -> Asked:
-        """What was found so far."""
+        """The results so far."""
         x, f = self._archive.arrays()
         rows = np.flatnonzero(nondominated(f)) if len(f) else np.zeros(0, dtype=np.int64)
         front = self.problem.designs_frame(self.problem.complete(x[rows]))
@@ -106,12 +106,12 @@ class Search:
 
     def _needed(self) -> list[str]:
         """Objectives and limited outputs; a limited variable is known."""
-        limited = [one.name for one in self.problem.limits if one.count]
+        limited = [limit.name for limit in self.problem.limits if limit.count]
         names = dict.fromkeys((*self.problem.objectives, *limited))
         return [name for name in names if name not in self.problem.names]
 
     def _faults(self, outputs: pd.DataFrame | Mapping[str, Array], count: int) -> list[Fault]:
-        found = []
+        faults = []
         for name in self._needed():
             if name not in outputs:
                 text = "is missing: tell every objective and every output with a limit"
@@ -121,8 +121,8 @@ class Search:
                 text = "must be finite at every design"
             else:
                 continue
-            found.append(Fault(f"outputs.{name}", text))
-        return found
+            faults.append(Fault(f"outputs.{name}", text))
+        return faults
 
 
 def _order_faults(asked: pd.DataFrame, x: pd.DataFrame) -> list[Fault]:

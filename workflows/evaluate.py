@@ -47,7 +47,7 @@ def evaluation(
 
 def designs_in(
     problem: ToleranceProblem,
-    found: tables.Table,
+    table: tables.Table,
     place: str,
     understood: tables.Tell = tables.silent,
 ) -> Array:
@@ -62,10 +62,10 @@ def designs_in(
     needed = [name for name in names if name not in problem.fixed]
     text = [variable.name for variable in problem.variables if variable.labels]
     known = {variable.name: variable.unit for variable in problem.variables}
-    given = tables.fitted(found, place, known, problem.settings.columns)
-    cells, unused = tables.without_unused(given.cells, names)
+    fitted = tables.fitted(table, place, known, problem.settings.columns)
+    cells, unused = tables.without_unused(fitted.cells, names)
     frame, faults = tables.parsed(cells, place, needed, names, text)
-    faults += given.faults
+    faults += fitted.faults
     for variable in problem.variables:
         if variable.name in frame:
             if variable.labels:
@@ -74,11 +74,11 @@ def designs_in(
                 bad = _outside(variable, frame[variable.name])
             faults += tables.cell_faults(place, variable.name, bad)
     raise_all(faults)
-    understood([*_slips(problem, frame), *found.lines(place), *given.notes, *unused])
+    understood([*_slips(problem, frame), *table.lines(place), *fitted.notes, *unused])
     frame = frame.assign(**{n: v for n, v in problem.fixed.items() if n not in frame})
     designs = frame[names].to_numpy(dtype=float)
     for name, bad_rows in problem.misplaced(designs).items():
-        bad = {frame.index[row]: why for row, why in bad_rows.items()}
+        bad = {frame.index[row]: reason for row, reason in bad_rows.items()}
         faults += tables.cell_faults(place, name, bad)
     raise_all(faults)
     return designs
@@ -86,16 +86,19 @@ def designs_in(
 
 def _slips(problem: ToleranceProblem, frame: pd.DataFrame) -> list[str]:
     """Tolerances that lie all but 0 far from the range that is searched, as in another unit."""
-    found = []
-    for one in problem.free:
-        if not one.tolerance or one.labels or one.name not in frame:
+    questions = []
+    for variable in problem.free:
+        if not variable.tolerance or variable.labels or variable.name not in frame:
             continue
-        given = frame[one.name].to_numpy(dtype=float)
-        if len(given := given[given != 0.0]):
-            texts = [slip(end, one.unit, one.low, one.high) for end in (given.min(), given.max())]
+        values = frame[variable.name].to_numpy(dtype=float)
+        if len(values := values[values != 0.0]):
+            texts = [
+                slip(end, variable.unit, variable.low, variable.high)
+                for end in (values.min(), values.max())
+            ]
             if all(texts):
-                found.append(f"is column {one.name} in another unit? {texts[0]}")
-    return found
+                questions.append(f"is column {variable.name} in another unit? {texts[0]}")
+    return questions
 
 
 def _numbered(

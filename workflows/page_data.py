@@ -1,4 +1,4 @@
-"""What a page is made of, stored beside it so that it can be built again: `page.json`."""
+"""The content of a page, stored next to it so that it can be built again: `page.json`."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ Result = TypeVar("Result")
 def dumped(result: Any) -> str:
     """A result record (a dataclass whose tables are frames) as JSON."""
     tables = {
-        one.name: _table(value)
-        for one in fields(result)
-        if isinstance(value := getattr(result, one.name), pd.DataFrame)
+        field.name: _table(value)
+        for field in fields(result)
+        if isinstance(value := getattr(result, field.name), pd.DataFrame)
     }
     hints = _hints(type(result))
     plain = {
-        one.name: TypeAdapter(hints[one.name]).dump_python(
-            getattr(result, one.name), mode="json", fallback=_plain, warnings="none"
+        field.name: TypeAdapter(hints[field.name]).dump_python(
+            getattr(result, field.name), mode="json", fallback=_plain, warnings="none"
         )
-        for one in fields(result)
-        if not _is_frame(hints[one.name])
+        for field in fields(result)
+        if not _is_frame(hints[field.name])
     }
     head = {"kind": type(result).__name__, "format": FORMAT, "version": version("tolevo")}
     return json.dumps(head | {"fields": plain, "tables": tables}, default=_plain) + "\n"
@@ -44,19 +44,19 @@ def loaded(kind: type[Result], content: Mapping[str, Any]) -> tuple[Result, list
     hints, bad = _hints(kind), list[str]()
     values = dict[str, Any]()
     plain, tables = (_object(content, name) for name in ("fields", "tables"))
-    for one in fields(kind):  # type: ignore[arg-type]
-        hint = hints[one.name]
+    for field in fields(kind):  # type: ignore[arg-type]
+        hint = hints[field.name]
         try:
-            if _is_frame(hint) and (hint is pd.DataFrame or one.name in tables):
-                values[one.name] = _frame(tables[one.name])
+            if _is_frame(hint) and (hint is pd.DataFrame or field.name in tables):
+                values[field.name] = _frame(tables[field.name])
             elif _is_frame(hint):
-                values[one.name] = None
+                values[field.name] = None
             else:
                 adapter = TypeAdapter(hint)
-                values[one.name] = adapter.validate_python(plain[one.name])
+                values[field.name] = adapter.validate_python(plain[field.name])
         except (KeyError, TypeError, ValueError, ValidationError):
-            bad.append(one.name)
-            values[one.name] = _empty(hint)
+            bad.append(field.name)
+            values[field.name] = _empty(hint)
     return kind(**values), bad
 
 
@@ -70,8 +70,8 @@ def _plain(value: Any) -> Any:
 
 
 def _object(content: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    found = content.get(name)
-    return found if isinstance(found, Mapping) else {}
+    mapping = content.get(name)
+    return mapping if isinstance(mapping, Mapping) else {}
 
 
 def _hints(kind: type[Any]) -> dict[str, Any]:

@@ -39,7 +39,7 @@ class Simulation:
     zero: Mapping[str, float] = field(default_factory=dict)
 
     def __call__(self, columns: Mapping[str, NDArray[Any]], number: int) -> pd.DataFrame:
-        """The inputs of a grain of rows with the predicted outputs beside them."""
+        """The inputs of a grain of rows, followed by the predicted outputs."""
         table = dict(columns)
         stream = np.random.SeedSequence(self.seed, spawn_key=(number,) if number else ())
         rng = np.random.default_rng(stream)
@@ -73,33 +73,33 @@ def inputs_in(
     """
     model = simulation.model
     fitted = tables.fitted(table_read, place, units_of(model), uses)
-    given = fitted.cells
-    frame, faults, unused = typed_inputs(model, given, place)
+    cells = fitted.cells
+    frame, faults, unused = typed_inputs(model, cells, place)
     raise_all([*faults, *fitted.faults])
     understood([*table_read.lines(place), *fitted.notes, *unused])
     table = {str(name): frame[name].to_numpy() for name in frame}
     raise_all(_without_columns(model, simulation.name, table, simulation.effects, place))
-    notes(remarks(model, list(map(str, frame)), list(map(str, given)), place))
+    notes(remarks(model, list(map(str, frame)), list(map(str, cells)), place))
     return frame
 
 
 def remarks(
-    model: MeasurableModel, columns: Sequence[str], given: Sequence[str], place: str
+    model: MeasurableModel, columns: Sequence[str], file_columns: Sequence[str], place: str
 ) -> list[str]:
-    """What the user should know: `columns` are those that count, `given` those of the file."""
-    found = [
+    """What the user should know: `columns` are used, `file_columns` are those of the file."""
+    messages = [
         f"{place}: no column {c.name} (optional: {c.meaning}); the model's nominal value is taken"
         for c in model.columns
         if c.name not in columns
     ]
-    measured = ", ".join(o.name for o in model.outputs if o.name in given)
+    measured = ", ".join(o.name for o in model.outputs if o.name in file_columns)
     if measured or isinstance(model, MeasuredTable):
         named = measured or ", ".join(o.name for o in model.outputs)
-        found.append(
+        messages.append(
             f"{place}: {named} as written are predictions with the effects in them, not "
             "the measurements"
         )
-    return found
+    return messages
 
 
 def _without_columns(
@@ -111,33 +111,34 @@ def _without_columns(
 ) -> list[Fault]:
     """Effects that need a column which the table has not."""
     target = target_of(model, name, table)
-    found = []
-    for one in effects:
-        if not one.effect.applies(target):
-            missing = [role for role in one.effect.needs if role not in target.roles()]
-            text = f"the effect {one.effect.name} needs a column of {' and '.join(missing)}"
+    faults = []
+    for active in effects:
+        if not active.effect.applies(target):
+            missing = [role for role in active.effect.needs if role not in target.roles()]
+            text = f"the effect {active.effect.name} needs a column of {' and '.join(missing)}"
             if not missing:
-                text = f"the effect {one.effect.name} is not for it: {one.effect.left_out(target)}"
-            found.append(Fault(place, text))
-    return found
+                reason = active.effect.left_out(target)
+                text = f"the effect {active.effect.name} is not for it: {reason}"
+            faults.append(Fault(place, text))
+    return faults
 
 
 def units_of(model: MeasurableModel) -> dict[str, str]:
     """The unit of every column that a table of the model can have, by name."""
-    columns = {one.name: one.unit for one in model.columns}
-    outputs = {one.name: one.unit for one in model.outputs}
+    columns = {column.name: column.unit for column in model.columns}
+    outputs = {output.name: output.unit for output in model.outputs}
     stds = {f"{name}_std": unit for name, unit in outputs.items()}
     return {"time_s": "s"} | stds | columns | outputs
 
 
 def typed_inputs(
-    model: MeasurableModel, given: pd.DataFrame, place: str
+    model: MeasurableModel, raw_cells: pd.DataFrame, place: str
 ) -> tuple[pd.DataFrame, list[Fault], list[str]]:
     """The typed inputs, every fault of the table, and what to say of columns that are not used."""
     outputs = [output.name for output in model.outputs]
     ignored = model.ignored if isinstance(model, MeasuredTable) else ()
     known = [*(c.name for c in model.columns), *_extras(outputs)]
-    cells = given.drop(columns=[*outputs, *ignored], errors="ignore")
+    cells = raw_cells.drop(columns=[*outputs, *ignored], errors="ignore")
     cells, unused = tables.without_unused(cells, known)
     frame, faults = tables.parsed(
         cells,
@@ -165,12 +166,12 @@ def simulated(
     understood: tables.Tell = tables.silent,
     notes: tables.Tell = tables.silent,
 ) -> pd.DataFrame:
-    """`inputs_in` a table with the predicted outputs beside them, computed in this process."""
+    """`inputs_in` a table followed by the predicted outputs, computed in this process."""
     simulation = Simulation(model, seed, name, effects, dict(zero))
     frame = inputs_in(simulation, table_read, place, uses, understood, notes)
     rows = rows_of(frame)
-    found = computed(simulation.computed(rows, rows.columns), InProcess())
-    return found.set_axis(frame.index)
+    table = computed(simulation.computed(rows, rows.columns), InProcess())
+    return table.set_axis(frame.index)
 
 
 def rows_of(frame: pd.DataFrame) -> FrameRows:

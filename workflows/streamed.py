@@ -19,7 +19,7 @@ from .simulate import Simulation, remarks, typed_inputs, units_of
 LONG = 1_000_000
 """Rows from which on a file is read in batches."""
 FAULTS = 50
-"""Faults after which a long table is looked at no further."""
+"""Faults after which a long table is not checked further."""
 
 
 def streamed(
@@ -31,24 +31,24 @@ def streamed(
 ) -> ParquetRows | None:
     """The rows of a long Parquet file, or of a directory of such files; None for other tables.
 
-    Every row is looked at before any is computed. A file with columns that must be converted, or
-    for effects, is read as a whole (None); of a directory that is refused. Raises InputError with
-    the faults.
+    Every row is checked before any is computed. A file with columns that must be converted, or for
+    effects, is read as a whole (None); of a directory that is refused. Raises InputError with the
+    faults.
     """
     files = _files(path)
     if not files:
         return None
-    why = _hindered(simulation, files, uses)
-    if why and path.is_dir():
-        raise refuse(path.name, f"cannot be read in parts: {why}; give one file")
-    if why:
+    obstacle = _hindered(simulation, files, uses)
+    if obstacle and path.is_dir():
+        raise refuse(path.name, f"cannot be read in parts: {obstacle}; give one file")
+    if obstacle:
         return None
     known = {name: name for name in pq.read_schema(files[0]).names if name in _known(simulation)}
     taken = {name: name for name in known if name not in _outputs(simulation)}
     count, digest = _checked(simulation, files, taken, path.name)
-    others = [name for name in pq.read_schema(files[0]).names if name not in known]
+    unused = [name for name in pq.read_schema(files[0]).names if name not in known]
     lines = [f"{path.name}: {count} rows; parquet, read in batches; columns {', '.join(taken)}"]
-    understood([*lines, *([f"not used: {', '.join(others)}"] if others else [])])
+    understood([*lines, *([f"not used: {', '.join(unused)}"] if unused else [])])
     notes(remarks(simulation.model, list(taken), list(known), path.name))
     return ParquetRows(files, taken, count, digest)
 
@@ -56,10 +56,12 @@ def streamed(
 def _files(path: Path) -> list[Path]:
     """The Parquet files of a directory, or a long one; none for what is read as a whole."""
     if path.is_dir():
-        found = sorted(one for one in path.glob("*.parquet") if not one.name.startswith(("_", ".")))
-        if not found:
+        paths = sorted(
+            file for file in path.glob("*.parquet") if not file.name.startswith(("_", "."))
+        )
+        if not paths:
             raise refuse(path.name, "is a directory without Parquet files (*.parquet)")
-        return found
+        return paths
     if path.suffix.lower() not in tables.PARQUET or not path.is_file():
         return []
     try:
@@ -73,10 +75,10 @@ def _hindered(
 ) -> str:
     """Why files cannot be read in batches, empty where they can."""
     try:
-        schemas = [pq.read_schema(one) for one in files]
+        schemas = [pq.read_schema(file) for file in files]
     except (OSError, pa.ArrowException) as error:
         raise refuse(files[0].parent.name, f"holds a file that is no Parquet ({error})") from error
-    if any(one.names != schemas[0].names for one in schemas):
+    if any(schema.names != schemas[0].names for schema in schemas):
         return "its files have different columns"
     if uses:
         return "[columns] says what columns are"
@@ -109,14 +111,14 @@ def _checked(
     simulation: Simulation, files: list[Path], names: Mapping[str, str], place: str
 ) -> tuple[int, str]:
     """How many rows there are, and their digest. Raises InputError with the faults of cells."""
-    count, found, faults = 0, hashlib.sha256(), list[Fault]()
+    count, digest, faults = 0, hashlib.sha256(), list[Fault]()
     for columns in batches(files, names):
         length = len(next(iter(columns.values())))
         index = pd.RangeIndex(count + 1, count + 1 + length)
         faults += typed_inputs(simulation.model, pd.DataFrame(columns, index=index), place)[1]
-        found.update(digest_of(columns).encode())
+        digest.update(digest_of(columns).encode())
         count += length
         if len(faults) >= FAULTS:
             break
     raise_all(faults if count else [Fault(place, "has no rows")])
-    return count, found.hexdigest()
+    return count, digest.hexdigest()

@@ -77,17 +77,17 @@ def _csv(frame: pd.DataFrame) -> str:
 
 def _designs(problem: ToleranceProblem) -> pd.DataFrame:
     """The document's allocation, and the middle of the search ranges."""
-    middle = {one.name: _middle(one.low, one.high) for one in problem.variables}
+    middle = {variable.name: _middle(variable.low, variable.high) for variable in problem.variables}
     document = {
-        one.name: middle[one.name] if one.document is None else one.document
-        for one in problem.variables
+        variable.name: middle[variable.name] if variable.document is None else variable.document
+        for variable in problem.variables
     }
     frame = pd.DataFrame([document, middle | dict(problem.fixed)])
-    for one in problem.variables:
-        if one.integer and not one.labels:
-            frame[one.name] = frame[one.name].round().astype(int)
-        if one.labels:
-            frame[one.name] = [one.labels[int(at)] for at in frame[one.name]]
+    for variable in problem.variables:
+        if variable.integer and not variable.labels:
+            frame[variable.name] = frame[variable.name].round().astype(int)
+        if variable.labels:
+            frame[variable.name] = [variable.labels[int(at)] for at in frame[variable.name]]
     return frame
 
 
@@ -98,7 +98,9 @@ def _middle(low: float, high: float) -> float:
 def _units(model: MeasurableModel) -> pd.DataFrame:
     """Units of a batch, drawn by the model with a fixed seed."""
     table = {
-        one.name: _inputs(one) for one in model.columns if one.text or one.role is Role.TEMPERATURE
+        column.name: _inputs(column)
+        for column in model.columns
+        if column.text or column.role is Role.TEMPERATURE
     }
     outputs = model.predict(table, np.random.default_rng(0))
     return pd.DataFrame(table | {name: values.round(4) for name, values in outputs.items()})
@@ -107,8 +109,8 @@ def _units(model: MeasurableModel) -> pd.DataFrame:
 def _inputs(column: Column) -> np.ndarray[Any, np.dtype[Any]]:
     """Cells of an input column: labels of units and lots, the reference temperature."""
     if column.text:
-        share = 1 if column.role is Role.UNIT else UNITS // 2
-        labels = [f"{column.name}-{1 + at // share:03d}" for at in range(UNITS)]
+        per_label = 1 if column.role is Role.UNIT else UNITS // 2
+        labels = [f"{column.name}-{1 + at // per_label:03d}" for at in range(UNITS)]
         return np.array(labels, dtype=object)
     return np.full(UNITS, 20.0)
 
@@ -116,13 +118,13 @@ def _inputs(column: Column) -> np.ndarray[Any, np.dtype[Any]]:
 def _costs(problem: ToleranceProblem) -> pd.DataFrame:
     """Prices of each tolerance at some values of it, by the curves that the problem has."""
     rows = []
-    for one in problem.variables:
-        curve = problem.settings.costs.get(one.name, problem.default_costs.get(one.name))
-        if curve is None or one.integer:
+    for variable in problem.variables:
+        curve = problem.settings.costs.get(variable.name, problem.default_costs.get(variable.name))
+        if curve is None or variable.integer:
             continue
-        ts = np.geomspace(one.low, one.high, COSTS)
+        ts = np.geomspace(variable.low, variable.high, COSTS)
         prices = curve.cost(ts)
         for t, price in zip(ts, prices, strict=True):
             shown = {"t": float(f"{t:.4g}"), "cost": float(f"{price:.4g}")}
-            rows.append({"variable": one.name, "process": "", **shown})
+            rows.append({"variable": variable.name, "process": "", **shown})
     return pd.DataFrame(rows)

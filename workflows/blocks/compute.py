@@ -24,7 +24,7 @@ from .target import Target, joined
 BLOCKS = 250
 """Blocks at most, where nothing else is asked for."""
 POLL_S = 0.5
-"""Seconds between two looks at what other machines have done."""
+"""Seconds between two queries of what other machines have done."""
 Compute = Callable[[Any, int], pd.DataFrame]
 """The frame of a grain of rows, by the rows and the grain's number; it is pickled."""
 
@@ -56,8 +56,8 @@ class Computed:
     """A table that can be computed: `compute` makes the frame of a grain of rows.
 
     A value depends on its grain alone, and grains do not depend on how many of them are a block:
-    that is why the bytes are the same whatever computes them. `configuration` tells all that the
-    values depend on but the rows; `quality` is part of it that users choose by itself.
+    that is why the bytes are the same whatever computes them. `configuration` states all that the
+    values depend on, except the rows; `quality` is the part of it that users choose by itself.
     """
 
     command: str
@@ -68,9 +68,11 @@ class Computed:
     quality: str = ""
 
     def about(self, block_rows: int | None) -> About:
-        """What the blocks of this table belong to."""
+        """The identity of this table, to which its blocks belong."""
         grains = max(1, -(-self.rows.count // self.grain))
-        each = -(-grains // BLOCKS) if block_rows is None else -(-block_rows // self.grain)
+        grains_per_block = (
+            -(-grains // BLOCKS) if block_rows is None else -(-block_rows // self.grain)
+        )
         digest = hashlib.sha256(self.configuration.encode()).hexdigest()
         return About(
             self.command,
@@ -79,7 +81,7 @@ class Computed:
             version("tolevo"),
             self.quality,
             self.rows.count,
-            each * self.grain,
+            grains_per_block * self.grain,
         )
 
 
@@ -94,11 +96,11 @@ def computed(
 ) -> pd.DataFrame:
     """Compute every block that is missing, and write the table; its frame where it is wanted.
 
-    A table of one block is kept nowhere before it is written, no other is anywhere without a
+    A table of one block is stored only when it is written, and no other table is stored without a
     `target`. Where blocks are `shared` with other machines (the address of the store, and the place
-    where that was said) they stay there, and each machine writes the table. Raises InputError where
-    blocks of another table are in its place, RunError where blocks are lost; what has ended is
-    kept.
+    where that was stated) they stay there, and each machine writes the table. Raises InputError
+    where blocks of another table are in its place, RunError where blocks are lost; what has ended
+    is kept.
     """
     if target is None and isinstance(executor, InProcess) and shared is None:
         return _here(table)
@@ -106,13 +108,15 @@ def computed(
         _finish(table, store, executor, progress)
         total = store.about.total
         wanted = range(total if frame else 1)
-        found = pd.concat([pd.read_parquet(store.block(one)) for one in wanted], ignore_index=True)
+        whole = pd.concat(
+            [pd.read_parquet(store.block(number)) for number in wanted], ignore_index=True
+        )
         if target is not None and not target.partitioned:
             joined(map(store.block, range(total)), target.path)
             store.remove()
         elif target is not None and not isinstance(store, BlockFolder):
             _copied(store, target)
-    return found if frame else found.iloc[:0]
+    return whole if frame else whole.iloc[:0]
 
 
 def _kept(about: About, target: Target | None, shared: tuple[str, str] | None) -> BlockStore:
@@ -158,8 +162,8 @@ def _finish(
     def tell() -> None:
         if progress is not None:
             done, seconds = len(store.known), time.monotonic() - begin
-            left = seconds * (total - done) / (done - had) if done > had else None
-            progress(BlockProgress(done, total, seconds, left))
+            remaining = seconds * (total - done) / (done - had) if done > had else None
+            progress(BlockProgress(done, total, seconds, remaining))
 
     apart = not isinstance(executor, InProcess)
     tell()
@@ -167,14 +171,14 @@ def _finish(
         with executor:
             while len(store.known) < total:
                 before, tasks = len(store.known), _tasks(table, store, total, apart)
-                for task, found in executor.completed(perform, lambda: next(tasks, None)):  # noqa: B023
-                    if isinstance(found, Lost):
-                        raise RunError(f"block {task.number}: {found.reason}")
-                    store.keep(task.number, found)
+                for task, outcome in executor.completed(perform, lambda: next(tasks, None)):  # noqa: B023
+                    if isinstance(outcome, Lost):
+                        raise RunError(f"block {task.number}: {outcome.reason}")
+                    store.keep(task.number, outcome)
                     tell()
                 store.refresh()
                 if len(store.known) == before:
-                    time.sleep(POLL_S)  # others are at work on what is left
+                    time.sleep(POLL_S)  # others are at work on the remaining blocks
                 tell()
     except RunError as error:
         raise RunError(f"{error}; {store.saved()}") from error
@@ -182,13 +186,13 @@ def _finish(
 
 def _tasks(table: Computed, store: BlockStore, total: int, apart: bool) -> Iterator[Block]:
     """The blocks that are missing; what goes to other processes (`apart`) is pickled once."""
-    each = store.about.block_rows
+    block_rows = store.about.block_rows
     content = pickle.dumps(table.compute) if apart else table.compute
     name = hashlib.sha256(repr(store.about).encode()).hexdigest()[:24]
     for number in range(total):
         if number in store.known or not store.claim(number):
             continue
-        start, stop = number * each, min((number + 1) * each, table.rows.count)
+        start, stop = number * block_rows, min((number + 1) * block_rows, table.rows.count)
         rows = [
             table.rows.part(at, min(at + table.grain, stop))
             for at in range(start, stop, table.grain)
@@ -210,5 +214,5 @@ def perform(task: Block) -> bytes:
     with pinned():
         parts = [compute(rows, task.first + at) for at, rows in enumerate(task.parts)]
     content = pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
-    found: bytes = content.reset_index(drop=True).to_parquet(index=False)
-    return found
+    encoded: bytes = content.reset_index(drop=True).to_parquet(index=False)
+    return encoded

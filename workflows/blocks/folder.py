@@ -1,4 +1,4 @@
-"""The directory of a table's blocks: which it belongs to, and what of it has been computed."""
+"""The directory of a table's blocks: the table's identity, and the blocks that are computed."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ CALLED = {
 
 
 class BlockFolder(BlockStore):
-    """The blocks in `path`, of a table that `about` tells; one process at a time.
+    """The blocks in `path`, of the table that `about` describes; one process at a time.
 
     With `resume` whole blocks that are there already are kept, and the rows of a block are those
     that they have. Raises InputError, which writes nothing, where the directory holds blocks of
@@ -81,7 +81,7 @@ class BlockFolder(BlockStore):
             os.close(self._lock)
 
     def remove(self) -> None:
-        for path in self.path.iterdir():  # what it belongs to is the last to go
+        for path in self.path.iterdir():  # the table's identity is removed last
             if path.name not in (ABOUT, LOCK):
                 path.unlink()
         shutil.rmtree(self.path)
@@ -90,7 +90,7 @@ class BlockFolder(BlockStore):
 
     def _whole(self) -> set[int]:
         """Numbers of the blocks that are as they were written; a torn last line is cut off."""
-        path, found = self.path / LOG, set[int]()
+        path, whole = self.path / LOG, set[int]()
         with suppress(FileNotFoundError):
             text = path.read_text(encoding="utf-8", errors="replace")
             lines = [line for line in text.splitlines(keepends=True) if LINE.fullmatch(line)]
@@ -99,8 +99,8 @@ class BlockFolder(BlockStore):
             for line in lines:
                 number, digest = line.split()
                 if _digest(self.block(int(number))) == digest:
-                    found.add(int(number))
-        return found
+                    whole.add(int(number))
+        return whole
 
 
 def _digest(path: Path) -> str:
@@ -112,7 +112,7 @@ def _digest(path: Path) -> str:
 
 
 def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
-    """What the blocks are to be: those that are there decide how many rows a block has."""
+    """The identity of the blocks: those that are there decide how many rows a block has."""
     raise_all(folder_faults(path, resume, overwrite))
     if overwrite or not path.exists() or _blank(path):
         return about
@@ -122,20 +122,20 @@ def _agreed(path: Path, about: About, resume: bool, overwrite: bool) -> About:
         raise refuse(
             "--resume", f"{path / ABOUT} cannot be read: {error}; give --overwrite"
         ) from error
-    own = asdict(about)
-    other = [CALLED[name] for name in CALLED if there.get(name) != own[name]]
-    if other:
+    wanted = asdict(about)
+    differing = [CALLED[name] for name in CALLED if there.get(name) != wanted[name]]
+    if differing:
         raise refuse(
             "--resume",
-            f"{path} holds blocks of {' and of '.join(other)}; "
+            f"{path} holds blocks of {' and of '.join(differing)}; "
             "name another file, or give --overwrite",
         )
-    return About(**{**own, "block_rows": int(there["block_rows"])})
+    return About(**{**wanted, "block_rows": int(there["block_rows"])})
 
 
 def _blank(path: Path) -> bool:
-    """Whether a directory holds nothing but what a process leaves that is killed as it begins."""
-    return all(one.name == LOCK or LEFTOVER.fullmatch(one.name) for one in path.iterdir())
+    """Whether a directory holds nothing but the files of a process killed as it began."""
+    return all(entry.name == LOCK or LEFTOVER.fullmatch(entry.name) for entry in path.iterdir())
 
 
 def _locked(path: Path) -> int:
@@ -153,7 +153,7 @@ def _locked(path: Path) -> int:
 
 
 def folder_faults(path: Path, resume: bool, overwrite: bool) -> list[Fault]:
-    """What keeps a directory of blocks from being written, before anything is read."""
+    """The reasons why a directory of blocks cannot be written, before anything is read."""
     if not path.exists() or (path.is_dir() and _blank(path)):
         return []
     if not path.is_dir():

@@ -23,7 +23,7 @@ class Rows(ABC):
 
     @abstractmethod
     def part(self, start: int, stop: int) -> Any:
-        """Rows `start` to `stop` as what computes them takes them."""
+        """Rows `start` to `stop` in the form that the computation takes."""
 
 
 class ArrayRows(Rows):
@@ -72,7 +72,7 @@ class ParquetRows(Rows):
             self._at, self._batches, self._held = 0, iter(()), {}
         if self._at == 0 and not self._held:
             self._batches = batches(self.paths, self.names)
-        found = []
+        parts = []
         while start < stop:
             if not _length(self._held):
                 self._held = next(self._batches)
@@ -81,11 +81,13 @@ class ParquetRows(Rows):
                 self._at, self._held = self._at + length, {}
                 continue
             low, high = start - self._at, min(stop - self._at, length)
-            found.append({name: values[low:high] for name, values in self._held.items()})
+            parts.append({name: values[low:high] for name, values in self._held.items()})
             start = self._at + high
             if high == length:
                 self._at, self._held = self._at + length, {}
-        return {name: np.concatenate([one[name] for one in found]) for name in self.names.values()}
+        return {
+            name: np.concatenate([part[name] for part in parts]) for name in self.names.values()
+        }
 
 
 BATCH = 65_536
@@ -109,12 +111,12 @@ def _plain(values: NDArray[Any]) -> NDArray[Any]:
 
 def digest_of(columns: Columns) -> str:
     """SHA-256 of columns (n,) by name."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for name, values in columns.items():
-        found.update(f"{name}\0{len(values)}\0".encode())
+        digest.update(f"{name}\0{len(values)}\0".encode())
         plain = values if values.dtype.kind in "iufb" else np.asarray(values).astype(str)
-        found.update(np.ascontiguousarray(plain).tobytes())
-    return found.hexdigest()
+        digest.update(np.ascontiguousarray(plain).tobytes())
+    return digest.hexdigest()
 
 
 def _length(columns: Columns) -> int:

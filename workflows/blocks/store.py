@@ -10,7 +10,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class About:
-    """What blocks belong to: digests of the configuration and of the rows, the version of the
+    """The identity of a table: digests of the configuration and of the rows, the version of the
     package, the quality, rows in all and in a block.
     """
 
@@ -47,21 +47,21 @@ class BlockStore(ABC):
         return True
 
     def refresh(self) -> None:  # noqa: B027 - nobody else is at work
-        """Look at what others have done."""
+        """Read which blocks others have computed."""
 
     @abstractmethod
     def saved(self) -> str:
         """What is saved where a table cannot be finished, and how to go on."""
 
     def close(self) -> None:  # noqa: B027 - nothing is held in memory alone
-        """Let others at it."""
+        """Release it for others."""
 
     def remove(self) -> None:  # noqa: B027
-        """Take all of it away, once the table is written elsewhere."""
+        """Remove all of it, once the table is written elsewhere."""
 
 
 class InMemory(BlockStore):
-    """Blocks that no one else needs: of a table that is handed back, or that has one only."""
+    """Blocks that no other process needs: of a table that is returned, or of only one block."""
 
     def __init__(self, about: About) -> None:
         self.about = about

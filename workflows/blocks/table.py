@@ -37,7 +37,7 @@ class BlockTable(BlockStore):
             self.refresh()
             if damaged := [number for number in self.known if not self._whole(number)]:
                 dropped = delete(BLOCKS).where(BLOCKS.c.number.in_(damaged))
-                self._store.write(lambda one: one.execute(dropped))
+                self._store.write(lambda connection: connection.execute(dropped))
                 self.known.difference_update(damaged)
         except BaseException:
             self._store.close()
@@ -64,11 +64,15 @@ class BlockTable(BlockStore):
 
     def refresh(self) -> None:
         text = select(BLOCKS.c.number).where(BLOCKS.c.number < self.about.total)
-        self.known = {number for (number,) in self._read(lambda one: one.execute(text).all())}
+        self.known = {
+            number for (number,) in self._read(lambda connection: connection.execute(text).all())
+        }
 
     def block(self, number: int) -> io.BytesIO:
         text = select(BLOCKS.c.content).where(BLOCKS.c.number == number)
-        return io.BytesIO(bytes(self._read(lambda one: one.execute(text).scalar_one())))
+        return io.BytesIO(
+            bytes(self._read(lambda connection: connection.execute(text).scalar_one()))
+        )
 
     def saved(self) -> str:
         count = f"{len(self.known)} of {self.about.total} blocks are saved in {self._where}"
@@ -85,13 +89,13 @@ class BlockTable(BlockStore):
 
     def _whole(self, number: int) -> bool:
         text = select(BLOCKS.c.digest).where(BLOCKS.c.number == number)
-        digest = self._read(lambda one: one.execute(text).scalar_one())
+        digest = self._read(lambda connection: connection.execute(text).scalar_one())
         return bool(hashlib.sha256(self.block(number).getvalue()).hexdigest() == digest)
 
     def _agreed(self, about: About, place: str) -> About:
-        """What the blocks are to be: those that are there decide how many rows a block has."""
-        own = asdict(about)
-        text = json.dumps(sealed_record(own))
+        """The identity of the blocks: those that are there decide how many rows a block has."""
+        wanted = asdict(about)
+        text = json.dumps(sealed_record(wanted))
         while not self._store.meta(TABLE):
             if self._store.meta(STUDY):
                 raise refuse(place, f"{self._where} holds a study; {self._store.backend.other}")
@@ -104,10 +108,10 @@ class BlockTable(BlockStore):
             [
                 Fault(place, f"{self._where} belongs to {text}; {self._store.backend.other}")
                 for name, text in CALLED.items()
-                if there.get(name) != own[name]
+                if there.get(name) != wanted[name]
             ]
         )
-        return About(**{**own, "block_rows": int(there["block_rows"])})
+        return About(**{**wanted, "block_rows": int(there["block_rows"])})
 
 
 def block_table(address: str, about: About, place: str) -> BlockTable:
@@ -118,5 +122,5 @@ def block_table(address: str, about: About, place: str) -> BlockTable:
     except InputError:
         raise
     except DAMAGE as error:
-        why, remedy = backend.hindrance(error) or (reason(error), "mend that")
-        raise refuse(place, f"{backend.where}: {why}; {remedy}") from error
+        cause, remedy = backend.hindrance(error) or (reason(error), "mend that")
+        raise refuse(place, f"{backend.where}: {cause}; {remedy}") from error

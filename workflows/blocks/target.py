@@ -32,7 +32,7 @@ class Target:
 
     @property
     def blocks(self) -> Path:
-        """The directory of the blocks: the result itself, or one beside the file."""
+        """The directory of the blocks: the result itself, or one next to the file."""
         return self.path if self.partitioned else self.path.with_name(self.path.name + ".blocks")
 
     @property

@@ -48,35 +48,35 @@ def allocation(
     choices: Mapping[int, str],
     designs: Mapping[int, tuple[Array, Array]],
     grades: Mapping[str, Mapping[float, str]],
-    said: Mapping[str, str],
-    share: float = SHARE,
+    rules: Mapping[str, str],
+    roughness_share: float = SHARE,
 ) -> pd.DataFrame:
     """One row per chosen point and variable.
 
     `choices` names the rules that choose a row of the front, `designs` its unrounded and rounded
-    full design, `grades` what a value of a variable is called, and `said` how it is rounded.
+    full design, `grades` what a value of a variable is called, and `rules` how it is rounded.
     Limits are those of the zone around nominal and mid, deviations where no nominal is known; the
     deviations of a zone are from the nominal. `grade` is the tolerance class where one is stated,
     `symbol` that of a geometrical characteristic. `notation` is what to write on the drawing,
     `process` how the part is made where that is chosen, `roughness_Ra_um` what that implies for the
-    surface (at most a `share` of its zone), `cpk_wanted` the capability that the model counts on,
-    and `inspection` what an inspector needs to know of it. Where a problem is one of
+    surface (at most a `roughness_share` of its zone), `cpk_wanted` the capability that the model
+    counts on, and `inspection` what an inspector needs to know of it. Where a problem is one of
     several models, the last column says which.
     """
     rows = []
     models = _models(problem, {point: both[1] for point, both in designs.items()})
     for point, label in choices.items():
         for at, variable in enumerate(problem.variables):
-            own, new = (float(design[at]) for design in designs[point])
+            old, new = (float(design[at]) for design in designs[point])
             name = grades.get(variable.name, {}).get(new, "")
             rows.append(
-                {"choice": label, "point": point, "rounding": said.get(variable.name, "fixed")}
-                | _row(problem, variable, own, new, name)
-                | _written(problem, variable, designs[point][1], new, name, share)
+                {"choice": label, "point": point, "rounding": rules.get(variable.name, "fixed")}
+                | _row(problem, variable, old, new, name)
+                | _written(problem, variable, designs[point][1], new, name, roughness_share)
                 | models[point]
             )
     columns = [*COLUMNS, *(["model"] if problem.model_statement else [])]
-    found = pd.DataFrame(rows, columns=columns)
+    table = pd.DataFrame(rows, columns=columns)
     numbers = (
         "nominal",
         "mid",
@@ -86,11 +86,11 @@ def allocation(
         "upper_deviation",
         "roughness_Ra_um",
     )
-    return found.astype(dict.fromkeys(numbers, float))
+    return table.astype(dict.fromkeys(numbers, float))
 
 
 def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int, dict[str, str]]:
-    """By point: by which model its rounded design was chosen; nothing where there is but one."""
+    """By point: the model by which its rounded design was chosen; empty where there is only one."""
     if not problem.model_statement:
         return {point: {} for point in rounded}
     labels = problem.model_labels(np.stack(list(rounded.values())))
@@ -98,7 +98,7 @@ def _models(problem: ToleranceProblem, rounded: Mapping[int, Array]) -> dict[int
 
 
 def _row(
-    problem: ToleranceProblem, variable: Variable, own: float, new: float, grade: str
+    problem: ToleranceProblem, variable: Variable, old: float, new: float, grade: str
 ) -> dict[str, Any]:
     nominal, mid = problem.zone(variable.name)
     lower, upper = _limits(variable, nominal, mid, new)
@@ -112,7 +112,7 @@ def _row(
         "unit": variable.unit,
         "nominal": nominal,
         "mid": mid if half else None,
-        "unrounded": _shown(variable, own),
+        "unrounded": _shown(variable, old),
         "rounded": _shown(variable, new),
         "lower_limit": lower,
         "upper_limit": upper,
@@ -131,16 +131,16 @@ def _written(
     design: Array,
     new: float,
     grade: str,
-    share: float,
+    roughness_share: float,
 ) -> dict[str, Any]:
     """What to write on the drawing, and what whoever makes and inspects the part needs to know."""
     drawn = problem.drawn(variable.name)
     nominal, mid = problem.zone(variable.name)
-    given = problem.settings.variables[variable.name].distribution
+    law = problem.settings.variables[variable.name].distribution
     stated = drawn.get("cpk")
-    cpk = float(stated) if stated else _capability(given)
+    cpk = float(stated) if stated else _capability(law)
     process, half = process_of(problem, variable, design), variable.kind is Kind.HALF_WIDTH
-    rough = roughness(process, 2.0 * new, variable.unit, share) if half else None
+    rough = roughness(process, 2.0 * new, variable.unit, roughness_share) if half else None
     written = notation(variable, nominal, mid, new, drawn.get("class", grade))
     return {
         "notation": written if rough is None else f"{written}; Ra {plain(rough)}",
@@ -151,10 +151,10 @@ def _written(
     }
 
 
-def _capability(given: object) -> float | None:
+def _capability(law: object) -> float | None:
     """Cp of a normal law; None where none is stated, or the law fills the zone."""
-    found = getattr(given, "cp", None)
-    return float(found) if isinstance(found, int | float) else None
+    cp = getattr(law, "cp", None)
+    return float(cp) if isinstance(cp, int | float) else None
 
 
 def _limits(

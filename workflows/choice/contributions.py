@@ -11,7 +11,7 @@ from .slopes import Slopes, tolerances_of
 
 Array = NDArray[np.float64]
 CANCELLED = 1e-3
-"""Share of the magnitudes below which a sum of contributions is none."""
+"""Fraction of the magnitudes below which a sum of contributions counts as zero."""
 
 
 def contributions(problem: ToleranceProblem, slopes: Slopes) -> pd.DataFrame:
@@ -28,18 +28,18 @@ def contributions(problem: ToleranceProblem, slopes: Slopes) -> pd.DataFrame:
     if not names or not slopes.along:
         return pd.DataFrame()
     frames = []
-    for output, each in slopes.along.items():
-        frame = pd.DataFrame(_shares(each), columns=names)
+    for output, slopes_along in slopes.along.items():
+        frame = pd.DataFrame(_shares(slopes_along), columns=names)
         frame.insert(0, "point", slopes.rows)
         frame.insert(1, "output", output)
         frame.insert(2, "explained", slopes.source[output])
-        frame.insert(3, "along", each.sum(axis=1))
+        frame.insert(3, "along", slopes_along.sum(axis=1))
         frames.append(frame)
     return pd.concat(frames, ignore_index=True)
 
 
-def _shares(each: Array) -> Array:
-    """Each (n, tolerances) over its sum, in percent."""
-    whole, size = each.sum(axis=1, keepdims=True), np.abs(each).sum(axis=1, keepdims=True)
+def _shares(along: Array) -> Array:
+    """Contributions `along` (n, tolerances) over their sum, in percent."""
+    whole, size = along.sum(axis=1, keepdims=True), np.abs(along).sum(axis=1, keepdims=True)
     known = np.abs(whole) > CANCELLED * size
-    return np.asarray(100.0 * np.divide(each, whole, out=np.full_like(each, np.nan), where=known))
+    return np.asarray(100.0 * np.divide(along, whole, out=np.full_like(along, np.nan), where=known))

@@ -1,4 +1,4 @@
-"""Every choice of a front: by which rule, how sure, what it is made of, and rounded."""
+"""Every choice of a front: its rule, its sensitivity, its contributions and its rounded values."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     designs = problem.designs_of(front)
     points = points_of(problem, front, settings)
     notes: list[str] = []
-    found = chosen(points, notes)
+    choices = chosen(points, notes)
     spread = sensitivity(points, problem.costs_of(designs))
-    rows = list(dict.fromkeys(found.values()))
+    rows = list(dict.fromkeys(choices.values()))
     slopes = slopes_of(problem, designs)
     steps = {v.name: step_of(problem, v, settings) for v in problem.free}
     grades = {
@@ -61,13 +61,16 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
         for v in problem.free
         if (step := steps[v.name]) is not None
     }
-    values = {name: np.array(sorted(each)) for name, each in grades.items()}
-    new = {at: rounded(problem, designs[at], values, _asked(settings, found, at)) for at in rows}
+    values = {name: np.array(sorted(orderable)) for name, orderable in grades.items()}
+    new = {
+        at: rounded(problem, designs[at], values, _required_bounds(settings, choices, at))
+        for at in rows
+    }
     rules = {v.name: said(problem, v, steps[v.name]) for v in problem.free}
-    by_point = {at: " ".join(n for n, own in found.items() if own == at) for at in rows}
+    by_point = {at: " ".join(n for n, choice in choices.items() if choice == at) for at in rows}
     both = {at: (designs[at], new[at]) for at in rows}
     return Decisions(
-        _table(problem, front, found, new, spread),
+        _table(problem, front, choices, new, spread),
         spread,
         allocation(problem, by_point, both, grades, rules, share_of(settings)),
         contributions(problem, slopes),
@@ -78,19 +81,21 @@ def decide(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSetti
     )
 
 
-def _asked(settings: ChoiceSettings, found: Mapping[str, int], at: int) -> dict[str, Bound]:
-    """What the rules that choose a row ask of it, and so of the rounded point too."""
-    asked: dict[str, Bound] = {}
-    for name, own in found.items():
-        asked |= RULES[name]().limits(settings) if own == at and name != ONLY else {}
-    return asked
+def _required_bounds(
+    settings: ChoiceSettings, choices: Mapping[str, int], at: int
+) -> dict[str, Bound]:
+    """The bounds that the rules that choose a row require of it, and of the rounded point too."""
+    bounds: dict[str, Bound] = {}
+    for name, choice in choices.items():
+        bounds |= RULES[name]().limits(settings) if choice == at and name != ONLY else {}
+    return bounds
 
 
 def points_of(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSettings) -> Points:
     """The front as the rules see it."""
     names = problem.objectives
-    given = np.array([settings.weights.get(name, 0.0) for name in names])
-    weights = given if given.sum() > 0.0 else np.ones(len(names))
+    requested = np.array([settings.weights.get(name, 0.0) for name in names])
+    weights = requested if requested.sum() > 0.0 else np.ones(len(names))
     cost = front[COST].to_numpy(dtype=float) if COST in front else None
     return Points(
         front[list(names)].to_numpy(dtype=float),
@@ -103,42 +108,44 @@ def points_of(problem: ToleranceProblem, front: pd.DataFrame, settings: ChoiceSe
 
 
 def _kept(front: pd.DataFrame, limits: Mapping[str, Bound]) -> NDArray[np.bool_]:
-    each = [front[name].between(bound.low, bound.high) for name, bound in limits.items()]
-    return np.asarray(np.all(each, axis=0))
+    conditions = [front[name].between(bound.low, bound.high) for name, bound in limits.items()]
+    return np.asarray(np.all(conditions, axis=0))
 
 
 def _table(
     problem: ToleranceProblem,
     front: pd.DataFrame,
-    found: dict[str, int],
+    choices: dict[str, int],
     new: dict[int, Array],
     spread: pd.DataFrame,
 ) -> pd.DataFrame:
     """`choices.csv`: the chosen points, unrounded and rounded, and how sure each choice is."""
     whole = problem.reported()
-    after = whole.frame(np.stack([new[at] for at in found.values()]))
+    after = whole.frame(np.stack([new[at] for at in choices.values()]))
     broken = [
         " ".join(name for name in _limit_names(problem) if row[f"margin_{name}"] < 0.0)
         for row in after.to_dict("records")
     ]
-    own = front.iloc[list(found.values())].reset_index(drop=True)
+    selected = front.iloc[list(choices.values())].reset_index(drop=True)
     kept = ["bound", "gap_percent", *problem.objectives, *problem.names]
-    table = own[[name for name in kept if name in own]].copy()
-    table.insert(0, "choice", list(found))
-    table.insert(1, "meaning", [meaning_of(name) for name in found])
-    table.insert(2, "point", list(found.values()))
+    table = selected[[name for name in kept if name in selected]].copy()
+    table.insert(0, "choice", list(choices))
+    table.insert(1, "meaning", [meaning_of(name) for name in choices])
+    table.insert(2, "point", list(choices.values()))
     for name in problem.objectives:
-        before = own[name].to_numpy(dtype=float)
+        values = selected[name].to_numpy(dtype=float)
         table[f"rounded_{name}"] = after[name]
-        loss = after[name].to_numpy(dtype=float) - before
-        share = np.divide(loss, np.abs(before), out=np.full_like(loss, np.nan), where=before != 0.0)
-        table[f"rounding_loss_{name}_percent"] = 100.0 * share
+        loss = after[name].to_numpy(dtype=float) - values
+        fraction = np.divide(
+            loss, np.abs(values), out=np.full_like(loss, np.nan), where=values != 0.0
+        )
+        table[f"rounding_loss_{name}_percent"] = 100.0 * fraction
     table["rounded_feasible"] = after["feasible"]
     table["rounded_violated_limits"] = broken
     if problem.model_statement:
-        table["model"] = problem.model_labels(problem.designs_of(own))
+        table["model"] = problem.model_labels(problem.designs_of(selected))
     same = spread.groupby("choice")["same"].mean() if len(spread) else pd.Series(dtype=float)
-    table["unchanged_percent"] = [100.0 * same.get(name, np.nan) for name in found]
+    table["unchanged_percent"] = [100.0 * same.get(name, np.nan) for name in choices]
     return table
 
 

@@ -21,7 +21,8 @@ BATCH = 64
 class Judge:
     """Ranks designs: limits first, then the objectives but the cost, then the cost.
 
-    An output that nothing but a bound of `kept` asks for may be left out by the problem otherwise.
+    The outputs with a bound of `kept` are requested as well: the problem may leave them out
+    otherwise.
     """
 
     def __init__(
@@ -32,44 +33,49 @@ class Judge:
         kept: Mapping[str, Bound],
     ) -> None:
         self.problem = problem
-        known = {COST, *problem.names, *problem.objectives, *(one.name for one in problem.limits)}
+        known = {
+            COST,
+            *problem.names,
+            *problem.objectives,
+            *(limit.name for limit in problem.limits),
+        }
         more = {name: bound for name, bound in kept.items() if name not in known}
-        self.asked = problem.relaxed(more) if more else problem
+        self.extended = problem.relaxed(more) if more else problem
         self.searching = searching
         self.limits = limits_of(kept, problem.outputs, problem.variables)
-        self.own = self._outputs(design[None])
-        self.lacks: Array | float = 0.0
+        self.reference = self._outputs(design[None])
+        self.correction: Array | float = 0.0
 
     def _outputs(self, designs: Array) -> dict[str, Array]:
         if self.searching:
-            return self.asked.outputs_of(designs, searching=True)
-        return self.asked.needed(designs)
+            return self.extended.outputs_of(designs, searching=True)
+        return self.extended.needed(designs)
 
     def use(self, designs: Array) -> tuple[Array, Array]:
-        """What limits and other objectives are used up by (n, columns), and the cost (n,).
+        """How far designs use up limits and other objectives (n, columns), and their cost (n,).
 
         Above 0 a limit is broken, or an objective worse than that of the design; the first columns
         are those of limits, the last ones those of objectives.
         """
         parts = [designs[at : at + BATCH] for at in range(0, max(len(designs), 1), BATCH)]
         use, cost = zip(*map(self._use, parts), strict=True)
-        return np.concatenate(use) + self.lacks, np.concatenate(cost)
+        return np.concatenate(use) + self.correction, np.concatenate(cost)
 
     def learn(self, other: Judge, design: Array) -> None:
-        """Add from now on what another one finds used up more at a full design (all,)."""
+        """Correct `use` from now on by the excess of another judge's at a full design (all,)."""
         missing = other.use(design[None])[0][0] - self.use(design[None])[0][0]
-        self.lacks = self.lacks + np.where(np.isfinite(missing), missing, 0.0)
+        self.correction = self.correction + np.where(np.isfinite(missing), missing, 0.0)
 
     def _use(self, designs: Array) -> tuple[Array, Array]:
-        found = self._outputs(designs)
-        columns = [self.problem.violations(designs, found)]
+        outputs = self._outputs(designs)
+        columns = [self.problem.violations(designs, outputs)]
         for limit in self.limits:
-            value = self.problem.values(designs, found, limit.name)
+            value = self.problem.values(designs, outputs, limit.name)
             columns += [column[:, None] for column in limit.violations(value)]
         for name in self._others:
-            own = self.own[name][0]
-            columns.append(((found[name] - own) / (abs(own) or 1.0))[:, None])
-        cost = found.get(COST, np.zeros(len(designs)))
+            reference = self.reference[name][0]
+            columns.append(((outputs[name] - reference) / (abs(reference) or 1.0))[:, None])
+        cost = outputs.get(COST, np.zeros(len(designs)))
         return np.concatenate(columns, axis=1), cost
 
     def keys(self, designs: Array) -> Array:
@@ -77,7 +83,7 @@ class Judge:
         return self.ranked(*self.use(designs))
 
     def ranked(self, use: Array, cost: Array) -> Array:
-        """The keys (n, 3) of what `use` gives, or predicts."""
+        """The keys (n, 3) of values that `use` returns, or of predicted ones."""
         limits = use.shape[1] - len(self._others)
         violation = np.maximum(use[:, :limits], 0.0).sum(axis=1)
         worse = np.max(use[:, limits:], axis=1, initial=0.0)

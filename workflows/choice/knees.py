@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 ARM = 0.1
-"""Length of the arms of a bend, as a share of the length of the front."""
+"""Length of the arms of a bend, as a fraction of the length of the front."""
 COMPARED = 500
 """Points that every point's trade-off is compared with at most, evenly spaced."""
 
@@ -62,17 +62,17 @@ def _cross(first: Array, second: Array) -> Array:
 
 
 def best_trade_off(values: Array) -> int | None:
-    """The point that any other point leaves at the worst rate: loss over gain, largest at least.
+    """The point whose least rate of loss over gain, of a move to any other point, is largest.
 
     Reference: Rachmawati & Srinivasan (2009), Multiobjective evolutionary algorithm with
     controllable focus on the knees of the Pareto front, IEEE TEVC 13(4), 810-824.
     """
     if len(values) < 3:
         return None
-    own = scaled(values)
-    some = own[np.unique(np.linspace(0, len(own) - 1, COMPARED).astype(int))]
-    loss, gain = np.zeros((len(own), len(some))), np.zeros((len(own), len(some)))
-    for a, b in zip(own.T, some.T, strict=True):  # one objective at a time: memory
+    points = scaled(values)
+    sampled = points[np.unique(np.linspace(0, len(points) - 1, COMPARED).astype(int))]
+    loss, gain = np.zeros((len(points), len(sampled))), np.zeros((len(points), len(sampled)))
+    for a, b in zip(points.T, sampled.T, strict=True):  # one objective at a time: memory
         moved = b[None, :] - a[:, None]
         loss += np.maximum(moved, 0.0)
         gain += np.maximum(-moved, 0.0)

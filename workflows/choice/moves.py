@@ -18,18 +18,18 @@ PAIRS = 24
 LENGTHS = 24
 """Lengths of a series of changes that are evaluated per round."""
 TINY = 1e-12
-"""Room that counts as none."""
+"""Room below which there is none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prices:
     """What every single change (k,) of a design adds: `use` (k, columns) and `cost` (k,).
 
-    `own` (columns,) is what the design itself uses, at `own_cost`; see `Judge.use`.
+    `base_use` (columns,) and `base_cost` are those of the design itself; see `Judge.use`.
     """
 
-    own: Array
-    own_cost: float
+    base_use: Array
+    base_cost: float
     use: Array
     cost: Array
 
@@ -38,36 +38,37 @@ def by_moves(near: Neighbours, judge: Judge, most: int) -> Mask:
     """The best choices (at most `most`, k) of neighbours that a search by prices finds.
 
     Each round evaluates every single change, the pairs that look best where the effects of two
-    changes are added, and two series: single changes, the most saved per use of what is left first,
-    and pairs that save without a variable in common. A round grows with the variables.
+    changes are added, and two series: single changes in the order of their saving per use of the
+    remaining room, and pairs that save without a variable in common. A round grows with the
+    variables.
     """
     count = len(near.at)
-    seen = np.stack([np.zeros(count, dtype=bool), near.nearest])
-    known = judge.keys(near.designs(seen))
-    seen, known = _few(seen, known, most)
+    masks = np.stack([np.zeros(count, dtype=bool), near.nearest])
+    known = judge.keys(near.designs(masks))
+    masks, known = _few(masks, known, most)
     for _ in range(ROUNDS):
-        at, key = seen[0], known[0]
+        at, key = masks[0], known[0]
         singles = at ^ np.eye(count, dtype=bool)
         use, cost = judge.use(near.designs(np.vstack([at[None], singles])))
         prices = Prices(use[0], float(cost[0]), use[1:] - use[0], cost[1:] - cost[0])
         series = np.vstack([_singles(at, prices), *_pairs(at, prices, judge)])
-        found = np.vstack([judge.ranked(use[1:], cost[1:]), judge.keys(near.designs(series))])
+        keys = np.vstack([judge.ranked(use[1:], cost[1:]), judge.keys(near.designs(series))])
         more = np.vstack([singles, series])
-        seen, known = _few(np.vstack([seen, more]), np.vstack([known, found]), most)
+        masks, known = _few(np.vstack([masks, more]), np.vstack([known, keys]), most)
         if tuple(known[0].tolist()) >= tuple(key.tolist()):
             break
-    return seen
+    return masks
 
 
 def _few(masks: Mask, keys: Array, most: int) -> tuple[Mask, Array]:
-    """The best of them, the best first."""
+    """The best `most` of them, in order."""
     kept = best(keys)[:most]
     return masks[kept], keys[kept]
 
 
 def _singles(at: Mask, prices: Prices) -> Mask:
-    """Changes that save, the most saved per use of what is left first."""
-    room = np.maximum(-prices.own, TINY)
+    """Changes that save, in the order of their saving per use of the remaining room."""
+    room = np.maximum(-prices.base_use, TINY)
     used = np.max(np.maximum(prices.use, 0.0) / room, axis=1, initial=0.0)
     rows = np.flatnonzero(prices.cost < 0.0)
     order = rows[np.argsort(prices.cost[rows] / (used[rows] + TINY), kind="stable")]
@@ -77,39 +78,39 @@ def _singles(at: Mask, prices: Prices) -> Mask:
 def _pairs(at: Mask, prices: Prices, judge: Judge) -> tuple[Mask, Mask]:
     """The best pairs by added effects, and a series of pairs without a variable in common."""
     first, second = np.triu_indices(len(at), 1)
-    use = prices.own + prices.use[first] + prices.use[second]
-    keys = judge.ranked(use, prices.own_cost + prices.cost[first] + prices.cost[second])
+    use = prices.base_use + prices.use[first] + prices.use[second]
+    keys = judge.ranked(use, prices.base_cost + prices.cost[first] + prices.cost[second])
     order = best(keys)[: 4 * len(at)]
     pairs = np.stack([first[order], second[order]], axis=1)
     alone = np.repeat(at[None], min(PAIRS, len(pairs)), axis=0)
     for row, pair in enumerate(pairs[:PAIRS].tolist()):
         alone[row, pair] ^= True
-    own = judge.ranked(prices.own[None], np.array([prices.own_cost]))[0]
-    pays = [tuple(key) < tuple(own.tolist()) for key in keys[order].tolist()]
+    base = judge.ranked(prices.base_use[None], np.array([prices.base_cost]))[0]
+    pays = [tuple(key) < tuple(base.tolist()) for key in keys[order].tolist()]
     return alone, _first(at, _apart(pairs[np.array(pays, dtype=bool)]), prices)
 
 
 def _apart(pairs: NDArray[np.int64]) -> NDArray[np.int64]:
     """Pairs, from the first, that have no variable in common."""
-    taken, found = set[int](), []
-    for one, other in pairs.tolist():
-        if one not in taken and other not in taken:
-            taken |= {one, other}
-            found.append((one, other))
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+    taken, disjoint = set[int](), []
+    for first, second in pairs.tolist():
+        if first not in taken and second not in taken:
+            taken |= {first, second}
+            disjoint.append((first, second))
+    return np.array(disjoint, dtype=np.int64).reshape(-1, 2)
 
 
 def _first(at: Mask, groups: NDArray[np.int64], prices: Prices) -> Mask:
-    """The design after the first n of the groups (g, size) of changes: several n around the most
-    that keep what is left where effects are added.
+    """The design after the first n of the groups (g, size) of changes: several n around the largest
+    that keeps to the remaining room where effects are added.
     """
     if not len(groups):
         return np.empty((0, len(at)), dtype=bool)
-    total = prices.own + np.cumsum(prices.use[groups].sum(axis=1), axis=0)
-    fits = np.all(total <= np.maximum(prices.own, 0.0), axis=1)
+    total = prices.base_use + np.cumsum(prices.use[groups].sum(axis=1), axis=0)
+    fits = np.all(total <= np.maximum(prices.base_use, 0.0), axis=1)
     most = len(groups) if np.all(fits) else int(np.argmin(fits))
     ends = np.unique(np.clip(most + np.arange(-LENGTHS // 2, LENGTHS // 2), 1, len(groups)))
-    found = np.repeat(at[None], len(ends), axis=0)
+    masks = np.repeat(at[None], len(ends), axis=0)
     for row, end in enumerate(ends.tolist()):
-        found[row, groups[:end].ravel()] ^= True
-    return found
+        masks[row, groups[:end].ravel()] ^= True
+    return masks

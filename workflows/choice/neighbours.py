@@ -1,4 +1,4 @@
-"""The values that can be ordered beside those of a design."""
+"""The values that can be ordered next to those of a design."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SLACK = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Neighbours:
-    """The orderable values beside those of a design (all variables,): `below` and `above`.
+    """The orderable values next to those of a design (all variables,): `below` and `above`.
 
     Both have shape (k,), for the variables of the columns `at` (k,); they are equal where there is
     one neighbour only.
@@ -30,15 +30,15 @@ class Neighbours:
 
     def designs(self, up: Mask) -> Array:
         """Full designs (c, all variables) of choices (c, k): the upper neighbour where true."""
-        found = np.repeat(self.design[None], len(up), axis=0)
-        found[:, self.at] = np.where(up, self.above, self.below)
-        return found
+        full = np.repeat(self.design[None], len(up), axis=0)
+        full[:, self.at] = np.where(up, self.above, self.below)
+        return full
 
     @property
     def nearest(self) -> Mask:
         """The nearer neighbour of each variable (k,)."""
-        own = self.design[self.at]
-        return np.asarray(self.above - own < own - self.below)
+        values = self.design[self.at]
+        return np.asarray(self.above - values < values - self.below)
 
 
 def neighbours(problem: ToleranceProblem, design: Array, values: dict[str, Array]) -> Neighbours:
@@ -47,15 +47,15 @@ def neighbours(problem: ToleranceProblem, design: Array, values: dict[str, Array
     A variable without an orderable value in its room keeps its own.
     """
     at, below, above = [], [], []
-    for name, every in values.items():
+    for name, orderable in values.items():
         low, high = problem.room(name, design)
         column = problem.names.index(name)
-        own = design[column]
+        value = design[column]
         edge = SLACK * max(abs(low), abs(high))
-        kept = np.clip(every[(every >= low - edge) & (every <= high + edge)], low, high)
+        kept = np.clip(orderable[(orderable >= low - edge) & (orderable <= high + edge)], low, high)
         if not len(kept):
             continue
-        lower, upper = kept[kept <= own], kept[kept >= own]
+        lower, upper = kept[kept <= value], kept[kept >= value]
         at.append(column)
         below.append(lower.max() if len(lower) else upper.min())
         above.append(upper.min() if len(upper) else lower.max())

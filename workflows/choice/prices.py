@@ -15,11 +15,11 @@ Array = NDArray[np.float64]
 PROVEN = 0.01
 """Gap [percent] up to which a point counts as optimal, so that multipliers hold there."""
 FITS = 1.0
-"""What the conditions may leave [percent] there."""
+"""Residual of the conditions [percent] up to which they hold there."""
 EDGE = 1e-6
-"""Share of its range by which a tolerance is inside of its bounds."""
+"""Fraction of its range by which a tolerance is inside of its bounds."""
 BINDING = 1e-3
-"""Share of a limit within which a point uses it up."""
+"""Fraction of a limit within which it binds."""
 NEIGHBOURS = 2
 """Points on either side by which the slope of a front is taken."""
 
@@ -34,22 +34,22 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
     the price 0. Columns: `point`, `output`, `price` (cost per unit of the output), `source`:
     `multiplier` where the point is proven optimal (gap at most `PROVEN` %) and the conditions hold,
     `front` where it is the slope of the front of two objectives, else `estimate`, with
-    `spread_percent`, what the conditions leave.
+    `spread_percent`, the residual of the conditions.
     """
     names, rows = list(slopes.along), slopes.rows
     if front.empty or not names or not slopes.saved.size or COST not in front:
         return pd.DataFrame()
     binding = _binding(problem, front.iloc[rows], names)
-    found, left = _fitted(problem, slopes, binding, _sides(problem, front.iloc[rows], names))
-    sure = _proven(front)[rows] & (left <= FITS)
+    fitted, residual = _fitted(problem, slopes, binding, _sides(problem, front.iloc[rows], names))
+    sure = _proven(front)[rows] & (residual <= FITS)
     sources = np.where(sure, "multiplier", "estimate").astype(object)
     frames = []
     for at, name in enumerate(names):
-        price, source = found[:, at], sources.copy()
-        own = front_slopes(front, name) if name in problem.objectives else None
-        if own is not None:
-            known = np.isfinite(own[rows]) & (source == "estimate")
-            price, source = np.where(known, own[rows], price), np.where(known, "front", source)
+        price, source = fitted[:, at], sources.copy()
+        slope = front_slopes(front, name) if name in problem.objectives else None
+        if slope is not None:
+            known = np.isfinite(slope[rows]) & (source == "estimate")
+            price, source = np.where(known, slope[rows], price), np.where(known, "front", source)
         frames.append(
             pd.DataFrame(
                 {
@@ -57,7 +57,7 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
                     "output": name,
                     "price": price,
                     "source": source,
-                    "spread_percent": left,
+                    "spread_percent": residual,
                 }
             )
         )
@@ -67,65 +67,65 @@ def prices(problem: ToleranceProblem, front: pd.DataFrame, slopes: Slopes) -> pd
 def _fitted(
     problem: ToleranceProblem, slopes: Slopes, binding: NDArray[np.bool_], sides: Array
 ) -> tuple[Array, Array]:
-    """Prices (n, requirements) by the conditions of an optimum, and what these leave [%] (n,)."""
+    """Prices (n, requirements) by the conditions of an optimum, and their residual [%] (n,)."""
     free = {v.name: at for at, v in enumerate(problem.free)}
-    every = tolerances_of(problem)
+    tolerances = tolerances_of(problem)
     designs, save = slopes.designs, slopes.saved
-    each = np.stack(list(slopes.along.values()), axis=2)
+    along = np.stack(list(slopes.along.values()), axis=2)
     inside = np.zeros_like(save, dtype=bool)
-    for at, v in enumerate(every):
+    for at, v in enumerate(tolerances):
         if v.name in free and not v.integer:
             ends = np.array([problem.room(v.name, design) for design in designs])
             edge = EDGE * (ends[:, 1] - ends[:, 0])
-            own = problem.column(designs, v.name)
-            inside[:, at] = (own > ends[:, 0] + edge) & (own < ends[:, 1] - edge)
+            widths = problem.column(designs, v.name)
+            inside[:, at] = (widths > ends[:, 0] + edge) & (widths < ends[:, 1] - edge)
     inside &= np.isfinite(save)
-    found = np.where(binding, np.nan, 0.0)
-    left = np.full(len(designs), np.nan)
+    prices = np.where(binding, np.nan, 0.0)
+    residuals = np.full(len(designs), np.nan)
     for row in range(len(designs)):
         kept, used = inside[row], np.flatnonzero(binding[row])
         right = save[row, kept]
         if not len(used) or not np.any(kept) or not np.any(right):
             continue
-        matrix = each[row][kept][:, used] * sides[row, used]
+        matrix = along[row][kept][:, used] * sides[row, used]
         size = np.linalg.norm(matrix, axis=0)
         scaled = matrix / np.where(size > 0.0, size, 1.0)
-        solution, rest = _above_zero(scaled, right)
-        found[row, used] = np.divide(solution, size, out=np.zeros_like(size), where=size > 0.0)
-        left[row] = 100.0 * rest / np.linalg.norm(right)
-    return found, left
+        solution, residual = _above_zero(scaled, right)
+        prices[row, used] = np.divide(solution, size, out=np.zeros_like(size), where=size > 0.0)
+        residuals[row] = 100.0 * residual / np.linalg.norm(right)
+    return prices, residuals
 
 
 def _above_zero(matrix: Array, right: Array) -> tuple[Array, float]:
-    """The x >= 0 that leaves least of matrix x = right, and what it leaves; columns of length 1."""
+    """The x >= 0 with the least residual of matrix x = right, and that residual; unit columns."""
     if matrix.shape[1] > 1:
-        solution, rest = scipy.optimize.nnls(matrix, right)
-        return np.asarray(solution), float(rest)
+        solution, residual = scipy.optimize.nnls(matrix, right)
+        return np.asarray(solution), float(residual)
     x = np.maximum(matrix.T @ right, 0.0)
     return x, float(np.linalg.norm(matrix @ x - right))
 
 
 def _binding(problem: ToleranceProblem, front: pd.DataFrame, names: list[str]) -> NDArray[np.bool_]:
     """Which requirements (n, requirements) are used up: objectives always are."""
-    found = np.ones((len(front), len(names)), dtype=bool)
+    binding = np.ones((len(front), len(names)), dtype=bool)
     limits = {limit.name: limit for limit in problem.limits}
     for at, name in enumerate(names):
         if name not in problem.objectives:
             scale = max(abs(b) for b in (limits[name].low, limits[name].high) if np.isfinite(b))
             margin = front[f"margin_{name}"].to_numpy(dtype=float)
-            found[:, at] = margin <= BINDING * (scale or limits[name].scale)
-    return found
+            binding[:, at] = margin <= BINDING * (scale or limits[name].scale)
+    return binding
 
 
 def _sides(problem: ToleranceProblem, front: pd.DataFrame, names: list[str]) -> Array:
     """-1 (n, requirements) where the nearer limit is a lower one, else 1."""
-    found = np.ones((len(front), len(names)))
+    sides = np.ones((len(front), len(names)))
     limits = {limit.name: limit for limit in problem.limits}
     for at, name in enumerate(names):
         if name in limits and name not in problem.objectives:
-            value, one = front[name].to_numpy(dtype=float), limits[name]
-            found[value - one.low < one.high - value, at] = -1.0
-    return found
+            value, bound = front[name].to_numpy(dtype=float), limits[name]
+            sides[value - bound.low < bound.high - value, at] = -1.0
+    return sides
 
 
 def _proven(front: pd.DataFrame) -> NDArray[np.bool_]:
@@ -147,8 +147,8 @@ def front_slopes(front: pd.DataFrame, name: str) -> Array | None:
     low = order[np.maximum(places - NEIGHBOURS, 0)]
     high = order[np.minimum(places + NEIGHBOURS, len(order) - 1)]
     run = values[high] - values[low]
-    found = np.full(len(order), np.nan)
-    found[order] = np.divide(
+    slopes = np.full(len(order), np.nan)
+    slopes[order] = np.divide(
         cost[low] - cost[high], run, out=np.full_like(run, np.nan), where=run > 0.0
     )
-    return found
+    return slopes

@@ -29,7 +29,7 @@ USUAL: Mapping[str, tuple[float, float]] = {
 }
 """Ra [um] that a process usually reaches, by how its name begins (ASME B46.1, appendix B)."""
 SHARE = 1.0 / 20.0
-"""Ra as a share of the width of the zone at most: peaks, some five times Ra, take a quarter."""
+"""Ra as a fraction of the width of the zone at most: peaks, some five times Ra, take a quarter."""
 WHY = "Ra is at most this share of the width of a zone: peaks, some five times Ra, take a quarter"
 
 
@@ -41,26 +41,26 @@ def share_of(settings: ChoiceSettings) -> float:
 def roughness_assumptions(
     problem: ToleranceProblem, settings: ChoiceSettings
 ) -> tuple[Assumption, ...]:
-    """What a roughness takes for granted, where a process of the problem implies one."""
+    """The assumption behind a roughness, where a process of the problem implies one."""
     names = [label for v in problem.variables if v.name.endswith("_process") for label in v.labels]
     if not any(_usual(name) for name in names):
         return ()
     set_by = "default" if settings.roughness_share is None else "configuration"
-    why = WHY if settings.roughness_share is None else WHY.split(":")[0]
-    return (Assumption("choice.roughness_share", share_of(settings), "", why, set_by),)
+    reason = WHY if settings.roughness_share is None else WHY.split(":")[0]
+    return (Assumption("choice.roughness_share", share_of(settings), "", reason, set_by),)
 
 
-def roughness(process: str, width: float, unit: str, share: float = SHARE) -> float | None:
-    """The largest preferred Ra [um] that a zone of a `width` takes, at most a `share` of it and
-    within what the process of its cost curve usually reaches; None where the process is not known
-    by name, or it is no length.
+def roughness(process: str, width: float, unit: str, largest_share: float = SHARE) -> float | None:
+    """The largest preferred Ra [um] that a zone of a `width` takes, at most a `largest_share` of it
+    and within what the process of its cost curve usually reaches; None where the process is not
+    known by name, or it is no length.
     """
     usual = _usual(process)
     if usual is None or not unit or not fits(unit, "um"):
         return None
     finest, coarsest = usual
-    most = min(coarsest, share * float(converted(width, unit, "um")))
-    return max((one for one in PREFERRED if finest <= one <= most * (1.0 + 1e-9)), default=finest)
+    most = min(coarsest, largest_share * float(converted(width, unit, "um")))
+    return max((ra for ra in PREFERRED if finest <= ra <= most * (1.0 + 1e-9)), default=finest)
 
 
 def _usual(process: str) -> tuple[float, float] | None:

@@ -22,7 +22,7 @@ ALL = 8
 HARD = 12
 """Variables up to which every combination is tried where no other keeps the limits."""
 VERIFIED = 24
-"""Best candidates that are judged by the full model."""
+"""Best candidates that are tested by the full model."""
 
 
 def rounded(
@@ -37,43 +37,45 @@ def rounded(
     bounds `kept`) and is no worse in the other objectives; where there is none, the one that breaks
     the limits least, then the least worse. Up to `ALL` variables every combination is tried, and up
     to `HARD` where limits would break; else changes are priced one by one (`by_moves`). The full
-    model decides between the best `VERIFIED`; where all of them break a limit, the quick look is
-    taken again, moved by what the full model finds otherwise at the design: on a sample of units it
-    may be the more lenient one.
+    model decides between the best `VERIFIED`; where all of them break a limit, the quick search is
+    repeated, corrected by the difference of the full model at the design: on a sample of units the
+    quick one may be the more lenient.
     """
     near = neighbours(problem, design, values)
     if not len(near.at):
         return design
     quick, full = Judge(problem, design, True, kept), Judge(problem.reported(), design, False, kept)
-    found, keys = _best(near, quick, full)
+    rounded_design, keys = _best(near, quick, full)
     if keys[0] > 0.0:
         quick.learn(full, design)
-        other, again = _best(near, quick, full)
-        found = other if tuple(again.tolist()) < tuple(keys.tolist()) else found
-    return found
+        retried, retried_keys = _best(near, quick, full)
+        rounded_design = (
+            retried if tuple(retried_keys.tolist()) < tuple(keys.tolist()) else rounded_design
+        )
+    return rounded_design
 
 
 def _best(near: Neighbours, quick: Judge, full: Judge) -> tuple[Array, Array]:
     """The best design that is found, and its key."""
-    some = _every(near) if len(near.at) <= ALL else by_moves(near, quick, VERIFIED)
-    found, keys = _verified(near, some, quick, full)
+    masks = _every(near) if len(near.at) <= ALL else by_moves(near, quick, VERIFIED)
+    best_design, keys = _verified(near, masks, quick, full)
     if keys[0] > 0.0 and ALL < len(near.at) <= HARD:
-        found, keys = _verified(near, _every(near), quick, full)
-    return found, keys
+        best_design, keys = _verified(near, _every(near), quick, full)
+    return best_design, keys
 
 
 def _every(near: Neighbours) -> Mask:
     """Every combination (2^k', k) of the variables that have two neighbours."""
     open_ = np.flatnonzero(near.below < near.above)
-    found = np.zeros((2 ** len(open_), len(near.at)), dtype=bool)
-    found[:, open_] = list(product((False, True), repeat=len(open_)))
-    return found
+    masks = np.zeros((2 ** len(open_), len(near.at)), dtype=bool)
+    masks[:, open_] = list(product((False, True), repeat=len(open_)))
+    return masks
 
 
 def _verified(near: Neighbours, masks: Mask, quick: Judge, full: Judge) -> tuple[Array, Array]:
     """The best design by the full model among the best of a quick look, and its key."""
     designs = np.unique(near.designs(masks), axis=0)
-    some = designs[best(quick.keys(designs))[:VERIFIED]]
-    keys = full.keys(some)
+    shortlist = designs[best(quick.keys(designs))[:VERIFIED]]
+    keys = full.keys(shortlist)
     at = best(keys)[0]
-    return some[at], keys[at]
+    return shortlist[at], keys[at]

@@ -44,7 +44,7 @@ def chosen(points: Points, notes: list[str] | None = None) -> dict[str, int]:
         return {}
     if values.shape[1] == 1:
         return {ONLY: int(np.argmin(values[:, 0]))}
-    found: dict[str, int] = {}
+    rows: dict[str, int] = {}
     for name in _names():
         try:
             at = RULES[name]().row(points)
@@ -58,8 +58,8 @@ def chosen(points: Points, notes: list[str] | None = None) -> dict[str, int]:
                 )
             continue
         if at is not None:
-            found[name] = at
-    return found
+            rows[name] = at
+    return rows
 
 
 def _names() -> Iterator[str]:

@@ -21,7 +21,7 @@ def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
     One row per rule, curve and factor: `point` is the row of the front chosen then, `same` whether
     it is the choice of the run, the objectives are those of that point, and `cost` and `cost_kept`
     what it and the choice of the run cost with the changed curve. Points are those of the front:
-    nothing is searched anew. Empty where the cost is no objective.
+    nothing is searched again. Empty where the cost is no objective.
     """
     if COST not in points.names or points.cost is None:
         return pd.DataFrame()
@@ -29,7 +29,7 @@ def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
     for curve, part in costs.items():
         for factor in FACTORS:
             cost = points.cost + (factor - 1.0) * part
-            found = chosen(_with_cost(points, cost))
+            choices = chosen(_with_cost(points, cost))
             rows += [
                 {
                     "choice": rule,
@@ -41,7 +41,7 @@ def sensitivity(points: Points, costs: Mapping[str, Array]) -> pd.DataFrame:
                     "cost_kept": cost[usual[rule]] if rule in usual else np.nan,
                 }
                 | _others(points, at)
-                for rule, at in found.items()
+                for rule, at in choices.items()
             ]
     table = pd.DataFrame(rows)
     return table.sort_values("choice", kind="stable", ignore_index=True) if rows else table

@@ -20,9 +20,10 @@ Step = str | float | tuple[float, ...]
 class ChoiceSettings:
     """How a point is chosen; `weights` of objectives (equal where empty) need not add up to one.
 
-    `limits` are what the cheapest point must keep beside those of the run, `budget` is the most
-    that the best point may cost, and `steps` says by variable what can be ordered.
-    `roughness_share` is the most that Ra may be of the width of a zone, None where it is not said.
+    `limits` are what the cheapest point must keep in addition to those of the run, `budget` is the
+    most that the best point may cost, and `steps` says by variable what can be ordered.
+    `roughness_share` is the most that Ra may be of the width of a zone, None where it is not
+    stated.
     """
 
     weights: Mapping[str, float] = field(default_factory=dict)

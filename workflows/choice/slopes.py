@@ -23,7 +23,7 @@ PER_GRADE = 0.5 * np.log(2.0)
 
 def tolerances_of(problem: ToleranceProblem) -> list[Variable]:
     """Every tolerance, the fixed ones included."""
-    return [one for one in problem.variables if one.tolerance]
+    return [variable for variable in problem.variables if variable.tolerance]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,45 +49,49 @@ def slopes_of(problem: ToleranceProblem, designs: Array) -> Slopes:
     that explains it is taken, or a difference.
     """
     rows = np.unique(np.linspace(0, len(designs) - 1, MOST).astype(np.int64))
-    some, every = designs[rows], tolerances_of(problem)
-    known = problem.gradient(some)
+    selected, tolerances = designs[rows], tolerances_of(problem)
+    known = problem.gradient(selected)
     names = [name for name in problem.objectives if name != COST]
-    limited = [one.name for one in problem.limits if one.count and one.name != COST]
+    limited = [limit.name for limit in problem.limits if limit.count and limit.name != COST]
     names += [name for name in limited if name in known and name not in names]
-    at = [problem.names.index(v.name) for v in every]
-    wide = np.stack([widths(problem, some, v) for v in every], axis=1) if every else some[:, :0]
+    at = [problem.names.index(v.name) for v in tolerances]
+    wide = (
+        np.stack([widths(problem, selected, v) for v in tolerances], axis=1)
+        if tolerances
+        else selected[:, :0]
+    )
     along, source = {}, {}
     for name in names:
         source[name] = name if name in known else problem.explained.get(name, name)
         slopes = known.get(source[name])
         if slopes is None:
-            slopes = _differences(problem, some, source[name], every)
+            slopes = _differences(problem, selected, source[name], tolerances)
         along[name] = wide * slopes[:, at]
-    cost = known[COST] if COST in known else problem.cost_slopes(some)
+    cost = known[COST] if COST in known else problem.cost_slopes(selected)
     with np.errstate(invalid="ignore"):
         saved = -wide * cost[:, at]
-    return Slopes(rows, some, along, source, saved)
+    return Slopes(rows, selected, along, source, saved)
 
 
 def widths(problem: ToleranceProblem, designs: Array, variable: Variable) -> Array:
-    """t of t dy/dt (n,); of a grade, what it is multiplied with is dy/dgrade."""
+    """t of t dy/dt (n,); for a grade, the factor of dy/dgrade."""
     if variable.kind is Kind.GRADE:
         return np.full(len(designs), 1.0 / PER_GRADE)
     return problem.column(designs, variable.name)
 
 
 def _differences(
-    problem: ToleranceProblem, designs: Array, output: str, every: list[Variable]
+    problem: ToleranceProblem, designs: Array, output: str, tolerances: list[Variable]
 ) -> Array:
     """Derivatives (n, all variables) by one-sided differences, as a search sees the output."""
     base = problem.outputs_of(designs, searching=True)[output]
-    found = np.zeros_like(designs)
-    for variable in every:
+    derivatives = np.zeros_like(designs)
+    for variable in tolerances:
         at, moved = problem.names.index(variable.name), designs.copy()
         step = STEP * widths(problem, designs, variable)
         if not np.any(step):
             continue
         moved[:, at] += step
         change = problem.outputs_of(moved, searching=True)[output] - base
-        found[:, at] = np.divide(change, step, out=np.zeros_like(step), where=step != 0.0)
-    return found
+        derivatives[:, at] = np.divide(change, step, out=np.zeros_like(step), where=step != 0.0)
+    return derivatives

@@ -37,11 +37,11 @@ R20 = (
 )
 """Preferred numbers, basic series R20 (ISO 3:1973)."""
 SHARE = 0.01
-"""Step of a nominal value by default, at most this share of its range."""
+"""Step of a nominal value by default, at most this fraction of its range."""
 
 
 def usual_step(problem: ToleranceProblem, variable: Variable) -> Step | None:
-    """How a variable is rounded where the configuration does not say; None: it is left alone."""
+    """How a variable is rounded where the configuration does not state it; None: not at all."""
     if variable.integer:
         return None
     if not variable.tolerance:
@@ -104,7 +104,7 @@ def said(problem: ToleranceProblem, variable: Variable, step: Step | None) -> st
     if step == PREFERRED:
         return f"preferred number R20 (ISO 3) in {variable.unit or 'its unit'}"
     if isinstance(step, tuple):
-        return "list: " + ", ".join(f"{one:g}" for one in step)
+        return "list: " + ", ".join(f"{value:g}" for value in step)
     return f"multiple of {step:g} {variable.unit}".rstrip()
 
 
@@ -117,13 +117,13 @@ def step_of(problem: ToleranceProblem, variable: Variable, settings: ChoiceSetti
 
 def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list[Fault]:
     """Grades that are asked for where no nominal size is known, and lists outside of the range."""
-    found, free = [], {v.name: v for v in problem.free}
+    faults, free = [], {v.name: v for v in problem.free}
     for name, step in settings.steps.items():
         place = f"rounding.{name}"
         if name not in free:
-            found.append(Fault(place, "is fixed in this run: there is nothing to round"))
+            faults.append(Fault(place, "is fixed in this run: there is nothing to round"))
         elif step == IT_GRADES and size_mm(problem, free[name]) is None:
-            found.append(
+            faults.append(
                 Fault(
                     place,
                     "has no nominal size of at most 500 mm to look up a grade by:"
@@ -132,6 +132,6 @@ def rounding_faults(problem: ToleranceProblem, settings: ChoiceSettings) -> list
             )
         elif isinstance(step, tuple):
             low, high = problem.interval(name)
-            if not any(low <= one <= high for one in step):
-                found.append(Fault(place, f"must hold a value between {low:g} and {high:g}"))
-    return found
+            if not any(low <= value <= high for value in step):
+                faults.append(Fault(place, f"must hold a value between {low:g} and {high:g}"))
+    return faults

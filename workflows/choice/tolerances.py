@@ -25,8 +25,8 @@ def tolerances(
     """One record per variable: what it is, its range, what can be ordered, what it costs.
 
     `rules` say how a variable is rounded, `values` what can be ordered of it with the names of
-    grades. Of alternative processes each has a range and a cost curve, in the order of the labels
-    of its variable.
+    grades. Each of several alternative processes has a range and a cost curve, in the order of the
+    labels of its variable.
     """
     free = {v.name for v in problem.free}
     return tuple(
@@ -67,7 +67,7 @@ def _record(
 
 
 def _paid(curve: CostCurve) -> dict[str, Any]:
-    """A curve as a page computes with it; of a table that rises the least cost up to each entry."""
+    """A curve as a page computes with it; a table also has the least cost up to each entry."""
     table = curve_table(curve)
     return table | {"cost_at": list(curve.least)} if isinstance(curve, Table) else table
 

@@ -19,8 +19,8 @@ def by_pseudo_weights(values: Array, weights: Array) -> int | None:
         return None
     # pymoo's own class imports a name of scipy that is deprecated
     gained = (values.max(axis=0) - values) / span
-    own = gained / gained.sum(axis=1, keepdims=True)
-    return int(np.argmin(np.abs(own - weights).sum(axis=1)))
+    pseudo_weights = gained / gained.sum(axis=1, keepdims=True)
+    return int(np.argmin(np.abs(pseudo_weights - weights).sum(axis=1)))
 
 
 def closeness(values: Array, weights: Array) -> Array:

@@ -29,15 +29,15 @@ __all__ = [
 ]
 
 
-def executor_of(asked: Execution | int, dask: str = "") -> Executor:
+def executor_of(execution: Execution | int, dask: str = "") -> Executor:
     """Where to run: on the Dask scheduler at an address, else in so many processes.
 
     Raises InputError where the extra for Dask is not installed, nobody answers, or workers have
     another version.
     """
-    if isinstance(asked, int):
-        asked = Execution(asked, dask)
-    workers, dask, place = asked.workers or 1, asked.dask, asked.dask_place
+    if isinstance(execution, int):
+        execution = Execution(execution, dask)
+    workers, dask, place = execution.workers or 1, execution.dask, execution.dask_place
     if not dask:
         return InProcess() if workers == 1 else Processes(workers)
     try:
@@ -48,12 +48,12 @@ def executor_of(asked: Execution | int, dask: str = "") -> Executor:
     return DaskCluster(dask, place)
 
 
-def unreachable(asked: Execution) -> list[Fault]:
-    """What is wrong with the Dask scheduler that is asked for; none where there is no such."""
-    if not asked.dask:
+def unreachable(execution: Execution) -> list[Fault]:
+    """What is wrong with the Dask scheduler that is asked for; empty where none is asked for."""
+    if not execution.dask:
         return []
     try:
-        executor_of(asked).close()
+        executor_of(execution).close()
     except InputError as error:
         return list(error.faults)
     return []

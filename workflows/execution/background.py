@@ -1,4 +1,4 @@
-"""Tasks beside the work of this process: an executor in a thread of its own."""
+"""Tasks during the work of this process: an executor in a thread of its own."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .executor import Executor, Lost, Result, TaskT
 
 
 def next_of(tasks: deque[TaskT]) -> TaskT | None:
-    """The first task taken out, None where nothing is left: another thread may take the last."""
+    """The first task taken out, None where none remains: another thread may take the last."""
     try:
         return tasks.popleft()
     except IndexError:
@@ -21,8 +21,8 @@ def next_of(tasks: deque[TaskT]) -> TaskT | None:
 class Background(Generic[TaskT, Result]):
     """`function` of the tasks that `source` hands out, while this process does something else.
 
-    `source` is called in the other thread, and whenever a worker is free: what is left in it then
-    may be done here as well.
+    `source` is called in the other thread, and whenever a worker is free: the tasks that remain in
+    it may be done here as well.
     """
 
     def __init__(
@@ -53,12 +53,12 @@ class Background(Generic[TaskT, Result]):
         return not self._thread.is_alive()
 
     def taken(self) -> list[tuple[TaskT, Result | Lost]]:
-        """What has ended since. Raises here what was raised in a task, or by the executor."""
-        found, self._ended = self._ended, []
-        if self._error is not None and not self._closed and not found:
+        """Tasks ended since, with results. Raises what was raised in a task or by the executor."""
+        ended, self._ended = self._ended, []
+        if self._error is not None and not self._closed and not ended:
             error, self._error = self._error, None
             raise error
-        return found
+        return ended
 
     def wait(self) -> None:
         """Wait until nothing runs."""

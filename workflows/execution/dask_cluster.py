@@ -42,7 +42,7 @@ class DaskCluster(Executor):
         self._threads, self._counted = 0, -math.inf
         self._logger = logging.getLogger("distributed.client")
         self._quiet = self._logger.disabled
-        self._logger.disabled = True  # that a scheduler is lost is said here, without a traceback
+        self._logger.disabled = True  # a lost scheduler is reported here, without a traceback
         self._client: Any = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
         if faults := _other_versions(self._client, place):
             self.close()
@@ -137,39 +137,39 @@ def _check(address: str, place: str) -> None:
 
 
 async def _answered(address: str) -> str:
-    """What Dask's process at an address says that it is, within the time that is waited."""
+    """The type of Dask's process at an address, if it answers in time."""
     return await asyncio.wait_for(_kind(address), PATIENCE)
 
 
 async def _kind(address: str) -> str:
-    """What Dask's process at an address says that it is."""
+    """The type of Dask's process at an address."""
     arguments: Any = distributed.Security().get_connection_args("client")
     if address.startswith("tls://") and arguments.get("ssl_context") is None:
         raise ValueError("TLS needs certificates in Dask's configuration, see docs/study.md")
     comm: Any = await connect(address, timeout=PATIENCE, **arguments)
     try:
-        found: Any = await send_recv(comm, op="identity", reply=True)
-        return str(found["type"])
+        identity: Any = await send_recv(comm, op="identity", reply=True)
+        return str(identity["type"])
     finally:
         comm.abort()
 
 
 def _other_versions(client: Any, place: str) -> list[Fault]:
     """A fault per version of the package, other than that of this process, that workers have."""
-    own, found = version("tolevo"), dict[str, list[str]]()
+    installed, names_by_version = version("tolevo"), dict[str, list[str]]()
     try:
         workers = client.get_versions(packages=["tolevo"])["workers"]
     except (CancelledError, OSError) as error:
         return [Fault(place, f"the scheduler was lost while it was asked ({error})")]
     for name, known in workers.items():
         there = (known or {}).get("packages", {}).get("tolevo") or "none"
-        if there != own:
-            found.setdefault(str(there), []).append(name)
+        if there != installed:
+            names_by_version.setdefault(str(there), []).append(name)
     return [
         Fault(
             place,
             f"{len(names)} workers (the first is {names[0]}) have tolevo {there}, this is "
-            f"tolevo {own}: install the same everywhere",
+            f"tolevo {installed}: install the same everywhere",
         )
-        for there, names in found.items()
+        for there, names in names_by_version.items()
     ]

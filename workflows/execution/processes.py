@@ -77,10 +77,10 @@ class _Lane:
     def _started(self) -> ProcessPoolExecutor:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_begin)
-            others = set(active_children())
+            existing = set(active_children())
             with _one_thread():  # the process starts with its first task
                 self._pool.submit(os.getpid)
-            self._processes = set(active_children()) - others
+            self._processes = set(active_children()) - existing
         return self._pool
 
     def close(self) -> None:

@@ -10,7 +10,7 @@ class Execution:
     """`[execution]` of a configuration, or the options of a command: no result depends on it.
 
     `workers` are processes of this machine, `dask` the address of a scheduler instead of them,
-    `block_rows` the rows of a block of a table; None where nothing is said.
+    `block_rows` the rows of a block of a table; None where nothing is stated.
     """
 
     workers: int | None = None

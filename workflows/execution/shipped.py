@@ -21,7 +21,7 @@ def built(content: bytes) -> Any:
 
 def check_version(sent: str) -> None:
     """Raises RunError where a worker has another version of the package than the sender."""
-    own = version("tolevo")
-    if sent != own:
-        text = f"a worker has tolevo {own}, this is {sent}: install the same everywhere"
+    installed = version("tolevo")
+    if sent != installed:
+        text = f"a worker has tolevo {installed}, this is {sent}: install the same everywhere"
         raise RunError(text)

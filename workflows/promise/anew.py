@@ -14,7 +14,7 @@ from ...problems.tolerance_problem import ToleranceProblem
 
 
 def with_statement(problem: ToleranceProblem, statement: str) -> ToleranceProblem:
-    """The problem with the same promise meant otherwise."""
+    """The problem with the same promise in the sense of another statement."""
     if isinstance(problem, Stack):
         return of_stacks.with_statement(problem, statement)
     promise = problem.given.promise
@@ -23,7 +23,7 @@ def with_statement(problem: ToleranceProblem, statement: str) -> ToleranceProble
 
 
 def cheapest_at(problem: ToleranceProblem, levels: Mapping[str, float]) -> ToleranceProblem:
-    """Least cost alone, at upper limits on outputs, beside those of the problem."""
+    """Least cost alone, with upper limits on outputs in addition to the limits of the problem."""
     if isinstance(problem, Stack):
         return of_stacks.cheapest_at(problem, levels)
     limits = dict(problem.given.limits)
@@ -33,7 +33,7 @@ def cheapest_at(problem: ToleranceProblem, levels: Mapping[str, float]) -> Toler
 
 
 def known_of(problem: ToleranceProblem) -> dict[str, Knowledge]:
-    """What samples tell of parts or variables, by name; of machines it is left out."""
+    """What is known of parts or variables from their samples, by name."""
     if isinstance(problem, Stack):
         return {
             part.name: part.sample.knowledge
@@ -41,9 +41,9 @@ def known_of(problem: ToleranceProblem) -> dict[str, Knowledge]:
             if part.sample is not None
         }
     return {
-        name: own.sample.knowledge
-        for name, own in problem.settings.variables.items()
-        if own.sample is not None
+        name: setting.sample.knowledge
+        for name, setting in problem.settings.variables.items()
+        if setting.sample is not None
     }
 
 
@@ -52,11 +52,11 @@ def with_knowledge(problem: ToleranceProblem, known: Mapping[str, Knowledge]) ->
     if isinstance(problem, Stack):
         return of_stacks.with_knowledge(problem, known)
     kinds = {v.name: v.kind for v in problem.variables}
-    anew = {
-        name: _variable(problem.given.variables[name], kinds[name], own)
-        for name, own in known.items()
+    settings = {
+        name: _variable(problem.given.variables[name], kinds[name], knowledge)
+        for name, knowledge in known.items()
     }
-    variables = dict(problem.given.variables) | anew
+    variables = dict(problem.given.variables) | settings
     return type(problem)(replace(problem.given, variables=variables))
 
 

@@ -41,11 +41,11 @@ def capability_table(problem: ToleranceProblem) -> pd.DataFrame:
             "made_to": sample.made_to or None,
             "df": sample.knowledge.df,
             "type": sample.type,
-            "departures": "; ".join(one.text for one in sample.found),
+            "departures": "; ".join(finding.text for finding in sample.found),
         }
         indices = [
-            {"index": key, "value": one.value, "low": one.low, "high": one.high}
-            for key, one in sample.indices.items()
+            {"index": key, "value": index.value, "low": index.low, "high": index.high}
+            for key, index in sample.indices.items()
         ]
-        rows += [base | one for one in indices or [{}]]
+        rows += [base | index for index in indices or [{}]]
     return pd.DataFrame(rows, columns=list(KNOWN))

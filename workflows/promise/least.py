@@ -46,16 +46,16 @@ def cheapest(problem: ToleranceProblem, near: Array | None = None) -> Least:
     """The cheapest design of a problem whose only objective is the cost: exact where it can be.
 
     Many choices without a closed form are searched (an expected yield by sampled machines). A
-    problem that is judged by its units is solved from the design `near` (all variables,), at its
+    problem that is tested on units is solved from the design `near` (all variables,), at its
     integers.
     """
     if problem.sampled and near is not None:
         return _near(problem, near)
     if _many(problem):
-        found = search(problem, Hybrid(), Budget(evaluations=EVALUATIONS), problem.settings.seed)
+        result = search(problem, Hybrid(), Budget(evaluations=EVALUATIONS), problem.settings.seed)
     else:
-        found = search(problem, Exact(), Budget(), problem.settings.seed)
-    x = found.chosen if len(found.chosen) else found.x
+        result = search(problem, Exact(), Budget(), problem.settings.seed)
+    x = result.chosen if len(result.chosen) else result.x
     if not len(x):
         return Least.none(problem)
     designs = problem.complete(x)
@@ -93,5 +93,5 @@ def solved(problem: ToleranceProblem) -> Solved | None:
     form = closed_form(problem)
     if form is None:
         return None
-    found = least_cost(form, row_limits(problem, form)[None, :])
-    return (form, found) if np.isfinite(found.cost[0]) else None
+    optimum = least_cost(form, row_limits(problem, form)[None, :])
+    return (form, optimum) if np.isfinite(optimum.cost[0]) else None

@@ -1,9 +1,9 @@
 """What to measure next: where twenty more parts lower the cost of an assured promise most.
 
 First the shadow price: with more parts the norm of the same tolerances falls, and the multiplier of
-the promise says what that is worth (envelope theorem). It leaves out that the next sample will say
-something else than the last one; for the first few the expected least cost over what it may say
-(pre-posterior analysis, Raiffa & Schlaifer 1961) is computed.
+the promise gives the gain (envelope theorem). This ignores that the next sample will differ from
+the last one; for the first few the expected least cost over its outcomes (pre-posterior analysis,
+Raiffa & Schlaifer 1961) is computed.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ def next_parts(
     ranked = sorted(gains, key=lambda name: -gains[name])
     rows = []
     for rank, name in enumerate(ranked, 1):
-        again = rank <= first and start is not None
-        expected = expected_gain(problem, name, start) if again else np.nan
+        reoptimised = rank <= first and start is not None
+        expected = expected_gain(problem, name, start) if reoptimised else np.nan
         rows.append(
             (
                 rank,
@@ -84,65 +84,67 @@ def next_parts(
 
 
 def shadow_gain(problem: ToleranceProblem, name: str, start: Solved | None = None) -> float:
-    """What more parts of one characteristic are worth at the present tolerances.
+    """The gain of more parts of one characteristic at the present tolerances.
 
     `start` is the form of the problem with its least cost, where it is known.
     """
     start = start or solved(problem)
-    anew = closed_form(with_knowledge(problem, {name: with_more(known_of(problem)[name], 1.0)}))
-    if start is None or anew is None:
+    better_known = closed_form(
+        with_knowledge(problem, {name: with_more(known_of(problem)[name], 1.0)})
+    )
+    if start is None or better_known is None:
         return 0.0
-    form, found = start
+    form, optimum = start
     before, after = (
         spread_of(
-            one,
-            found.t[:, None, :]
+            each_form,
+            optimum.t[:, None, :]
             * np.stack(
                 [
-                    np.array([way.spread for way in feature.ways])[found.chosen[0, at]]
-                    for at, feature in enumerate(one.features)
+                    np.array([way.spread for way in feature.ways])[optimum.chosen[0, at]]
+                    for at, feature in enumerate(each_form.features)
                 ],
                 axis=1,
             )[None],
         ).value[0]
-        for one in (form, anew)
+        for each_form in (form, better_known)
     )
-    return float(found.multiplier[0] @ np.maximum(before - after, 0.0))
+    return float(optimum.multiplier[0] @ np.maximum(before - after, 0.0))
 
 
 def shadow_gains(problem: ToleranceProblem, design: Array) -> dict[str, float]:
-    """The same of every characteristic by the conditions of an optimum at a full design (all,).
+    """The same for every characteristic by the conditions of an optimum at a full design (all,).
 
-    The promise is taken to cost alike by standard normal quantile. Empty where its price is not
-    known.
+    The price of the promise is taken as constant per standard normal quantile. Empty where its
+    price is not known.
     """
     frame = problem.frame(design[None, :])
     priced = prices(problem, frame, slopes_of(problem, design[None, :]))
-    own = priced[priced["output"] == PROMISED] if len(priced) else priced
-    if own.empty or not float(own["price"].iloc[0]) > 0.0:
+    promised = priced[priced["output"] == PROMISED] if len(priced) else priced
+    if promised.empty or not float(promised["price"].iloc[0]) > 0.0:
         return {}
     known = known_of(problem)
     before = _quantile(problem, design)
     rise = 100.0 * np.exp(-0.5 * before**2) / np.sqrt(2.0 * np.pi)
     gains = {}
-    for name, one in known.items():
-        anew = with_knowledge(problem, {name: with_more(one, 1.0)})
-        more = max(_quantile(anew, design) - before, 0.0)
-        gains[name] = float(own["price"].iloc[0]) * rise * more
+    for name, knowledge in known.items():
+        better_known = with_knowledge(problem, {name: with_more(knowledge, 1.0)})
+        more = max(_quantile(better_known, design) - before, 0.0)
+        gains[name] = float(promised["price"].iloc[0]) * rise * more
     return gains
 
 
 def _quantile(problem: ToleranceProblem, design: Array) -> float:
     """Standard normal quantile of the promised yield, as a search sees it."""
-    found = problem.outputs_of(design[None, :], searching=True)[PROMISED]
-    return float(ndtri(np.clip(0.01 * found[0], 1e-12, 1.0 - 1e-12)))
+    outputs = problem.outputs_of(design[None, :], searching=True)[PROMISED]
+    return float(ndtri(np.clip(0.01 * outputs[0], 1e-12, 1.0 - 1e-12)))
 
 
 def expected_gain(problem: ToleranceProblem, name: str, start: Solved | None = None) -> float:
     """The expected fall of the least cost by the next sample of one characteristic.
 
-    What it will say of the variance follows an F distribution; its mean is taken as it is. `start`
-    is as in `shadow_gain`; NaN without a closed form.
+    The ratio of its variance to that known follows an F distribution; the mean is taken as it is.
+    `start` is as in `shadow_gain`; NaN without a closed form.
     """
     from scipy import stats  # takes long to import
 
@@ -150,24 +152,30 @@ def expected_gain(problem: ToleranceProblem, name: str, start: Solved | None = N
     if start is None:
         return float("nan")
     known = known_of(problem)[name]
-    share = (np.arange(PLACES) + 0.5) / PLACES
-    ratios = stats.f.ppf(share, MORE, known.df)
+    probabilities = (np.arange(PLACES) + 0.5) / PLACES
+    ratios = stats.f.ppf(probabilities, MORE, known.df)
     costs = []
     for ratio in ratios.tolist():
-        anew = solved(with_knowledge(problem, {name: with_more(known, ratio)}))
-        if anew is None:
+        better_known = solved(with_knowledge(problem, {name: with_more(known, ratio)}))
+        if better_known is None:
             return float("nan")
-        costs.append(float(anew[1].cost[0]))
+        costs.append(float(better_known[1].cost[0]))
     return float(start[1].cost[0]) - float(np.mean(costs))
 
 
 def with_more(known: Knowledge, ratio: float) -> Knowledge:
     """Knowledge with `MORE` parts whose variance is `ratio` times that known before."""
     df = known.df + MORE
-    share = (known.df + MORE * ratio) / df
+    variance_ratio = (known.df + MORE * ratio) / df
     gauge = known.difference
     if gauge is not None:
-        gauge = replace(gauge, seen=gauge.gauge + share * gauge.own, seen_df=gauge.seen_df + MORE)
+        gauge = replace(
+            gauge, seen=gauge.gauge + variance_ratio * gauge.own, seen_df=gauge.seen_df + MORE
+        )
     return replace(
-        known, std=known.std * float(np.sqrt(share)), n=known.n + MORE, df=df, difference=gauge
+        known,
+        std=known.std * float(np.sqrt(variance_ratio)),
+        n=known.n + MORE,
+        df=df,
+        difference=gauge,
     )

@@ -1,4 +1,4 @@
-"""What a run says of its promise: in one sentence, by statement, and what it hangs on."""
+"""The promise of a run: in one sentence, by statement, and the part it depends on most."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COSTS = ("statement", "cost", "dearer_percent", YIELD, ASSURANCE)
 
 @dataclass(frozen=True, slots=True)
 class PromiseOutcome:
-    """What `summary.json` says, a sentence, and the tables of the same names."""
+    """The entries of `summary.json`, a sentence, and the tables of the same names."""
 
     summary: dict[str, Any]
     sentence: str
@@ -47,18 +47,18 @@ def promise_outcome(
         return None
     row, design = front.iloc[point], problem.designs_of(front.iloc[[point]])[0]
     levels = {name: float(row[name]) for name in problem.objectives if name != "cost"}
-    own = cheapest_at(problem, levels)
+    cheapest_problem = cheapest_at(problem, levels)
     least = {
-        statement: _least(with_statement(own, statement), design, promise, levels)
+        statement: _least(with_statement(cheapest_problem, statement), design, promise, levels)
         for statement in STATEMENTS
     }
-    costs = by_statement(own, least)
-    ranking = next_parts(with_statement(own, ASSURED), least=least[ASSURED])
+    costs = by_statement(cheapest_problem, least)
+    ranking = next_parts(with_statement(cheapest_problem, ASSURED), least=least[ASSURED])
     summary: dict[str, Any] = promise.table() | {
         "point": point,
         ASSURANCE: _least_of(dict(row), ASSURANCE),
         "assured_withheld": withheld(problem),
-        "costs": {one["statement"]: one["cost"] for one in costs.to_dict("records")},
+        "costs": {record["statement"]: record["cost"] for record in costs.to_dict("records")},
         "hangs_on": str(ranking["part"].iloc[0]) if len(ranking) else None,
     }
     if promise.statement == ASSURED and problem.sampled:
@@ -74,59 +74,62 @@ def promise_outcome(
 def _least(
     problem: ToleranceProblem, design: Array, promise: Promise, levels: Mapping[str, float]
 ) -> Least:
-    """The least cost by a statement; of one objective and the run's own statement that of the run,
-    where it is judged by units, or where nothing cheaper is found.
+    """The least cost by a statement; with one objective and the run's own statement it is that of
+    the run, where the problem is tested on units or nothing cheaper is found.
     """
-    own = problem.promise
-    assert own is not None
-    if levels or own.statement != promise.statement:
+    promise_of_problem = problem.promise
+    assert promise_of_problem is not None
+    if levels or promise_of_problem.statement != promise.statement:
         return cheapest(problem, design)
     of_run = Least(float(problem.cost_of(design[None, :])[0]), design)
     if problem.sampled:
         return of_run
-    found = cheapest(problem, design)
-    return found if found.cost <= of_run.cost else of_run
+    least = cheapest(problem, design)
+    return least if least.cost <= of_run.cost else of_run
 
 
 def _of_stack(problem: Stack, design: Array) -> dict[str, Any]:
-    """What is found of the level of the norm, and by the Bayesian bootstrap."""
-    found: dict[str, Any] = {}
+    """The level of the norm, and the assurance by the Bayesian bootstrap."""
+    entries: dict[str, Any] = {}
     if problem.promises is not None and (level := problem.promises.level) is not None:
-        found |= {
+        entries |= {
             "level_percent": 100.0 * level.confidence,
             "level_sure": level.sure,
             "without_choice_percent": 100.0 * level.without,
         }
     if shapely(problem):
-        found["bootstrap_percent"] = bootstrapped(problem, design)
-    return found
+        entries["bootstrap_percent"] = bootstrapped(problem, design)
+    return entries
 
 
 def _of_drawing(problem: ToleranceProblem, drawing: Array) -> dict[str, Any]:
     """Whether a rounded full design (all variables,) keeps the promise, and how surely."""
-    own, found = drawing[None, :], problem.outputs_of(drawing[None, :])
+    designs, outputs = drawing[None, :], problem.outputs_of(drawing[None, :])
     promised = promised_limits(problem)
     kept = all(
         np.all(column <= 0.0)
         for limit in problem.limits
         if limit.name in promised
-        for column in limit.violations(problem.values(own, found, limit.name))
+        for column in limit.violations(problem.values(designs, outputs, limit.name))
     )
-    each = {name: float(value[0]) for name, value in found.items()}
-    return {"rounded_kept": kept, f"rounded_{ASSURANCE}": _least_of(each, ASSURANCE)}
+    values = {name: float(value[0]) for name, value in outputs.items()}
+    return {"rounded_kept": kept, f"rounded_{ASSURANCE}": _least_of(values, ASSURANCE)}
 
 
 def by_statement(problem: ToleranceProblem, least: Mapping[str, Least]) -> pd.DataFrame:
     """The least cost by each statement, its plug-in yield and its assurance."""
     promise, rows = problem.promise, []
     assert promise is not None
-    for statement, one in least.items():
-        found: dict[str, float] = dict.fromkeys((YIELD, ASSURANCE), np.nan)
-        if np.isfinite(one.cost):
-            outputs = with_statement(problem, statement).outputs_of(one.design[None, :])
-            each = {name: float(value[0]) for name, value in outputs.items()}
-            found = {YIELD: _least_of(each, promise.of), ASSURANCE: _least_of(each, ASSURANCE)}
-        rows.append({"statement": statement, "cost": one.cost, **found})
+    for statement, allocation in least.items():
+        assurances: dict[str, float] = dict.fromkeys((YIELD, ASSURANCE), np.nan)
+        if np.isfinite(allocation.cost):
+            outputs = with_statement(problem, statement).outputs_of(allocation.design[None, :])
+            values = {name: float(value[0]) for name, value in outputs.items()}
+            assurances = {
+                YIELD: _least_of(values, promise.of),
+                ASSURANCE: _least_of(values, ASSURANCE),
+            }
+        rows.append({"statement": statement, "cost": allocation.cost, **assurances})
     table = pd.DataFrame(rows)
     table["dearer_percent"] = 100.0 * (table["cost"] / table["cost"].iloc[0] - 1.0)
     return table[list(COSTS)]
@@ -134,41 +137,41 @@ def by_statement(problem: ToleranceProblem, least: Mapping[str, Least]) -> pd.Da
 
 def _least_of(row: Mapping[Any, Any], name: str) -> float:
     """The least of an output over all requirements."""
-    own = [value for key, value in row.items() if str(key).split(".")[-1] == name]
-    return min(map(float, own), default=float("nan"))
+    values = [value for key, value in row.items() if str(key).split(".")[-1] == name]
+    return min(map(float, values), default=float("nan"))
 
 
 def sentence(summary: dict[str, Any], words: str, costs: pd.DataFrame) -> str:
     """The promise in one sentence, and what it costs."""
     kept = float(summary[ASSURANCE])
-    told = f"Promised: {words}"
+    text = f"Promised: {words}"
     if summary["assured_withheld"] and summary["statement"] == ASSURED:
-        told += (
+        text += (
             f" (if all parts were normal; it is not called assured, for "
             f"{'; '.join(summary['assured_withheld'])})"
         )
-    told += f"; over what the samples leave open it is kept with a probability of {kept:.1f} %"
+    text += f"; over what the samples leave open it is kept with a probability of {kept:.1f} %"
     if summary.get("kept") is False:
-        told += ", less than the confidence that was asked for: it is not assured"
+        text += ", less than the confidence that was asked for: it is not assured"
     if summary.get("rounded_kept") is False:
-        told += (
+        text += (
             f"; as rounded for the drawing it is not kept (probability "
             f"{float(summary[f'rounded_{ASSURANCE}']):.1f} %): state finer steps in "
             "[rounding]"
         )
     if "bootstrap_percent" in summary:
-        told += f", by the Bayesian bootstrap {float(summary['bootstrap_percent']):.1f} %"
+        text += f", by the Bayesian bootstrap {float(summary['bootstrap_percent']):.1f} %"
     by = costs.set_index("statement")["cost"]
     if by.empty:
-        return f"{told}."
+        return f"{text}."
     if np.isfinite(by.get(ASSURED, np.nan)) and np.isfinite(by.iloc[0]):
-        told += (
+        text += (
             f". At the least cost the estimates alone would ask for {by.iloc[0]:.4g}, an "
             f"expected yield for {by.get('predictive', np.nan):.4g}, assurance for "
             f"{by[ASSURED]:.4g}"
         )
     elif not np.isfinite(by.get(ASSURED, np.nan)) and "kept" not in summary:
-        told += ". There is no assured choice: even the tightest tolerances do not assure it"
+        text += ". There is no assured choice: even the tightest tolerances do not assure it"
     if summary["hangs_on"]:
-        told += f". It hangs most on {summary['hangs_on']}: measure more of it first"
-    return f"{told}."
+        text += f". It hangs most on {summary['hangs_on']}: measure more of it first"
+    return f"{text}."

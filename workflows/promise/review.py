@@ -1,4 +1,4 @@
-"""What the promise of a run is worth by parts that were made to its drawing."""
+"""How far the promise of a run holds for parts that were made to its drawing."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from .limits import promised_limits
 
 Array = NDArray[np.float64]
 CHANGED = 0.01
-"""Probability below which a difference of scatter or mean is no chance."""
+"""Probability below which a difference of scatter or mean is not attributed to chance."""
 SAME = 0.02
-"""Share of a tolerance below which it stays as it is."""
+"""Relative change of a tolerance below which it stays as it is."""
 AS_MADE = "as made"
-"""Advice on a standard deviation that parts tell, which no drawing sets."""
+"""Advice on a standard deviation that is estimated from parts and set by no drawing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,101 +53,107 @@ def review(
     promise = before.promise
     assert promise is not None
     full = _full(before, design)
-    told = [f"promised: {promise.words()}"]
-    told.append(f"when it was promised, at the drawing's values: {_worth(before, full)}")
-    told.append(f"by the parts now: {_worth(now, _full(now, design))}")
-    told += [
-        f"by the parts now the drawing breaks a limit: {one}"
-        for one in _broken(now, _full(now, design))
+    lines = [f"promised: {promise.words()}"]
+    lines.append(f"when it was promised, at the drawing's values: {_compliance(before, full)}")
+    lines.append(f"by the parts now: {_compliance(now, _full(now, design))}")
+    lines += [
+        f"by the parts now the drawing breaks a limit: {broken_limit}"
+        for broken_limit in _broken(now, _full(now, design))
     ]
-    anew = Least.none(before)
+    least = Least.none(before)
     if reset is not None:
-        anew = cheapest(cheapest_at(reset, {}), _full(reset, design))
-    if reset is not None and np.isfinite(anew.cost):
-        # standard deviations that parts tell cost the same in both
+        least = cheapest(cheapest_at(reset, {}), _full(reset, design))
+    if reset is not None and np.isfinite(least.cost):
+        # standard deviations estimated from parts cost the same in both
         cost = float(reset.cost_of(_full(reset, design)[None, :])[0])
-        side = "saves" if anew.cost < cost else "costs"
-        told.append(
-            f"the least cost that keeps the promise now is {anew.cost:.4g}; the drawing's "
-            f"is {cost:.4g}: a new allocation {side} {abs(cost - anew.cost):.4g} "
-            f"({100.0 * abs(1.0 - anew.cost / cost):.2g} %), {_worth(reset, anew.design)}"
+        side = "saves" if least.cost < cost else "costs"
+        lines.append(
+            f"the least cost that keeps the promise now is {least.cost:.4g}; the drawing's "
+            f"is {cost:.4g}: a new allocation {side} {abs(cost - least.cost):.4g} "
+            f"({100.0 * abs(1.0 - least.cost / cost):.2g} %), {_compliance(reset, least.design)}"
         )
     else:
-        told.append(
+        lines.append(
             "no allocation keeps the promise by what the parts say now, even at the "
             "tightest tolerances"
         )
     then, latest = characteristics(before), characteristics(now)
-    shown = [name for name, one in then.items() if name in made or not one.fixed or one.stated]
-    saved = _savings(reset or before, design, anew.design)
+    shown = [
+        name
+        for name, characteristic in then.items()
+        if name in made or not characteristic.fixed or characteristic.stated
+    ]
+    saved = _savings(reset or before, design, least.design)
     rows = [
-        _row(then[name], latest[name], design, anew.design, name in made)
+        _row(then[name], latest[name], design, least.design, name in made)
         | {"saving": saved[then[name].at]}
         for name in shown
     ]
     for name in made:
         sample = latest[name].sample
-        told += [f"{name} {one.text}" for one in (sample.found if sample is not None else ())]
+        lines += [
+            f"{name} {finding.text}" for finding in (sample.found if sample is not None else ())
+        ]
     if since is not None:
-        told += _since(since, now, earlier, design)
+        lines += _since(since, now, earlier, design)
     if attributed:
-        told.append(f"the units' own measurement: {attributed}")
-    return Review(tuple(told), pd.DataFrame(rows))
+        lines.append(f"the units' own measurement: {attributed}")
+    return Review(tuple(lines), pd.DataFrame(rows))
 
 
 def _full(problem: ToleranceProblem, design: Mapping[str, float]) -> Array:
     """A full design (all variables,) with the tolerances of the drawing."""
-    found = (
+    full = (
         problem.corner(tight=True)
         if isinstance(problem, Stack)
         else problem.complete(problem.xl[None, :])[0]
     )
     for at, name in enumerate(problem.names):
-        found[at] = problem.fixed.get(name, float(design.get(name, found[at])))
-    return found
+        full[at] = problem.fixed.get(name, float(design.get(name, full[at])))
+    return full
 
 
-def _savings(problem: ToleranceProblem, design: Mapping[str, float], anew: Array) -> Array:
-    """What each value (all,) of a new design saves of the cost of the drawing, alone."""
+def _savings(problem: ToleranceProblem, design: Mapping[str, float], new_design: Array) -> Array:
+    """The saving (all,) of each value of a new design alone, from the cost of the drawing."""
     full = _full(problem, design)
-    each = np.repeat(full[None, :], len(full), axis=0)
-    np.fill_diagonal(each, anew)
-    known = np.isfinite(anew)
-    found = np.full(len(full), np.nan)
-    found[known] = problem.cost_of(full[None, :])[0] - problem.cost_of(each[known])
-    return found
+    changed = np.repeat(full[None, :], len(full), axis=0)
+    np.fill_diagonal(changed, new_design)
+    known = np.isfinite(new_design)
+    savings = np.full(len(full), np.nan)
+    savings[known] = problem.cost_of(full[None, :])[0] - problem.cost_of(changed[known])
+    return savings
 
 
-def _worth(problem: ToleranceProblem, design: Array) -> str:
+def _compliance(problem: ToleranceProblem, design: Array) -> str:
     """Yield by the estimates and assurance of a full design, the least of all requirements."""
-    found, promise = problem.outputs_of(design[None, :]), problem.promise
+    outputs, promise = problem.outputs_of(design[None, :]), problem.promise
     assert promise is not None
-    each = {
+    least = {
         name: min(
             float(value[0])
-            for key, value in found.items()
+            for key, value in outputs.items()
             if key.split(".")[-1] == name and np.isfinite(value[0])
         )
         for name in (promise.of, ASSURANCE)
     }
     return (
-        f"{each[promise.of]:.4g} % conform by the estimates, the promise is kept with a "
-        f"probability of {each[ASSURANCE]:.1f} %"
+        f"{least[promise.of]:.4g} % conform by the estimates, the promise is kept with a "
+        f"probability of {least[ASSURANCE]:.1f} %"
     )
 
 
 def _broken(problem: ToleranceProblem, design: Array) -> list[str]:
-    """The limits beside the promise that a full design (all,) breaks, each with its value."""
-    found, of_promise = problem.outputs_of(design[None, :]), promised_limits(problem)
-    told = []
+    """The limits other than the promise that a full design (all,) breaks, each with its value."""
+    outputs, of_promise = problem.outputs_of(design[None, :]), promised_limits(problem)
+    sentences = []
     for limit in problem.limits:
-        value = float(problem.values(design[None, :], found, limit.name)[0])
+        value = float(problem.values(design[None, :], outputs, limit.name)[0])
         kept = np.isnan(value) or limit.low <= value <= limit.high
         if limit.name in of_promise or kept:
             continue
         end = f"most {limit.high:g}" if value > limit.high else f"least {limit.low:g}"
-        told.append(f"{limit.name} is {value:.4g} instead of at {end} {limit.unit}".rstrip())
-    return told
+        sentences.append(f"{limit.name} is {value:.4g} instead of at {end} {limit.unit}".rstrip())
+    return sentences
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,33 +187,33 @@ def characteristics(problem: ToleranceProblem) -> dict[str, Characteristic]:
             )
             for part, t in zip(problem.definition.parts, names, strict=True)
         }
-    found = {}
+    by_name = {}
     for at, v in enumerate(problem.variables):
-        own = problem.settings.variables[v.name]
+        setting = problem.settings.variables[v.name]
         if v.tolerance and not v.integer:
-            cp = np.nan if own.distribution is None else _capability(own.distribution)
-            found[v.name] = Characteristic(
-                v.name, v.unit, at, v.name, own.sample, cp, v.name in problem.fixed
+            cp = np.nan if setting.distribution is None else _capability(setting.distribution)
+            by_name[v.name] = Characteristic(
+                v.name, v.unit, at, v.name, setting.sample, cp, v.name in problem.fixed
             )
-    return found
+    return by_name
 
 
 def _row(
     then: Characteristic,
     now: Characteristic,
     design: Mapping[str, float],
-    anew: Array,
+    new_design: Array,
     made: bool,
 ) -> dict[str, object]:
     """What changed of a characteristic, and what its tolerance should be."""
-    new, sample = float(anew[then.at]), now.sample
+    new, sample = float(new_design[then.at]), now.sample
     t = float(design.get(then.tolerance, new))
     advice = "keep"
     if not np.isfinite(new):
         advice = "unknown"
     elif abs(new / t - 1.0) > SAME:
-        told = "loosen" if new > t else "tighten"
-        advice = AS_MADE if now.fixed and made else told
+        direction = "loosen" if new > t else "tighten"
+        advice = AS_MADE if now.fixed and made else direction
     return {
         "part": then.name,
         "unit": then.unit,
@@ -233,8 +239,8 @@ def _since(
     made: Sequence[str],
     design: Mapping[str, float],
 ) -> list[str]:
-    """What the parts say that earlier ones did not."""
-    told = [f"by the earlier parts: {_worth(since, _full(since, design))}"]
+    """How the parts differ from the earlier ones."""
+    lines = [f"by the earlier parts: {_compliance(since, _full(since, design))}"]
     earlier, latest = characteristics(since), characteristics(now)
     for name in made:
         old, new = earlier[name].sample, latest[name].sample
@@ -244,14 +250,14 @@ def _since(
         ratio = float(np.var(b, ddof=1) / np.var(a, ddof=1))
         tail = float(stats.f.cdf(ratio, len(b) - 1, len(a) - 1))
         if 2.0 * min(tail, 1.0 - tail) < CHANGED:
-            told.append(
+            lines.append(
                 f"{name} scatters {np.sqrt(ratio):.2g} times as much as the earlier parts "
                 f"(by chance: {2.0 * min(tail, 1.0 - tail):.2g})"
             )
         moved = stats.ttest_ind(b, a, equal_var=False)
         if float(moved.pvalue) < CHANGED:
-            told.append(
+            lines.append(
                 f"the mean of {name} moved by {float(b.mean() - a.mean()):+.4g} "
                 f"{latest[name].unit} (by chance: {float(moved.pvalue):.2g})"
             )
-    return told
+    return lines

@@ -25,7 +25,7 @@ def withheld(problem: ToleranceProblem) -> list[str]:
 
 
 def shapely(stack: Stack) -> bool:
-    """Whether a measured part is not normal, as far as the tests tell."""
+    """Whether a measured part is not normal, as far as the tests show."""
     return any(part.sample is not None and _shaped(part.sample) for part in stack.definition.parts)
 
 
@@ -34,23 +34,23 @@ def bootstrapped(stack: Stack, design: Array) -> float:
     all requirements; parts without a sample are normal as stated.
     """
     t = stack.tolerances(design[None, :])[0]
-    share = stack.definition.promise.share if stack.definition.promise else 0.0
+    fraction = stack.definition.promise.share if stack.definition.promise else 0.0
     drawn = [_cumulants(stack, at) for at in range(len(stack.definition.parts))]
-    found = []
-    for one in stack.measured:
-        if not one.mechanism.bounded:
+    assurances = []
+    for requirement in stack.measured:
+        if not requirement.mechanism.bounded:
             continue
-        each = []
-        for at, own in enumerate(drawn):
-            slopes = one.mechanism.sensitivities[one.mechanism.owners == at] * t[at]
+        cumulants = []
+        for at, part_cumulants in enumerate(drawn):
+            slopes = requirement.mechanism.sensitivities[requirement.mechanism.owners == at] * t[at]
             powers = np.array([np.sum(slopes**k) for k in (1, 2, 3, 4)])
-            each.append(own * powers)
+            cumulants.append(part_cumulants * powers)
         ends = (
-            one.mechanism.lower - one.mechanism.centre,
-            one.mechanism.upper - one.mechanism.centre,
+            requirement.mechanism.lower - requirement.mechanism.centre,
+            requirement.mechanism.upper - requirement.mechanism.centre,
         )
-        found.append(kept(each, ends, share))
-    return 100.0 * min(found, default=float("nan"))
+        assurances.append(kept(cumulants, ends, fraction))
+    return 100.0 * min(assurances, default=float("nan"))
 
 
 def _cumulants(stack: Stack, at: int) -> Array:
@@ -66,14 +66,14 @@ def _cumulants(stack: Stack, at: int) -> Array:
 
 
 def _shaped(sample: PartSample) -> bool:
-    return any(one.kind in NOT_NORMAL for one in sample.found)
+    return any(finding.kind in NOT_NORMAL for finding in sample.found)
 
 
 def doubt(sample: PartSample) -> str:
     """Why a sample does not carry an assurance, empty where it does."""
     if not _shaped(sample):
         return ""
-    if any(one.kind == "outlier" for one in sample.found):
+    if any(finding.kind == "outlier" for finding in sample.found):
         return "has an outlier"
     values = sample.deviations
     skew, excess = float(stats.skew(values)), float(stats.kurtosis(values))

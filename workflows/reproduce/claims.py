@@ -13,7 +13,7 @@ RELATIONS = ("equal", "at_least", "at_most", "above", "below", "within")
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One way to recompute a claim; `states` says how it reads the document, empty: literally."""
+    """A way to recompute a claim; `states` is how it interprets the document (empty: literally)."""
 
     recipe: Recipe
     states: str = ""

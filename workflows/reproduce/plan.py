@@ -52,5 +52,5 @@ class ClaimsProgress:
     @property
     def remaining(self) -> float | None:
         """Time left [s] if the other claims take as long as those so far; None before the first."""
-        own = self.done - self.before
-        return self.seconds * (self.total - self.done) / own if own else None
+        checked_now = self.done - self.before
+        return self.seconds * (self.total - self.done) / checked_now if checked_now else None

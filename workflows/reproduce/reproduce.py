@@ -32,9 +32,9 @@ def reproduce(
 ) -> ReproduceOutcome:
     """Check every claim of `plan` that `out` does not have, then write the files.
 
-    The files do not depend on the executor or on breaks. An interrupt leaves what has been checked.
-    Raises RunError or ModelError where a claim cannot be computed, InputError where `out` holds
-    something else that --resume cannot go on with, or has another owner.
+    The files do not depend on the executor or on breaks. Claims checked before an interrupt are
+    kept. Raises RunError or ModelError where a claim cannot be computed, InputError where `out`
+    holds something else that --resume cannot go on with, or has another owner.
     """
     with owned(out, "reproduce", resume, overwrite) as place:
         return _reproduce(plan, place, executor, progress, resume)
@@ -61,8 +61,8 @@ def _reproduce(
     result = assembled(plan, [(task, known[task.key]) for task in tasks])
     write(result, out)
     place.complete()
-    again = (f"{begin} claims had been checked before",) if begin else ()
-    return ReproduceOutcome("done", out, (*lines(result), *again), result)
+    resumed_note = (f"{begin} claims had been checked before",) if begin else ()
+    return ReproduceOutcome("done", out, (*lines(result), *resumed_note), result)
 
 
 def tasks_of(plan: ReproducePlan) -> Iterable[ClaimTask]:
@@ -82,7 +82,7 @@ def _finish(
     progress: Report | None,
 ) -> None:
     """Check what is not known yet, and keep each claim as soon as it is checked."""
-    left = deque(task for task in tasks if task.key not in known)
+    remaining = deque(task for task in tasks if task.key not in known)
     start, before = time.monotonic(), len(known)
 
     def tell(note: str = "") -> None:
@@ -92,9 +92,11 @@ def _finish(
 
     tell()
     with executor:
-        for task, found in executor.completed(check, lambda: left.popleft() if left else None):
-            if isinstance(found, Lost):
-                raise RunError(f"claim {task.claim.id}: {found.reason}; {GO_ON}")
-            known[task.key] = found
-            keep(out, task, found)
+        for task, outcome in executor.completed(
+            check, lambda: remaining.popleft() if remaining else None
+        ):
+            if isinstance(outcome, Lost):
+                raise RunError(f"claim {task.claim.id}: {outcome.reason}; {GO_ON}")
+            known[task.key] = outcome
+            keep(out, task, outcome)
             tell(task.claim.id)

@@ -24,15 +24,15 @@ def assembled(plan: ReproducePlan, pairs: Pairs) -> ClaimsResult:
     table = pd.DataFrame(rows)
     counts = pd.crosstab(table["document"], table["verdict"])
     counts = counts.reindex(
-        index=[one.name for one in documents], columns=list(map(str, Word)), fill_value=0
+        index=[document.name for document in documents], columns=list(map(str, Word)), fill_value=0
     )
     return ClaimsResult(documents, table, counts.rename_axis(columns=None), tables_of(pairs))
 
 
 def row(document: str, claim: Claim, checked: Checked) -> dict[str, Any]:
     """A row of `claims.csv`; several numbers of one claim are a list."""
-    found = checked.verdict
-    shown = found.outcome
+    verdict = checked.verdict
+    shown = verdict.outcome
     return {
         "document": document,
         "id": claim.id,
@@ -47,47 +47,47 @@ def row(document: str, claim: Claim, checked: Checked) -> dict[str, Any]:
         "computed": list(shown.computed) if shown else [],
         "standard_error": list(shown.standard_error) if shown else [],
         "deviation": list(shown.deviation) if shown else [],
-        "verdict": str(found.word),
+        "verdict": str(verdict.word),
         "reading": shown.states if shown else "",
-        "reason": found.reason,
+        "reason": verdict.reason,
         "ambiguous": claim.ambiguous,
         "lost": claim.lost,
         "recomputed_by": shown.by if shown else "",
         "readings": [
             {
-                "reading": one.states,
-                "recomputed_by": one.by,
-                "computed": list(one.computed),
-                "standard_error": list(one.standard_error),
-                "deviation": list(one.deviation),
-                "holds": one.holds,
+                "reading": outcome.states,
+                "recomputed_by": outcome.by,
+                "computed": list(outcome.computed),
+                "standard_error": list(outcome.standard_error),
+                "deviation": list(outcome.deviation),
+                "holds": outcome.holds,
             }
-            for one in found.outcomes
+            for outcome in verdict.outcomes
         ],
     }
 
 
 def tables_of(pairs: Pairs) -> dict[str, ComputedTable]:
-    """Every different table by the stem of its file; equal names are told apart by the claim."""
-    found: dict[str, ComputedTable] = {}
+    """Every different table by the stem of its file; equal names are distinguished by the claim."""
+    tables: dict[str, ComputedTable] = {}
     for task, checked in pairs:
         for name, table in checked.tables.items():
-            alike = [one for stem, one in found.items() if stem.split(".")[0] == name]
-            if not any(_equal(table, one) for one in alike):
-                found[f"{name}.{task.claim.id}" if name in found else name] = table
-    return found
+            same_name = [earlier for stem, earlier in tables.items() if stem.split(".")[0] == name]
+            if not any(_equal(table, earlier) for earlier in same_name):
+                tables[f"{name}.{task.claim.id}" if name in tables else name] = table
+    return tables
 
 
 def _equal(a: ComputedTable, b: ComputedTable) -> bool:
     return a.columns == b.columns and all(
-        np.array_equal(one, other) for one, other in zip(a.values, b.values, strict=True)
+        np.array_equal(first, second) for first, second in zip(a.values, b.values, strict=True)
     )
 
 
 def lines(result: ClaimsResult) -> tuple[str, ...]:
     """What the terminal says."""
-    found = [f"done: {len(result.table)} claims of {len(result.documents)} documents"]
+    messages = [f"done: {len(result.table)} claims of {len(result.documents)} documents"]
     for name, counts in result.counts.iterrows():
-        told = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
-        found.append(f"{name}: {told}")
-    return tuple(found)
+        verdicts = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+        messages.append(f"{name}: {verdicts}")
+    return tuple(messages)

@@ -25,12 +25,12 @@ LISTS = ("computed", "standard_error", "deviation")
 def keep(folder: Path, task: ClaimTask, checked: Checked) -> None:
     """Write a checked claim."""
     (folder / FOLDER).mkdir(parents=True, exist_ok=True)
-    found = {
+    record = {
         "key": task.key,
         "verdict": asdict(checked.verdict),
         "tables": TABLES.dump_python(dict(checked.tables), mode="json"),
     }
-    write_record(_path(folder, task), found)
+    write_record(_path(folder, task), record)
 
 
 def kept(folder: Path, task: ClaimTask) -> Checked | None:
@@ -40,10 +40,10 @@ def kept(folder: Path, task: ClaimTask) -> Checked | None:
     """
     path = _path(folder, task)
     try:
-        found = read_record(path)
-        if found is None or found["key"] != task.key:
+        record = read_record(path)
+        if record is None or record["key"] != task.key:
             return None
-        return Checked(_read_verdict(found["verdict"]), TABLES.validate_python(found["tables"]))
+        return Checked(_read_verdict(record["verdict"]), TABLES.validate_python(record["tables"]))
     except (ValueError, KeyError, TypeError) as error:
         text = f"cannot be read: {error}; remove it, or start again with --overwrite"
         raise refuse(str(path), text) from error
@@ -51,16 +51,16 @@ def kept(folder: Path, task: ClaimTask) -> Checked | None:
 
 def all_kept(folder: Path, tasks: Iterable[ClaimTask]) -> dict[str, Checked]:
     """Every claim that was checked before, by its key. Raises InputError with all damaged ones."""
-    found, faults = dict[str, Checked](), list[Fault]()
+    checked_claims, faults = dict[str, Checked](), list[Fault]()
     for task in tasks:
         try:
             checked = kept(folder, task)
         except InputError as error:
             faults += error.faults
         else:
-            found |= {} if checked is None else {task.key: checked}
+            checked_claims |= {} if checked is None else {task.key: checked}
     raise_all(faults)
-    return found
+    return checked_claims
 
 
 def files_of(folder: Path, tasks: Iterable[ClaimTask]) -> list[str]:
@@ -77,11 +77,11 @@ def _path(folder: Path, task: ClaimTask) -> Path:
     return folder / FOLDER / f"{task.document}_{task.number}.json"
 
 
-def _read_verdict(found: Mapping[str, Any]) -> Verdict:
-    outcomes = tuple(_read_outcome(one) for one in found["outcomes"])
-    return Verdict(Word(found["word"]), found["reason"], outcomes, found["shown"])
+def _read_verdict(record: Mapping[str, Any]) -> Verdict:
+    outcomes = tuple(_read_outcome(outcome) for outcome in record["outcomes"])
+    return Verdict(Word(record["word"]), record["reason"], outcomes, record["shown"])
 
 
-def _read_outcome(found: Mapping[str, Any]) -> Outcome:
-    computed, error, deviation = (tuple(found[name]) for name in LISTS)
-    return Outcome(found["states"], found["by"], computed, error, deviation, found["holds"])
+def _read_outcome(record: Mapping[str, Any]) -> Outcome:
+    computed, error, deviation = (tuple(record[name]) for name in LISTS)
+    return Outcome(record["states"], record["by"], computed, error, deviation, record["holds"])

@@ -1,4 +1,4 @@
-"""Claims as tasks: pure functions of what they are given, at home in any process."""
+"""Claims as tasks: pure functions of their inputs, which run in any process."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ def check(task: ClaimTask) -> Checked:
     """
     with pinned():
         read = [_read(task, reading) for reading in task.claim.readings]
-    found = verdict(task.claim, [one for one, _ in read])
+    decided = verdict(task.claim, [computed for computed, _ in read])
     tables: dict[str, ComputedTable] = {}
     for _, more in read:
         tables = more | tables
-    return Checked(found, tables | read[found.shown][1] if read else tables)
+    return Checked(decided, tables | read[decided.shown][1] if read else tables)
 
 
 def generator(seed: int, name: str) -> np.random.Generator:
@@ -62,8 +62,8 @@ def generator(seed: int, name: str) -> np.random.Generator:
 def _read(task: ClaimTask, reading: Reading) -> tuple[Outcome, dict[str, ComputedTable]]:
     claim = task.claim
     try:
-        found = reading.recipe.found(generator(task.seed, claim.id))
-        quantities = [_in_unit(one, claim.unit) for one in found.quantities]
+        computed = reading.recipe.found(generator(task.seed, claim.id))
+        quantities = [_in_unit(quantity, claim.unit) for quantity in computed.quantities]
     except (ArithmeticError, ModelError, ValueError) as error:
         raise ModelError(f"claim {claim.id}, {reading.recipe.by}: {error}") from error
     except InputError as error:
@@ -73,16 +73,17 @@ def _read(task: ClaimTask, reading: Reading) -> tuple[Outcome, dict[str, Compute
                 for fault in error.faults
             ]
         ) from error
-    return outcome(claim, reading, quantities), dict(found.tables)
+    return outcome(claim, reading, quantities), dict(computed.tables)
 
 
 def _in_unit(quantity: Quantity, unit: str) -> Quantity:
     """A quantity in the unit of its claim. Raises ValueError where it cannot be, or not finite."""
-    own = _bare(quantity.unit)
-    value = float(converted(quantity.value, own, _bare(unit)))
+    source_unit = _bare(quantity.unit)
+    value = float(converted(quantity.value, source_unit, _bare(unit)))
     error = abs(
         float(
-            converted(quantity.standard_error, own, _bare(unit)) - converted(0.0, own, _bare(unit))
+            converted(quantity.standard_error, source_unit, _bare(unit))
+            - converted(0.0, source_unit, _bare(unit))
         )
     )
     if not isfinite(value):

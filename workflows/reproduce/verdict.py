@@ -1,4 +1,4 @@
-"""Verdicts: computed from what is printed and what comes out, never stated in a record."""
+"""Verdicts: computed from printed and recomputed values, never stated in a record."""
 
 from __future__ import annotations
 
@@ -57,17 +57,18 @@ class Verdict:
 
 def outcome(claim: Claim, reading: Reading, quantities: Sequence[Quantity]) -> Outcome:
     """What a reading gives; `quantities` are in the unit of the claim."""
-    computed = tuple(one.value for one in quantities)
+    computed = tuple(quantity.value for quantity in quantities)
     deviation = _deviations(claim, computed)
     return Outcome(
         reading.states,
         reading.recipe.by,
         computed,
-        tuple(one.standard_error for one in quantities),
+        tuple(quantity.standard_error for quantity in quantities),
         deviation,
         all(
-            _excess(claim, value, away) <= 0.0 and _clear(claim, away, one.standard_error)
-            for value, away, one in zip(computed, deviation, quantities, strict=True)
+            _excess(claim, value, difference) <= 0.0
+            and _clear(claim, difference, quantity.standard_error)
+            for value, difference, quantity in zip(computed, deviation, quantities, strict=True)
         ),
     )
 
@@ -77,7 +78,7 @@ def verdict(claim: Claim, outcomes: Sequence[Outcome]) -> Verdict:
     if not outcomes:
         parts = [claim.lost, "nothing can be recomputed", *filter(None, [claim.why])]
         return Verdict(Word.CANNOT_BE_CHECKED, "; ".join(parts))
-    shown = next((at for at, one in enumerate(outcomes) if one.holds), None)
+    shown = next((at for at, computed in enumerate(outcomes) if computed.holds), None)
     if shown is None:
         word, shown = Word.NOT_REPRODUCED, 0
     else:
@@ -104,75 +105,75 @@ def _deviations(claim: Claim, computed: Sequence[float]) -> tuple[float, ...]:
         low, high = claim.printed
         return tuple(min(value - low, 0.0) + max(value - high, 0.0) for value in computed)
     return tuple(
-        0.0 if abs(value - own) <= ROUNDING * abs(own) else value - own
-        for value, own in zip(computed, claim.printed, strict=True)
+        0.0 if abs(value - printed) <= ROUNDING * abs(printed) else value - printed
+        for value, printed in zip(computed, claim.printed, strict=True)
     )
 
 
-def _excess(claim: Claim, value: float, away: float) -> float:
+def _excess(claim: Claim, value: float, difference: float) -> float:
     """By how much a value misses its relation, tolerance included; at most 0 where it holds."""
-    slack = claim.tolerance + ROUNDING * max(abs(value), abs(value - away))
+    slack = claim.tolerance + ROUNDING * max(abs(value), abs(value - difference))
     match claim.relation:
         case "at_least":
-            return -away - slack
+            return -difference - slack
         case "at_most":
-            return away - slack
+            return difference - slack
         case "above":
-            return -away if away != 0.0 else nan
+            return -difference if difference != 0.0 else nan
         case "below":
-            return away if away != 0.0 else nan
+            return difference if difference != 0.0 else nan
         case _:
-            return abs(away) - slack
+            return abs(difference) - slack
 
 
-def _clear(claim: Claim, away: float, error: float) -> bool:
+def _clear(claim: Claim, difference: float, error: float) -> bool:
     """Whether a sampled value is above or below by more than chance; other relations do not ask."""
-    return claim.relation not in ("above", "below") or abs(away) >= DOUBT * error
+    return claim.relation not in ("above", "below") or abs(difference) >= DOUBT * error
 
 
-def _doubtful(claim: Claim, found: Outcome) -> list[bool]:
+def _doubtful(claim: Claim, result: Outcome) -> list[bool]:
     """Whether each value lies so near to its limit that chance decides."""
     return [
-        error > 0.0 and abs(_excess(claim, value, away)) < DOUBT * error
-        for value, away, error in zip(
-            found.computed, found.deviation, found.standard_error, strict=True
+        error > 0.0 and abs(_excess(claim, value, difference)) < DOUBT * error
+        for value, difference, error in zip(
+            result.computed, result.deviation, result.standard_error, strict=True
         )
     ]
 
 
-def _sentence(claim: Claim, found: Outcome) -> str:
-    reading = f"with the reading that {found.states}, " if found.states else ""
-    return reading + _comparison(claim, found)
+def _sentence(claim: Claim, result: Outcome) -> str:
+    reading = f"with the reading that {result.states}, " if result.states else ""
+    return reading + _comparison(claim, result)
 
 
-def _comparison(claim: Claim, found: Outcome) -> str:
+def _comparison(claim: Claim, result: Outcome) -> str:
     """The facts in words."""
-    computed = with_unit(found.computed, claim.unit)
+    computed = with_unit(result.computed, claim.unit)
     if claim.relation == "within":
         ends = f"{number(claim.printed[0])} to {with_unit(claim.printed[1:], claim.unit)}"
-        place = "lies within" if found.holds else "lies outside of"
+        place = "lies within" if result.holds else "lies outside of"
         return f"{computed} {place} {ends}"
     printed = with_unit(claim.printed, claim.unit)
     if claim.printed_as:
         printed += f' ("{claim.printed_as}")'
-    away = with_unit(found.deviation, claim.unit)
+    difference = with_unit(result.deviation, claim.unit)
     if claim.relation == "equal":
-        if not any(found.deviation):
+        if not any(result.deviation):
             return f"{computed} equals {printed}"
-        near = "within" if found.holds else "beyond"
+        near = "within" if result.holds else "beyond"
         limit = with_unit((claim.tolerance,), claim.unit)
-        return f"{computed} differs from {printed} by {away}, {near} the tolerance of {limit}"
+        return f"{computed} differs from {printed} by {difference}, {near} the tolerance of {limit}"
     words = claim.relation.replace("_", " ")
-    if not found.holds and all(
-        _excess(claim, value, one) <= 0.0
-        for value, one in zip(found.computed, found.deviation, strict=True)
+    if not result.holds and all(
+        _excess(claim, value, deviation) <= 0.0
+        for value, deviation in zip(result.computed, result.deviation, strict=True)
     ):
-        errors = with_unit(found.standard_error, claim.unit)
+        errors = with_unit(result.standard_error, claim.unit)
         return (
-            f"{computed} is {words} {printed} by {away}, which is less than two standard "
+            f"{computed} is {words} {printed} by {difference}, which is less than two standard "
             f"errors ({errors})"
         )
-    return f"{computed} is {'' if found.holds else 'not '}{words} {printed} (by {away})"
+    return f"{computed} is {'' if result.holds else 'not '}{words} {printed} (by {difference})"
 
 
 def number(value: float) -> str:

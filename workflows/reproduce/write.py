@@ -22,27 +22,27 @@ def write(result: ClaimsResult, folder: Path) -> None:
     """Verdicts as CSV and JSON, the tables and figures of the calculations, and the page."""
     folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / "claims.csv", csv_text(flat(result.table)))
-    write_text(folder / "claims.json", as_json(told(result)))
+    write_text(folder / "claims.json", as_json(claims_record(result)))
     for stem, table in result.tables.items():
         (folder / TABLES).mkdir(exist_ok=True)
         write_text(folder / TABLES / f"{stem}.csv", csv_text(frame_of(table)))
-    for one in figures(result):
+    for drawing in figures(result):
         (folder / FIGURES).mkdir(exist_ok=True)
-        write_bytes(folder / FIGURES / f"{one.name}.png", as_png(one.figure))
-        write_bytes(folder / FIGURES / f"{one.name}.svg", as_svg(one.figure))
+        write_bytes(folder / FIGURES / f"{drawing.name}.png", as_png(drawing.figure))
+        write_bytes(folder / FIGURES / f"{drawing.name}.svg", as_svg(drawing.figure))
     write_text(folder / page_data.NAME, page_data.dumped(result))
     write_text(folder / "report.html", claims_page(result))
 
 
 def flat(table: pd.DataFrame) -> pd.DataFrame:
     """The table without the readings that are not shown, several numbers joined by semicolons."""
-    found = table.drop(columns="readings")
+    flat_table = table.drop(columns="readings")
     for name in ("printed", "computed", "standard_error", "deviation"):
-        found[name] = ["; ".join(map(repr, values)) for values in found[name]]
-    return found
+        flat_table[name] = ["; ".join(map(repr, values)) for values in flat_table[name]]
+    return flat_table
 
 
-def told(result: ClaimsResult) -> dict[str, Any]:
+def claims_record(result: ClaimsResult) -> dict[str, Any]:
     """`claims.json`."""
     claims = [
         {str(key): value for key, value in row.items()} for row in result.table.to_dict("records")
@@ -50,17 +50,19 @@ def told(result: ClaimsResult) -> dict[str, Any]:
     return {
         "documents": [
             {
-                "document": one.name,
-                "title": one.title,
-                "reference": one.reference,
+                "document": document.name,
+                "title": document.title,
+                "reference": document.reference,
                 "verdicts": {str(word): int(count) for word, count in row.items()},
-                "claims": [claim for claim in claims if claim["document"] == one.name],
+                "claims": [claim for claim in claims if claim["document"] == document.name],
             }
-            for one, (_, row) in zip(result.documents, result.counts.iterrows(), strict=True)
+            for document, (_, row) in zip(result.documents, result.counts.iterrows(), strict=True)
         ]
     }
 
 
 def frame_of(table: ComputedTable) -> pd.DataFrame:
     """A table of a calculation, units in its names where they have one."""
-    return pd.DataFrame(dict(zip((one.name for one in table.columns), table.values, strict=True)))
+    return pd.DataFrame(
+        dict(zip((column.name for column in table.columns), table.values, strict=True))
+    )

@@ -12,51 +12,56 @@ from ...algorithms.exact.choices import least_cost
 from ...problems.tolerance_problem import ToleranceProblem
 
 SAME = 1e-3
-"""Difference [percent] that is none: bounds and points differ by less."""
+"""Difference [percent] below which two costs count as equal: bounds and points differ by less."""
 
 
 def alternatives(problem: ToleranceProblem, front: pd.DataFrame) -> list[dict[str, Any]]:
-    """The least cost of the point in the middle of the front by cost, and of the same with each of
-    the problem's alternatives, at its own values of everything that is minimised or limited.
+    """The least cost at the point in the middle of the front by cost, for the problem and for each
+    of its alternatives, at the point's values of all objectives and limited outputs.
 
-    Empty where a problem has none, or nothing of it is proven.
+    Empty where a problem has no alternatives, or where its least cost is not proven.
     """
     others = problem.alternatives()
     if front.empty or not others:
         return []
     order = front["cost"].astype(float).argsort(kind="stable")
     row = front.iloc[int(order.iloc[len(front) // 2])]
-    own = _least(problem, problem, row)
-    if own is None:
+    base_cost = _least(problem, problem, row)
+    if base_cost is None:
         return []
-    found = [(label, _least(one, problem, row)) for label, one in others.items()]
+    costs = [(label, _least(alternative, problem, row)) for label, alternative in others.items()]
     return [
-        {"label": label, "cost": cost, "this": own, "more_percent": 100.0 * (cost / own - 1.0)}
-        for label, cost in found
+        {
+            "label": label,
+            "cost": cost,
+            "this": base_cost,
+            "more_percent": 100.0 * (cost / base_cost - 1.0),
+        }
+        for label, cost in costs
         if cost is not None
     ]
 
 
-def sentences(found: list[dict[str, Any]]) -> tuple[str, ...]:
-    """The same in words."""
-    told = []
-    for one in found:
-        if abs(one["more_percent"]) < SAME:
-            told.append(f"{one['label']}: as cheap, at equal R and equal other requirements")
+def sentences(rows: list[dict[str, Any]]) -> tuple[str, ...]:
+    """The alternatives in words."""
+    messages = []
+    for row in rows:
+        if abs(row["more_percent"]) < SAME:
+            messages.append(f"{row['label']}: as cheap, at equal R and equal other requirements")
             continue
-        side = "more" if one["more_percent"] >= 0.0 else "less"
-        told.append(
-            f"{one['label']}: the least cost of the point in the middle of the front would "
-            f"be {one['cost']:.4g} instead of {one['this']:.4g}, "
-            f"{abs(one['more_percent']):.3g} % {side}, at equal R and equal other "
+        side = "more" if row["more_percent"] >= 0.0 else "less"
+        messages.append(
+            f"{row['label']}: the least cost of the point in the middle of the front would "
+            f"be {row['cost']:.4g} instead of {row['this']:.4g}, "
+            f"{abs(row['more_percent']):.3g} % {side}, at equal R and equal other "
             "requirements"
         )
-    return tuple(told)
+    return tuple(messages)
 
 
-def _least(one: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[Any]) -> float | None:
-    """Least cost of a problem at what is `asked` of the values of a row; None if not known."""
-    form = one.form()
+def _least(problem: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[Any]) -> float | None:
+    """Least cost of a problem at a row's values of the goals and limits of `asked`, or None."""
+    form = problem.form()
     if form is None:
         return None
     names = {*asked.objectives, *(limit.name for limit in asked.limits)}
@@ -69,5 +74,5 @@ def _least(one: ToleranceProblem, asked: ToleranceProblem, row: pd.Series[Any]) 
     used = np.isfinite(limits)
     if not np.any(used):
         return None
-    found = least_cost(restricted(form, used), limits[None, used] * (1.0 + 1e-9))
-    return float(found.cost[0]) if np.isfinite(found.cost[0]) else None
+    optimum = least_cost(restricted(form, used), limits[None, used] * (1.0 + 1e-9))
+    return float(optimum.cost[0]) if np.isfinite(optimum.cost[0]) else None

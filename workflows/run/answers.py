@@ -1,4 +1,4 @@
-"""What was asked of a run and what it found, in sentences with numbers and conditions."""
+"""The question, results and proof of a run, in sentences with numbers and conditions."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from .references import gain_column
 
 COST = "cost"
 ALIKE = 1e-9
-"""Relative difference of two values that is none."""
+"""Relative difference below which two values count as equal."""
 TENTH = 0.1
-"""Share of a limit by which it is loosened, to say what it costs."""
+"""Fraction of a limit by which it is loosened, to state its price."""
 NEAR = 1e-3
-"""Share of a limit within which a point uses it up."""
+"""Fraction of a limit within which a point counts as being at it."""
 
 
 def answers(result: RunResult, problem: ToleranceProblem, statement: Statement) -> dict[str, str]:
     """`asked`, `found`, `published`, `limits` and `proof`: a sentence or two each.
 
-    `statement` says what the bounds of the front are proven for. Only `asked` where nothing was
-    found.
+    `statement` says what the bounds of the front are proven for. Only `asked` where the front is
+    empty.
     """
-    told = Words(result, problem)
-    asked = {"asked": told.asked()}
+    sentences = Words(result, problem)
+    asked = {"asked": sentences.asked()}
     if result.front.empty:
         return asked
     return asked | {
-        "found": told.found(),
-        "published": told.published(),
-        "limits": told.of_limits(),
-        "proof": told.proof(statement),
+        "found": sentences.found(),
+        "published": sentences.published(),
+        "limits": sentences.of_limits(),
+        "proof": sentences.proof(statement),
     }
 
 
@@ -54,7 +54,7 @@ class Words:
         self.point = self._point()
 
     def _point(self) -> int:
-        """The knee, or the one point."""
+        """Row of the knee, or of the only point."""
         choices = self.result.choices
         return 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
 
@@ -69,17 +69,21 @@ class Words:
 
     def asked(self) -> str:
         largest = {o.name for o in self.problem.outputs if o.larger_is_better}
-        each = [f"{'largest' if n in largest else 'least'} {words(n)}" for n in self.names]
-        goal = " against ".join(each).capitalize()
-        given = set(self.problem.given.limits) | (
+        goals = [f"{'largest' if n in largest else 'least'} {words(n)}" for n in self.names]
+        goal = " against ".join(goals).capitalize()
+        requested = set(self.problem.given.limits) | (
             set() if self.problem.given.limits else set(self.problem.default_limits)
         )
-        given |= promised_limits(self.problem)
-        limits = [self.limit(one) for one in self.problem.limits if one.count and one.name in given]
-        others = sum(one.count > 0 for one in self.problem.limits) - len(limits)
-        if others > 0:
-            plural = "limit" if others == 1 else "limits"
-            limits.append(f"{others} {plural} that the problem sets itself")
+        requested |= promised_limits(self.problem)
+        limits = [
+            self.limit(limit)
+            for limit in self.problem.limits
+            if limit.count and limit.name in requested
+        ]
+        built_in = sum(limit.count > 0 for limit in self.problem.limits) - len(limits)
+        if built_in > 0:
+            plural = "limit" if built_in == 1 else "limits"
+            limits.append(f"{built_in} {plural} that the problem sets itself")
         kept = f", with {', '.join(limits)}" if limits else ", without limits"
         tolerances = sum(v.tolerance for v in self.problem.free)
         return (
@@ -116,22 +120,22 @@ class Words:
         return f"Found: {len(front)} allocations, {ends}; the {words(rule)} has {self.row(row)}."
 
     def published(self) -> str:
-        rows = self._printed()
+        rows = self._published_rows()
         if not rows:
             return "No published allocation of this problem is known: there is none to compare."
-        return " ".join(self._worth(row) for row in rows[:1])
+        return " ".join(self._comparison(row) for row in rows[:1])
 
-    def _printed(self) -> list[dict[str, Any]]:
-        found = self.result.references
+    def _published_rows(self) -> list[dict[str, Any]]:
+        references = self.result.references
         printed = [str(label) for label in self.problem.references()]
-        if found.empty:
+        if references.empty:
             return []
-        rows = [{str(k): v for k, v in row.items()} for row in found.to_dict("records")]
+        rows = [{str(k): v for k, v in row.items()} for row in references.to_dict("records")]
         return [row for row in rows if row["label"] in printed]
 
-    def _worth(self, row: dict[str, Any]) -> str:
+    def _comparison(self, row: dict[str, Any]) -> str:
         label, broken = str(row["label"]), str(row["violated_limits"]).split()
-        own = f"The published allocation ({label}) has {self.row(row)}"
+        published = f"The published allocation ({label}) has {self.row(row)}"
         if broken:
             values = ", ".join(
                 f"{self.value(n, float(row[n]))} instead of "
@@ -140,20 +144,22 @@ class Words:
             )
             gains = self._gains(row, "relaxed_")
             if not gains:
-                return f"{own}, but breaks the limits ({values}): it cannot be compared."
-            return f"{own}, but breaks the limits ({values}): at the same looser limits {gains}."
+                return f"{published}, but breaks the limits ({values}): it cannot be compared."
+            return (
+                f"{published}, but breaks the limits ({values}): at the same looser limits {gains}."
+            )
         gains = self._gains(row, "")
         return (
-            f"{own} and keeps all limits: {gains}."
+            f"{published} and keeps all limits: {gains}."
             if gains
             else (
-                f"{own} and keeps all limits; no point of the front is as good in every other "
-                "objective."
+                f"{published} and keeps all limits; no point of the front is as good in every "
+                "other objective."
             )
         )
 
     def _limit(self, name: str) -> Limit:
-        return next(one for one in self.problem.limits if one.name == name)
+        return next(limit for limit in self.problem.limits if limit.name == name)
 
     def _gains(self, row: dict[str, Any], prefix: str) -> str:
         parts = []
@@ -182,7 +188,7 @@ class Words:
         where = "At the one point" if len(self.result.front) == 1 else "At this point"
         if not held:
             return f"{where} every limit is kept with room to spare: none costs anything there."
-        return " ".join(self._cost_of(one, where) for one in held)
+        return " ".join(self._cost_of(limit, where) for limit in held)
 
     def _used(self, limit: Limit, row: pd.Series) -> bool:
         scale = max(abs(b) for b in (limit.low, limit.high) if np.isfinite(b)) or limit.scale
@@ -212,36 +218,36 @@ class Words:
         )
 
     def _price(self, name: str) -> tuple[float, bool] | None:
-        found = self.result.prices
-        if found is None:
+        prices = self.result.prices
+        if prices is None:
             return None
-        own = found[(found["output"] == name) & np.isfinite(found["price"])]
-        if own.empty or own["price"].max() <= 0.0:
+        priced = prices[(prices["output"] == name) & np.isfinite(prices["price"])]
+        if priced.empty or priced["price"].max() <= 0.0:
             return None
-        row = own.iloc[int((own["point"] - self.point).abs().to_numpy().argmin())]
+        row = priced.iloc[int((priced["point"] - self.point).abs().to_numpy().argmin())]
         return float(row["price"]), row["source"] == "multiplier"
 
     def _relaxed(self, name: str) -> str:
         """What a front with a looser limit saves at the other objectives of the point."""
-        found, row = self.result.relaxed, self.result.front.iloc[self.point]
-        if found is None or COST not in self.names:
+        relaxed, row = self.result.relaxed, self.result.front.iloc[self.point]
+        if relaxed is None or COST not in self.names:
             return ""
-        for label, own in found.groupby("label", sort=False):
+        for label, front in relaxed.groupby("label", sort=False):
             reference = self.result.references.set_index("label")
             if str(reference["violated_limits"].get(label, "")) != name:
                 continue
             others = [n for n in self.names if n != COST]
-            good = np.ones(len(own), dtype=bool)
+            good = np.ones(len(front), dtype=bool)
             for n in others:
-                good &= own[n].to_numpy(dtype=float) <= float(row[n]) + ALIKE * abs(float(row[n]))
+                good &= front[n].to_numpy(dtype=float) <= float(row[n]) + ALIKE * abs(float(row[n]))
             if np.any(good):
-                saved = float(row[COST]) - float(own.loc[good, COST].min())
+                saved = float(row[COST]) - float(front.loc[good, COST].min())
                 text = self.limit(self._limit(name))
-                share = 100.0 * saved / float(row[COST])
+                saved_percent = 100.0 * saved / float(row[COST])
                 loose = self.value(name, float(reference[name][label]))
                 return (
-                    f"The limit of {text} costs {saved:.3g} ({share:.3g} %) here against one "
-                    f"as loose as that of {label} ({loose})."
+                    f"The limit of {text} costs {saved:.3g} ({saved_percent:.3g} %) here against "
+                    f"one as loose as that of {label} ({loose})."
                 )
         return ""
 
@@ -272,15 +278,15 @@ class Words:
 
 
 def _step(limit: Limit) -> float:
-    """A tenth of a limit; of a lower one in percent a tenth of what it leaves."""
+    """A tenth of a limit; for a lower limit in percent at most a tenth of its distance to 100 %."""
     if np.isfinite(limit.high):
         return abs(limit.high) * TENTH or 1.0
-    left = 100.0 - limit.low if limit.unit == "percent" else np.inf
-    return min(abs(limit.low), left if left > 0.0 else np.inf) * TENTH or 1.0
+    remaining = 100.0 - limit.low if limit.unit == "percent" else np.inf
+    return min(abs(limit.low), remaining if remaining > 0.0 else np.inf) * TENTH or 1.0
 
 
 def reason(statement: Statement) -> str:
-    """Why nothing is proven, without saying again that nothing is."""
+    """The reason why nothing is proven, without the statement that nothing is."""
     return statement.text.removeprefix("nothing is proven: ") or "there is no bound of the cost"
 
 

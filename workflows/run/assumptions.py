@@ -1,4 +1,4 @@
-"""What the assumptions of a run cost: its allocation again, with one of them changed at a time."""
+"""What the assumptions of a run cost: its least cost with one of them changed at a time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 COLUMNS = ("assumption", "value", "cost", "change_percent", "remark")
 INFEASIBLE = "no allocation found that keeps the limits at this grade"
 RIGID = "backlash_"
-"""How outputs begin that are searched within a fraction of a second."""
+"""Prefix of the outputs that are searched within a fraction of a second."""
 
 
 def with_assumptions(
@@ -31,18 +31,20 @@ def with_assumptions(
     history: Sequence[Progress],
     progress: Callable[[Progress], None] | None,
 ) -> RunResult:
-    """The result with the table of its shown point; `progress` is told of it after `history`."""
+    """The result with the table of its shown point; `progress` continues `history`."""
     chosen = shown_point(result.front, problem)
     if chosen is None:
         return result
 
-    def phase(share: float) -> None:
+    def phase(fraction: float) -> None:
         if progress is not None and history:
-            now = replace(history[-1], phase="what assumptions cost", share=share, remaining=None)
+            now = replace(
+                history[-1], phase="what assumptions cost", share=fraction, remaining=None
+            )
             progress(now)
 
-    own = result.front.iloc[[chosen[0]]]
-    level = _aim(own, problem)
+    point = result.front.iloc[[chosen[0]]]
+    level = _aim(point, problem)
     ends = [
         np.array([result.summary[end][name] for name in problem.objectives])
         for end in ("ideal", "nadir")
@@ -50,38 +52,38 @@ def with_assumptions(
     unit = np.maximum(ends[1] - ends[0], 1e-12)
     more = np.zeros(len(unit))
     if level is not None and level[0] in problem.objectives:
-        more[problem.objectives.index(level[0])] = level[1] - float(own[level[0]].iloc[0])
-    design = problem.designs_of(own)[0]
-    found = assumptions_cost(problem, design, unit, more, phase)
-    if found is None:
+        more[problem.objectives.index(level[0])] = level[1] - float(point[level[0]].iloc[0])
+    design = problem.designs_of(point)[0]
+    table = assumptions_cost(problem, design, unit, more, phase)
+    if table is None:
         return result
-    summary = {**result.summary, "assumptions_at": _said(own, problem, level)}
-    return replace(result, assumptions_cost=found, summary=summary)
+    summary = {**result.summary, "assumptions_at": _held_outputs(point, problem, level)}
+    return replace(result, assumptions_cost=table, summary=summary)
 
 
-def _aim(own: pd.DataFrame, problem: ToleranceProblem) -> tuple[str, float] | None:
-    """The problem's limit where the point is near to it: the level that all costs are for."""
+def _aim(point: pd.DataFrame, problem: ToleranceProblem) -> tuple[str, float] | None:
+    """The problem's limit where the point is near to it: the level of all costs."""
     limit = problem.shown_limit()
-    if limit is None or limit[0] not in own:
+    if limit is None or limit[0] not in point:
         return None
-    return limit if abs(float(own[limit[0]].iloc[0]) / limit[1] - 1.0) <= NEAR else None
+    return limit if abs(float(point[limit[0]].iloc[0]) / limit[1] - 1.0) <= NEAR else None
 
 
-def _said(
-    own: pd.DataFrame, problem: ToleranceProblem, level: tuple[str, float] | None
+def _held_outputs(
+    point: pd.DataFrame, problem: ToleranceProblem, level: tuple[str, float] | None
 ) -> dict[str, float]:
-    """The outputs that are held, and at what, as they are reported."""
+    """The outputs that are held, with their values as they are reported."""
     held = [name for name in problem.objectives if name != "cost"]
-    found = {name: float(own[name].iloc[0]) for name in held}
+    outputs = {name: float(point[name].iloc[0]) for name in held}
     if not held:
-        found = {
-            one.name: problem.settings.limits[one.name].high
-            for one in problem.limits
-            if one.name.startswith(RIGID)
+        outputs = {
+            limit.name: problem.settings.limits[limit.name].high
+            for limit in problem.limits
+            if limit.name.startswith(RIGID)
         }
     return {
         name: level[1] if level and level[0] == name and held else value
-        for name, value in found.items()
+        for name, value in outputs.items()
     }
 
 
@@ -90,17 +92,18 @@ def assumptions_cost(
     design: Array,
     unit: Array,
     more: Array,
-    phase: Callable[[float], None] = lambda share: None,
+    phase: Callable[[float], None] = lambda fraction: None,
 ) -> pd.DataFrame | None:
     """Least cost at the other objective's level of a full design (all variables,), by assumption.
 
     The first row is the problem as it is. All are solved on the sample of the search, from the
     design, at its integers; `unit` (m,) is the scale of the objectives, `more` (m,) is what is
-    added to the levels of the design. `phase` is called with the share that is done. None where the
-    question has no answer: another problem than cost against backlash, least cost without a limit
-    on backlash, or nothing found even as it is. An interrupt leaves out what is missing.
+    added to the levels of the design. `phase` is called with the fraction that is done. None where
+    these costs are not defined: another problem than cost against backlash, least cost without a
+    limit on backlash, or no allocation even without a change. An interrupt leaves out the remaining
+    assumptions.
     """
-    if not _asked(problem):
+    if not _applicable(problem):
         return None
     variants = problem.variants()
     rows: list[dict[str, Any]] = []
@@ -115,7 +118,7 @@ def assumptions_cost(
     return pd.DataFrame(rows, columns=list(COLUMNS)) if len(rows) > 1 else None
 
 
-def _asked(problem: ToleranceProblem) -> bool:
+def _applicable(problem: ToleranceProblem) -> bool:
     """Whether the run asks for cost against backlash, or for least cost at a backlash."""
     others = [name for name in problem.objectives if name != "cost"]
     if len(problem.objectives) != len(others) + 1 or not problem.sampled:
@@ -161,16 +164,16 @@ def _least(branch: Branch, x: Array, limit: Array) -> float:
     """Least cost within the limits, begun at `x` or else at the problem's own starts; or NaN."""
     run = branch.smooth.run
     cost = run.problem.objectives.index("cost")
-    own = branch.smooth.scaled(x[None, :])[0]
-    found = _kept(branch, cost, own, limit)
-    if not np.isnan(found):
-        return found
+    scaled = branch.smooth.scaled(x[None, :])[0]
+    least = _kept(branch, cost, scaled, limit)
+    if not np.isnan(least):
+        return least
     starts = (_kept(branch, cost, start, limit) for start in branch.starts(run))
-    return next((one for one in starts if not np.isnan(one)), np.nan)
+    return next((value for value in starts if not np.isnan(value)), np.nan)
 
 
 def _kept(branch: Branch, cost: int, start: Array, limit: Array) -> float:
-    found = branch.minimise(cost, start, limit)
-    if found is None or np.any(found > limit + NEARLY * branch.unit):
+    values = branch.minimise(cost, start, limit)
+    if values is None or np.any(values > limit + NEARLY * branch.unit):
         return np.nan
-    return float(found[cost])
+    return float(values[cost])

@@ -27,7 +27,7 @@ def with_choices(
         "title": result.title,
         **_mechanism(plan.problem),
         "axes": {"objectives": _axes(result.objectives), "variables": _axes(result.variables)},
-        "bars": [asdict(one) for one in result.bars],
+        "bars": [asdict(bar) for bar in result.bars],
     }
     return replace(
         result,
@@ -43,7 +43,7 @@ def with_choices(
 
 
 def _mechanism(problem: ToleranceProblem) -> dict[str, object]:
-    """What readers know the mechanism by, beyond the title; nothing where nothing is stated."""
+    """The stated properties of the mechanism; empty where nothing but its name is stated."""
     known = problem.mechanism()
     return {"mechanism": known} if set(known) - {"name"} else {}
 

@@ -1,4 +1,4 @@
-"""Limits that contradict each other, and what cannot be proven: told before a run begins."""
+"""Limits that contradict each other or cannot be proven, reported before a run begins."""
 
 from __future__ import annotations
 
@@ -24,32 +24,36 @@ HALF = 50.0
 
 
 def contradictions(problem: ToleranceProblem, algorithm: str) -> list[Fault]:
-    """A fault for each limit that another one forbids, with the least that is achievable.
+    """A fault for each limit that another limit forbids, with the least achievable value.
 
     Proven by the convex form: an upper limit on the cost against limits on requirements, and
     requirements against each other where their deviations compensate.
     """
-    found = _below_half(problem) if algorithm == "exact" else []
+    faults = _below_half(problem) if algorithm == "exact" else []
     form = problem.form() if problem.limits else None
     if form is None or form.also or len(problem.limits) < 2:
-        return found
+        return faults
     limits = row_limits(problem, form)
     used, most = np.isfinite(limits), upper_limit(problem, "cost")
     if not np.any(used) or (not np.isfinite(most) and form.correlation is None):
-        return found
+        return faults
     form, limits = convex_pieces(restricted(form, used)), limits[used]
     bound = float(least_cost(form, limits[None, :]).bound[0])
     if np.isinf(bound):
-        return found + _impossible(form, limits)
+        return faults + _impossible(form, limits)
     if bound > most + CLOSE * abs(most):
-        return found + _too_dear(form, limits, most, bound)
-    return found
+        return faults + _too_expensive(form, limits, most, bound)
+    return faults
 
 
 def _below_half(problem: ToleranceProblem) -> list[Fault]:
     """Yields below one half of requirements that `exact` is to prove."""
     measured = problem.measured if isinstance(problem, Stack) else ()
-    lawful = {one.name("yield_percent") for one in measured if isinstance(one.law, Law)}
+    lawful = {
+        requirement.name("yield_percent")
+        for requirement in measured
+        if isinstance(requirement.law, Law)
+    }
     return [
         Fault(
             f"limits.{limit.name}",
@@ -62,16 +66,17 @@ def _below_half(problem: ToleranceProblem) -> list[Fault]:
     ]
 
 
-def _too_dear(form: Form, limits: Array, most: float, bound: float) -> list[Fault]:
-    """The limit on the cost, and those on requirements that it contradicts."""
-    each = [_alone(form, at) for at in range(len(limits))]
-    dear = [
-        float(least_cost(one, limits[None, at : at + 1]).bound[0]) for at, one in enumerate(each)
+def _too_expensive(form: Form, limits: Array, most: float, bound: float) -> list[Fault]:
+    """Faults of the limit on the cost, and of the limits on requirements that it contradicts."""
+    forms = [_alone(form, at) for at in range(len(limits))]
+    least_costs = [
+        float(least_cost(alone, limits[None, at : at + 1]).bound[0])
+        for at, alone in enumerate(forms)
     ]
-    rows = [at for at, cost in enumerate(dear) if cost > most] or list(range(len(limits)))
+    rows = [at for at, cost in enumerate(least_costs) if cost > most] or list(range(len(limits)))
     names = list(dict.fromkeys(form.outputs[at] for at in rows))
     kept = ", ".join(f"limits.{name}" for name in names)
-    least = max([bound, *(dear[at] for at in rows)])
+    least = max([bound, *(least_costs[at] for at in rows)])
     faults = [
         Fault(
             "limits.cost",
@@ -80,12 +85,12 @@ def _too_dear(form: Form, limits: Array, most: float, bound: float) -> list[Faul
         )
     ]
     for name in names:
-        own = [at for at in rows if form.outputs[at] == name]
-        reach = max(_reached(each[at], most) for at in own)
+        indices = [at for at in rows if form.outputs[at] == name]
+        reach = max(_reached(forms[at], most) for at in indices)
         text = (
-            f"at most {limits[own[0]]:g} and limits.cost, at most {most:g}, contradict each "
+            f"at most {limits[indices[0]]:g} and limits.cost, at most {most:g}, contradict each "
             f"other: with the cost kept the least {name} is {reach:.6g}, with this limit the "
-            f"least cost is {max(dear[at] for at in own):.6g}"
+            f"least cost is {max(least_costs[at] for at in indices):.6g}"
         )
         faults.append(Fault(f"limits.{name}", text))
     return faults
@@ -96,7 +101,7 @@ def _alone(form: Form, at: int) -> Form:
 
 
 def _reached(form: Form, most: float) -> float:
-    """The least value of a requirement that a cost buys, all others left aside."""
+    """The least value of a requirement within a cost, without all other requirements."""
     low, high = float(tightest(form)[0]), float(tightest(form)[0])
     step = max(abs(high), 1e-12)
     while least_cost(form, np.array([[high]])).cost[0] > most and step < 1e12 * max(abs(low), 1.0):

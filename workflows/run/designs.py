@@ -1,4 +1,4 @@
-"""The designs of the main search: by an executor as well, where there are workers for them."""
+"""The designs of the main search, evaluated by an executor as well where workers are free."""
 
 from __future__ import annotations
 
@@ -53,8 +53,9 @@ def computed(task: Part) -> Values:
 class Designs(Closing):
     """Shares the parts of a batch with other processes; this one computes what none has begun.
 
-    `free` says how many processes there are beside this one; more are started when there are more,
-    and are made use of once they have computed something. On leaving the context they are ended.
+    `free` returns how many processes are available in addition to this one; more are started when
+    the number rises, and are used once they have computed a task. They end when the context is
+    left.
     """
 
     def __init__(
@@ -76,28 +77,28 @@ class Designs(Closing):
 
     @property
     def others(self) -> int:
-        """Processes, or workers of a scheduler, that take part beside this process."""
+        """Processes, or workers of a scheduler, that take part in addition to this process."""
         return 0 if self._executor is None else self._executor.workers
 
     def values(self, parts: Sequence[Array]) -> list[Values]:
-        """Objectives and constraints of each part; of a lost worker's it is computed here."""
+        """Objectives and constraints of each part; the part of a lost worker is computed here."""
         self._batches += 1
         self._start(parts[0])
         if self._executor is None:
             return [values_of(self.problem, part) for part in parts]
-        left = deque(self._tasks(parts))
-        found: dict[int, Values] = {}
-        beside = Background(self._executor, computed, partial(next_of, left))
-        while (task := next_of(left)) is not None:
-            found[task.at] = values_of(self.problem, task.x)
-        beside.wait()
-        while pairs := beside.taken():
+        tasks = deque(self._tasks(parts))
+        results: dict[int, Values] = {}
+        background = Background(self._executor, computed, partial(next_of, tasks))
+        while (task := next_of(tasks)) is not None:
+            results[task.at] = values_of(self.problem, task.x)
+        background.wait()
+        while pairs := background.taken():
             for task, result in pairs:
                 if isinstance(result, Lost):
-                    found[task.at] = values_of(self.problem, task.x)
+                    results[task.at] = values_of(self.problem, task.x)
                 else:
-                    found[task.at] = result
-        return [found[at] for at in range(len(parts))]
+                    results[task.at] = result
+        return [results[at] for at in range(len(parts))]
 
     def _tasks(self, parts: Sequence[Array]) -> list[Part]:
         if not self._content:
@@ -120,5 +121,5 @@ class Designs(Closing):
                 self._executor.close()
             self._executor, self._starting = begun, None
         if self._starting is None and (free := self._free()) > self.others:
-            others, tasks = Processes(free), deque(self._tasks([part] * free))
-            self._starting = others, Background(others, computed, partial(next_of, tasks))
+            processes, tasks = Processes(free), deque(self._tasks([part] * free))
+            self._starting = processes, Background(processes, computed, partial(next_of, tasks))

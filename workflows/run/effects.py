@@ -11,11 +11,11 @@ from .references import SideSearch
 
 LABEL = "without effects"
 LEVELS = (0.25, 0.5, 0.75)
-"""Shares of the range of the second objective that both fronts reach."""
+"""Fractions of the range of the second objective that both fronts reach."""
 
 
 def side_search(plan: RunPlan) -> tuple[SideSearch, ...]:
-    """The same search in the model without its effects, where one of them does something."""
+    """The same search in the model without its effects, where at least one changes the model."""
     if not any(plan.problem.counterparts()):
         return ()
     before = plan.problem.without_effects()
@@ -31,7 +31,8 @@ def moved(problem: ToleranceProblem, before: pd.DataFrame, after: pd.DataFrame) 
 
     One pair per level of the second objective (one pair where there is a single objective): the
     point `before`, the same design with the effects in the model (`kept`), and the point `after`.
-    Empty where a front is, where there are more objectives, or where the fronts share no level.
+    Empty where a front is empty, where there are more objectives, or where the fronts have no level
+    in common.
     """
     names = list(problem.objectives)
     if before.empty or after.empty or len(names) > 2:
@@ -52,8 +53,8 @@ def _levels(before: pd.DataFrame, after: pd.DataFrame, names: list[str]) -> list
     if len(names) == 1:
         return [float("nan")]
     ranges = [(front[names[1]].min(), front[names[1]].max()) for front in (before, after)]
-    low, high = max(one[0] for one in ranges), min(one[1] for one in ranges)
-    return [low + share * (high - low) for share in LEVELS] if low < high else []
+    low, high = max(bounds[0] for bounds in ranges), min(bounds[1] for bounds in ranges)
+    return [low + fraction * (high - low) for fraction in LEVELS] if low < high else []
 
 
 def _cheapest(front: pd.DataFrame, names: list[str], level: float) -> pd.DataFrame:
@@ -63,15 +64,15 @@ def _cheapest(front: pd.DataFrame, names: list[str], level: float) -> pd.DataFra
 
 
 def summary(problem: ToleranceProblem) -> dict[str, object]:
-    """The active effects as `summary.json` has them; nothing where there is none."""
+    """The active effects as they stand in `summary.json`; empty where there are none."""
     pairs = zip(problem.settings.effects, problem.counterparts(), strict=True)
-    found = [
+    rows = [
         {
-            "name": one.effect.name,
-            "family": one.effect.family,
-            "parameters": dict(one.values),
-            "counterpart": does or None,
+            "name": active.effect.name,
+            "family": active.effect.family,
+            "parameters": dict(active.values),
+            "counterpart": counterpart or None,
         }
-        for one, does in pairs
+        for active, counterpart in pairs
     ]
-    return {"effects": found} if found else {}
+    return {"effects": rows} if rows else {}

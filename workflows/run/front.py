@@ -17,25 +17,25 @@ Array = NDArray[np.float64]
 EXACT = "exact, least cost within the limits"
 """Label of the exact optimum among the references."""
 FEW = 100
-"""The same where every design is tested on a sample of fresh units."""
+"""Designs recomputed at most where every design is tested on a sample of fresh units."""
 MOST = 20_000
 """Designs recomputed at full accuracy at most."""
 
 
-def reported_front(problem: ToleranceProblem, found: SearchResult) -> pd.DataFrame:
+def reported_front(problem: ToleranceProblem, result: SearchResult) -> pd.DataFrame:
     """The non-dominated feasible points of the archive, every value at full accuracy.
 
     The search may have ranked by a coarser propagation, so the best ranks are recomputed and
-    filtered anew; only what is left is verified. Sorted by the objectives; empty where no point is
-    feasible.
+    filtered again; only the remaining designs are verified. Sorted by the objectives; empty where
+    no point is feasible.
     """
-    candidates = found.chosen if len(found.chosen) else found.x[_candidates(problem, found)]
+    candidates = result.chosen if len(result.chosen) else result.x[_candidates(problem, result)]
     whole, designs = problem.reported(), problem.complete(candidates)
     values = whole.outputs_of(designs, errors=False) if len(designs) else {}
     rows = _best(whole, designs, values) if len(designs) else np.arange(0)
     if not len(rows):
         return pd.DataFrame(columns=[*problem.names, *(o.name for o in problem.outputs)])
-    frame = whole.frame(designs[rows], {name: each[rows] for name, each in values.items()})
+    frame = whole.frame(designs[rows], {name: column[rows] for name, column in values.items()})
     names = list(problem.objectives)
     frame = frame.drop(columns="feasible").sort_values(names, kind="stable")
     frame = frame.reset_index(drop=True)
@@ -51,21 +51,21 @@ def _best(
     return rows[nondominated(problem.objective_values(values)[rows])] if len(rows) else rows
 
 
-def _candidates(problem: ToleranceProblem, found: SearchResult) -> NDArray[np.int64]:
+def _candidates(problem: ToleranceProblem, result: SearchResult) -> NDArray[np.int64]:
     """Rows of the archive that may be on the front; more than the most are thinned evenly."""
     room, most = (FEW, FEW) if problem.sampled else (ROOM, MOST)
-    rows = lowest_ranks(found.x, found.f, room)
+    rows = lowest_ranks(result.x, result.f, room)
     if len(rows) <= most:
         return rows
-    order = rows[np.lexsort(found.f[rows].T[::-1])]
+    order = rows[np.lexsort(result.f[rows].T[::-1])]
     return np.sort(order[np.linspace(0, len(order) - 1, most).astype(np.int64)])
 
 
-def nearest_miss(problem: ToleranceProblem, found: SearchResult) -> pd.DataFrame:
+def nearest_miss(problem: ToleranceProblem, result: SearchResult) -> pd.DataFrame:
     """The evaluated design with the least total violation, at full accuracy (one row or none)."""
-    if not len(found.miss):
+    if not len(result.miss):
         return pd.DataFrame()
-    return problem.reported().frame(problem.complete(found.miss))
+    return problem.reported().frame(problem.complete(result.miss))
 
 
 def knee(values: Array) -> NDArray[np.bool_]:
@@ -82,7 +82,7 @@ def knee(values: Array) -> NDArray[np.bool_]:
 def with_references(
     front: pd.DataFrame, references: pd.DataFrame, problem: ToleranceProblem
 ) -> tuple[pd.DataFrame, int, int]:
-    """The front with the references that could have been found joined, and what they dominate gone.
+    """The front joined with the references within reach, without the points that they dominate.
 
     A reference can join where it meets all limits and lies in the search space; the exact optimum
     does not take the place of the one point of a single-objective run. Returns the front, the
@@ -93,10 +93,10 @@ def with_references(
     if not len(references):
         return front, 0, 0
     names = list(problem.objectives)
-    own = references[references["feasible"].astype(bool) & inside(references, problem)]
-    own = own.drop(columns=["label", "feasible", "violated_limits"], errors="ignore")
-    own = own.assign(knee=False)
-    merged = pd.concat([front, own]) if len(front) else own
+    eligible = references[references["feasible"].astype(bool) & inside(references, problem)]
+    eligible = eligible.drop(columns=["label", "feasible", "violated_limits"], errors="ignore")
+    eligible = eligible.assign(knee=False)
+    merged = pd.concat([front, eligible]) if len(front) else eligible
     kept = nondominated(merged[names].to_numpy())
     joined = int(kept[len(front) :].sum())
     merged = merged[kept].sort_values(names, kind="stable").reset_index(drop=True)

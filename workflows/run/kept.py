@@ -1,4 +1,4 @@
-"""What takes long to work out and does not depend on the search: kept in the run's directory."""
+"""Results that take long and do not depend on the search, kept in the run's directory."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ REDUCERS = "reducers.npz"
 
 
 def keep(problem: ToleranceProblem, folder: Path) -> None:
-    """Take the fronts of reducers from the directory where they are those of this configuration,
-    else work them out and write them.
+    """Read the fronts of reducers from the directory where they belong to this configuration, else
+    compute and write them.
     """
     path = folder / REDUCERS
     if path.is_file():

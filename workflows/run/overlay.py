@@ -1,7 +1,7 @@
-"""Another algorithm's front on the same problem, beside that of the run.
+"""Another algorithm's front on the same problem, for comparison with the front of the run.
 
-Where a model proves no bound, how far the points of a run are from the best is said by the best
-that is known: the joint front of both.
+Where a model proves no bound, the distance of a run's points from the optimum is estimated by the
+best known front: the joint front of both.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ Array = NDArray[np.float64]
 ABOVE = "above_best_known_percent"
 """Column: how much more a point costs than the best known front at its other objective."""
 ROUNDING = 1e-9
-"""Distance [percent] that is none."""
+"""Distance [percent] below which a point counts as being on the best known front."""
 POINTS = 30
 EVOLUTION = NSGA2(population=100, crossover=Crossover(eta=5.0), mutation=Mutation(eta=10.0))
 BUDGET = Budget(generations=60)
 
 
 def side_search(plan: RunPlan) -> tuple[SideSearch, ...]:
-    """The other search: NSGA-II beside exact fronts, exact beside all others.
+    """The other search: NSGA-II where the run is exact, exact where it is not.
 
     None for problems whose bounds are proven, and for other numbers of objectives than two.
     """
@@ -57,8 +57,8 @@ def with_distance(front: pd.DataFrame, other: pd.DataFrame, names: list[str]) ->
         [frame[["cost", second]].to_numpy(dtype=float) for frame in (front, other) if len(frame)]
     )
     best = values[nondominated(values)]
-    own = front[["cost", second]].to_numpy(dtype=float)
-    return front.assign(**{ABOVE: [above(row, best) for row in own]})
+    points = front[["cost", second]].to_numpy(dtype=float)
+    return front.assign(**{ABOVE: [above(row, best) for row in points]})
 
 
 def above(row: Array, best: Array) -> float:
@@ -68,8 +68,8 @@ def above(row: Array, best: Array) -> float:
     """
     best = best[np.argsort(best[:, 1], kind="stable")]
     least = float(np.exp(np.interp(row[1], best[:, 1], np.log(best[:, 0]))))
-    share = 100.0 * (float(row[0]) / least - 1.0)
-    return share if share > ROUNDING else 0.0
+    excess = 100.0 * (float(row[0]) / least - 1.0)
+    return excess if excess > ROUNDING else 0.0
 
 
 def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]) -> list[str]:
@@ -80,9 +80,9 @@ def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]
     if other.empty:
         return [f"{label} found no feasible point in the same problem"]
     distance = front[ABOVE].to_numpy(dtype=float)
-    own, least = front[second].min(), other[second].min()
+    lowest, other_lowest = front[second].min(), other[second].min()
     middle, most = distance_words(np.median(distance)), distance_words(np.max(distance))
-    told = [
+    sentences = [
         f"nothing is proven of this problem; against the best known front, its own joined with "
         f"that of {label}, the points cost {middle} more in the median and {most} at most at "
         f"equal {second}"
@@ -94,14 +94,17 @@ def notes(front: pd.DataFrame, label: str, other: pd.DataFrame, names: list[str]
         if best[:, 1].min() <= row[1] <= best[:, 1].max()
     ]
     if behind:
-        told.append(
+        sentences.append(
             f"{label}: {len(other)} points, which cost {distance_words(np.median(behind))} "
             "more than this front in the median"
         )
-    if least > own * 1.001:
-        told.append(
-            f"{label} finds nothing below {second} {least:.4g}; this front begins at {own:.4g}"
+    if other_lowest > lowest * 1.001:
+        sentences.append(
+            f"{label} finds nothing below {second} {other_lowest:.4g}; this front begins at "
+            f"{lowest:.4g}"
         )
-    elif own > least * 1.001:
-        told.append(f"this front ends at {second} {own:.4g}; {label} reaches {least:.4g}")
-    return told
+    elif lowest > other_lowest * 1.001:
+        sentences.append(
+            f"this front ends at {second} {lowest:.4g}; {label} reaches {other_lowest:.4g}"
+        )
+    return sentences

@@ -1,4 +1,4 @@
-"""The promise of a run and what is known of measured parts, beside its other answers."""
+"""The promise of a run and what is known of measured parts, as parts of its result."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def with_capability(result: RunResult, problem: ToleranceProblem) -> RunResult:
 
 def _rounded(result: RunResult, problem: ToleranceProblem, point: int) -> Array | None:
     """The full design (all variables,) of a point with the values of its drawing, if it has one."""
-    own = result.allocation
-    if own is None or result.front.empty or point not in set(own["point"]):
+    allocation = result.allocation
+    if allocation is None or result.front.empty or point not in set(allocation["point"]):
         return None
     design = np.array(problem.designs_of(result.front.iloc[[point]])[0])
-    first = own[own["point"] == point].drop_duplicates("variable")
+    first = allocation[allocation["point"] == point].drop_duplicates("variable")
     for name, value in zip(first["variable"], first["rounded"], strict=True):
         if name in problem.names and np.isfinite(float(value)):
             design[problem.names.index(name)] = float(value)
@@ -37,21 +37,21 @@ def _rounded(result: RunResult, problem: ToleranceProblem, point: int) -> Array 
 
 
 def with_promise(result: RunResult, problem: ToleranceProblem) -> RunResult:
-    """The result with what it promises at its knee or its one point, where it promises anything."""
+    """The result with its promise at the knee or at the only point, where a promise is made."""
     if not promised_limits(problem):
         return result
     from ..promise.outcome import promise_outcome  # its statistics take long to import
 
     choices = result.choices
     point = 0 if choices is None or choices.empty else int(choices["point"].iloc[0])
-    found = promise_outcome(problem, result.front, point, _rounded(result, problem, point))
-    if found is None:
+    outcome = promise_outcome(problem, result.front, point, _rounded(result, problem, point))
+    if outcome is None:
         return result
-    answers = dict(result.answers) | {"promise": found.sentence}
-    summary = dict(result.summary) | {"promise": found.summary, "answers": answers}
+    answers = dict(result.answers) | {"promise": outcome.sentence}
+    summary = dict(result.summary) | {"promise": outcome.summary, "answers": answers}
     return replace(
         result,
         summary=summary,
-        promise=found.costs if len(found.costs) else None,
-        next_parts=found.next_parts if len(found.next_parts) else None,
+        promise=outcome.costs if len(outcome.costs) else None,
+        next_parts=outcome.next_parts if len(outcome.next_parts) else None,
     )

@@ -1,4 +1,4 @@
-"""What is proven about a front: bounds of its points, and the exact front beside it."""
+"""What is proven about a front: the bounds of its points, and the exact front."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ SOLVED = 256
 DRAWN = 400
 """Points of the exact front that are drawn."""
 CHECKED = 50
-"""Points of the exact front whose bounds are looked at."""
+"""Points of the exact front whose bounds are checked."""
 EXACT = 1e-3
-"""Gap [percent] that is none."""
+"""Gap [percent] below which a point counts as optimal."""
 INFORMATIVE = 25.0
-"""Median gap [percent] beyond which a bound that leaves limits out says nothing."""
+"""Median gap [percent] beyond which a bound that leaves limits out is not informative."""
 INTERRUPTED = "nothing is proven: the run was interrupted; it is when --resume has ended it"
 CLOSED = 1e-7
 """Relative gap up to which a front counts as exact."""
@@ -78,8 +78,8 @@ def with_bounds(
 ) -> tuple[pd.DataFrame, Statement]:
     """The frame with `bound` and `gap_percent`, and what they are proven for.
 
-    Rows that are marked as not feasible, or that are not `within` the search space (n,), keep them
-    empty. A point that disproves its bound leaves all of them empty, with a word: one is wrong.
+    Both are NaN in rows that are marked as not feasible, or that are not `within` the search space
+    (n,). Where a point disproves its bound all are NaN and the statement says so: one is wrong.
     Where a run was `interrupted`, proofs that take long are left out.
     """
     frame = frame.assign(bound=np.nan, gap_percent=np.nan)
@@ -93,32 +93,32 @@ def with_bounds(
     names = dict.fromkeys((*problem.objectives, *rows))
     values = {name: kept[name].to_numpy(dtype=float) for name in names}
     try:
-        found = proof(problem, values, len(kept))
+        bounds = proof(problem, values, len(kept))
     except ModelError as error:
         return frame, Statement(f"nothing is proven: {error}; please report it")
     if len(kept) and "cost" in values:
-        frame.loc[kept.index, "bound"] = found.bound
-        frame.loc[kept.index, "gap_percent"] = found.gap_percent(values["cost"])
-    return frame, Statement(found.statement, found.left_out)
+        frame.loc[kept.index, "bound"] = bounds.bound
+        frame.loc[kept.index, "gap_percent"] = bounds.gap_percent(values["cost"])
+    return frame, Statement(bounds.statement, bounds.left_out)
 
 
-def solved_front(plan: RunPlan, found: SearchResult) -> np.ndarray | None:
+def solved_front(plan: RunPlan, result: SearchResult) -> np.ndarray | None:
     """Search vectors (k, variables) of the exact front, where the run itself has solved it whole.
 
     None where it was interrupted, or has fewer points than are solved for otherwise.
     """
-    own = (
+    solved = (
         isinstance(plan.algorithm, ExactSettings)
         and plan.problem.n_obj == 2
-        and not found.interrupted
+        and not result.interrupted
     )
-    return found.x if own and len(found.x) >= SOLVED else None
+    return result.x if solved and len(result.x) >= SOLVED else None
 
 
 def exact_front(problem: ToleranceProblem, known: np.ndarray | None = None) -> Exact | None:
     """The exact front of one or two objectives, through its `known` points where there are some.
 
-    None where there is no closed form or a gap is left in its proof. No number of points shows the
+    None where there is no closed form or its proof has a gap. No number of points shows the
     hypervolume of more objectives well enough to measure by.
     """
     form = closed_form(problem)
@@ -128,13 +128,13 @@ def exact_front(problem: ToleranceProblem, known: np.ndarray | None = None) -> E
     x = exact_vectors(problem, form, POINTS if alone else SOLVED) if known is None else known
     if not len(x):
         return None
-    some = np.unique(np.linspace(0, len(x) - 1, CHECKED).astype(int))
+    selected = np.unique(np.linspace(0, len(x) - 1, CHECKED).astype(int))
     if form.tested and np.any(problem.tested(x)[1] > 0.0):
         return None
-    values = _objectives(problem, x[some])
+    values = _objectives(problem, x[selected])
     columns = dict(zip(problem.objectives, values.T, strict=True))
-    found = proof(problem, columns, len(some))
-    if not np.all(columns["cost"] - found.bound <= CLOSED * np.abs(columns["cost"])):
+    bounds = proof(problem, columns, len(selected))
+    if not np.all(columns["cost"] - bounds.bound <= CLOSED * np.abs(columns["cost"])):
         return None
     if not alone:
         x = _between(problem, x)
@@ -145,10 +145,10 @@ def exact_table(problem: ToleranceProblem, exact: Exact | None) -> pd.DataFrame 
     """Objectives of at most `DRAWN` points of the exact front; None where it is not known."""
     if exact is None or problem.n_obj < 2:
         return None
-    some = np.unique(np.linspace(0, len(exact.designs) - 1, DRAWN).astype(int))
-    values = problem.objective_values(problem.outputs_of(exact.designs[some], searching=True))
-    found = pd.DataFrame(values, columns=list(problem.objectives))
-    return found.sort_values(list(problem.objectives), kind="stable", ignore_index=True)
+    selected = np.unique(np.linspace(0, len(exact.designs) - 1, DRAWN).astype(int))
+    values = problem.objective_values(problem.outputs_of(exact.designs[selected], searching=True))
+    table = pd.DataFrame(values, columns=list(problem.objectives))
+    return table.sort_values(list(problem.objectives), kind="stable", ignore_index=True)
 
 
 def _objectives(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
@@ -166,17 +166,17 @@ def _between(problem: ToleranceProblem, x: np.ndarray) -> np.ndarray:
     x = x[np.argsort(_objectives(problem, x)[:, 0], kind="stable")]
     integer = np.array([v.integer for v in problem.free])
     same = np.all(x[1:, integer] == x[:-1, integer], axis=1)
-    each = max(1, POINTS // max(len(x), SOLVED))
-    share = np.arange(1, each)[:, None, None] / each
-    inner = x[:-1][same] + share * np.diff(x, axis=0)[same]
+    intervals = max(1, POINTS // max(len(x), SOLVED))
+    fraction = np.arange(1, intervals)[:, None, None] / intervals
+    inner = x[:-1][same] + fraction * np.diff(x, axis=0)[same]
     return np.asarray(np.vstack([x, inner.reshape(-1, x.shape[1])]))
 
 
 def measures(
-    found: SearchResult, front: pd.DataFrame, statement: Statement, exact: Exact | None
+    result: SearchResult, front: pd.DataFrame, statement: Statement, exact: Exact | None
 ) -> dict[str, object]:
-    """What the summary says of quality: hypervolume, its ratio to the exact one, gaps, the form."""
-    last = found.history[-1].hypervolume if found.history else None
+    """Quality for the summary: hypervolume, its ratio to the exact one, gaps, the form."""
+    last = result.history[-1].hypervolume if result.history else None
     gap = front["gap_percent"].to_numpy(dtype=float)
     proven = bool(len(gap)) and not np.all(np.isnan(gap))
     return {
@@ -205,18 +205,18 @@ def end_notes(problem: ToleranceProblem, front: pd.DataFrame) -> list[str]:
         ("cost", float(front["cost"].min()), cheapest),
     ]
     return [
-        f"end of the front: the least {name} is {found:.4g}; none below {proven:.4g} is possible "
-        f"({_missing(found, proven)} missing at most)"
-        for name, found, proven in ends
+        f"end of the front: the least {name} is {reached:.4g}; none below {proven:.4g} is possible "
+        f"({_missing(reached, proven)} missing at most)"
+        for name, reached, proven in ends
         if proven is not None and np.isfinite(proven)
     ]
 
 
-def _missing(found: float, proven: float) -> str:
-    """How much an end of a front lacks: a share of what is possible, where that is above 0."""
+def _missing(reached: float, proven: float) -> str:
+    """Distance of an end of a front from the proven end, relative to it where that is above 0."""
     if proven <= 0.0:
-        return f"{found - proven:.2g}"
-    return percent(100.0 * (found - proven) / proven)
+        return f"{reached - proven:.2g}"
+    return percent(100.0 * (reached - proven) / proven)
 
 
 def proof_notes(front: pd.DataFrame, statement: Statement) -> list[str]:
@@ -237,10 +237,10 @@ def proof_notes(front: pd.DataFrame, statement: Statement) -> list[str]:
 
 
 def percent(value: float) -> str:
-    """The most that a gap may be, in words: what is rounding is not printed as 1e-09 %."""
+    """An upper limit of a gap in words: a rounding error is not printed as 1e-09 %."""
     return "0.001 %" if value < EXACT else f"{value:.2g} %"
 
 
 def distance_words(value: float | np.floating[Any]) -> str:
-    """A distance [percent] in words: what is rounding is told as such."""
+    """A distance [percent] in words: a rounding error is not printed as a number."""
     return "less than 0.001 %" if value < EXACT else f"{value:.3g} %"

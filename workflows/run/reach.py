@@ -1,4 +1,4 @@
-"""Limits that no design of a sampled problem was found to keep, told before a run begins."""
+"""Limits that no known design of a sampled problem keeps, reported before a run begins."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from ...problems.tolerance_problem import ToleranceProblem
 
 Array = NDArray[np.float64]
 ATTEMPTS = 3
-"""Times that the least value is looked for from where it was found."""
+"""Searches for the least value, each from the result of the last."""
 
 
 def searchable(problem: ToleranceProblem) -> None:
-    """Raises InputError with every reason why a problem is not to be searched as it is set."""
+    """Raises InputError with every reason why a problem cannot be searched as it is set."""
     raise_all(problem.search_faults() or unreachable(problem))
 
 
@@ -29,8 +29,8 @@ def unreachable(problem: ToleranceProblem) -> list[Fault]:
     """A fault for each upper limit that is below the least value found, with the design.
 
     Proven limits are `problem.faults()`; here the least value is that of a search by gradients at
-    the finest grades, which proves nothing but is rarely wrong by more than its sample. Nothing is
-    looked for where one of the problem's own starts keeps all limits.
+    the finest grades, which proves nothing but is rarely wrong by more than its sample. There is no
+    search where one of the problem's own starts keeps all limits.
     """
     starts = problem.starts() if problem.sampled else np.empty((0, 0))
     if not len(starts) or _kept(problem, starts):
@@ -44,8 +44,8 @@ def unreachable(problem: ToleranceProblem) -> list[Fault]:
 
 
 def _kept(problem: ToleranceProblem, starts: Array) -> bool:
-    found = problem.outputs_of(starts, searching=True)
-    return bool(np.any(np.all(problem.violations(starts, found) <= 0.0, axis=1)))
+    outputs = problem.outputs_of(starts, searching=True)
+    return bool(np.any(np.all(problem.violations(starts, outputs) <= 0.0, axis=1)))
 
 
 def _fault(problem: ToleranceProblem, limit: Limit) -> Fault | None:
@@ -65,8 +65,8 @@ def _fault(problem: ToleranceProblem, limit: Limit) -> Fault | None:
 def _least(problem: ToleranceProblem, name: str) -> tuple[float, Array]:
     """The least value of an output with interference and geometry held, and its full design."""
     held = {n: b for n, b in problem.settings.limits.items() if n not in problem.performance}
-    given = replace(problem.given, objectives=(name,), limits=held)
-    alone = type(problem)(given)
+    settings = replace(problem.given, objectives=(name,), limits=held)
+    alone = type(problem)(settings)
     run = Run(alone, Budget(), seed=0)
     branch = Branch(run, alone.xl.copy(), scale_of(alone))
     none = np.full(1, np.inf)

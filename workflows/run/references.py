@@ -1,4 +1,4 @@
-"""The documents' allocations and the single-objective optimum, beside the front."""
+"""The documents' allocations and the single-objective optimum, compared with the front."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 DISTANCE = "distance_to_front"
 """Column: from a reference to the nearest front point, in sides of the box of the hypervolume."""
 ALIKE = 1e-6
-"""Difference of two values, in sides of the box, that is none: an optimiser's last digits."""
+"""Difference, in sides of the box, below which values count as equal: an optimiser's last digits.
+"""
 RELAXED_POINTS = 10
 """Points of a front with relaxed limits, where each is solved on a sample of units."""
 GA_BUDGET = Budget(generations=120)
@@ -33,10 +34,10 @@ GA_BUDGET = Budget(generations=120)
 
 @dataclass(frozen=True, slots=True)
 class SideSearch:
-    """A search beside the main one: the GA reference, or a front with relaxed limits.
+    """A search in addition to the main one: the GA reference, or a front with relaxed limits.
 
-    One that stands `apart` is no reference: the front without the effects; nor is an `overlay`: the
-    front of another algorithm.
+    Two kinds are no references: `apart` is the front without the effects, `overlay` is the front of
+    another algorithm.
     """
 
     label: str
@@ -51,13 +52,13 @@ class SideSearch:
 
     @property
     def key(self) -> str:
-        """What its result depends on, beside the problem and the algorithm."""
+        """What its result depends on, in addition to the problem and the algorithm."""
         return f"{self.label}, seed {self.seed}, {self.budget}"
 
     def front(self) -> pd.DataFrame | None:
         """Its reported front; None where it was interrupted."""
-        found = search(self.problem, self.algorithm, self.budget, self.seed, engine=self.engine)
-        return None if found.interrupted else reported_front(self.problem, found)
+        result = search(self.problem, self.algorithm, self.budget, self.seed, engine=self.engine)
+        return None if result.interrupted else reported_front(self.problem, result)
 
 
 def documents(problem: ToleranceProblem) -> pd.DataFrame:
@@ -72,21 +73,23 @@ def documents(problem: ToleranceProblem) -> pd.DataFrame:
 
 def side_searches(plan: RunPlan, printed: pd.DataFrame) -> tuple[SideSearch, ...]:
     """The searches that the references need, each with a seed of its own."""
-    problem, found = plan.problem, []
+    problem, searches = plan.problem, []
     seeds = iter(np.random.SeedSequence(plan.seed).generate_state(1 + len(printed)).tolist())
     optimum = problem.least_cost()
     first = next(seeds)
     if optimum is not None:
         label, cheapest = optimum
-        found.append(SideSearch(label, cheapest, *_ga(problem), first, relaxed=False))
+        searches.append(SideSearch(label, cheapest, *_ga(problem), first, relaxed=False))
     for row in printed.to_dict("records"):
         seed, bounds = next(seeds), relaxed_bounds(problem, row)
         if bounds:
             wider = problem.relaxed(bounds)
             label = str(row["label"])
             algorithm = _fewer(plan.algorithm) if problem.sampled else plan.algorithm
-            found.append(SideSearch(label, wider, algorithm, plan.budget, seed, True, plan.engine))
-    return tuple(found)
+            searches.append(
+                SideSearch(label, wider, algorithm, plan.budget, seed, True, plan.engine)
+            )
+    return tuple(searches)
 
 
 def _fewer(algorithm: AlgorithmSettings) -> AlgorithmSettings:
@@ -97,16 +100,18 @@ def _fewer(algorithm: AlgorithmSettings) -> AlgorithmSettings:
 
 
 def _ga(problem: ToleranceProblem) -> tuple[GA, Budget]:
-    """The single-objective GA and its budget: as the documents have it, where they say."""
-    own = problem.reference_ga
-    if not own:
+    """The single-objective GA and its budget: as the documents state them, where they do."""
+    documented = problem.reference_ga
+    if not documented:
         return GA(), GA_BUDGET
     settings = GA(
-        population=int(own["population"]),
-        crossover=Crossover(own["crossover"], own.get("crossover_eta", Crossover().eta)),
-        mutation=Mutation(own["mutation"], own.get("mutation_eta", Mutation().eta)),
+        population=int(documented["population"]),
+        crossover=Crossover(
+            documented["crossover"], documented.get("crossover_eta", Crossover().eta)
+        ),
+        mutation=Mutation(documented["mutation"], documented.get("mutation_eta", Mutation().eta)),
     )
-    return settings, Budget(generations=int(own["generations"]))
+    return settings, Budget(generations=int(documented["generations"]))
 
 
 def violated(problem: ToleranceProblem, row: Mapping[Hashable, object]) -> list[str]:
@@ -121,26 +126,26 @@ def violated(problem: ToleranceProblem, row: Mapping[Hashable, object]) -> list[
 def relaxed_bounds(problem: ToleranceProblem, row: Mapping[Hashable, object]) -> dict[str, Bound]:
     """The broken limits of a row, moved to the row's own values."""
     limits = {limit.name: limit for limit in problem.limits}
-    found = {}
+    bounds = {}
     for name in violated(problem, row):
-        own, limit = float(str(row[name])), limits[name]
-        found[name] = Bound(min(limit.low, own), max(limit.high, own))
-    return found
+        value, limit = float(str(row[name])), limits[name]
+        bounds[name] = Bound(min(limit.low, value), max(limit.high, value))
+    return bounds
 
 
 def exact_optimum(problem: ToleranceProblem, exact: ExactFront | None) -> pd.DataFrame:
     """The proven least cost within the limits (one row with `label`), none where nothing proves it.
 
-    Of a problem with more objectives, it is that of the documents' single-objective allocation.
+    For a problem with more objectives it is that of the documents' single-objective allocation.
     """
     if problem.n_obj == 1:
-        found = exact
+        proven = exact
     else:
         optimum = problem.least_cost()
-        found = exact_front(optimum[1]) if optimum else None
-    if found is None:
+        proven = exact_front(optimum[1]) if optimum else None
+    if proven is None:
         return pd.DataFrame()
-    frame = problem.reported().frame(found.designs[:1])
+    frame = problem.reported().frame(proven.designs[:1])
     frame.insert(0, "label", EXACT)
     return frame
 
@@ -161,11 +166,11 @@ def table(
             frames.append(row)
     if not frames:
         return pd.DataFrame({"label": [], "feasible": [], "violated_limits": []})
-    found = pd.concat(frames, ignore_index=True)
-    broken = [" ".join(violated(plan.problem, row)) for row in found.to_dict("records")]
-    found.insert(1, "feasible", found.pop("feasible"))
-    found.insert(2, "violated_limits", broken)
-    return found
+    references = pd.concat(frames, ignore_index=True)
+    broken = [" ".join(violated(plan.problem, row)) for row in references.to_dict("records")]
+    references.insert(1, "feasible", references.pop("feasible"))
+    references.insert(2, "violated_limits", broken)
+    return references
 
 
 def compare(
@@ -180,31 +185,31 @@ def compare(
     at least as good in all others, empty where there is none. `relaxed_...`: the same against the
     front whose broken limits are moved to the reference's own values.
     """
-    found = references.copy()
+    comparison = references.copy()
     names = list(problem.objectives)
     ideal, nadir = problem.box()
     for prefix in ("", "relaxed_"):
-        rows, apart = [], []
+        rows, distances = [], []
         for row in references.to_dict("records"):
-            other = relaxed.get(str(row["label"])) if prefix else front
-            own = np.array([float(row[name]) for name in names])
-            values = np.empty((0, len(names))) if other is None else other[names].to_numpy()
-            rows.append(gains(own, values, ALIKE * (nadir - ideal)))
-            apart.append(distance(own, values, nadir - ideal))
-        found[prefix + DISTANCE] = apart
+            against = relaxed.get(str(row["label"])) if prefix else front
+            reference = np.array([float(row[name]) for name in names])
+            values = np.empty((0, len(names))) if against is None else against[names].to_numpy()
+            rows.append(gains(reference, values, ALIKE * (nadir - ideal)))
+            distances.append(distance(reference, values, nadir - ideal))
+        comparison[prefix + DISTANCE] = distances
         for at, name in enumerate(names):
-            found[prefix + gain_column(name)] = [row[at] for row in rows]
-    return found
+            comparison[prefix + gain_column(name)] = [row[at] for row in rows]
+    return comparison
 
 
-def distance(own: Array, front: Array, sides: Array) -> float:
+def distance(reference: Array, front: Array, sides: Array) -> float:
     """Distance from a reference (objectives,) to the nearest point of a front (n, objectives).
 
-    Euclidean, each objective in `sides` (nadir less ideal of the problem). NaN of an empty front.
+    Euclidean, each objective in `sides` (nadir less ideal of the problem). NaN for an empty front.
     """
     if not len(front):
         return np.nan
-    return float(np.min(np.linalg.norm((front - own) / sides, axis=1)))
+    return float(np.min(np.linalg.norm((front - reference) / sides, axis=1)))
 
 
 def gain_column(objective: str) -> str:
@@ -212,16 +217,18 @@ def gain_column(objective: str) -> str:
     return "cost_saving_percent" if objective == "cost" else f"{objective}_gain_percent"
 
 
-def gains(own: Array, front: Array, alike: Array) -> list[float]:
+def gains(reference: Array, front: Array, alike: Array) -> list[float]:
     """Gain in percent per objective at equal or better other objectives.
 
-    Values that differ by no more than `alike` (objectives,) are equal. NaN where none is, and where
-    the own value is 0.
+    Values that differ by no more than `alike` (objectives,) are equal. NaN where no point of the
+    front is as good, and where the value of the reference is 0.
     """
-    found = []
-    for at in range(len(own)):
-        others = np.delete(front, at, axis=1) <= np.delete(own + alike, at)
-        best = front[np.all(others, axis=1), at]
-        known = len(best) > 0 and own[at] != 0.0
-        found.append(100.0 * (own[at] - best.min()) / abs(own[at]) if known else np.nan)
-    return found
+    percentages = []
+    for at in range(len(reference)):
+        as_good = np.delete(front, at, axis=1) <= np.delete(reference + alike, at)
+        best = front[np.all(as_good, axis=1), at]
+        known = len(best) > 0 and reference[at] != 0.0
+        percentages.append(
+            100.0 * (reference[at] - best.min()) / abs(reference[at]) if known else np.nan
+        )
+    return percentages

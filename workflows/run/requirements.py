@@ -21,7 +21,7 @@ from ...records import RunResult
 
 Array = NDArray[np.float64]
 LOOSER = 0.1
-"""Share of its limit by which each requirement is relaxed."""
+"""Fraction of its limit by which each requirement is relaxed."""
 SLACK = 1e-9
 """Relative widening of a point's own values, so that the point keeps them."""
 DRIVEN = 3
@@ -40,8 +40,8 @@ def requirements_of(
     """What each requirement costs at the knee of a front, or at its one point.
 
     None where a problem has one requirement, or no convex form. The multiplier is that of the least
-    cost at the values of the point; the saving is proven between what an allocation found saves,
-    and what the bound at the relaxed limit leaves.
+    cost at the values of the point; the saving is proven to lie between that of an allocation that
+    is known and that of the bound at the relaxed limit.
     """
     form = problem.form()
     if front.empty or form is None or len(set(form.outputs)) < 2 or reason(problem, form):
@@ -53,27 +53,27 @@ def requirements_of(
     if not np.any(used):
         return None
     form, limits = convex_pieces(restricted(form, used)), limits[used]
-    found = least_cost(form, limits[None, :])
-    if not np.isfinite(found.cost[0]):
+    optimum = least_cost(form, limits[None, :])
+    if not np.isfinite(optimum.cost[0]):
         return None
-    table = _table(problem, form, limits, found)
-    return table, _drivers(form, found)
+    table = _table(problem, form, limits, optimum)
+    return table, _drivers(form, optimum)
 
 
 def _limits(problem: ToleranceProblem, form: Form, point: pd.Series) -> Array:
     """Limits (r,) of the form's requirements: the point's own objectives, and those of the run."""
-    own = [float(point[name]) if name in problem.objectives else np.inf for name in form.outputs]
-    wide = np.array(own) + SLACK * np.abs(np.where(np.isfinite(own), own, 0.0))
+    values = [float(point[name]) if name in problem.objectives else np.inf for name in form.outputs]
+    wide = np.array(values) + SLACK * np.abs(np.where(np.isfinite(values), values, 0.0))
     return np.minimum(wide, row_limits(problem, form))
 
 
-def _table(problem: ToleranceProblem, form: Form, limits: Array, found: Optimum) -> pd.DataFrame:
-    """A row for each requirement: its limit, value, multiplier, and what 10 % more would save."""
-    combination = Combination(form, tuple(found.chosen[0].tolist()))
-    values, multiplier = combination.values(found.t)[0], found.multiplier[0]
+def _table(problem: ToleranceProblem, form: Form, limits: Array, optimum: Optimum) -> pd.DataFrame:
+    """A row for each requirement: its limit, value, multiplier, and the saving at 10 % more."""
+    combination = Combination(form, tuple(optimum.chosen[0].tolist()))
+    values, multiplier = combination.values(optimum.t)[0], optimum.multiplier[0]
     units = {o.name: o.unit for o in problem.outputs}
-    least, most = _savings(form, limits, found)
-    shares = _shares(form, found)
+    least, most = _savings(form, limits, optimum)
+    shares = _shares(form, optimum)
     rows = []
     for at, name in enumerate(form.outputs):
         unit = "" if np.isfinite(form.own_limits[at]) else units.get(name, "")
@@ -95,59 +95,59 @@ def _table(problem: ToleranceProblem, form: Form, limits: Array, found: Optimum)
     return pd.DataFrame(rows)
 
 
-def _savings(form: Form, limits: Array, found: Optimum) -> tuple[Array, Array]:
+def _savings(form: Form, limits: Array, optimum: Optimum) -> tuple[Array, Array]:
     """What relaxing each limit alone saves at least and at most (r,): 0 where it does not bind.
 
-    At least what the same ways save, solved again; at most what the best multipliers leave whatever
-    ways are chosen (`Ascent`).
+    At least the saving of the same ways, solved again; at most that of the bound by the best
+    multipliers, which holds for any choice of ways (`Ascent`).
     """
-    combination = Combination(form, tuple(found.chosen[0].tolist()))
+    combination = Combination(form, tuple(optimum.chosen[0].tolist()))
     most_parts = largest_parts(form) if form.quantiles else None
     least, most = np.zeros(len(limits)), np.zeros(len(limits))
-    for at in np.flatnonzero(found.multiplier[0] > 0.0):
+    for at in np.flatnonzero(optimum.multiplier[0] > 0.0):
         relaxed = limits.copy()
         relaxed[at] += LOOSER * abs(limits[at])
         same = Programme(combination).least_cost(relaxed[None, :])
         s = combination.parts(same.t)
         dual = Ascent(form, relaxed, spread_of(form, s, most_parts))
         bound = dual.value(dual.multipliers(same.multiplier[0]))[0]
-        least[at] = max(float(found.bound[0] - same.cost[0]), 0.0)
-        most[at] = max(float(found.cost[0]) - bound, least[at])
+        least[at] = max(float(optimum.bound[0] - same.cost[0]), 0.0)
+        most[at] = max(float(optimum.cost[0]) - bound, least[at])
     return least, most
 
 
-def _shares(form: Form, found: Optimum) -> Array:
-    """Share (r, features) of each part in what a requirement comes to: t dV/dt of their sum."""
-    combination = Combination(form, tuple(found.chosen[0].tolist()))
-    along = np.abs(combination.gradients(found.t)[0] * found.t[0])
+def _shares(form: Form, optimum: Optimum) -> Array:
+    """Fraction (r, features) of each part in the value of a requirement: t dV/dt over their sum."""
+    combination = Combination(form, tuple(optimum.chosen[0].tolist()))
+    along = np.abs(combination.gradients(optimum.t)[0] * optimum.t[0])
     whole = along.sum(axis=1, keepdims=True)
     return np.asarray(np.divide(along, whole, out=np.zeros_like(along), where=whole > 0.0))
 
 
-def _drivers(form: Form, found: Optimum) -> pd.DataFrame:
-    """By part, the share [%] of each requirement in what holds its tolerance down.
+def _drivers(form: Form, optimum: Optimum) -> pd.DataFrame:
+    """By part, the fraction [%] of each requirement in what limits its tolerance.
 
     At the least cost -dC/dt is the sum of multiplier times dV/dt over the requirements.
     """
-    combination = Combination(form, tuple(found.chosen[0].tolist()))
-    push = found.multiplier[0][:, None] * combination.gradients(found.t)[0]
+    combination = Combination(form, tuple(optimum.chosen[0].tolist()))
+    push = optimum.multiplier[0][:, None] * combination.gradients(optimum.t)[0]
     whole = np.abs(push).sum(axis=0)
-    share = 100.0 * np.divide(push, whole, out=np.zeros_like(push), where=whole > 0.0)
+    percent = 100.0 * np.divide(push, whole, out=np.zeros_like(push), where=whole > 0.0)
     rows = []
     for j, feature in enumerate(form.features):
         first = int(np.argmax(np.abs(push[:, j])))
         row = {
             "part": feature.variable,
-            "t": found.t[0, j],
+            "t": optimum.t[0, j],
             "driven_by": form.outputs[first] if whole[j] > 0.0 else "",
         }
-        rows.append(row | _by_name(form, share[:, j]))
+        rows.append(row | _by_name(form, percent[:, j]))
     return pd.DataFrame(rows)
 
 
-def _by_name(form: Form, share: Array) -> dict[str, float]:
-    """Shares by output; rows of one output add up."""
-    found: dict[str, float] = {}
-    for name, value in zip(form.outputs, share.tolist(), strict=True):
-        found[f"{name}_percent"] = found.get(f"{name}_percent", 0.0) + value
-    return found
+def _by_name(form: Form, percent: Array) -> dict[str, float]:
+    """Fractions [%] by output; rows of one output add up."""
+    percentages: dict[str, float] = {}
+    for name, value in zip(form.outputs, percent.tolist(), strict=True):
+        percentages[f"{name}_percent"] = percentages.get(f"{name}_percent", 0.0) + value
+    return percentages

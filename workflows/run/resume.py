@@ -1,4 +1,4 @@
-"""From which state a run begins: from nothing, or from where it was broken."""
+"""The state from which a run begins: a new one, or that in which it was interrupted."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def opened(plan: RunPlan, place: Ownership, resume: bool) -> Checkpoint:
     if not path.is_file():
         text = f"{place.folder} holds no {CHECKPOINT} of a run; name another directory, or "
         raise refuse("--resume", f"{text}--overwrite")
-    found = Checkpoint.read(path)
-    raise_all(_faults(found, plan))
-    found.identity = plan.configuration
-    return found
+    checkpoint = Checkpoint.read(path)
+    raise_all(_faults(checkpoint, plan))
+    checkpoint.identity = plan.configuration
+    return checkpoint
 
 
 def seconds_before(checkpoint: Checkpoint) -> float:
@@ -51,9 +51,9 @@ def notes_of(checkpoint: Checkpoint, resume: bool) -> tuple[str, ...]:
     return ("the state of this algorithm cannot be saved: its search started anew",)
 
 
-def _faults(found: Checkpoint, plan: RunPlan) -> list[Fault]:
-    old, new = flat(tomllib.loads(found.identity)), flat(tomllib.loads(plan.configuration))
-    other = [
+def _faults(checkpoint: Checkpoint, plan: RunPlan) -> list[Fault]:
+    old, new = flat(tomllib.loads(checkpoint.identity)), flat(tomllib.loads(plan.configuration))
+    faults = [
         Fault(
             key,
             f"is {_shown(new, key)}, but the run to resume has {_shown(old, key)}: only the "
@@ -62,11 +62,11 @@ def _faults(found: Checkpoint, plan: RunPlan) -> list[Fault]:
         for key in dict.fromkeys([*new, *old])
         if not key.startswith(AFTERWARDS) and key not in BUDGET and new.get(key) != old.get(key)
     ]
-    return other + (_shrunk(found, plan.budget) if found.saved() else _smaller(old, new))
+    return faults + (_shrunk(checkpoint, plan.budget) if checkpoint.saved() else _smaller(old, new))
 
 
 def _smaller(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
-    """A budget below that of a run which keeps no state: what it found would be lost."""
+    """A budget below that of a run which keeps no state: its results would be lost."""
     return [
         Fault(key, f"is {new[key]}, but the run to resume had {old[key]}: a budget may only grow")
         for key in sorted(BUDGET)
@@ -74,9 +74,9 @@ def _smaller(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Fault]:
     ]
 
 
-def _shrunk(found: Checkpoint, budget: Budget) -> list[Fault]:
+def _shrunk(checkpoint: Checkpoint, budget: Budget) -> list[Fault]:
     """A budget that is less than what has been used."""
-    state = found.saved()
+    state = checkpoint.saved()
     if state is None:
         return []
     used = {"generations": len(state["run.history"]), "evaluations": int(state["run.counts"][0])}

@@ -66,7 +66,7 @@ def run(
     """Run `plan` and write its files to `out`; with `resume` go on with the run that `out` holds.
 
     The result does not depend on `workers`: side searches have seeds of their own and run in other
-    processes where there are some. An interrupt ends the search; what was found is written.
+    processes where there are some. An interrupt ends the search; its results so far are written.
     Raises InputError where nothing is free to be searched, where limits are missing or out of
     reach, where another process works in `out`, or where it holds something that is not to be
     replaced (`overwrite`); RunError where the disk is full.
@@ -87,7 +87,10 @@ def _run(
     resume: bool,
 ) -> RunOutcome:
     checkpoint, out = opened(plan, place, resume), place.folder
-    start, anew = time.monotonic() - seconds_before(checkpoint), notes_of(checkpoint, resume)
+    start, resume_notes = (
+        time.monotonic() - seconds_before(checkpoint),
+        notes_of(checkpoint, resume),
+    )
     printed = documents(plan.problem) if plan.references else pd.DataFrame()
     searches = side_searches(plan, printed) if plan.references else ()
     searches += effects.side_search(plan) + overlay.side_search(plan)
@@ -95,49 +98,61 @@ def _run(
     write_text(out / CONFIGURATION, plan.configuration)
     checkpoint.write()
     keep(plan.problem, out)
-    found, fronts = _searched(plan, checkpoint, Sides(searches, workers, checkpoint), progress)
-    searched = reported_front(plan.problem, found)
-    exact = exact_front(plan.problem, solved_front(plan, found))
+    search_result, fronts = _searched(
+        plan, checkpoint, Sides(searches, workers, checkpoint), progress
+    )
+    searched = reported_front(plan.problem, search_result)
+    exact = exact_front(plan.problem, solved_front(plan, search_result))
     references = table(plan, printed, fronts, exact)
     front, dropped, joined = with_references(searched, references, plan.problem)
-    stopped = found.interrupted
+    stopped = search_result.interrupted
     front, statement = with_bounds(front, plan.problem, interrupted=stopped)
-    before = next((other for side, other in fronts.items() if side.apart), None)
-    others = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
-    relaxed = {side.label: other for side, other in fronts.items() if side.relaxed}
+    before = next((side_front for side, side_front in fronts.items() if side.apart), None)
+    overlays = {s.label: o for s, o in fronts.items() if s.overlay and o is not None}
+    relaxed = {side.label: side_front for side, side_front in fronts.items() if side.relaxed}
     if len(references):
         within = inside(references, plan.problem)
         references, _ = with_bounds(references, plan.problem, within, stopped)
         references = compare(references, searched, relaxed, plan.problem)
-    cut = found.interrupted or any(other is None for other in fronts.values())
-    status = "interrupted" if cut else "done" if len(front) else "no_feasible_point"
+    incomplete = search_result.interrupted or any(
+        side_front is None for side_front in fronts.values()
+    )
+    status = "interrupted" if incomplete else "done" if len(front) else "no_feasible_point"
     names = list(plan.problem.objectives)
-    for other in others.values():
-        front = overlay.with_distance(front, other, names)
-    beside = [n for label, one in others.items() for n in overlay.notes(front, label, one, names)]
-    warned = (*plan.problem.effect_notes(), *plan.problem.cautions(), *beside)
-    otherwise = [] if stopped else alternatives(plan.problem, front)
-    remarks = (*plan.problem.remarks(front), *sentences(otherwise))
-    notes = (*warned, *remarks, *anew, *_notes(references, dropped, joined))
+    for other_front in overlays.values():
+        front = overlay.with_distance(front, other_front, names)
+    comparisons = [
+        n
+        for label, other_front in overlays.items()
+        for n in overlay.notes(front, label, other_front, names)
+    ]
+    warned = (*plan.problem.effect_notes(), *plan.problem.cautions(), *comparisons)
+    alternative_costs = [] if stopped else alternatives(plan.problem, front)
+    remarks = (*plan.problem.remarks(front), *sentences(alternative_costs))
+    notes = (*warned, *remarks, *resume_notes, *_notes(references, dropped, joined))
     decisions = decide(plan.problem, front, plan.choice)
     notes = (*notes, *decisions.notes)
     proven = (*proof_notes(front, statement), *end_notes(plan.problem, front), *notes)
-    summary = _summary(plan, found, front, status, proven, time.monotonic() - start)
-    summary |= measures(found, front, statement, exact)
-    summary |= drawn(plan.problem, front) | ({"alternatives": otherwise} if otherwise else {})
-    result = _result(plan, found, front, references, summary, proven, exact)
-    result = replace(
-        with_choices(result, decisions, plan, exact), overlays=others, relaxed=_together(relaxed)
+    summary = _summary(plan, search_result, front, status, proven, time.monotonic() - start)
+    summary |= measures(search_result, front, statement, exact)
+    summary |= drawn(plan.problem, front) | (
+        {"alternatives": alternative_costs} if alternative_costs else {}
     )
-    said = answers(result, plan.problem, statement)
-    result = replace(result, summary={**result.summary, "answers": said})
-    result = _with_more(result, plan.problem, found, cut, progress)
+    result = _result(plan, search_result, front, references, summary, proven, exact)
+    result = replace(
+        with_choices(result, decisions, plan, exact),
+        overlays=overlays,
+        relaxed=_concatenated(relaxed),
+    )
+    answered = answers(result, plan.problem, statement)
+    result = replace(result, summary={**result.summary, "answers": answered})
+    result = _with_more(result, plan.problem, search_result, incomplete, progress)
     if before is not None:
         result = replace(result, before=before, moved=effects.moved(plan.problem, before, front))
     if front.empty:
-        write_text(out / MISS, csv_text(nearest_miss(plan.problem, found)))
+        write_text(out / MISS, csv_text(nearest_miss(plan.problem, search_result)))
     write(result, out)
-    if not cut:
+    if not incomplete:
         place.complete(status)
     lines = _lines(result, status, out, proof_notes(front, statement))
     return RunOutcome(status, out, lines, result)
@@ -146,34 +161,36 @@ def _run(
 def _with_more(
     result: RunResult,
     problem: ToleranceProblem,
-    found: SearchResult,
-    cut: bool,
+    search_result: SearchResult,
+    incomplete: bool,
     progress: Callable[[Progress], None] | None,
 ) -> RunResult:
-    """The result with what is worked out from it; after a break without what takes long."""
-    if not cut:
+    """The result with tables derived from it; after an interrupt without those that take long."""
+    if not incomplete:
         result = with_capability(with_promise(result, problem), problem)
     result = with_units(result, problem)
-    if not (found.interrupted and takes_long(problem)):
+    if not (search_result.interrupted and takes_long(problem)):
         result = with_requirements(result, problem)
-    return result if cut else with_assumptions(result, problem, found.history, progress)
+    return (
+        result if incomplete else with_assumptions(result, problem, search_result.history, progress)
+    )
 
 
 def _searched(
     plan: RunPlan,
     checkpoint: Checkpoint,
-    beside: Sides,
+    searches: Sides,
     progress: Callable[[Progress], None] | None,
 ) -> tuple[SearchResult, Fronts]:
-    """What the search found, and the fronts of those beside it."""
-    with beside as sides, Designs(plan.problem, sides.where, sides.free) as designs:
+    """The result of the search, and the fronts of the side searches."""
+    with searches as sides, Designs(plan.problem, sides.where, sides.free) as designs:
 
         def report(state: Progress) -> None:
             sides.collect()
             if progress is not None:
                 progress(state)
 
-        found = search(
+        search_result = search(
             plan.problem,
             plan.algorithm,
             plan.budget,
@@ -183,14 +200,14 @@ def _searched(
             checkpoint,
             designs.values,
         )
-        if not found.interrupted:
+        if not search_result.interrupted:
             sides.finish()
-        return found, sides.fronts()
+        return search_result, sides.fronts()
 
 
 def _summary(
     plan: RunPlan,
-    found: SearchResult,
+    search_result: SearchResult,
     front: pd.DataFrame,
     status: str,
     notes: tuple[str, ...],
@@ -204,7 +221,7 @@ def _summary(
         "seed": plan.seed,
         "versions": {"python": platform.python_version()} | {p: version(p) for p in packages},
         "configuration_hash": hashlib.sha256(plan.configuration.encode()).hexdigest(),
-        "evaluations": found.evaluations,
+        "evaluations": search_result.evaluations,
         "seconds": seconds,
         "points": len(front),
         "ideal": dict(zip(names, ideal.tolist(), strict=True)),
@@ -224,16 +241,16 @@ def _summary(
 
 
 def _costs(problem: ToleranceProblem) -> dict[str, object]:
-    """What costs are in, and which are assumed; nothing where they are relative."""
+    """The currency of the costs, and which are assumed; empty where costs are relative."""
     money = problem.settings.money
     if not money.currency:
         return {}
-    found = {"currency": money.currency, "assumed": list(money.assumed)}
-    return {"costs": found | ({"scale_assumed": money.scale} if money.scale else {})}
+    costs = {"currency": money.currency, "assumed": list(money.assumed)}
+    return {"costs": costs | ({"scale_assumed": money.scale} if money.scale else {})}
 
 
 def _model(problem: ToleranceProblem) -> dict[str, object]:
-    """Which of several models the numbers are of; nothing where there is but one."""
+    """The one of several models that the numbers come from; empty where there is only one."""
     if not problem.model_statement:
         return {}
     return {"model": problem.model_name, "model_statement": problem.model_statement}
@@ -241,7 +258,7 @@ def _model(problem: ToleranceProblem) -> dict[str, object]:
 
 def _result(
     plan: RunPlan,
-    found: SearchResult,
+    search_result: SearchResult,
     front: pd.DataFrame,
     references: pd.DataFrame,
     summary: dict[str, object],
@@ -249,7 +266,7 @@ def _result(
     exact: Exact | None,
 ) -> RunResult:
     columns = ["generation", "evaluations", "seconds", "hypervolume", "feasible_fraction"]
-    convergence = pd.DataFrame([asdict(p) for p in found.history], columns=columns)
+    convergence = pd.DataFrame([asdict(p) for p in search_result.history], columns=columns)
     whole = exact.hypervolume if exact is not None else float("nan")
     convergence.insert(4, "hypervolume_ratio", convergence["hypervolume"] / whole)
     return RunResult(
@@ -266,15 +283,15 @@ def _result(
     )
 
 
-def _together(relaxed: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
+def _concatenated(relaxed: Mapping[str, pd.DataFrame | None]) -> pd.DataFrame | None:
     """The fronts with relaxed limits, one below the other, each under its label."""
-    frames = [one.assign(label=label) for label, one in relaxed.items() if one is not None]
-    found = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
-    return found[["label", *(n for n in found if n != "label")]] if len(found) else None
+    frames = [front.assign(label=label) for label, front in relaxed.items() if front is not None]
+    joined = pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+    return joined[["label", *(n for n in joined if n != "label")]] if len(joined) else None
 
 
 def described(problem: ToleranceProblem) -> str:
-    """What a problem calls itself: the first line of its description."""
+    """The title of a problem: the first line of its description."""
     if not type(problem).__module__.startswith("tolevo."):
         return ""
     text = (type(problem).__doc__ or "").strip().split("\n")[0]
@@ -288,19 +305,19 @@ def _axes(problem: ToleranceProblem, names: tuple[str, ...]) -> tuple[Axis, ...]
 
 def _notes(references: pd.DataFrame, dropped: int, joined: int) -> list[str]:
     """What the page and the summary say about the references."""
-    found = [
+    notes = [
         f"{row['label']} breaks {row['violated_limits'].replace(' ', ', ')}: it is outside of what "
         "this run may choose, so the front cannot be expected to beat it; see the relaxed columns"
         for row in references.to_dict("records")
         if row["violated_limits"]
     ]
     if joined:
-        found.append(
+        notes.append(
             f"{joined} of the references joined the front: the search had not found anything as "
             f"good; {dropped} points that they dominate were removed. The gains in the table of "
             "references are those of the search's own front"
         )
-    return found
+    return notes
 
 
 def _of_cost(axis: Axis) -> str:
@@ -308,8 +325,10 @@ def _of_cost(axis: Axis) -> str:
     return f" {axis.unit}" if axis.name == "cost" and axis.unit else ""
 
 
-def _lines(result: RunResult, status: str, out: Path, told: Sequence[str]) -> tuple[str, ...]:
-    """A short summary for the terminal; notes that are `told` by the answers are left out."""
+def _lines(
+    result: RunResult, status: str, out: Path, proof_lines: Sequence[str]
+) -> tuple[str, ...]:
+    """A short summary for the terminal; `proof_lines` are left out where the answers state them."""
     lines = [
         f"{status}: {len(result.front)} Pareto points, {result.summary['evaluations']} "
         f"evaluations, {float(str(result.summary['seconds'])):.1f} s"
@@ -322,7 +341,7 @@ def _lines(result: RunResult, status: str, out: Path, told: Sequence[str]) -> tu
             f"{axis.name} {row[axis.name]:.4g}" + _of_cost(axis) for axis in result.objectives
         )
         lines.append(f"reference {row['label']}: {values}; {kept}")
-    answered = told if "proof" in result.answers else ()
+    answered = proof_lines if "proof" in result.answers else ()
     lines += [f"note: {note}" for note in result.notes if note not in answered]
     if status == "no_feasible_point":
         lines.append(

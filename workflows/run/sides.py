@@ -1,4 +1,4 @@
-"""The side searches of a run: by an executor, beside the main one, where there are workers."""
+"""The side searches of a run, by an executor during the main search where there are workers."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def front_of(task: SideTask) -> pd.DataFrame | None:
 
 
 class Sides(Closing):
-    """Runs side searches beside the main one; each finished front is kept in the checkpoint.
+    """Runs side searches during the main one; each finished front is kept in the checkpoint.
 
-    One of the `workers` is the process of the main search, which does what no other has begun when
-    it is through. On leaving the context what still runs is ended at once.
+    One of the `workers` is the process of the main search, which then makes the fronts that no
+    other has begun. Searches that still run when the context is left are ended at once.
     """
 
     def __init__(
@@ -55,12 +55,12 @@ class Sides(Closing):
         self.where = workers if isinstance(workers, Execution) else Execution(workers)
         self._others = min((self.where.workers or 1) - 1, len(self._open))
         if self._open and (self.where.dask or self._others):
-            # a single process is one beside this, not this one
+            # a single process is in addition to this one
             executor = executor_of(self.where) if self.where.dask else Processes(self._others)
             self._beside = Background(executor, front_of, partial(next_of, self._open))
 
     def free(self) -> int:
-        """Processes beside this one that are at work on no side search, nor will be."""
+        """Processes in addition to this one that have no side search to work on."""
         busy = self._beside is not None and not self._beside.over
         return (self.where.workers or 1) - 1 - (self._others if busy else 0)
 
@@ -70,12 +70,12 @@ class Sides(Closing):
             self._beside.close()
 
     def collect(self) -> None:
-        """Keep the fronts that have been finished since; of a lost process it is made again."""
-        for task, found in self._beside.taken() if self._beside else ():
-            if isinstance(found, Lost):
+        """Keep the fronts finished since; the front of a lost process is made again."""
+        for task, front in self._beside.taken() if self._beside else ():
+            if isinstance(front, Lost):
                 self._open.append(task)
             else:
-                self._keep(task.side, found)
+                self._keep(task.side, front)
 
     def finish(self) -> None:
         """Make or wait for all fronts; an interrupt leaves out what has not been made."""

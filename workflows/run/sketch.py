@@ -23,5 +23,5 @@ def drawn(problem: ToleranceProblem, front: pd.DataFrame) -> dict[str, Any]:
     for part in sketch["parts"]:
         shares = [float(row[name]) for name in part["shares"]]
         parts.append({**part, "shares": None, "share": round(float(np.sum(shares)), 2)})
-    parts = [{key: value for key, value in one.items() if value is not None} for one in parts]
+    parts = [{key: value for key, value in part.items() if value is not None} for part in parts]
     return {"machine": {"parts": parts, "poses": sketch["poses"], "cost": float(row["cost"])}}

@@ -12,16 +12,16 @@ from ...problems.tolerance_problem import ToleranceProblem
 from ...records import RunResult
 
 SHOWN = ("cost", "yield_percent", "interference_probability")
-"""Outputs of the shown point that the page repeats, beside the one that is limited."""
+"""Outputs of the shown point that the page repeats, in addition to the one that is limited."""
 
 NEAR = 0.1
-"""Share of the limit by which a point may miss it to be shown in place of the knee."""
+"""Fraction of the limit by which a point may miss it to be shown in place of the knee."""
 
 
 def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
     """The result with the limits of validity, and one unit and the population of its shown point.
 
-    As it is for problems without them.
+    Unchanged for problems without them.
     """
     validity = problem.validity()
     if validity:
@@ -29,26 +29,26 @@ def with_units(result: RunResult, problem: ToleranceProblem) -> RunResult:
     chosen = shown_point(result.front, problem)
     if chosen is None:
         return result
-    row, why = chosen
-    found = problem.shown_units(problem.designs_of(result.front.iloc[[row]])[0])
+    row, reason = chosen
+    shown = problem.shown_units(problem.designs_of(result.front.iloc[[row]])[0])
     limit = problem.shown_limit()
-    if found is None or limit is None:
+    if shown is None or limit is None:
         return result
-    own = result.front.iloc[row]
+    point = result.front.iloc[row]
     units = {
         "point": row,
-        "chosen": why,
-        "words": list(found.words),
+        "chosen": reason,
+        "words": list(shown.words),
         "limit": limit[1],
-        "quantile": float(own[limit[0]]),
+        "quantile": float(point[limit[0]]),
         "coverage_percent": 100.0 * problem.settings.propagation.coverage,
-        **{name: float(own[name]) for name in SHOWN if name in own},
+        **{name: float(point[name]) for name in SHOWN if name in point},
     }
     return replace(
         result,
         summary={**result.summary, "units": units},
-        unit_turn=found.turn,
-        population=found.population,
+        unit_turn=shown.turn,
+        population=shown.population,
     )
 
 
@@ -61,7 +61,7 @@ def shown_point(front: pd.DataFrame, problem: Shown) -> tuple[int, str] | None:
     if limit is None or front.empty or limit[0] not in front:
         return None
     name, most = limit
-    away = np.abs(front[name].to_numpy(dtype=float) / most - 1.0)
-    if away.min() > NEAR and "knee" in front and front["knee"].any():
+    distance = np.abs(front[name].to_numpy(dtype=float) / most - 1.0)
+    if distance.min() > NEAR and "knee" in front and front["knee"].any():
         return int(np.argmax(front["knee"].to_numpy(dtype=bool))), "the knee"
-    return int(np.argmin(away)), f"the point nearest to {name} {most:g}"
+    return int(np.argmin(distance)), f"the point nearest to {name} {most:g}"

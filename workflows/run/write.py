@@ -41,12 +41,12 @@ def write(result: RunResult, folder: Path) -> None:
 
 
 def digest(text: str) -> str:
-    """SHA-256 of a text file, by which it is told whether it was edited."""
+    """SHA-256 of a text file, by which edits are detected."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _texts(result: RunResult) -> dict[str, str]:
-    """The files that the page can be built from again, by name."""
+    """The files from which the page can be rebuilt, by name."""
     tables = {
         "front.csv": result.front,
         "references.csv": result.references,
@@ -81,8 +81,8 @@ def _overlays(result: RunResult) -> pd.DataFrame | None:
     frames = [frame.assign(label=label) for label, frame in result.overlays.items()]
     if not frames:
         return None
-    found = pd.concat(frames, ignore_index=True)
-    return found[["label", *(name for name in found if name != "label")]]
+    joined = pd.concat(frames, ignore_index=True)
+    return joined[["label", *(name for name in joined if name != "label")]]
 
 
 def _records(frame: pd.DataFrame) -> list[dict[str, Any]]:

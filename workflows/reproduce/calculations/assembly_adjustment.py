@@ -19,7 +19,7 @@ LABELS = ("q0", "q5", "q10", "ideal")
 """The rows: precision weight 0, 5, 10, infinite."""
 UNITS = {"mrad": "mrad", "percent": "percent", "mrad2": "mrad**2", "arcsec": "arcsec", "N": "N"}
 SCALARS = tuple(
-    one.name for one in fields(Row) if one.name not in ("precision_weight", "state_mrad")
+    field.name for field in fields(Row) if field.name not in ("precision_weight", "state_mrad")
 )
 STATES = tuple(f"state_{at}_mrad" for at in range(1, 5))
 _FIT = "assumed: no document prints how the angles act on the contact"
@@ -88,16 +88,20 @@ class AssemblyAdjustment(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        own = self.completed(values)
-        floor = number(own["floor_arcsec"]) * ARCSEC
-        mapping = AngleMapping(str(own["eccentrics"]), number(own["absorption"]), floor)
-        found = rows(Transmission(mapping=mapping), str(own["reading"]), str(own["insertion"]))
+        parameters = self.completed(values)
+        floor = number(parameters["floor_arcsec"]) * ARCSEC
+        mapping = AngleMapping(
+            str(parameters["eccentrics"]), number(parameters["absorption"]), floor
+        )
+        computed_rows = rows(
+            Transmission(mapping=mapping), str(parameters["reading"]), str(parameters["insertion"])
+        )
         quantities = {
             f"{label}_{name}": Quantity(value, _unit(name))
-            for label, row in zip(LABELS, found, strict=True)
+            for label, row in zip(LABELS, computed_rows, strict=True)
             for name, value in _values(row).items()
         }
-        return Computed(quantities, (_table(found, own),))
+        return Computed(quantities, (_table(computed_rows, parameters),))
 
 
 def _values(row: Row) -> dict[str, float]:
@@ -105,13 +109,13 @@ def _values(row: Row) -> dict[str, float]:
     return {name: float(getattr(row, name)) for name in SCALARS} | states
 
 
-def _table(found: tuple[Row, ...], own: Mapping[str, Value]) -> ComputedTable:
+def _table(computed_rows: tuple[Row, ...], parameters: Mapping[str, Value]) -> ComputedTable:
     names = (*STATES, *SCALARS)
-    columns = [np.array([_values(row)[name] for row in found]) for name in names]
-    said = ", ".join(f"{key} {value}" for key, value in own.items())
+    columns = [np.array([_values(row)[name] for row in computed_rows]) for name in names]
+    stated = ", ".join(f"{key} {value}" for key, value in parameters.items())
     return ComputedTable(
         "rows",
-        f"Document A's table recomputed: {said}",
+        f"Document A's table recomputed: {stated}",
         (Axis("precision_weight", "1"), *(Axis(name, _unit(name)) for name in names)),
         (np.array(["0", "5", "10", "infinite"]), *columns),
     )

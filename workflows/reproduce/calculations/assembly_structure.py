@@ -65,10 +65,10 @@ class AssemblyStructure(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        own = self.completed(values)
+        parameters = self.completed(values)
         chain = DatumFlowChain()
-        weights = chain.weights(AdjustmentWeights(absent=number(own["absent_weight"])))
-        gain = _gains(weights, number(own["precision_weight"]))
+        weights = chain.weights(AdjustmentWeights(absent=number(parameters["absent_weight"])))
+        gain = _gains(weights, number(parameters["precision_weight"]))
         matrices = {
             "flow": chain.error_matrix(),
             "weight": weights,
@@ -76,15 +76,15 @@ class AssemblyStructure(Calculation):
             "small": DatumFlowChain((0, 1), ("first", "second")).error_matrix(),
             "observed": chain.observation(),
         }
-        found = {
+        numbers = {
             f"{name}_{a + 1}_{b + 1}": Quantity(float(value), "1")
             for name, matrix in matrices.items()
             for (a, b), value in np.ndenumerate(matrix)
         }
-        tolerances = [one for one in RvTransmissionError.variables if one.tolerance]
-        found["absent_share_percent"] = Quantity(_absent(gain, chain.adjustable()), "percent")
-        found["tolerances"] = Quantity(float(len(tolerances)), "1")
-        return Computed(found, (_table(gain),))
+        tolerances = [variable for variable in RvTransmissionError.variables if variable.tolerance]
+        numbers["absent_share_percent"] = Quantity(_absent(gain, chain.adjustable()), "percent")
+        numbers["tolerances"] = Quantity(float(len(tolerances)), "1")
+        return Computed(numbers, (_table(gain),))
 
 
 def _gains(weights: Array, precision: float) -> Array:

@@ -49,9 +49,9 @@ class BacklashStages(Calculation):
         ),
     )
     outputs = tuple(
-        one
+        declaration
         for stage in STAGES
-        for one in (
+        for declaration in (
             Output(f"{stage}_mean_arcmin", "arcmin", f"mean of the {stage} stage"),
             Output(f"{stage}_std_arcmin", "arcmin", f"standard deviation of the {stage} stage"),
             Output(
@@ -63,9 +63,9 @@ class BacklashStages(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        own = self.completed(values)
-        at = {one.name: float(one.document or 0.0) for one in declared.VARIABLES}
-        at |= {name: number(value) for name, value in own.items()}
+        parameters = self.completed(values)
+        at = {variable.name: float(variable.document or 0.0) for variable in declared.VARIABLES}
+        at |= {name: number(value) for name, value in parameters.items()}
         design = {name: np.array([value]) for name, value in at.items()}
         total = declared.backlash_model({READING: PRINTED}, None, {}).total(
             declared.allocation(design)
@@ -85,8 +85,8 @@ class BacklashStages(Calculation):
         }
         table = ComputedTable(
             "stages",
-            f"Backlash by stage; crank-arm bearings 0..{own['crank_bearing_um']} um, stagger "
-            f"{own['stagger_arcmin']} arcmin",
+            f"Backlash by stage; crank-arm bearings 0..{parameters['crank_bearing_um']} um, "
+            f"stagger {parameters['stagger_arcmin']} arcmin",
             (Axis("stage", ""), *(Axis(name, unit) for name, (unit, _) in columns.items())),
             (np.array(STAGES), *(column for _, column in columns.values())),
         )

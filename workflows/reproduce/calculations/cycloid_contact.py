@@ -54,7 +54,7 @@ class Finite:
         return backlash(self.contact, errors, self.angles) * scale
 
     def mean(self, name: str, shape: tuple[int, ...]) -> float:
-        """Of an error that all pins or teeth have alike."""
+        """The difference by an error that all pins or teeth have in common."""
         ends = [
             self.backlash(PartErrors(**{name: np.full(shape, sign * self.step)})).mean()
             for sign in (1.0, -1.0)
@@ -62,7 +62,7 @@ class Finite:
         return float(ends[0] - ends[1]) / (2.0 * self.step)
 
     def adverse_position(self) -> float:
-        """Of pins displaced along the circle, on both flanks so that the gap opens."""
+        """That by pins displaced along the circle, on both flanks so that the gap opens."""
         phase = self.contact.geometry.phase(self.angles)[:, 0, :]
         side = np.sign(np.sin(phase))[:, None, :] * self.step  # a unit for every angle
         ends = [
@@ -72,7 +72,7 @@ class Finite:
         return abs(float(ends[0] - ends[1])) / (2.0 * self.step)
 
     def worst_phase(self, name: str, size: float) -> float:
-        """Of an error that turns with the disc, at its worst phase and angle."""
+        """That by an error that turns with the disc, at its worst phase and angle."""
         phase = 2.0 * np.pi * np.arange(PHASES)[:, None] / PHASES
         moved = PartErrors(**{name: np.full((1, 1), size * self.step), f"{name}_phase": phase})
         return float(np.max(self.backlash(moved) - self.backlash(PartErrors()))) / self.step
@@ -120,15 +120,17 @@ class CycloidContact(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        found = _sensitivities(_finite(self.completed(values)))
+        sensitivities = _sensitivities(_finite(self.completed(values)))
         table = ComputedTable(
             "sensitivities",
             "Change of backlash times e z_c per unit of each error, by exact contact of 40 pins; "
             "document B prints half of most",
             (Axis("error", ""), Axis("exact", "1", "by exact contact")),
-            (np.array(list(found)), np.array(list(found.values()))),
+            (np.array(list(sensitivities)), np.array(list(sensitivities.values()))),
         )
-        return Computed({name: Quantity(value, "1") for name, value in found.items()}, (table,))
+        return Computed(
+            {name: Quantity(value, "1") for name, value in sensitivities.items()}, (table,)
+        )
 
 
 def _finite(values: Mapping[str, Value]) -> Finite:

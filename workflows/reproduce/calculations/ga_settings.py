@@ -70,7 +70,7 @@ class GaSettings(Calculation):
     )
 
     def faults(self, values: Mapping[str, Value]) -> list[Fault]:
-        found = (
+        problems = (
             []
             if values["study"]
             else [
@@ -81,29 +81,31 @@ class GaSettings(Calculation):
             if values["study"]:
                 _of_study(values)
         except InputError as error:
-            found += error.faults
-        return found
+            problems += error.faults
+        return problems
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        own = self.completed(values)
-        raise_all(self.faults(own))
-        a, b = _of_study(own) if own["study"] else _own_runs(own, rng)
-        return Computed(_quantities(a, b), (_table(own, a, b),))
+        parameters = self.completed(values)
+        raise_all(self.faults(parameters))
+        a, b = _of_study(parameters) if parameters["study"] else _own_runs(parameters, rng)
+        return Computed(_quantities(a, b), (_table(parameters, a, b),))
 
 
 def _quantities(a: Array, b: Array) -> dict[str, Quantity]:
     """Medians and shares of runs (seeds, responses); what was never reached is infinite."""
     gap, evaluations = ([a[:, at], b[:, at]] for at in (0, 1))
-    found = {"seeds": Quantity(float(len(a)), "1")}
-    for name, one in zip("ab", gap, strict=True):
-        found[f"{name}_gap_percent"] = Quantity(float(np.median(one)), "percent", _error(one))
-    for name, one in zip("ab", evaluations, strict=True):
-        found[f"{name}_evaluations"] = Quantity(float(np.median(one)), "1", _error(one))
-    found["a_nearer_percent"] = _share(gap[0] < gap[1], gap[0] == gap[1])
-    found["a_slower_percent"] = _share(
+    numbers = {"seeds": Quantity(float(len(a)), "1")}
+    for name, values in zip("ab", gap, strict=True):
+        numbers[f"{name}_gap_percent"] = Quantity(
+            float(np.median(values)), "percent", _error(values)
+        )
+    for name, values in zip("ab", evaluations, strict=True):
+        numbers[f"{name}_evaluations"] = Quantity(float(np.median(values)), "1", _error(values))
+    numbers["a_nearer_percent"] = _share(gap[0] < gap[1], gap[0] == gap[1])
+    numbers["a_slower_percent"] = _share(
         evaluations[0] > evaluations[1], evaluations[0] == evaluations[1]
     )
-    return found
+    return numbers
 
 
 def _error(values: Array) -> float:
@@ -113,19 +115,20 @@ def _error(values: Array) -> float:
 
 
 def _share(won: NDArray[np.bool_], even: NDArray[np.bool_]) -> Quantity:
-    share = float(np.mean(won + 0.5 * even))
-    return Quantity(100.0 * share, "percent", 100.0 * share_error(share, len(won)))
+    fraction = float(np.mean(won + 0.5 * even))
+    return Quantity(100.0 * fraction, "percent", 100.0 * share_error(fraction, len(won)))
 
 
-def _own_runs(own: Mapping[str, Value], rng: np.random.Generator) -> tuple[Array, Array]:
+def _own_runs(parameters: Mapping[str, Value], rng: np.random.Generator) -> tuple[Array, Array]:
     """Runs (seeds, responses) of both settings, seed by seed alike."""
     problem = PoseAccuracy(Settings(parameters={"index": "rms_plane"}, objectives=("cost",)))
     measure = yardstick(problem)
-    seeds = rng.integers(0, 2**31, int(number(own["seeds"]))).tolist()
-    budget = Budget(generations=int(number(own["generations"])))
-    settings = [_settings(str(own["setting"]), number(own[name])) for name in "ab"]
+    seeds = rng.integers(0, 2**31, int(number(parameters["seeds"]))).tolist()
+    budget = Budget(generations=int(number(parameters["generations"])))
+    settings = [_settings(str(parameters["setting"]), number(parameters[name])) for name in "ab"]
     a, b = (
-        np.array([_run(problem, one, budget, seed, measure) for seed in seeds]) for one in settings
+        np.array([_run(problem, setting, budget, seed, measure) for seed in seeds])
+        for setting in settings
     )
     return a, b
 
@@ -159,34 +162,34 @@ def _run(
     return (np.inf if np.isnan(gap) else gap), (np.inf if np.isnan(reached) else reached)
 
 
-def _study_table(own: Mapping[str, Value]) -> pd.DataFrame:
-    """The finished runs of a study. Raises InputError where it is not whole, or has not what is
-    asked for.
+def _study_table(parameters: Mapping[str, Value]) -> pd.DataFrame:
+    """The finished runs of a study. Raises InputError where it is incomplete, or lacks a column
+    that is asked for.
     """
-    path = Path(str(own["study"])) / "study.csv"
+    path = Path(str(parameters["study"])) / "study.csv"
     raise_all(not_whole(path.parent))
     if not path.is_file():
         raise refuse("study", f"{path} does not exist: name the directory of a finished study")
     table = read_own_csv(path)
-    missing = [name for name in (KEYS[str(own["setting"])], *RESPONSES) if name not in table]
+    missing = [name for name in (KEYS[str(parameters["setting"])], *RESPONSES) if name not in table]
     if missing:
         raise refuse("study", f"{path} has no {', '.join(missing)}: vary and measure it there")
     return table[table["status"] == "done"]
 
 
-def _of_study(own: Mapping[str, Value]) -> tuple[Array, Array]:
+def _of_study(parameters: Mapping[str, Value]) -> tuple[Array, Array]:
     """Runs (seeds, responses) of both settings in a study, paired by all else that it varies."""
-    table, key = _study_table(own), KEYS[str(own["setting"])]
-    others = [name for name in KEYS.values() if name in table and name != key]
-    table = table.drop_duplicates([key, *others, "replicate"])  # one setting may be run twice
-    sides = [table[np.isclose(table[key], number(own[name]))] for name in "ab"]
-    both = sides[0].merge(sides[1], on=[*others, "replicate"], suffixes=("_a", "_b"))
+    table, key = _study_table(parameters), KEYS[str(parameters["setting"])]
+    other_keys = [name for name in KEYS.values() if name in table and name != key]
+    table = table.drop_duplicates([key, *other_keys, "replicate"])  # one setting may be run twice
+    sides = [table[np.isclose(table[key], number(parameters[name]))] for name in "ab"]
+    both = sides[0].merge(sides[1], on=[*other_keys, "replicate"], suffixes=("_a", "_b"))
     if len(both) < 2:
-        levels = ", ".join(f"{one:g}" for one in sorted(table[key].unique()))
+        levels = ", ".join(f"{level:g}" for level in sorted(table[key].unique()))
         raise refuse(
             "study",
-            f"{own['study']} has no two runs of {key} = {own['a']} and "
-            f"{own['b']} alike in all else; it has {levels}",
+            f"{parameters['study']} has no two runs of {key} = {parameters['a']} and "
+            f"{parameters['b']} alike in all else; it has {levels}",
         )
     a, b = (
         both[[f"{name}_{side}" for name in RESPONSES]].fillna(np.inf).to_numpy(dtype=float)
@@ -195,13 +198,13 @@ def _of_study(own: Mapping[str, Value]) -> tuple[Array, Array]:
     return a, b
 
 
-def _table(own: Mapping[str, Value], a: Array, b: Array) -> ComputedTable:
+def _table(parameters: Mapping[str, Value], a: Array, b: Array) -> ComputedTable:
     columns = [np.arange(len(a)), a[:, 0], b[:, 0], a[:, 1], b[:, 1]]
     names = ("a_gap_percent", "b_gap_percent", "a_evaluations_to_99", "b_evaluations_to_99")
     return ComputedTable(
-        str(own["setting"]),
-        f"{own['setting']} {own['a']} (a) against {own['b']} (b), seed by seed; infinite: 99 % "
-        "was never reached",
+        str(parameters["setting"]),
+        f"{parameters['setting']} {parameters['a']} (a) against {parameters['b']} (b), "
+        "seed by seed; infinite: 99 % was never reached",
         (Axis("seed", "1"), *(Axis(name, "percent" if "gap" in name else "1") for name in names)),
         tuple(columns),
     )

@@ -52,36 +52,38 @@ class ManipulatorDirections(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        own = self.completed(values)
-        r, z = grid(declared.task_ring(own), POSES)
-        machine = declared.manipulator(own)
+        parameters = self.completed(values)
+        r, z = grid(declared.task_ring(parameters), POSES)
+        machine = declared.manipulator(parameters)
         around = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
         sizes = np.stack([_sizes(first_order(machine, r, z, phi)) for phi in around])
         change = _change(sizes).max(axis=0)  # of every source, at its worst pose and output
-        found = {
+        largest = {
             f"{group}_percent": max(
                 change[at] for at, name in enumerate(NAMES) if name.startswith(stems)
             )
             for group, stems in GROUPS.items()
         }
-        found["all_percent"] = max(found.values())
+        largest["all_percent"] = max(largest.values())
         pairs = [
             (NAMES.index(f"origin_{i}_x_um"), NAMES.index(f"origin_{i}_y_um")) for i in (1, 2, 3)
         ]
         together = np.stack([np.hypot(sizes[..., a], sizes[..., b]) for a, b in pairs], axis=-1)
-        found["base_together_percent"] = float(_change(together).max())
+        largest["base_together_percent"] = float(_change(together).max())
         table = ComputedTable(
             "change",
             "Change of the effect of each error source over a full circle",
             (Axis("source", ""), Axis("change_percent", "percent")),
             (np.array(NAMES), change),
         )
-        return Computed({k: Quantity(float(v), "percent") for k, v in found.items()}, (table,))
+        return Computed({k: Quantity(float(v), "percent") for k, v in largest.items()}, (table,))
 
 
 def _sizes(maps: object) -> Array:
     """Sizes (2 poses, 63) of turn and movement per unit of each source."""
-    turn, move = (np.linalg.norm(getattr(maps, one), axis=1) for one in ("orientation", "position"))
+    turn, move = (
+        np.linalg.norm(getattr(maps, field), axis=1) for field in ("orientation", "position")
+    )
     return np.concatenate([turn, move])
 
 

@@ -19,7 +19,7 @@ from ..calculation import Calculation, Computed, ComputedTable, Quantity
 
 Array = NDArray[np.float64]
 POSES = 9
-"""Poses per axis at which the maps are looked at."""
+"""Poses per axis at which the maps are evaluated."""
 NOTHING = 1e-9
 """Effect per unit, relative to the largest, below which a source does nothing."""
 LENGTH, ANGLE = 10e-6, 0.1e-3
@@ -63,18 +63,18 @@ class ManipulatorSources(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        own = self.completed(values)
-        machine, ring = declared.manipulator(own), declared.task_ring(own)
+        parameters = self.completed(values)
+        machine, ring = declared.manipulator(parameters), declared.task_ring(parameters)
         turning = orientation_combinations()
         names = list(turning)
         maps = first_order(machine, *grid(ring, POSES))
-        index = str(own["index"])
+        index = str(parameters["index"])
         mean = index if index in INDICES else INDICES[0]
         weight = sensitivity(machine, ring, mean, turning)
         slopes = np.stack([weight.squareness, weight.yaw], axis=1)  # per metre or radian
         effect = slopes * _steps(names)[:, None] / MRAD
-        found = _counts(maps, names) | _slopes(names, slopes) | _ranking(names, effect)
-        return Computed(found, (_table(names, effect),))
+        numbers = _counts(maps, names) | _slopes(names, slopes) | _ranking(names, effect)
+        return Computed(numbers, (_table(names, effect),))
 
 
 def _counts(maps: Maps, names: list[str]) -> dict[str, Quantity]:
@@ -86,7 +86,7 @@ def _counts(maps: Maps, names: list[str]) -> dict[str, Quantity]:
     squareness = np.hypot(turn[:, 0], turn[:, 1]).max(axis=0)
     third = [at for at, name in enumerate(names) if "_3" in name]
     first, last = (names.index(f"joint_distance_{chain}") for chain in (1, 3))
-    found = {
+    counts = {
         "orientation_sources": len(names),
         "orientation_acting": np.sum(size > NOTHING * size.max()),
         "orientation_rank": np.linalg.matrix_rank(turn.reshape(-1, len(names))),
@@ -96,7 +96,7 @@ def _counts(maps: Maps, names: list[str]) -> dict[str, Quantity]:
         "chain_3_squareness": squareness[third].max() / squareness.max(),
         "joint_distance_3": size[last] / size[first],
     }
-    return {name: Quantity(float(one), "1") for name, one in found.items()}
+    return {name: Quantity(float(value), "1") for name, value in counts.items()}
 
 
 def _slopes(names: list[str], slopes: Array) -> dict[str, Quantity]:
@@ -118,19 +118,23 @@ def _steps(names: list[str]) -> Array:
 
 def _ranking(names: list[str], effect: Array) -> dict[str, Quantity]:
     """Place and lead of the relative rod length, each kind by its largest source or by its rss."""
-    found = {}
+    numbers = {}
     for column, output in enumerate(("squareness", "yaw")):
-        own = {kind: effect[[name.startswith(kind) for name in names], column] for kind in KINDS}
+        effects_by_kind = {
+            kind: effect[[name.startswith(kind) for name in names], column] for kind in KINDS
+        }
         sizes = {
-            "": {kind: float(one.max()) for kind, one in own.items()},
-            "rss_": {kind: float(np.linalg.norm(one)) for kind, one in own.items()},
+            "": {kind: float(effects.max()) for kind, effects in effects_by_kind.items()},
+            "rss_": {
+                kind: float(np.linalg.norm(effects)) for kind, effects in effects_by_kind.items()
+            },
         }
         for how, kinds in sizes.items():
             rod = kinds.pop("rod_length")
-            place = 1 + sum(other > rod for other in kinds.values())
-            found[f"{output}_{how}rank"] = Quantity(float(place), "1")
-            found[f"{output}_{how}lead"] = Quantity(rod / max(kinds.values()), "1")
-    return found
+            place = 1 + sum(size > rod for size in kinds.values())
+            numbers[f"{output}_{how}rank"] = Quantity(float(place), "1")
+            numbers[f"{output}_{how}lead"] = Quantity(rod / max(kinds.values()), "1")
+    return numbers
 
 
 def _table(names: list[str], effect: Array) -> ComputedTable:

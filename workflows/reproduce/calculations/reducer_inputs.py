@@ -1,4 +1,4 @@
-"""What calculations on the backlash of a reducer are given, and the sum that they make of it."""
+"""The inputs of calculations on the backlash of a reducer, and the sum that they form."""
 
 from __future__ import annotations
 
@@ -23,30 +23,30 @@ SAME = "as the others"
 RANDOM = tuple(v for v in declared.VARIABLES if v.random)
 
 
-def _of_variable(one: Variable) -> Parameter:
-    assumed, low = bool(one.assumed), one.valid_low
-    kind = "" if one.kind is Kind.NOMINAL else f" ({one.kind.value.split(' of ')[0]})"
-    default = float(one.document or 0.0)
-    source = one.assumed or "document B"
+def _of_variable(variable: Variable) -> Parameter:
+    assumed, low = bool(variable.assumed), variable.valid_low
+    kind = "" if variable.kind is Kind.NOMINAL else f" ({variable.kind.value.split(' of ')[0]})"
+    default = float(variable.document or 0.0)
+    source = variable.assumed or "document B"
     return Parameter(
-        one.name,
+        variable.name,
         default,
-        one.unit,
-        one.meaning + kind,
+        variable.unit,
+        variable.meaning + kind,
         source,
         assumed,
         low=low,
-        high=one.valid_high,
+        high=variable.valid_high,
     )
 
 
-def _of_law(one: Variable) -> Parameter:
-    name = f"{stem(one.name)}_distribution"
+def _of_law(variable: Variable) -> Parameter:
+    name = f"{stem(variable.name)}_distribution"
     return Parameter(
         name,
         SAME,
         "",
-        f"distribution over units of {one.meaning}",
+        f"distribution over units of {variable.meaning}",
         "assumed",
         assumed=True,
         choices=(SAME, *PLAIN),
@@ -59,8 +59,11 @@ def stem(name: str) -> str:
 
 
 PARAMETERS: tuple[Parameter, ...] = (
-    *(replace(one, default=PRINTED) if one.name == READING else one for one in declared.PARAMETERS),
-    *(_of_variable(one) for one in declared.VARIABLES),
+    *(
+        replace(parameter, default=PRINTED) if parameter.name == READING else parameter
+        for parameter in declared.PARAMETERS
+    ),
+    *(_of_variable(variable) for variable in declared.VARIABLES),
     Parameter(
         COMMON,
         "uniform",
@@ -81,31 +84,33 @@ PARAMETERS: tuple[Parameter, ...] = (
         low=0.0,
         open_low=True,
     ),
-    *(_of_law(one) for one in RANDOM),
+    *(_of_law(variable) for variable in RANDOM),
 )
 
 
 def model_of(values: Mapping[str, Value]) -> BacklashModel:
     """The model of completed values. Raises InputError where the teeth would be undercut."""
-    laws = {stem(one.name): _law(values, stem(one.name)) for one in RANDOM}
-    found = declared.backlash_model(values, None, laws)
-    if not found.geometry.k1 < 1.0:
-        text = f"e z_p/r_p must be below 1 (no undercut), got {found.geometry.k1:.4g}; lower it"
+    laws = {stem(variable.name): _law(values, stem(variable.name)) for variable in RANDOM}
+    model = declared.backlash_model(values, None, laws)
+    if not model.geometry.k1 < 1.0:
+        text = f"e z_p/r_p must be below 1 (no undercut), got {model.geometry.k1:.4g}; lower it"
         raise refuse("parameters.eccentricity_mm", text)
-    return found
+    return model
 
 
 def total_of(model: BacklashModel, values: Mapping[str, Value], **swept: Any) -> ClippedSum:
     """The sum over units; `swept` replaces designs by name with arrays (n,), in their unit."""
-    count = max((np.size(one) for one in swept.values()), default=1)
+    count = max((np.size(column) for column in swept.values()), default=1)
     design = {v.name: swept.get(v.name, number(values[v.name])) for v in declared.VARIABLES}
-    arrays = {name: np.broadcast_to(np.asarray(one, float), count) for name, one in design.items()}
+    arrays = {
+        name: np.broadcast_to(np.asarray(column, float), count) for name, column in design.items()
+    }
     return model.total(declared.allocation(arrays))
 
 
 def _law(values: Mapping[str, Value], name: str) -> Distribution:
-    own = str(values[f"{name}_distribution"])
-    kind = DISTRIBUTIONS[str(values[COMMON]) if own == SAME else own]
-    known = {one.name for one in fields(kind)}  # type: ignore[arg-type]
+    law = str(values[f"{name}_distribution"])
+    kind = DISTRIBUTIONS[str(values[COMMON]) if law == SAME else law]
+    known = {field.name for field in fields(kind)}  # type: ignore[arg-type]
     stated = {"cp": number(values["cp"])} if "cp" in known else {}
     return kind(**stated)

@@ -73,17 +73,19 @@ class ReducerMonteCarlo(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        given = self.completed(values)
-        total = reducer_inputs.total_of(reducer_inputs.model_of(given), given)
+        parameters = self.completed(values)
+        total = reducer_inputs.total_of(reducer_inputs.model_of(parameters), parameters)
         if float(total_cumulants(total.free)[1][0]) == 0.0:
             text = "gears and bearings do not vary, so that Cp may not exist; open a tolerance"
             raise refuse("parameters", text)
-        limit = number(given["backlash_limit_arcmin"]) * ARCMIN
+        limit = number(parameters["backlash_limit_arcmin"]) * ARCMIN
         exact = Convolution().propagate(total, COVERAGE, limit)
-        edges = _edges(total, exact, int(number(given["bins"])))
-        drawn = batch(total, int(number(given["units"])), limit, edges, rng)
-        numbers = _spread(drawn) | _capability(drawn, given) | _proportions(drawn) | _exact(exact)
-        tables = (_histogram(drawn, given), _compared(numbers))
+        edges = _edges(total, exact, int(number(parameters["bins"])))
+        drawn = batch(total, int(number(parameters["units"])), limit, edges, rng)
+        numbers = (
+            _spread(drawn) | _capability(drawn, parameters) | _proportions(drawn) | _exact(exact)
+        )
+        tables = (_histogram(drawn, parameters), _compared(numbers))
         return Computed(quantities(numbers), tables)
 
 
@@ -91,8 +93,8 @@ def _edges(total: ClippedSum, exact: Propagated, bins: int) -> np.ndarray:
     """Edges [rad] of the histogram of the backlash."""
     free, clipped = ([term.bounds() for term in part] for part in (total.free, total.clipped))
     ends = [
-        sum(float(one[side][0]) for one in free)
-        + max(0.0, sum(float(one[side][0]) for one in clipped))
+        sum(float(bounds[side][0]) for bounds in free)
+        + max(0.0, sum(float(bounds[side][0]) for bounds in clipped))
         for side in (0, 1)
     ]
     mean, std = float(exact.mean.value[0]), float(exact.std.value[0])
@@ -100,23 +102,23 @@ def _edges(total: ClippedSum, exact: Propagated, bins: int) -> np.ndarray:
     return np.linspace(low, high if high > low else low + ARCMIN, bins + 1)
 
 
-def _scaled(one: Stated, scale: float) -> Stated:
-    return Stated(one.value * scale, one.error * scale)
+def _scaled(estimate: Stated, scale: float) -> Stated:
+    return Stated(estimate.value * scale, estimate.error * scale)
 
 
 def _spread(drawn: Batch) -> dict[str, Stated]:
-    found = {}
+    statistics = {}
     for name, sums in drawn.sums.items():
-        found[f"{name}_mean_arcmin"] = _scaled(sums.mean, 1.0 / ARCMIN)
-        found[f"{name}_std_arcmin"] = _scaled(sums.std, 1.0 / ARCMIN)
+        statistics[f"{name}_mean_arcmin"] = _scaled(sums.mean, 1.0 / ARCMIN)
+        statistics[f"{name}_std_arcmin"] = _scaled(sums.std, 1.0 / ARCMIN)
     ends = {"least": drawn.least, "most": drawn.most}
-    return found | {f"backlash_{k}_arcmin": Stated(v / ARCMIN, 0.0) for k, v in ends.items()}
+    return statistics | {f"backlash_{k}_arcmin": Stated(v / ARCMIN, 0.0) for k, v in ends.items()}
 
 
-def _capability(drawn: Batch, given: Mapping[str, Value]) -> dict[str, Stated]:
+def _capability(drawn: Batch, parameters: Mapping[str, Value]) -> dict[str, Stated]:
     sums = drawn.sums["backlash"]
     names = ("lower_limit_arcmin", "backlash_limit_arcmin")
-    lower, upper = (number(given[name]) * ARCMIN for name in names)
+    lower, upper = (number(parameters[name]) * ARCMIN for name in names)
     return {
         "cp": sums.cp(lower, upper),
         "cpk": sums.cpk(lower, upper),
@@ -147,16 +149,16 @@ def _exact(exact: Propagated) -> dict[str, Stated]:
         "exact_interference_percent": (exact.negative, 100.0),
     }
     return {
-        name: _scaled(Stated(float(one.value[0]), float(one.error[0])), scale)
-        for name, (one, scale) in named.items()
+        name: _scaled(Stated(float(estimate.value[0]), float(estimate.error[0])), scale)
+        for name, (estimate, scale) in named.items()
     }
 
 
-def _histogram(drawn: Batch, given: Mapping[str, Value]) -> ComputedTable:
+def _histogram(drawn: Batch, parameters: Mapping[str, Value]) -> ComputedTable:
     edges = drawn.edges / ARCMIN
     counts = np.append(drawn.counts, 0)
-    limits = {"limit": number(given["backlash_limit_arcmin"])}
-    lower = number(given["lower_limit_arcmin"])
+    limits = {"limit": number(parameters["backlash_limit_arcmin"])}
+    lower = number(parameters["lower_limit_arcmin"])
     if lower > edges[0]:
         limits["lower limit"] = lower
     chart = Chart("histogram", "from_arcmin", ("units",), limits)
@@ -166,16 +168,17 @@ def _histogram(drawn: Batch, given: Mapping[str, Value]) -> ComputedTable:
 
 
 def _compared(numbers: Mapping[str, Stated]) -> ComputedTable:
-    """Drawn beside exact, and how many standard errors lie between."""
+    """Drawn and exact values, and how many standard errors lie between."""
     names = [name.removeprefix("exact_") for name in numbers if name.startswith("exact_")]
     drawn, exact = ([numbers[f"{of}{name}"] for name in names] for of in ("", "exact_"))
     columns = {
         "quantity": names,
-        "drawn": [one.value for one in drawn],
-        "standard_error": [one.error for one in drawn],
-        "exact": [one.value for one in exact],
+        "drawn": [estimate.value for estimate in drawn],
+        "standard_error": [estimate.error for estimate in drawn],
+        "exact": [estimate.value for estimate in exact],
         "standard_errors_apart": [
-            (one.value - other.value) / one.error for one, other in zip(drawn, exact, strict=True)
+            (estimate.value - reference.value) / estimate.error
+            for estimate, reference in zip(drawn, exact, strict=True)
         ],
     }
     return tabulated("against_convolution", "Units drawn, and the same without drawing", columns)

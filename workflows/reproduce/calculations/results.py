@@ -19,15 +19,15 @@ def output(name: str, meaning: str) -> Output:
     return Output(name, split_unit(name)[1], meaning)
 
 
-def quantities(found: Mapping[str, float | Stated]) -> dict[str, Quantity]:
+def quantities(numbers: Mapping[str, float | Stated]) -> dict[str, Quantity]:
     """Numbers by name, with the unit that the name ends with and their standard error, if any."""
     stated = {
-        name: one if isinstance(one, Stated) else Stated(float(one), 0.0)
-        for name, one in found.items()
+        name: number if isinstance(number, Stated) else Stated(float(number), 0.0)
+        for name, number in numbers.items()
     }
     return {
-        name: Quantity(one.value, split_unit(name)[1] or "1", one.error)
-        for name, one in stated.items()
+        name: Quantity(estimate.value, split_unit(name)[1] or "1", estimate.error)
+        for name, estimate in stated.items()
     }
 
 
@@ -35,5 +35,5 @@ def tabulated(
     name: str, meaning: str, columns: Mapping[str, Any], chart: Chart | None = None
 ) -> ComputedTable:
     """A table of columns (n,) by name; the unit is what the name ends with."""
-    axes = tuple(Axis(one, split_unit(one)[1]) for one in columns)
+    axes = tuple(Axis(column, split_unit(column)[1]) for column in columns)
     return ComputedTable(name, meaning, axes, tuple(map(np.asarray, columns.values())), chart)

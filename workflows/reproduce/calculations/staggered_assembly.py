@@ -70,7 +70,11 @@ class StaggeredAssembly(Calculation):
     sampled = False
     outputs = OUTPUTS
     parameters = (
-        *(one for one in reducer_inputs.PARAMETERS if one.name != "stagger_arcmin"),
+        *(
+            parameter
+            for parameter in reducer_inputs.PARAMETERS
+            if parameter.name != "stagger_arcmin"
+        ),
         Parameter(
             "stagger_arcmin",
             0.2,
@@ -97,17 +101,19 @@ class StaggeredAssembly(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        given = self.completed(values)
-        model = reducer_inputs.model_of(given)
-        limit = number(given["backlash_limit_arcmin"]) * ARCMIN
-        at = np.array([0.0, number(given["stagger_arcmin"])])
-        total = reducer_inputs.total_of(model, given, stagger_arcmin=at)
-        found = Convolution().propagate(total, COVERAGE, limit)
-        numbers = _outcome(found, total, limit, model)
+        parameters = self.completed(values)
+        model = reducer_inputs.model_of(parameters)
+        limit = number(parameters["backlash_limit_arcmin"]) * ARCMIN
+        at = np.array([0.0, number(parameters["stagger_arcmin"])])
+        total = reducer_inputs.total_of(model, parameters, stagger_arcmin=at)
+        propagated = Convolution().propagate(total, COVERAGE, limit)
+        numbers = _outcome(propagated, total, limit, model)
         numbers |= _parts(model.geometry, at[1] * ARCMIN)
-        numbers |= _contact(model.geometry, given, at[1] * ARCMIN)
-        sweep = np.linspace(0.0, number(given["stagger_most_arcmin"]), int(number(given["points"])))
-        swept = reducer_inputs.total_of(model, given, stagger_arcmin=sweep)
+        numbers |= _contact(model.geometry, parameters, at[1] * ARCMIN)
+        sweep = np.linspace(
+            0.0, number(parameters["stagger_most_arcmin"]), int(number(parameters["points"]))
+        )
+        swept = reducer_inputs.total_of(model, parameters, stagger_arcmin=sweep)
         table = _sweep(sweep, Convolution().propagate(swept, COVERAGE, limit))
         return Computed(quantities(numbers), (table, _ways(sweep, model.geometry)))
 
@@ -121,12 +127,12 @@ def _most(total: ClippedSum) -> tuple[Array, Array]:
 
 
 def _outcome(
-    found: Propagated, total: ClippedSum, limit: float, model: BacklashModel
+    propagated: Propagated, total: ClippedSum, limit: float, model: BacklashModel
 ) -> dict[str, float]:
     """Without and with the stagger (rows 0 and 1)."""
     free, clipped = _most(total)
     worst = free + np.maximum(clipped, 0.0)
-    columns = _statistics(found) | {"backlash_most_arcmin": worst / ARCMIN}
+    columns = _statistics(propagated) | {"backlash_most_arcmin": worst / ARCMIN}
     named = {
         f"{prefix}{name}": float(column[row])
         for row, prefix in ((0, "without_"), (1, ""))
@@ -139,37 +145,39 @@ def _outcome(
     return named | {"stagger_for_every_unit_arcmin": float(reached) / ARCMIN}
 
 
-def _statistics(found: Propagated) -> dict[str, Array]:
+def _statistics(propagated: Propagated) -> dict[str, Array]:
     return {
-        "backlash_mean_arcmin": found.mean.value / ARCMIN,
-        "backlash_std_arcmin": found.std.value / ARCMIN,
-        "backlash_quantile_arcmin": found.quantile.value / ARCMIN,
-        "above_limit_percent": 100.0 * (1.0 - found.conforming.value),
-        "interference_percent": 100.0 * found.negative.value,
+        "backlash_mean_arcmin": propagated.mean.value / ARCMIN,
+        "backlash_std_arcmin": propagated.std.value / ARCMIN,
+        "backlash_quantile_arcmin": propagated.quantile.value / ARCMIN,
+        "above_limit_percent": 100.0 * (1.0 - propagated.conforming.value),
+        "interference_percent": 100.0 * propagated.negative.value,
     }
 
 
 def _parts(geometry: RvGeometry, turn: float) -> dict[str, float]:
     """What one disc is turned by, and each way to do it; the other disc takes the opposite."""
-    found = _dimensions(geometry, np.array([turn / ARCMIN]))
-    return {name: float(column[0]) for name, column in found.items()}
+    dimensions = _dimensions(geometry, np.array([turn / ARCMIN]))
+    return {name: float(column[0]) for name, column in dimensions.items()}
 
 
 def _dimensions(geometry: RvGeometry, staggers: Array) -> dict[str, Array]:
-    found = stagger.parts(geometry, staggers * ARCMIN)
+    parts = stagger.parts(geometry, staggers * ARCMIN)
     return {
         "turn_of_disc_arcmin": staggers,
-        "hole_offset_um": found.hole_offset / UM,
-        "blank_angle_mrad": found.blank_angle / MRAD,
-        "blank_at_rim_um": found.at_rim / UM,
-        "journal_phase_mrad": found.journal_phase / MRAD,
-        "journal_offset_um": found.at_journal / UM,
+        "hole_offset_um": parts.hole_offset / UM,
+        "blank_angle_mrad": parts.blank_angle / MRAD,
+        "blank_at_rim_um": parts.at_rim / UM,
+        "journal_phase_mrad": parts.journal_phase / MRAD,
+        "journal_offset_um": parts.at_journal / UM,
     }
 
 
-def _contact(geometry: RvGeometry, given: Mapping[str, Value], turn: float) -> dict[str, float]:
+def _contact(
+    geometry: RvGeometry, parameters: Mapping[str, Value], turn: float
+) -> dict[str, float]:
     """What the contact model says that the discs' turn takes from the backlash of the discs."""
-    dr_rp, dr_p = (number(given[name]) * MM for name in ("dr_rp_mm", "dr_p_mm"))
+    dr_rp, dr_p = (number(parameters[name]) * MM for name in ("dr_rp_mm", "dr_p_mm"))
     contact = LoadedContact(ContactGeometry(geometry, dr_rp, dr_p), exact=True)
     phase = float(stagger.parts(geometry, np.array([turn])).journal_phase[0])
     ways = {
@@ -179,12 +187,12 @@ def _contact(geometry: RvGeometry, given: Mapping[str, Value], turn: float) -> d
     }
     angles = 2.0 * np.pi / geometry.pins * np.arange(ANGLES) / ANGLES
     ratio = contact.geometry.output_ratio / ARCMIN
-    play = {name: backlash(contact, one, angles).mean() * ratio for name, one in ways.items()}
-    return {name: float(play[""] - one) for name, one in play.items() if name}
+    play = {name: backlash(contact, errors, angles).mean() * ratio for name, errors in ways.items()}
+    return {name: float(play[""] - value) for name, value in play.items() if name}
 
 
-def _sweep(sweep: Array, found: Propagated) -> ComputedTable:
-    columns = {"stagger_arcmin": sweep} | _statistics(found)
+def _sweep(sweep: Array, propagated: Propagated) -> ComputedTable:
+    columns = {"stagger_arcmin": sweep} | _statistics(propagated)
     meaning = "Backlash (quantile at 0.9973) and interference (phi_2 < 0) over the stagger"
     chart = Chart("lines", "stagger_arcmin", ("above_limit_percent", "interference_percent"))
     return tabulated("sweep", meaning, columns, chart)

@@ -15,7 +15,7 @@ from ..calculation import Calculation, Computed, Quantity
 
 
 class TaskRingFigures(Calculation):
-    """Rectangle of the task ring in the meridian plane, and the share of it that is reached."""
+    """Rectangle of the task ring in the meridian plane, and the fraction of it that is reached."""
 
     name = "task_ring"
     about = "Rectangle of the task ring in the meridian plane, and the share that is reached."
@@ -30,8 +30,8 @@ class TaskRingFigures(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        own = self.completed(values)
-        machine, ring = declared.manipulator(own), declared.task_ring(own)
+        parameters = self.completed(values)
+        machine, ring = declared.manipulator(parameters), declared.task_ring(parameters)
         inside = np.all(np.abs(reach(machine, *grid(ring))) <= 1.0, axis=-1)
         return Computed(
             {

@@ -57,12 +57,12 @@ class ToleranceRatio(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        own = self.completed(values)
-        influence, b = sensitivities(str(own["composite"])), number(own["exponent"])
+        parameters = self.completed(values)
+        influence, b = sensitivities(str(parameters["composite"])), number(parameters["exponent"])
         free = optimal_allocation(np.ones(len(influence)), influence, 1.0, b)
         printed = np.array(list(DOCUMENT_MRAD.values()))
         costs = implied_costs(printed, influence, b)
-        found = {
+        numbers = {
             "equal_costs": float(free[0] / free[len(AXES)]),
             "implied_gear_1": float(costs[3:6].mean()),
             "implied_gear_2": float(costs[9:12].mean()),
@@ -83,4 +83,4 @@ class ToleranceRatio(Calculation):
                 influence,
             ),
         )
-        return Computed({name: Quantity(one, "1") for name, one in found.items()}, (table,))
+        return Computed({name: Quantity(value, "1") for name, value in numbers.items()}, (table,))

@@ -1,4 +1,4 @@
-"""Optimum of the nine cycloid errors within bounds, and the document's zones beside it."""
+"""Optimum of the nine cycloid errors within bounds, and the document's zones for comparison."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class ToleranceZones(Calculation):
     sampled = False
     outputs = OUTPUTS
     parameters = (
-        *(one for one in declared.PARAMETERS if one.name in _SIZES),
+        *(parameter for parameter in declared.PARAMETERS if parameter.name in _SIZES),
         Parameter(
             "dr_rp_mm", -0.040, "mm", "equidistance modification", "document B", low=-1.0, high=1.0
         ),
@@ -116,70 +116,70 @@ class ToleranceZones(Calculation):
     )
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
-        given = self.completed(values)
-        model = declared.backlash_model({READING: PRINTED} | given, None, {})
-        stage, bounds = _stage(model, given), _bounds(given)
-        found, clipped = least(stage, bounds), least_clipped(stage, bounds)
-        numbers = _optimum(stage, found, clipped) | _printed(stage, found)
-        table = _table(stage, bounds, found, clipped)
+        parameters = self.completed(values)
+        model = declared.backlash_model({READING: PRINTED} | parameters, None, {})
+        stage, bounds = _stage(model, parameters), _bounds(parameters)
+        optimum, clipped = least(stage, bounds), least_clipped(stage, bounds)
+        numbers = _optimum(stage, optimum, clipped) | _printed(stage, optimum)
+        table = _table(stage, bounds, optimum, clipped)
         return Computed(quantities(numbers), (table,))
 
 
-def _stage(model: BacklashModel, given: Mapping[str, Value]) -> Stage:
-    pair = [np.array(number(given[name]) * MM) for name in ("dr_rp_mm", "dr_p_mm")]
+def _stage(model: BacklashModel, parameters: Mapping[str, Value]) -> Stage:
+    pair = [np.array(number(parameters[name]) * MM) for name in ("dr_rp_mm", "dr_p_mm")]
     offset = float(modification_backlash(model.geometry, *pair))
     return Stage(model.geometry, model.eccentricity, offset)
 
 
-def _bounds(given: Mapping[str, Value]) -> Bounds:
+def _bounds(parameters: Mapping[str, Value]) -> Bounds:
     """Raises InputError where bounds are reversed."""
-    found, faults = {}, []
+    bounds, faults = {}, []
     for error in ERRORS:
-        value = given[f"{error}_zone_um"]
+        value = parameters[f"{error}_zone_um"]
         low, high = value if isinstance(value, tuple) else (number(value),) * 2
         if not low <= high:
             text = f"the lower bound must not be above the upper one, got [{low:g}, {high:g}]"
             faults.append(Fault(f"parameters.{error}_zone_um", text))
-        found[error] = (low * UM, high * UM)
+        bounds[error] = (low * UM, high * UM)
     raise_all(faults)
-    return found
+    return bounds
 
 
-def _optimum(stage: Stage, found: ZoneOptimum, clipped: ZoneOptimum) -> dict[str, float]:
+def _optimum(stage: Stage, optimum: ZoneOptimum, clipped: ZoneOptimum) -> dict[str, float]:
     numbers = {
-        "phi_2_arcmin": found.backlash / ARCMIN,
-        "bound_arcmin": found.bound / ARCMIN,
-        "gap_arcmin": (found.backlash - found.bound) / ARCMIN,
-        "without_modification_arcmin": (found.backlash - stage.offset) / ARCMIN,
+        "phi_2_arcmin": optimum.backlash / ARCMIN,
+        "bound_arcmin": optimum.bound / ARCMIN,
+        "gap_arcmin": (optimum.backlash - optimum.bound) / ARCMIN,
+        "without_modification_arcmin": (optimum.backlash - stage.offset) / ARCMIN,
         "clipped_backlash_arcmin": max(0.0, clipped.backlash) / ARCMIN,
         "clipped_bound_arcmin": max(0.0, clipped.bound) / ARCMIN,
     }
-    for error in found.errors:
-        numbers[f"{error}_um"] = found.errors[error] / UM
+    for error in optimum.errors:
+        numbers[f"{error}_um"] = optimum.errors[error] / UM
         numbers[f"clipped_{error}_um"] = clipped.errors[error] / UM
     return numbers
 
 
-def _printed(stage: Stage, found: ZoneOptimum) -> dict[str, float]:
+def _printed(stage: Stage, optimum: ZoneOptimum) -> dict[str, float]:
     """phi_2 within the printed zones, and how far they follow from optimum and sensitivities."""
     printed = {error: (low * UM, high * UM) for error, (low, high) in PRINTED_UM.items()}
     middle = {error: 0.5 * (low + high) for error, (low, high) in printed.items()}
     worst = {error: _adverse(stage, error, ends) for error, ends in printed.items()}
-    share = _shares(stage)
+    spans = _shares(stage)
     return {
         "printed_favourable_arcmin": least(stage, printed).backlash / ARCMIN,
         "printed_middle_arcmin": stage.backlash(middle) / ARCMIN,
         "printed_adverse_arcmin": stage.backlash(worst) / ARCMIN,
         "printed_zones": float(len(printed)),
-        "printed_zones_towards_optimum": float(np.sum(_towards(found) == "yes")),
-        "printed_largest_share_arcmin": float(share.max()),
-        "printed_smallest_share_arcmin": float(share.min()),
+        "printed_zones_towards_optimum": float(np.sum(_towards(optimum) == "yes")),
+        "printed_largest_share_arcmin": float(spans.max()),
+        "printed_smallest_share_arcmin": float(spans.min()),
     }
 
 
 def _adverse(stage: Stage, error: str, ends: tuple[float, float]) -> float:
     """The end [m] that adds most."""
-    return max(ends, key=lambda one: stage.contribution(error, one))
+    return max(ends, key=lambda end: stage.contribution(error, end))
 
 
 def _shares(stage: Stage) -> np.ndarray:
@@ -189,16 +189,18 @@ def _shares(stage: Stage) -> np.ndarray:
     return np.array(width) * gain * UM / stage.geometry.lever / ARCMIN
 
 
-def _towards(found: ZoneOptimum) -> np.ndarray:
+def _towards(optimum: ZoneOptimum) -> np.ndarray:
     """Whether the middle of each printed zone lies towards the optimum: yes, no, centred."""
     middle = np.array([sum(PRINTED_UM[error]) for error in LINEAR_ERRORS])
-    side = middle * np.array([found.errors[error] for error in LINEAR_ERRORS])
-    at_end = np.array([0.0 in PRINTED_UM[e] and found.errors[e] == 0.0 for e in LINEAR_ERRORS])
+    side = middle * np.array([optimum.errors[error] for error in LINEAR_ERRORS])
+    at_end = np.array([0.0 in PRINTED_UM[e] and optimum.errors[e] == 0.0 for e in LINEAR_ERRORS])
     text = np.where(middle == 0.0, "centred", np.where((side > 0.0) | at_end, "yes", "no"))
     return np.asarray(text)
 
 
-def _table(stage: Stage, bounds: Bounds, found: ZoneOptimum, clipped: ZoneOptimum) -> ComputedTable:
+def _table(
+    stage: Stage, bounds: Bounds, optimum: ZoneOptimum, clipped: ZoneOptimum
+) -> ComputedTable:
     """One row per error; empty (NaN) where the document prints nothing."""
     total = float(_shares(stage).sum()) * ARCMIN
     equal = equal_shares(stage, total)
@@ -209,11 +211,11 @@ def _table(stage: Stage, bounds: Bounds, found: ZoneOptimum, clipped: ZoneOptimu
         "coefficient": gains,
         "initial_low_um": [bounds[error][0] / UM for error in ERRORS],
         "initial_high_um": [bounds[error][1] / UM for error in ERRORS],
-        "optimum_um": [found.errors[error] / UM for error in ERRORS],
+        "optimum_um": [optimum.errors[error] / UM for error in ERRORS],
         "clipped_optimum_um": [clipped.errors[error] / UM for error in ERRORS],
         "printed_low_um": ends[:, 0],
         "printed_high_um": ends[:, 1],
-        "towards_optimum": [*_towards(found), "not printed"],
+        "towards_optimum": [*_towards(optimum), "not printed"],
         "printed_share_arcmin": [*_shares(stage), np.nan],
         "width_at_equal_share_um": [*(equal[error] / UM for error in LINEAR_ERRORS), np.nan],
     }

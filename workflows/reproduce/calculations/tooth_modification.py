@@ -61,9 +61,9 @@ OUTPUTS = (
     output("printed_optimum_exact_backlash_arcmin", "the same at the output by exact contact"),
     output("printed_optimum_peak_mesh_force_N", "its largest force on a pin under the torque"),
     *(
-        one
+        declaration
         for name, text in CURVES.items()
-        for one in (
+        for declaration in (
             output(f"least_{name}_clearance_mm", f"least clearance {text} at the printed optimum"),
             output(f"least_{name}_clearance_at_deg", "profile angle where it is least"),
         )
@@ -172,15 +172,15 @@ class ToothModificationTargets(Calculation):
 
     def compute(self, values: Mapping[str, Value], rng: np.random.Generator) -> Computed:
         case = _case(self.completed(values))
-        found = _fitted(case, case.target(str(case.given["target"])), case.gap)
-        numbers = _optimum(case, found) | _printed(case)
-        tables = (_targets(case), _as_printed(case), _profile(case, found))
+        fitted = _fitted(case, case.target(str(case.given["target"])), case.gap)
+        numbers = _optimum(case, fitted) | _printed(case)
+        tables = (_targets(case), _as_printed(case), _profile(case, fitted))
         return Computed(quantities(numbers), tables)
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is asked: completed values, the geometry, and the problem of the loaded contact."""
+    """A case: completed values, the geometry, and the problem of the loaded contact."""
 
     given: Mapping[str, Value]
     problem: ToothModification
@@ -204,7 +204,7 @@ class Case:
     def printed(self) -> tuple[Array, Array]:
         """The printed optimum [m]."""
         pair = (self.number(f"printed_{name}_mm") * MM for name in ("dr_rp", "dr_p"))
-        first, second = (np.array(one) for one in pair)
+        first, second = (np.array(modification) for modification in pair)
         return first, second
 
     def number(self, name: str) -> float:
@@ -237,15 +237,15 @@ class Case:
         return self.problem.outputs_of(pairs / MM)
 
 
-def _case(given: Mapping[str, Value]) -> Case:
+def _case(parameters: Mapping[str, Value]) -> Case:
     """Raises InputError where the geometry is undercut."""
-    own = {one.name for one in loaded.PARAMETERS}
+    names = {parameter.name for parameter in loaded.PARAMETERS}
     problem = ToothModification(
-        Settings(parameters={name: value for name, value in given.items() if name in own})
+        Settings(parameters={name: value for name, value in parameters.items() if name in names})
     )
     if faults := problem.faults():
         raise InputError(faults)
-    return Case(given, problem)
+    return Case(parameters, problem)
 
 
 def _fitted(case: Case, target: Target, gap: float | None, kind: str = "") -> Fit:
@@ -262,18 +262,18 @@ def _backlash(case: Case, dr_rp: Array | float, dr_p: Array | float) -> Array:
     return np.asarray(modification_backlash(case.geometry, *pair) / ARCMIN)
 
 
-def _optimum(case: Case, found: Fit) -> dict[str, float]:
-    outputs = case.outputs(np.array([[found.dr_rp, found.dr_p]]))
+def _optimum(case: Case, fitted: Fit) -> dict[str, float]:
+    outputs = case.outputs(np.array([[fitted.dr_rp, fitted.dr_p]]))
     pair = zero_backlash_pair(case.geometry, case.number("radial_gap_mm") * MM)
     return {
-        "dr_rp_mm": found.dr_rp / MM,
-        "dr_p_mm": found.dr_p / MM,
-        "backlash_arcmin": float(_backlash(case, found.dr_rp, found.dr_p)),
+        "dr_rp_mm": fitted.dr_rp / MM,
+        "dr_p_mm": fitted.dr_p / MM,
+        "backlash_arcmin": float(_backlash(case, fitted.dr_rp, fitted.dr_p)),
         "exact_backlash_arcmin": float(outputs["backlash_arcmin"][0]),
         "peak_mesh_force_N": float(outputs["peak_mesh_force_N"][0]),
-        "deviation_um": found.deviation / UM,
-        "bound_um": found.bound / UM,
-        "gap_um": found.gap / UM,
+        "deviation_um": fitted.deviation / UM,
+        "bound_um": fitted.bound / UM,
+        "gap_um": fitted.gap / UM,
         "zero_backlash_dr_rp_mm": pair[0] / MM,
         "zero_backlash_dr_p_mm": pair[1] / MM,
     }
@@ -282,16 +282,16 @@ def _optimum(case: Case, found: Fit) -> dict[str, float]:
 def _printed(case: Case) -> dict[str, float]:
     """What becomes of the printed optimum by the printed clearance and by the corrected ones."""
     outputs = case.outputs(np.array([case.printed]))
-    found = {
+    numbers = {
         "printed_optimum_backlash_arcmin": float(_backlash(case, *case.printed)),
         "printed_optimum_exact_backlash_arcmin": float(outputs["backlash_arcmin"][0]),
         "printed_optimum_peak_mesh_force_N": float(outputs["peak_mesh_force_N"][0]),
     }
     for name, curve in _curves(case).items():
         at = int(np.argmin(curve))
-        found[f"least_{name}_clearance_mm"] = float(curve[at]) / MM
-        found[f"least_{name}_clearance_at_deg"] = float(np.degrees(case.phi[at]))
-    return found
+        numbers[f"least_{name}_clearance_mm"] = float(curve[at]) / MM
+        numbers[f"least_{name}_clearance_at_deg"] = float(np.degrees(case.phi[at]))
+    return numbers
 
 
 def _curves(case: Case) -> dict[str, Array]:
@@ -320,23 +320,23 @@ def _cases(case: Case) -> Iterator[tuple[str, Target]]:
 def _targets(case: Case) -> ComputedTable:
     """The optimum of every target on either clearance, with the radial gap fixed and free."""
     gap = case.number("radial_gap_mm") * MM
-    asked = [
+    rows = [
         (text, kind, kept, _fitted(case, target, gap if kept == "fixed" else None, kind))
         for kept in ("fixed", "free")
         for kind in CLEARANCES
         for text, target in _cases(case)
     ]
-    fits = [one[3] for one in asked]
-    pairs = np.array([[one.dr_rp, one.dr_p] for one in fits])
+    fits = [row[3] for row in rows]
+    pairs = np.array([[fitted.dr_rp, fitted.dr_p] for fitted in fits])
     outputs = case.outputs(pairs)
     columns = {
-        "target": [one[0] for one in asked],
-        "clearance": [one[1] for one in asked],
-        "radial_gap": [one[2] for one in asked],
+        "target": [row[0] for row in rows],
+        "clearance": [row[1] for row in rows],
+        "radial_gap": [row[2] for row in rows],
         "dr_rp_mm": pairs[:, 0] / MM,
         "dr_p_mm": pairs[:, 1] / MM,
-        "deviation_um": [one.deviation / UM for one in fits],
-        "bound_um": [one.bound / UM for one in fits],
+        "deviation_um": [fitted.deviation / UM for fitted in fits],
+        "bound_um": [fitted.bound / UM for fitted in fits],
         "backlash_arcmin": _backlash(case, pairs[:, 0], pairs[:, 1]),
         "exact_backlash_arcmin": outputs["backlash_arcmin"],
         "peak_mesh_force_N": outputs["peak_mesh_force_N"],
@@ -360,14 +360,14 @@ def _as_printed(case: Case) -> ComputedTable:
     return tabulated("printed_clearance", meaning, columns, chart)
 
 
-def _profile(case: Case, found: Fit) -> ComputedTable:
-    """The optimum beside its target."""
+def _profile(case: Case, fitted: Fit) -> ComputedTable:
+    """The clearance of the optimum and its target."""
     target = case.target(str(case.given["target"]))
-    pair = np.array(found.dr_rp), np.array(found.dr_p)
-    own = CLEARANCES[str(case.given["clearance"])](case.geometry, *pair, target.phi)
+    pair = np.array(fitted.dr_rp), np.array(fitted.dr_p)
+    curve = CLEARANCES[str(case.given["clearance"])](case.geometry, *pair, target.phi)
     columns = {
         "phi_deg": np.degrees(target.phi),
-        "clearance_um": own / UM,
+        "clearance_um": curve / UM,
         "target_um": target.clearance / UM,
         "weight": target.weight,
     }

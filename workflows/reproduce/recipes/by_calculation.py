@@ -53,18 +53,18 @@ class ByCalculation(Recipe):
 
     def shiftable(self) -> tuple[str, ...]:
         return tuple(
-            one.name
-            for one in self.kind.parameters
-            if isinstance(one.default, float) and not isinstance(one.default, bool)
+            parameter.name
+            for parameter in self.kind.parameters
+            if isinstance(parameter.default, float) and not isinstance(parameter.default, bool)
         )
 
     def unit_of(self, name: str) -> str | None:
-        units = {one.name: one.unit for one in self.kind.parameters}
+        units = {parameter.name: parameter.unit for parameter in self.kind.parameters}
         return units[name] if name in self.shiftable() else None
 
     def shifted(self, name: str, step: float) -> ByCalculation:
-        own = self.kind().completed(dict(self.parameters))
-        moved = dict(self.parameters) | {name: number(own[name]) + step}
+        values = self.kind().completed(dict(self.parameters))
+        moved = dict(self.parameters) | {name: number(values[name]) + step}
         return replace(self, parameters=tuple(moved.items()))
 
 

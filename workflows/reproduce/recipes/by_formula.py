@@ -49,20 +49,22 @@ class ByFormula(Recipe):
         for stream, (name, (recipe, unit)) in zip(
             rng.spawn(len(self.terms)), self.terms.items(), strict=True
         ):
-            one = recipe.found(stream)
-            (quantity,) = one.quantities
+            computed = recipe.found(stream)
+            (quantity,) = computed.quantities
             values[name] = np.asarray(converted(quantity.value, quantity.unit, unit))
             zero = converted(0.0, quantity.unit, unit)
             errors[name] = converted(quantity.standard_error, quantity.unit, unit) - zero
-            tables.update(one.tables)
-        return Found(tuple(self._quantity(one, values, errors) for one in self.formulas), tables)
+            tables.update(computed.tables)
+        return Found(
+            tuple(self._quantity(formula, values, errors) for formula in self.formulas), tables
+        )
 
     def _quantity(
         self, formula: Formula, values: Mapping[str, Array], errors: Mapping[str, float]
     ) -> Quantity:
         value = float(formula.value(values))
         if not np.isfinite(value):
-            shown = ", ".join(f"{name} = {float(one):g}" for name, one in values.items())
+            shown = ", ".join(f"{name} = {float(term):g}" for name, term in values.items())
             raise ModelError(f"{formula.text} has no value at {shown}")
         slopes = formula.gradient(values)
         error = sqrt(sum((float(slope) * errors[name]) ** 2 for name, slope in slopes.items()))
@@ -70,5 +72,5 @@ class ByFormula(Recipe):
 
     @property
     def by(self) -> str:
-        told = dict.fromkeys(recipe.by for recipe, _ in self.terms.values())
-        return f"formula of {', '.join(told)}" if told else "formula of printed numbers"
+        sources = dict.fromkeys(recipe.by for recipe, _ in self.terms.values())
+        return f"formula of {', '.join(sources)}" if sources else "formula of printed numbers"

@@ -79,7 +79,7 @@ class Statistic:
                     np.sqrt((np.mean(centred**4) - variance**2) / (4.0 * variance * count))
                 )
             case "quantile":
-                low, high = (int(binom.ppf(share, count, self.at)) for share in (0.1587, 0.8413))
+                low, high = (int(binom.ppf(level, count, self.at)) for level in (0.1587, 0.8413))
                 ordered = np.sort(values)
                 return float(0.5 * (ordered[min(high, count - 1)] - ordered[max(low - 1, 0)]))
             case "fraction_above" | "fraction_below":
@@ -113,15 +113,15 @@ class ByModel(Recipe):
 
     def table(self) -> dict[str, NDArray[Any]]:
         """The operating points; columns of labels number their rows."""
-        count = self.drawn or max((len(one) for one in self.at.values()), default=1)
-        found: dict[str, NDArray[Any]] = {
+        count = self.drawn or max((len(values) for values in self.at.values()), default=1)
+        columns: dict[str, NDArray[Any]] = {
             name: np.broadcast_to(np.array(values, dtype=float), count).copy()
             for name, values in self.at.items()
         }
         for column in self.kind.columns:
             if column.text and column.needed:
-                found[column.name] = np.arange(count).astype(str)
-        return found
+                columns[column.name] = np.arange(count).astype(str)
+        return columns
 
     def found(self, rng: np.random.Generator) -> Found:
         values = predicted(self.model(), self.name, self.table(), self.effects, rng)
@@ -145,13 +145,15 @@ class ByModel(Recipe):
         return (*self.at, *self._variables(), *self._parameters())
 
     def _variables(self) -> dict[str, str]:
-        return {one.name: one.unit for one in self.kind.variables}
+        return {variable.name: variable.unit for variable in self.kind.variables}
 
     def _parameters(self) -> dict[str, str]:
         return {p.name: p.unit for p in self.kind.parameters if isinstance(p.default, float)}
 
     def unit_of(self, name: str) -> str | None:
-        columns = {one.name: one.unit for one in self.kind.columns if one.name in self.at}
+        columns = {
+            column.name: column.unit for column in self.kind.columns if column.name in self.at
+        }
         return (columns | self._variables() | self._parameters()).get(name)
 
     def shifted(self, name: str, step: float) -> ByModel:
@@ -159,8 +161,10 @@ class ByModel(Recipe):
             moved = tuple(value + step for value in self.at[name])
             return replace(self, at=dict(self.at) | {name: moved})
         if name in self._variables():
-            document = {one.name: float(one.document or 0.0) for one in self.kind.variables}
-            own = (document | dict(self.designs))[name]
-            return replace(self, designs=dict(self.designs) | {name: own + step})
+            document = {
+                variable.name: float(variable.document or 0.0) for variable in self.kind.variables
+            }
+            current = (document | dict(self.designs))[name]
+            return replace(self, designs=dict(self.designs) | {name: current + step})
         value = number(completed(self.kind.parameters, self.parameters)[name]) + step
         return replace(self, parameters=dict(self.parameters) | {name: value})

@@ -23,8 +23,10 @@ class ByProblem(Recipe):
 
     def found(self, rng: np.random.Generator) -> Found:
         whole = self.problem.reported().outputs_of(np.array([self.design]))
-        errors = {one.error_of: one.name for one in self.problem.outputs if one.error_of}
-        units = {one.name: one.unit for one in self.problem.outputs}
+        errors = {
+            output.error_of: output.name for output in self.problem.outputs if output.error_of
+        }
+        units = {output.name: output.unit for output in self.problem.outputs}
         return Found(
             tuple(
                 Quantity(
@@ -47,7 +49,7 @@ class ByProblem(Recipe):
         return (*self.problem.names, *self._parameters())
 
     def unit_of(self, name: str) -> str | None:
-        variables = {one.name: one.unit for one in self.problem.variables}
+        variables = {variable.name: variable.unit for variable in self.problem.variables}
         return (self._parameters() | variables).get(name)
 
     def shifted(self, name: str, step: float) -> ByProblem:
@@ -55,7 +57,7 @@ class ByProblem(Recipe):
             at = self.problem.names.index(name)
             moved = (*self.design[:at], self.design[at] + step, *self.design[at + 1 :])
             return replace(self, design=moved)
-        given = self.problem.given
+        settings = self.problem.given
         value = number(self.problem.settings.parameters[name]) + step
-        parameters = dict(given.parameters) | {name: value}
-        return replace(self, problem=type(self.problem)(replace(given, parameters=parameters)))
+        parameters = dict(settings.parameters) | {name: value}
+        return replace(self, problem=type(self.problem)(replace(settings, parameters=parameters)))
